@@ -1,0 +1,1 @@
+"""A stand-in for Gazebo, a link-state bridge and a display for the Unitree G1."""

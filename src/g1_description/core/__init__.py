@@ -1,0 +1,1 @@
+"""Robot mathematics: knows numpy and URDF, neither ROS nor PyBullet."""

@@ -1,0 +1,27 @@
+"""The one family of errors that core and sim raise.
+
+A message holds what was asked and what exists, in one sentence that may be
+shown to a user as it is.
+"""
+
+from __future__ import annotations
+
+
+class G1DescriptionError(Exception):
+    """Base of all errors this package raises for a caller's mistake."""
+
+
+class DescriptionError(G1DescriptionError):
+    """A robot description cannot be read or makes no robot."""
+
+
+class UnknownNameError(G1DescriptionError):
+    """A model, link, joint or frame was asked for that does not exist."""
+
+
+class InvalidValueError(G1DescriptionError):
+    """A number was given that no robot can have, such as NaN."""
+
+
+class WireFormatError(G1DescriptionError):
+    """Bytes that should be a message are not."""

@@ -1,0 +1,214 @@
+"""Fixed joints lumped away, as Gazebo does it when it loads a URDF.
+
+A link on a fixed joint becomes part of the link above it: masses add up by the
+parallel-axis theorem, shapes move along, joints below hang on the link above.
+The names of lumped frames and where they are stay known. A link called "world"
+at the root is the world itself, and what is fixed to it does not move. A link
+without mass on a movable joint vanishes with all that hangs below it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .description import MOVABLE, Description, Inertial, Joint, Link, Shape
+from .errors import DescriptionError
+from .rotation import rotate
+from .transform import IDENTITY, compose
+
+WORLD = "world"
+
+
+@dataclass(frozen=True)
+class Lumped:
+    """What is left of a description without its fixed joints."""
+
+    description: Description
+    """Only bodies with mass and the movable joints between them."""
+
+    frames: dict[str, tuple[str, np.ndarray]]
+    """Each link of the file that is still there or became part of another: the
+    link that holds it and its pose in that link, shape (7,)."""
+
+    fixed_to_world: bool
+    """Whether the root was held by a link called "world"."""
+
+    root_pose: np.ndarray
+    """Pose of the root link in the model frame, shape (7,)."""
+
+    vanished: tuple[str, ...]
+    """Links that are gone because they have no mass."""
+
+
+def lump_fixed_joints(description: Description) -> Lumped:
+    """Merge each link on a fixed joint into the link above it.
+
+    Args:
+        description: Any robot.
+
+    Returns:
+        The robot as Gazebo would simulate it.
+
+    Raises:
+        DescriptionError: If a joint is floating or planar, or more than one link
+            is fixed to "world".
+    """
+    for joint in description.joints:
+        if joint.kind not in (*MOVABLE, "fixed"):
+            raise DescriptionError(
+                f"Joint {joint.name} is {joint.kind}; "
+                f"can be simulated: {', '.join(MOVABLE)}, fixed."
+            )
+    root, root_pose, fixed_to_world = _root_body(description)
+    frames = _frames(description, root)
+    bodies = {
+        name: _merge(name, parts) for name, parts in _parts(description, frames).items()
+    }
+    joints = tuple(
+        _rehang(joint, frames)
+        for joint in description.movable_joints
+        if joint.child in frames
+    )
+    kept = _with_mass(root, bodies, joints)
+    links = tuple(bodies[name] for name in description.link_names if name in kept)
+    return Lumped(
+        description=Description(
+            name=description.name,
+            root=root,
+            links=links,
+            joints=tuple(joint for joint in joints if joint.child in kept),
+        ),
+        frames={link: frame for link, frame in frames.items() if frame[0] in kept},
+        fixed_to_world=fixed_to_world,
+        root_pose=root_pose,
+        vanished=tuple(
+            name
+            for name in description.link_names
+            if name in frames and frames[name][0] not in kept
+        ),
+    )
+
+
+def _root_body(description: Description) -> tuple[str, np.ndarray, bool]:
+    """Find the first body, its pose in the model frame, and whether it is held."""
+    if description.root != WORLD:
+        return description.root, IDENTITY, False
+    held = [joint for joint in description.joints if joint.parent == WORLD]
+    if [joint.kind for joint in held] != ["fixed"]:
+        raise DescriptionError(
+            f"Robot '{description.name}' needs exactly one fixed joint on its link "
+            f"'world', it has {[f'{joint.name} ({joint.kind})' for joint in held]}."
+        )
+    return held[0].child, held[0].pose, True
+
+
+def _frames(description: Description, root: str) -> dict[str, tuple[str, np.ndarray]]:
+    """Find for each link the body that holds it and its pose in that body."""
+    above = description.joint_above()
+    frames: dict[str, tuple[str, np.ndarray]] = {root: (root, IDENTITY)}
+
+    def frame(link: str) -> tuple[str, np.ndarray]:
+        if link not in frames:
+            joint = above[link]
+            if joint.kind == "fixed":
+                body, pose = frame(joint.parent)
+                frames[link] = (body, compose(pose, joint.pose))
+            else:
+                frames[link] = (link, IDENTITY)
+        return frames[link]
+
+    for link in description.link_names:
+        if link != WORLD or description.root != WORLD:
+            frame(link)
+    return frames
+
+
+def _parts(
+    description: Description, frames: dict[str, tuple[str, np.ndarray]]
+) -> dict[str, list[tuple[Link, np.ndarray]]]:
+    """Group the links by the body that holds them, the body's own link first."""
+    parts: dict[str, list[tuple[Link, np.ndarray]]] = {}
+    for link in sorted(
+        (link for link in description.links if link.name in frames),
+        key=lambda link: frames[link.name][0] != link.name,
+    ):
+        body, pose = frames[link.name]
+        parts.setdefault(body, []).append((link, pose))
+    return parts
+
+
+def _merge(name: str, parts: list[tuple[Link, np.ndarray]]) -> Link:
+    """Make one link of several that do not move against each other."""
+    return Link(
+        name=name,
+        inertial=combine_inertials(
+            (link.inertial, pose) for link, pose in parts if link.inertial is not None
+        ),
+        visuals=tuple(_moved(s, pose) for link, pose in parts for s in link.visuals),
+        collisions=tuple(
+            _moved(s, pose) for link, pose in parts for s in link.collisions
+        ),
+    )
+
+
+def combine_inertials(
+    parts: Iterable[tuple[Inertial, np.ndarray]],
+) -> Inertial | None:
+    """Add up masses that are rigidly connected (parallel-axis theorem).
+
+    Args:
+        parts: Inertials with the pose, shape (7,), of their link in the body.
+
+    Returns:
+        The inertial of the body, or None where there is no mass at all.
+    """
+    placed = [
+        (part.mass, *_turned(part, pose)) for part, pose in parts if part.mass > 0.0
+    ]
+    if not placed:
+        return None
+    mass = sum(part[0] for part in placed)
+    center = np.sum([part[0] * part[1] for part in placed], axis=0) / mass
+    inertia = np.zeros((3, 3))
+    for part_mass, part_center, part_inertia in placed:
+        offset = part_center - center
+        steiner = offset @ offset * np.eye(3) - np.outer(offset, offset)
+        inertia += part_inertia + part_mass * steiner
+    return Inertial(mass, center, inertia)
+
+
+def _turned(part: Inertial, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Write a link's center of mass and inertia in its body's frame."""
+    axes = rotate(pose[3:], np.eye(3)).T
+    center = pose[:3] + axes @ part.center_of_mass
+    return center, axes @ part.inertia @ axes.T
+
+
+def _moved(shape: Shape, pose: np.ndarray) -> Shape:
+    """Write a shape's pose in the frame of the body that holds its link."""
+    return replace(shape, pose=compose(pose, shape.pose))
+
+
+def _rehang(joint: Joint, frames: dict[str, tuple[str, np.ndarray]]) -> Joint:
+    """Hang a joint on the body that holds its parent link."""
+    body, pose = frames[joint.parent]
+    return replace(joint, parent=body, pose=compose(pose, joint.pose))
+
+
+def _with_mass(
+    root: str, bodies: dict[str, Link], joints: tuple[Joint, ...]
+) -> set[str]:
+    """Find the bodies that have mass and hang on bodies that have mass."""
+    if bodies[root].inertial is None:
+        return set()
+    kept = {root}
+    for _ in joints:
+        kept |= {
+            joint.child
+            for joint in joints
+            if joint.parent in kept and bodies[joint.child].inertial is not None
+        }
+    return kept

@@ -1,0 +1,178 @@
+"""Unit quaternions (x, y, z, w), in batches.
+
+All functions take and return arrays whose last axis is the quaternion (4) or
+the vector (3); leading axes broadcast. Nothing is normalised on the way: unit
+in, unit out.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
+IDENTITY.setflags(write=False)
+
+
+def _hamilton_product() -> np.ndarray:
+    """Write the Hamilton product as a matrix.
+
+    Returns:
+        M such that ``a * b = outer(a, b).ravel() @ M``, shape (16, 4).
+    """
+    x, y, z, w = range(4)
+    terms = {  # i j = k and its rotations, i i = -1
+        x: [(w, x, 1), (x, w, 1), (y, z, 1), (z, y, -1)],
+        y: [(w, y, 1), (y, w, 1), (z, x, 1), (x, z, -1)],
+        z: [(w, z, 1), (z, w, 1), (x, y, 1), (y, x, -1)],
+        w: [(w, w, 1), (x, x, -1), (y, y, -1), (z, z, -1)],
+    }
+    matrix = np.zeros((4, 4, 4))
+    for component, products in terms.items():
+        for left, right, sign in products:
+            matrix[left, right, component] = sign
+    return matrix.reshape(16, 4)
+
+
+_HAMILTON = _hamilton_product()
+_CONJUGATE = np.array([-1.0, -1.0, -1.0, 1.0])
+
+
+def multiply(q_a_b: np.ndarray, q_b_c: np.ndarray) -> np.ndarray:
+    """Chain two rotations.
+
+    One outer product and one matrix product serve the whole batch, which costs
+    a fifth of sixteen products written out.
+
+    Args:
+        q_a_b: Quaternions (x, y, z, w) that take b coordinates to a, shape (..., 4).
+        q_b_c: Quaternions that take c coordinates to b, shape (..., 4).
+
+    Returns:
+        q_a_c, shape (..., 4).
+    """
+    outer = q_a_b[..., :, np.newaxis] * q_b_c[..., np.newaxis, :]
+    return outer.reshape((*outer.shape[:-2], 16)) @ _HAMILTON
+
+
+def conjugate(q_a_b: np.ndarray) -> np.ndarray:
+    """Turn q_a_b into q_b_a.
+
+    Args:
+        q_a_b: Unit quaternions (x, y, z, w), shape (..., 4).
+
+    Returns:
+        q_b_a, shape (..., 4).
+    """
+    return q_a_b * _CONJUGATE
+
+
+def rotate(q_a_b: np.ndarray, vector_b: np.ndarray) -> np.ndarray:
+    """Write vectors of frame b in frame a.
+
+    Args:
+        q_a_b: Unit quaternions (x, y, z, w), shape (..., 4).
+        vector_b: Vectors in b coordinates, shape (..., 3).
+
+    Returns:
+        The same vectors in a coordinates, shape (..., 3).
+    """
+    pure = np.zeros((*vector_b.shape[:-1], 4))
+    pure[..., :3] = vector_b
+    return multiply(multiply(q_a_b, pure), conjugate(q_a_b))[..., :3]
+
+
+def from_axis_angle(axis: np.ndarray, angle: np.ndarray) -> np.ndarray:
+    """Turn about axes.
+
+    Args:
+        axis: Unit axes, shape (..., 3).
+        angle: Angles in [rad], shape (...).
+
+    Returns:
+        Unit quaternions (x, y, z, w), shape (..., 4).
+    """
+    half = 0.5 * np.asarray(angle, dtype=float)[..., np.newaxis]
+    return np.concatenate([np.sin(half) * axis, np.cos(half)], axis=-1)
+
+
+def from_rpy(rpy: np.ndarray) -> np.ndarray:
+    """Convert URDF's fixed-axis roll, pitch, yaw.
+
+    Turns about the fixed x, then y, then z axis (URDF specification, origin element).
+
+    Args:
+        rpy: Roll, pitch, yaw in [rad], shape (..., 3).
+
+    Returns:
+        Unit quaternions (x, y, z, w), shape (..., 4).
+    """
+    angles = np.asarray(rpy, dtype=float)
+    roll, pitch, yaw = (from_axis_angle(np.eye(3)[i], angles[..., i]) for i in range(3))
+    return multiply(yaw, multiply(pitch, roll))
+
+
+def to_rpy(q: np.ndarray) -> np.ndarray:
+    """Convert one quaternion to URDF's fixed-axis roll, pitch, yaw.
+
+    Where pitch is a quarter turn roll and yaw act alike: roll is then 0.
+
+    Args:
+        q: Unit quaternion (x, y, z, w), shape (4,).
+
+    Returns:
+        Roll, pitch, yaw in [rad], pitch from -pi/2 to pi/2, shape (3,).
+    """
+    x_axis, y_axis, z_axis = rotate(q, np.eye(3))
+    pitch = np.arctan2(-x_axis[2], np.hypot(x_axis[0], x_axis[1]))
+    if np.hypot(x_axis[0], x_axis[1]) < 1e-9:
+        return np.array([0.0, pitch, np.arctan2(-y_axis[0], y_axis[1])])
+    roll = np.arctan2(y_axis[2], z_axis[2])
+    return np.array([roll, pitch, np.arctan2(x_axis[1], x_axis[0])])
+
+
+def twist_angle(q: np.ndarray, axis: np.ndarray) -> np.ndarray:
+    """Measure how far rotations turn about given axes.
+
+    The swing-twist decomposition: what is left after the turn about the axis is
+    ignored. A half turn about a perpendicular axis has no such angle and reads 0.
+
+    Args:
+        q: Unit quaternions (x, y, z, w), shape (..., 4).
+        axis: Unit axes, shape (..., 3).
+
+    Returns:
+        Angles in [rad], from -pi to pi, shape (...).
+    """
+    half_sin = np.sum(q[..., :3] * axis, axis=-1)
+    half_cos = q[..., 3]
+    # 2 * arctan2(half_sin, half_cos) would set q and -q a whole turn apart.
+    return np.arctan2(2.0 * half_sin * half_cos, half_cos**2 - half_sin**2)
+
+
+def angle_between(q_a: np.ndarray, q_b: np.ndarray) -> np.ndarray:
+    """Measure the angle of the rotation from one orientation to another.
+
+    Args:
+        q_a: Unit quaternions (x, y, z, w), shape (..., 4).
+        q_b: Unit quaternions (x, y, z, w), shape (..., 4).
+
+    Returns:
+        Angles in [rad], from 0 to pi, shape (...).
+    """
+    difference = multiply(conjugate(q_a), q_b)
+    vector = np.linalg.norm(difference[..., :3], axis=-1)
+    return 2.0 * np.arctan2(vector, np.abs(difference[..., 3]))
+
+
+def normalized(q: np.ndarray) -> np.ndarray:
+    """Scale quaternions to unit length; a zero quaternion becomes the identity.
+
+    Args:
+        q: Quaternions (x, y, z, w) of any length, shape (..., 4).
+
+    Returns:
+        Unit quaternions, shape (..., 4).
+    """
+    length = np.linalg.norm(q, axis=-1, keepdims=True)
+    safe = np.where(length > 0.0, length, 1.0)
+    return np.where(length > 0.0, q / safe, IDENTITY)

@@ -1,0 +1,60 @@
+"""When a pose is worth sending again."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .rotation import angle_between
+
+
+@dataclass
+class PoseThrottle:
+    """Let a pose pass when it moved, turned, or was last sent a while ago."""
+
+    position_threshold: float
+    """A pose this far from the last one sent passes, in [m]."""
+
+    rotation_threshold: float
+    """A pose turned this far from the last one sent passes, in [rad]."""
+
+    max_interval: float
+    """Any pose passes this long after the last one sent, in [s]."""
+
+    min_interval: float = 0.0
+    """No pose passes sooner than this after the last one sent, in [s]."""
+
+    _stamp: float | None = None
+    _pose: np.ndarray | None = None
+
+    def passes(self, stamp: float, pose: np.ndarray) -> bool:
+        """Decide on one pose, and remember it as sent if it passes.
+
+        Args:
+            stamp: Time of the pose in [s]. A stamp that is not newer than the
+                last one sent never passes.
+            pose: Position and unit quaternion (x, y, z, w), shape (7,).
+
+        Returns:
+            Whether to send the pose.
+        """
+        if self._stamp is not None and self._pose is not None:
+            # A thousandth of a microsecond: stamps are whole nanoseconds.
+            since = stamp - self._stamp + 1e-9
+            if stamp <= self._stamp or since < self.min_interval:
+                return False
+            if since < self.max_interval and not self._moved(self._pose, pose):
+                return False
+        self._stamp, self._pose = stamp, np.array(pose)
+        return True
+
+    def _moved(self, before: np.ndarray, pose: np.ndarray) -> bool:
+        """Decide whether a pose is a threshold away from another."""
+        far = np.linalg.norm(pose[:3] - before[:3]) >= self.position_threshold
+        turned = angle_between(pose[3:], before[3:]) >= self.rotation_threshold
+        return bool(far or turned)
+
+    def reset(self) -> None:
+        """Forget what was sent: the next pose passes."""
+        self._stamp = self._pose = None

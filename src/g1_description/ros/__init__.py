@@ -1,0 +1,1 @@
+"""The nodes: where rospy and messages meet core and sim."""

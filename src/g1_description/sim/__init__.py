@@ -1,0 +1,1 @@
+"""The simulated world on PyBullet: knows core, not ROS."""

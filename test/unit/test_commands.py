@@ -1,0 +1,36 @@
+"""Of a command, what can be obeyed is, and the rest is named."""
+
+import math
+
+import pytest
+
+from g1_description.core.commands import split_command
+
+JOINTS = ("elbow", "knee")
+
+
+@pytest.mark.parametrize(
+    ("names", "positions", "accepted", "complaint"),
+    [
+        (["elbow"], [0.5], {"elbow": 0.5}, None),
+        (["elbow", "elbow"], [0.5, 0.7], {"elbow": 0.7}, None),
+        (["elbow", "tail"], [0.5, 1.0], {"elbow": 0.5}, "is called tail"),
+        (["elbow", "knee"], [0.5], {"elbow": 0.5}, "no position for knee"),
+        (["elbow"], [0.5, 0.6], {"elbow": 0.5}, "2 positions for 1 names"),
+        (["elbow", "knee"], [math.nan, 1.0], {"knee": 1.0}, "elbow = nan"),
+        (["elbow", "knee"], [0.1, -math.inf], {"elbow": 0.1}, "knee = -inf"),
+        ([], [], {}, "names no joint"),
+        ([""], [1.0], {}, "is called ''"),
+    ],
+)
+def test_each_fault_is_named_and_the_rest_obeyed(names, positions, accepted, complaint):
+    assert split_command(names, positions, JOINTS)[0] == accepted
+    complaints = "; ".join(split_command(names, positions, JOINTS)[1])
+    assert complaints == "" if complaint is None else complaint in complaints
+
+
+def test_a_thousand_faults_make_one_short_sentence():
+    names = [f"joint_{number}" for number in range(1000)]
+    (complaint,) = split_command(names, [0.0] * 1000, JOINTS)[1]
+    assert "and 992 more" in complaint
+    assert len(complaint) < 200

@@ -1,0 +1,89 @@
+"""Descriptions are read whole, and refused with facts."""
+
+import numpy as np
+import pytest
+
+from g1_description.core.description import parse_urdf
+from g1_description.core.errors import DescriptionError
+
+A_B = '<link name="a"/><link name="b"/>'
+
+
+def joint(kind="revolute", parent="a", child="b", inside=""):
+    return (
+        f'<joint name="ab" type="{kind}"><parent link="{parent}"/>'
+        f'<child link="{child}"/>{inside}</joint>'
+    )
+
+
+def robot(inside):
+    return f'<robot name="r">{inside}</robot>'
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "not XML"),
+        ("this is not xml", "not XML"),
+        ("<html><body/></html>", "not URDF"),
+        ('<robot name="r"/>', "needs one root link, it has none"),
+        (robot(A_B), "one root link, it has a and b"),
+        (robot('<link name="a"/><link name="a"/>'), "the link a twice"),
+        (robot(A_B + joint(child="c")), "child c, which is no link"),
+        (robot(A_B + joint() + joint()), "joint ab twice"),
+        (robot(A_B + joint("wheel")), "Invalid joint type: wheel"),
+        (robot(A_B + joint(inside='<axis xyz="0 0 0"/>')), "no direction"),
+        (robot(A_B + joint(inside='<axis xyz="0 0"/>')), "not URDF"),
+        (
+            robot(A_B + joint(inside='<limit lower="1" upper="0" effort="1"/>')),
+            "not URDF|lower limit 1.0 above its upper 0.0",
+        ),
+        (
+            robot(
+                A_B
+                + '<link name="c"/><link name="d"/>'
+                + joint()
+                + joint(parent="c", child="d").replace('"ab"', '"cd"')
+                + joint(parent="d", child="c").replace('"ab"', '"dc"')
+            ),
+            "Link c of robot 'r' is in a loop",
+        ),
+    ],
+)
+def test_a_wrong_file_is_refused_with_facts(text, words):
+    with pytest.raises(DescriptionError, match=words):
+        parse_urdf(text)
+
+
+def test_a_missing_origin_is_the_identity():
+    (only,) = parse_urdf(robot(A_B + joint("fixed"))).joints
+    np.testing.assert_array_equal(only.pose, [0, 0, 0, 0, 0, 0, 1])
+
+
+def test_axes_become_unit_axes():
+    inside = '<axis xyz="0 3 4"/><limit lower="0" upper="1" effort="1" velocity="1"/>'
+    (only,) = parse_urdf(robot(A_B + joint(inside=inside))).joints
+    np.testing.assert_allclose(only.axis, [0.0, 0.6, 0.8])
+
+
+def test_unknown_tags_are_passed_over_in_silence(capsys):
+    text = '<?xml version="1.0" encoding="utf-8"?>' + robot(
+        '<mujoco><compiler meshdir="meshes"/></mujoco><link name="ä"/>'
+    )
+    assert parse_urdf(text).root == "ä"
+    assert capsys.readouterr().err == ""
+
+
+def test_a_link_without_inertial_has_no_mass_not_zero_mass():
+    assert parse_urdf(robot('<link name="a"/>')).links[0].inertial is None
+
+
+def test_the_inertia_is_turned_to_the_axes_of_the_link():
+    text = robot(
+        '<link name="a"><inertial><origin xyz="1 2 3" rpy="0 0 1.5707963267948966"/>'
+        '<mass value="2"/><inertia ixx="1" iyy="2" izz="3" ixy="0" ixz="0" iyz="0"/>'
+        "</inertial></link>"
+    )
+    inertial = parse_urdf(text).links[0].inertial
+    np.testing.assert_allclose(inertial.inertia, np.diag([2.0, 1.0, 3.0]), atol=1e-12)
+    np.testing.assert_allclose(inertial.center_of_mass, [1, 2, 3])

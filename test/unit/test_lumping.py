@@ -1,0 +1,127 @@
+"""Fixed joints go, mass and shapes stay."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from robots import chains
+from scipy.spatial.transform import Rotation
+
+from g1_description.core.description import parse_urdf
+from g1_description.core.errors import DescriptionError
+from g1_description.core.lumping import lump_fixed_joints
+
+MASS = (
+    '<inertial><mass value="2"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" '
+    'iyz="0"/></inertial>'
+)
+BOX = '<collision><geometry><box size="1 1 1"/></geometry></collision>'
+
+
+def link(name, inside=MASS):
+    return f'<link name="{name}">{inside}</link>'
+
+
+def joint(name, kind, parent, child, inside=""):
+    return (
+        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/>'
+        f'<child link="{child}"/>{inside}</joint>'
+    )
+
+
+def lump(*parts):
+    text = f'<robot name="r">{"".join(parts)}</robot>'
+    return lump_fixed_joints(parse_urdf(text))
+
+
+def point_masses(inertial, placement):
+    """Replace a body by point masses with the same mass, center and inertia.
+
+    Six points on the principal axes; an oracle that needs no parallel axes.
+    """
+    moments, axes = np.linalg.eigh(inertial.inertia)
+    half = 0.5 * (moments.sum() - 2.0 * moments)  # sum of m x^2 along each axis
+    arms = np.sqrt(np.maximum(half, 0.0) * 3.0 / inertial.mass)
+    points = [
+        inertial.center_of_mass + sign * arm * axis
+        for arm, axis in zip(arms, axes.T)
+        for sign in (1.0, -1.0)
+    ]
+    turned = Rotation.from_quat(placement[3:]).apply(points) + placement[:3]
+    return np.full(6, inertial.mass / 6.0), turned
+
+
+@given(chains(st.just("fixed")))
+def test_inertia_is_that_of_all_the_mass_points(chain):
+    robot = parse_urdf(chain[0])
+    lumped = lump_fixed_joints(robot)
+    (body,) = lumped.description.links
+    masses, points = zip(
+        *(
+            point_masses(part.inertial, lumped.frames[part.name][1])
+            for part in robot.links
+        )
+    )
+    mass, point = np.concatenate(masses), np.concatenate(points)
+    center = mass @ point / mass.sum()
+    arm = point - center
+    expected = np.einsum("i,ij,ij", mass, arm, arm) * np.eye(3) - (arm.T * mass) @ arm
+    np.testing.assert_allclose(body.inertial.mass, mass.sum())
+    np.testing.assert_allclose(body.inertial.center_of_mass, center, atol=1e-9)
+    np.testing.assert_allclose(body.inertial.inertia, expected, rtol=1e-9, atol=1e-8)
+
+
+@given(chains())
+def test_lumping_keeps_the_mass_and_the_movable_joints(chain):
+    robot = parse_urdf(chain[0])
+    lumped = lump_fixed_joints(robot)
+    assert lumped.description.mass == pytest.approx(robot.mass, abs=1e-9)
+    names = [joint.name for joint in lumped.description.joints]
+    assert names == [joint.name for joint in robot.movable_joints]
+    assert set(lumped.frames) == set(robot.link_names)
+
+
+def test_shapes_move_to_the_body_its_own_first():
+    lumped = lump(
+        link("tip", BOX.replace("1 1 1", "3 3 3")),
+        link("base", MASS + BOX),
+        joint("weld", "fixed", "base", "tip", '<origin xyz="0 0 0.5"/>'),
+    )
+    (body,) = lumped.description.links
+    assert body.name == "base"
+    assert [shape.size for shape in body.collisions] == [(1, 1, 1), (3, 3, 3)]
+    np.testing.assert_array_equal(body.collisions[1].pose, [0, 0, 0.5, 0, 0, 0, 1])
+
+
+def test_what_hangs_on_the_world_is_fixed_to_it():
+    lumped = lump(
+        link("world", ""),
+        link("mount"),
+        joint("anchor", "fixed", "world", "mount", '<origin xyz="0 0 2"/>'),
+    )
+    assert lumped.fixed_to_world
+    assert lumped.description.link_names == ("mount",)
+    np.testing.assert_array_equal(lumped.root_pose, [0, 0, 2, 0, 0, 0, 1])
+
+
+def test_a_link_without_mass_vanishes_with_all_below_it():
+    lumped = lump(
+        link("base"),
+        link("ghost", ""),
+        link("hand"),
+        joint("one", "continuous", "base", "ghost"),
+        joint("two", "continuous", "ghost", "hand"),
+    )
+    assert lumped.description.link_names == ("base",)
+    assert lumped.description.joints == ()
+    assert lumped.vanished == ("ghost", "hand")
+
+
+def test_a_robot_without_any_mass_has_no_bodies():
+    assert lump(link("ghost", "")).description.links == ()
+
+
+@pytest.mark.parametrize("kind", ["floating", "planar"])
+def test_joints_that_cannot_be_simulated_are_named(kind):
+    with pytest.raises(DescriptionError, match=f"Joint free is {kind}"):
+        lump(link("a"), link("b"), joint("free", kind, "a", "b"))

@@ -1,0 +1,57 @@
+"""Relative mesh names become absolute; files behind URIs are found."""
+
+import pytest
+
+from g1_description.core.errors import DescriptionError
+from g1_description.core.resources import local_path, with_absolute_uris
+
+
+def mesh(name):
+    return (
+        '<robot name="r"><!-- kept --><mujoco><compiler meshdir="meshes"/></mujoco>'
+        f'<link name="a"><visual><geometry><mesh filename="{name}"/></geometry>'
+        "</visual></link></robot>"
+    )
+
+
+@pytest.mark.parametrize(
+    "name", ["package://p/meshes/x.stl", "file:///tmp/x.stl", "http://host/x.stl"]
+)
+def test_absolute_uris_stay_as_they_are(name, tmp_path):
+    assert f'filename="{name}"' in with_absolute_uris(mesh(name), tmp_path)
+
+
+@pytest.mark.parametrize("name", ["meshes/x.STL", "./meshes/../meshes/x.STL"])
+def test_relative_names_start_from_the_folder(name, tmp_path):
+    text = with_absolute_uris(mesh(name), tmp_path)
+    assert f'filename="file://{tmp_path}/meshes/x.STL"' in text
+    assert '<compiler meshdir="meshes"' in text
+
+
+def test_a_path_with_spaces_comes_back(tmp_path):
+    folder = tmp_path / "my robot"
+    folder.mkdir()
+    (folder / "x y.stl").write_text("solid")
+    text = with_absolute_uris(mesh("x y.stl"), folder)
+    uri = text.split('filename="')[1].split('"')[0]
+    assert local_path(uri, lambda _: None) == folder / "x y.stl"
+
+
+def test_a_declaration_and_a_leading_comment_do_no_harm(tmp_path):
+    text = '<?xml version="1.0" encoding="utf-8"?>\n<!-- head -->\n' + mesh("ä.stl")
+    assert "%C3%A4.stl" in with_absolute_uris(text, tmp_path)
+
+
+def test_what_is_not_xml_is_refused(tmp_path):
+    with pytest.raises(DescriptionError, match="not XML"):
+        with_absolute_uris("robot", tmp_path)
+
+
+def test_files_are_found_through_packages_and_paths(tmp_path):
+    (tmp_path / "x.stl").write_text("solid")
+    packages = {"mine": str(tmp_path)}.get
+    assert local_path("package://mine/x.stl", packages) == tmp_path / "x.stl"
+    assert local_path(str(tmp_path / "x.stl"), packages) == tmp_path / "x.stl"
+    for absent in ("package://mine/y.stl", "package://other/x.stl", "x.stl"):
+        assert local_path(absent, packages) is None
+    assert local_path(f"file://{tmp_path}", packages) is None

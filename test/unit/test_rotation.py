@@ -1,0 +1,86 @@
+"""Quaternions agree with scipy and with the axioms of rotations."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from g1_description.core import rotation
+
+SEEDS = st.integers(0, 2**32 - 1)
+BATCHES = [(), (1,), (3, 1, 2)]
+
+
+def random_quaternions(seed, shape=()):
+    q = np.random.default_rng(seed).normal(size=(*shape, 4))
+    return q / np.linalg.norm(q, axis=-1, keepdims=True)
+
+
+@pytest.mark.parametrize("shape", BATCHES)
+@given(seed=SEEDS)
+def test_products_are_scipys(shape, seed):
+    a, b = random_quaternions(seed, shape), random_quaternions(seed + 1, shape)
+    flat = Rotation.from_quat(a.reshape(-1, 4)) * Rotation.from_quat(b.reshape(-1, 4))
+    product = rotation.multiply(a, b)
+    assert product.shape == a.shape
+    left = product.reshape(-1, 4)
+    sign = np.sign(np.sum(left * flat.as_quat(), axis=-1, keepdims=True))
+    np.testing.assert_allclose(left, sign * flat.as_quat(), atol=1e-12)
+
+
+@given(SEEDS)
+def test_vectors_turn_as_scipys(seed):
+    q = random_quaternions(seed)
+    vector = np.random.default_rng(seed).normal(size=3)
+    expected = Rotation.from_quat(q).apply(vector)
+    np.testing.assert_allclose(rotation.rotate(q, vector), expected, atol=1e-12)
+
+
+@given(SEEDS)
+def test_a_rotation_and_its_inverse_cancel(seed):
+    q = random_quaternions(seed)
+    identity = rotation.multiply(q, rotation.conjugate(q))
+    np.testing.assert_allclose(identity, rotation.IDENTITY, atol=1e-12)
+
+
+@given(st.tuples(*[st.floats(-3.2, 3.2)] * 3))
+def test_roll_pitch_yaw_turn_about_fixed_axes(rpy):
+    expected = Rotation.from_euler("xyz", rpy).as_quat()
+    q = rotation.from_rpy(np.array(rpy))
+    np.testing.assert_allclose(np.abs(q @ expected), 1.0, atol=1e-12)
+
+
+@given(SEEDS, st.sampled_from([None, np.pi / 2, -np.pi / 2]))
+def test_roll_pitch_yaw_come_back(seed, pitch):
+    q = random_quaternions(seed)
+    if pitch is not None:
+        roll, yaw = np.random.default_rng(seed).uniform(-3, 3, 2)
+        q = rotation.from_rpy(np.array([roll, pitch, yaw]))
+    again = rotation.from_rpy(rotation.to_rpy(q))
+    np.testing.assert_allclose(np.abs(again @ q), 1.0, atol=1e-12)
+
+
+@given(SEEDS, st.floats(-3.14, 3.14))
+def test_the_twist_angle_ignores_the_sign_of_a_quaternion(seed, angle):
+    axis = random_quaternions(seed)[:3]
+    axis = axis / np.linalg.norm(axis)
+    q = rotation.from_axis_angle(axis, angle)
+    for same in (q, -q):
+        np.testing.assert_allclose(rotation.twist_angle(same, axis), angle, atol=1e-12)
+
+
+@given(SEEDS, st.floats(0.0, 3.14))
+def test_the_angle_between_is_scipys(seed, angle):
+    q_a = random_quaternions(seed)
+    axis = random_quaternions(seed + 1)[:3]
+    turn = rotation.from_axis_angle(axis / np.linalg.norm(axis), angle)
+    q_b = rotation.multiply(q_a, turn)
+    np.testing.assert_allclose(rotation.angle_between(q_a, -q_b), angle, atol=1e-9)
+
+
+def test_a_zero_quaternion_means_identity_and_a_long_one_is_normalised():
+    given_ones = np.array([[0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 2.0]])
+    np.testing.assert_array_equal(
+        rotation.normalized(given_ones), [rotation.IDENTITY] * 2
+    )
