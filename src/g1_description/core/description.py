@@ -15,7 +15,7 @@ from urdf_parser_py import urdf
 from urdf_parser_py.xml_reflection import core as xml_reflection
 
 from .errors import DescriptionError
-from .rotation import from_rpy, rotate
+from .rotation import from_rpy, to_axes
 
 MOVABLE = ("revolute", "continuous", "prismatic")
 
@@ -233,7 +233,7 @@ def _inertial(link: urdf.Link) -> Inertial | None:
             f"{tensor.tolist()}, which no body has."
         )
     pose = _pose(element.origin)
-    axes = rotate(pose[3:], np.eye(3)).T
+    axes = to_axes(pose[3:])
     return Inertial(float(element.mass), pose[:3], axes @ tensor @ axes.T)
 
 

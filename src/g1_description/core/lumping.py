@@ -16,7 +16,7 @@ import numpy as np
 
 from .description import MOVABLE, Description, Inertial, Joint, Link, Shape
 from .errors import DescriptionError
-from .rotation import rotate
+from .rotation import to_axes
 from .transform import IDENTITY, compose
 
 WORLD = "world"
@@ -182,7 +182,7 @@ def combine_inertials(
 
 def _turned(part: Inertial, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Write a link's center of mass and inertia in its body's frame."""
-    axes = rotate(pose[3:], np.eye(3)).T
+    axes = to_axes(pose[3:])
     center = pose[:3] + axes @ part.center_of_mass
     return center, axes @ part.inertia @ axes.T
 

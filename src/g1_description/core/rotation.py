@@ -111,23 +111,36 @@ def from_rpy(rpy: np.ndarray) -> np.ndarray:
     return multiply(yaw, multiply(pitch, roll))
 
 
-def to_rpy(q: np.ndarray) -> np.ndarray:
-    """Convert one quaternion to URDF's fixed-axis roll, pitch, yaw.
+def axes_to_rpy(axes: np.ndarray) -> np.ndarray:
+    """Convert one rotation matrix to URDF's fixed-axis roll, pitch, yaw.
 
     Where pitch is a quarter turn roll and yaw act alike: roll is then 0.
+
+    Args:
+        axes: The turned axes x, y, z as columns, shape (3, 3).
+
+    Returns:
+        Roll, pitch, yaw in [rad], pitch from -pi/2 to pi/2, shape (3,).
+    """
+    x_axis, y_axis, z_axis = axes.T
+    level = np.hypot(x_axis[0], x_axis[1])
+    pitch = np.arctan2(-x_axis[2], level)
+    if level < 1e-9:
+        return np.array([0.0, pitch, np.arctan2(-y_axis[0], y_axis[1])])
+    roll = np.arctan2(y_axis[2], z_axis[2])
+    return np.array([roll, pitch, np.arctan2(x_axis[1], x_axis[0])])
+
+
+def to_axes(q: np.ndarray) -> np.ndarray:
+    """Convert one quaternion to a rotation matrix.
 
     Args:
         q: Unit quaternion (x, y, z, w), shape (4,).
 
     Returns:
-        Roll, pitch, yaw in [rad], pitch from -pi/2 to pi/2, shape (3,).
+        The turned axes x, y, z as columns, shape (3, 3).
     """
-    x_axis, y_axis, z_axis = rotate(q, np.eye(3))
-    pitch = np.arctan2(-x_axis[2], np.hypot(x_axis[0], x_axis[1]))
-    if np.hypot(x_axis[0], x_axis[1]) < 1e-9:
-        return np.array([0.0, pitch, np.arctan2(-y_axis[0], y_axis[1])])
-    roll = np.arctan2(y_axis[2], z_axis[2])
-    return np.array([roll, pitch, np.arctan2(x_axis[1], x_axis[0])])
+    return rotate(q, np.eye(3)).T
 
 
 def twist_angle(q: np.ndarray, axis: np.ndarray) -> np.ndarray:

@@ -1,0 +1,259 @@
+"""One model in the world: its state as arrays, and the PyBullet body behind it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from pybullet_utils.bullet_client import BulletClient
+
+from ..core.errors import InvalidValueError
+from ..core.kinematics import Kinematics
+from ..core.lumping import Lumped
+from ..core.rotation import rotate
+from ..core.transform import compose, inverse
+
+NO_LIMIT = 1e6
+"""Effort of a joint without an effort limit, in [N m] or [N]."""
+
+
+@dataclass
+class Report:
+    """What became of a command: nothing is ignored or changed in silence."""
+
+    unknown: list[str] = field(default_factory=list)
+    """Names that are no movable joint of the model."""
+
+    clamped: dict[str, float] = field(default_factory=dict)
+    """Joints whose position was outside the limits, with the position set."""
+
+
+class Model:
+    """A robot or thing in the world.
+
+    ``poses`` and ``twists`` hold the state of all links, a row per link in the
+    order of the file: poses of the link frames in the world, shape (n_links, 7);
+    velocities of the frames' origins and angular velocities along the world's
+    axes, shape (n_links, 6). They are computed from the root's state and the
+    joint positions, which are what PyBullet knows exactly.
+    """
+
+    def __init__(self, name: str, lumped: Lumped, pose: np.ndarray) -> None:
+        """Make a model that has no body yet.
+
+        Args:
+            name: Name in the world.
+            lumped: The robot without fixed joints.
+            pose: Pose of the model frame in the world, shape (7,).
+        """
+        self.name = name
+        self.lumped = lumped
+        self.initial_pose = np.array(pose)
+        description = lumped.description
+        self.link_names = description.link_names
+        self.joint_names = tuple(joint.name for joint in description.joints)
+        self.lower = np.array([joint.lower for joint in description.joints])
+        self.upper = np.array([joint.upper for joint in description.joints])
+        self._kinematics = Kinematics(description) if description.links else None
+        self._n_links = len(description.links)
+        self.rewind()
+
+    def rewind(self) -> None:
+        """Go back to the pose of the beginning, all joints at zero, at rest."""
+        self.root_pose = compose(self.initial_pose, self.lumped.root_pose)
+        self.root_twist = np.zeros(6)
+        self.position = np.zeros(len(self.joint_names))
+        self.velocity = np.zeros(len(self.joint_names))
+        self.update()
+
+    @property
+    def pose(self) -> np.ndarray:
+        """Pose of the model frame in the world, shape (7,)."""
+        return compose(self.root_pose, inverse(self.lumped.root_pose))
+
+    @property
+    def twist(self) -> np.ndarray:
+        """Twist of the first link's frame, along the world's axes, shape (6,)."""
+        return self.twists[0] if self._n_links else np.zeros(6)
+
+    def update(self) -> None:
+        """Compute all links' poses and twists from the root and the joints."""
+        if self._kinematics is None:
+            self.poses, self.twists = np.zeros((0, 7)), np.zeros((0, 6))
+            return
+        self.poses = self._kinematics.link_poses(self.root_pose, self.position)
+        if self.root_twist.any() or self.velocity.any():
+            self.twists = self._kinematics.link_twists(
+                self.poses, self.root_twist, self.velocity
+            )
+        else:
+            self.twists = np.zeros((self._n_links, 6))
+
+    def set_positions(self, positions: Mapping[str, float]) -> Report:
+        """Teleport joints: what hangs below moves rigidly and stands still.
+
+        Args:
+            positions: Positions in [rad] or [m] by joint name; values beyond the
+                limits are clamped to them.
+
+        Returns:
+            What was not obeyed to the letter.
+
+        Raises:
+            InvalidValueError: If a position is NaN or infinite; nothing is changed.
+        """
+        report = Report()
+        wanted: dict[int, float] = {}
+        for name, position in positions.items():
+            if name not in self.joint_names:
+                report.unknown.append(name)
+                continue
+            if not np.isfinite(position):
+                raise InvalidValueError(
+                    f"joint {name} cannot be set to {position}, only to a finite number"
+                )
+            index = self.joint_names.index(name)
+            wanted[index] = float(
+                np.clip(position, self.lower[index], self.upper[index])
+            )
+            if wanted[index] != position:
+                report.clamped[name] = wanted[index]
+        if wanted:
+            self._place_joints(np.array(list(wanted)), np.array(list(wanted.values())))
+        return report
+
+    def _place_joints(self, joints: np.ndarray, positions: np.ndarray) -> None:
+        """Set joints, given as indices, and stop the links below them."""
+        assert self._kinematics is not None
+        self.position[joints] = positions
+        self.velocity[joints] = 0.0
+        self.poses = self._kinematics.link_poses(self.root_pose, self.position)
+        self.twists[self._kinematics.links_below(joints)] = 0.0
+
+    def set_state(self, pose: np.ndarray, twist: np.ndarray) -> None:
+        """Put the model somewhere, joints as they are.
+
+        Args:
+            pose: Pose of the model frame in the world, shape (7,).
+            twist: Linear velocity given to each link's center of mass and angular
+                velocity given to each link, along the world's axes, shape (6,).
+        """
+        self.root_pose = compose(pose, self.lumped.root_pose)
+        self.velocity[:] = 0.0
+        self.root_twist = np.zeros(6)
+        self.update()
+        if twist.any() and self._n_links:
+            self.twists[:, 3:] = twist[3:]
+            self.twists[:, :3] = twist[:3] - np.cross(twist[3:], self._levers())
+            self.root_twist = np.array(
+                self.twists[self.link_names.index(self.lumped.description.root)]
+            )
+
+    def _levers(self) -> np.ndarray:
+        """Find the way from each link frame's origin to its center of mass.
+
+        Returns:
+            Along the world's axes, in [m], shape (n_links, 3).
+        """
+        centers = np.zeros((self._n_links, 3))
+        for row, link in enumerate(self.lumped.description.links):
+            if link.inertial is not None:
+                centers[row] = link.inertial.center_of_mass
+        return rotate(self.poses[:, 3:], centers)
+
+
+class Body:
+    """A model's body in PyBullet: the one place that knows PyBullet's frames.
+
+    PyBullet tells and takes the pose and velocity of the root's center of mass,
+    along its principal axes; here they are turned to the root link's frame and back.
+    """
+
+    def __init__(self, client: BulletClient, number: int, model: Model) -> None:
+        """Take over a loaded body.
+
+        Args:
+            client: PyBullet.
+            number: The body's number in PyBullet.
+            model: The model whose body it is.
+        """
+        self._client = client
+        self.number = number
+        self._model = model
+        place = {
+            client.getJointInfo(number, index)[1].decode(): index
+            for index in range(client.getNumJoints(number))
+        }
+        self._joints = [place[name] for name in model.joint_names]
+        efforts = [joint.effort for joint in model.lumped.description.joints]
+        self._efforts = [min(effort, NO_LIMIT) for effort in efforts]
+        inertial = client.getDynamicsInfo(number, -1)[3:5]
+        self._T_root_center = np.concatenate(inertial)
+        self._T_center_root = inverse(self._T_root_center)
+
+    def link_of(self, index: int) -> str:
+        """Name the link behind PyBullet's link number; -1 is the root."""
+        if index == -1:
+            return self._model.lumped.description.root
+        return self._client.getJointInfo(self.number, index)[12].decode()
+
+    def write(self) -> None:
+        """Give PyBullet the model's state."""
+        model = self._model
+        T_world_center = compose(model.root_pose, self._T_root_center)
+        self._client.resetBasePositionAndOrientation(
+            self.number, T_world_center[:3], T_world_center[3:]
+        )
+        lever = T_world_center[:3] - model.root_pose[:3]
+        angular = model.root_twist[3:]
+        linear = model.root_twist[:3] + np.cross(angular, lever)
+        self._client.resetBaseVelocity(self.number, linear, angular)
+        self.write_joints()
+
+    def write_joints(self) -> None:
+        """Give PyBullet the positions and velocities of the model's joints."""
+        model = self._model
+        for joint, position, velocity in zip(
+            self._joints, model.position, model.velocity
+        ):
+            self._client.resetJointState(self.number, joint, position, velocity)
+
+    def read(self) -> None:
+        """Take the model's state from PyBullet."""
+        model = self._model
+        T_world_center = np.concatenate(
+            self._client.getBasePositionAndOrientation(self.number)
+        )
+        model.root_pose = compose(T_world_center, self._T_center_root)
+        linear, angular = (
+            np.array(part) for part in self._client.getBaseVelocity(self.number)
+        )
+        lever = model.root_pose[:3] - T_world_center[:3]
+        model.root_twist = np.concatenate([linear + np.cross(angular, lever), angular])
+        if self._joints:
+            states = self._client.getJointStates(self.number, self._joints)
+            model.position = np.array([state[0] for state in states])
+            model.velocity = np.array([state[1] for state in states])
+        model.update()
+
+    def hold(self) -> None:
+        """Let motors hold the joints where they are, within the URDF's efforts."""
+        if self._joints:
+            self._client.setJointMotorControlArray(
+                self.number,
+                self._joints,
+                self._client.POSITION_CONTROL,
+                targetPositions=self._model.position,
+                forces=self._efforts,
+            )
+
+    def go_limp(self) -> None:
+        """Switch all motors off, also those PyBullet starts with as friction."""
+        if self._joints:
+            self._client.setJointMotorControlArray(
+                self.number,
+                self._joints,
+                self._client.VELOCITY_CONTROL,
+                forces=[0.0] * len(self._joints),
+            )

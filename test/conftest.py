@@ -1,0 +1,30 @@
+"""What all tests share: repeatable random tests, and the robots they use."""
+
+from pathlib import Path
+
+import pytest
+from hypothesis import settings
+
+settings.register_profile("repeatable", derandomize=True, deadline=None)
+settings.load_profile("repeatable")
+
+REPOSITORY = Path(__file__).resolve().parents[1]
+VENDOR = REPOSITORY.parent / "shared" / "data" / "unitree_g1" / "g1_29dof.urdf"
+
+
+@pytest.fixture(params=["ours", "vendor"], scope="session")
+def g1_file(request):
+    """Give both G1 files in turn."""
+    if request.param == "ours":
+        return REPOSITORY / "urdf" / "g1_29dof.urdf"
+    if not VENDOR.exists():
+        pytest.skip("the vendor's g1_29dof.urdf is not beside the repository")
+    return VENDOR
+
+
+@pytest.fixture(scope="session")
+def g1(g1_file):
+    """Give the text of both G1 files in turn, with absolute mesh URIs."""
+    from g1_description.core.resources import with_absolute_uris
+
+    return with_absolute_uris(g1_file.read_text(), g1_file.parent)

@@ -1,0 +1,380 @@
+"""The world against mechanics, PyBullet's own state and scipy."""
+
+import numpy as np
+import pytest
+from robots import assert_poses_close, forward_kinematics
+from scipy.spatial.transform import Rotation
+
+from g1_description.core.errors import (
+    DescriptionError,
+    InvalidValueError,
+    UnknownNameError,
+)
+from g1_description.sim.world import PHYSICS, World
+
+UPRIGHT = np.array([0.0, 0.0, 0.793, 0.0, 0.0, 0.0, 1.0])
+TILTED = np.concatenate(
+    [[1.0, -2.0, 3.0], Rotation.from_rotvec([0.4, -0.5, 0.6]).as_quat()]
+)
+TOP = """<robot name="top"><link name="body"><inertial>
+<origin xyz="0.1 0.02 -0.03" rpy="0.3 0.2 0.1"/><mass value="2"/>
+<inertia ixx="0.02" iyy="0.03" izz="0.04" ixy="0.001" ixz="0.002" iyz="-0.003"/>
+</inertial><collision><geometry><box size="0.2 0.2 0.2"/></geometry></collision>
+</link></robot>"""
+ARM = """<robot name="arm"><link name="base"><inertial><mass value="5"/>
+<inertia ixx="0.05" iyy="0.05" izz="0.05" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="hinge" type="revolute"><parent link="base"/><child link="upper"/>
+<origin xyz="0 0 0.1" rpy="0.2 0 0.4"/><axis xyz="0 1 1"/>
+<limit lower="-1" upper="1.2" effort="10" velocity="5"/></joint>
+<link name="upper"><inertial><origin xyz="0 0 0.2" rpy="0.5 0 0"/><mass value="1"/>
+<inertia ixx="0.02" iyy="0.03" izz="0.01" ixy="0.001" ixz="0" iyz="0"/></inertial>
+</link><joint name="slide" type="prismatic"><parent link="upper"/><child link="rod"/>
+<origin xyz="0.05 0 0.2" rpy="0 0.3 0"/><axis xyz="1 0 0"/>
+<limit lower="-0.1" upper="0.3" effort="20" velocity="2"/></joint>
+<link name="rod"><inertial><mass value="0.5"/>
+<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="turn" type="continuous"><parent link="rod"/><child link="tip"/></joint>
+<link name="tip"><inertial><mass value="0.2"/>
+<inertia ixx="0.01" iyy="0.02" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+</robot>"""
+
+
+@pytest.fixture
+def make_world():
+    worlds = []
+
+    def make(*args, **kwargs):
+        worlds.append(World(*args, **kwargs))
+        return worlds[-1]
+
+    yield make
+    for world in worlds:
+        world.close()
+
+
+def random_positions(model, random):
+    low = np.maximum(model.lower, -3.1)
+    high = np.minimum(model.upper, 3.1)
+    return dict(zip(model.joint_names, random.uniform(low, high)))
+
+
+def link_poses(world, name):
+    return dict(zip(world.models[name].link_names, world.models[name].poses))
+
+
+@pytest.mark.parametrize("fixed_base", [False, True])
+@pytest.mark.parametrize("physics", PHYSICS)
+def test_the_g1_weighs_what_its_file_says(make_world, g1, physics, fixed_base):
+    """The world asserts it against PyBullet at load; here the file's sum is known."""
+    world = make_world(physics)
+    world.spawn("g1", g1, UPRIGHT, fixed_base)
+    assert world.models["g1"].lumped.description.mass == pytest.approx(35.115, abs=1e-3)
+    body = world._bodies["g1"].number
+    first = 0 if fixed_base and physics != "kinematic" else -1
+    loaded = sum(
+        world._client.getDynamicsInfo(body, link)[0]
+        for link in range(first, world._client.getNumJoints(body))
+    )
+    pelvis = 3.814 if first == 0 else 0.0
+    assert loaded + pelvis == pytest.approx(35.115, abs=1e-3)
+
+
+def test_set_configurations_are_where_scipy_puts_them(make_world, g1, record_property):
+    """300 random configurations within limits, at a tilted pose, kinematic."""
+    world, random = make_world("kinematic"), np.random.default_rng(1)
+    world.spawn("g1", g1, UPRIGHT)
+    for _ in range(300):
+        positions = random_positions(world.models["g1"], random)
+        world.set_joint_positions("g1", positions)
+        world.set_model_state("g1", TILTED, np.zeros(6), "")
+        world.step()
+        assert dict(
+            zip(world.models["g1"].joint_names, world.models["g1"].position)
+        ) == (positions)
+        expected = forward_kinematics(g1, TILTED, positions)
+        for link, pose in link_poses(world, "g1").items():
+            assert_poses_close(pose, expected[link], 1e-9)
+
+
+@pytest.mark.parametrize("physics", ["hold", "limp"])
+def test_moving_links_are_where_scipy_puts_them(make_world, g1, physics):
+    """300 random configurations in motion: joints and base as PyBullet has them."""
+    world, random = make_world(physics), np.random.default_rng(2)
+    world.spawn("g1", g1, UPRIGHT + np.array([0, 0, 1, 0, 0, 0, 0]))
+    client, body = world._client, world._bodies["g1"].number
+    for _ in range(300):
+        world.set_joint_positions("g1", random_positions(world.models["g1"], random))
+        world.step()
+        positions, com = {}, {}
+        for index in range(client.getNumJoints(body)):
+            info = client.getJointInfo(body, index)
+            positions[info[1].decode()] = client.getJointState(body, index)[0]
+            state = client.getLinkState(body, index, computeForwardKinematics=1)
+            com[info[12].decode()] = np.concatenate(state[4:6])
+        poses = link_poses(world, "g1")
+        expected = forward_kinematics(g1, poses["pelvis"], positions)
+        for link, pose in poses.items():
+            assert_poses_close(pose, expected[link], 1e-6)
+            if link != "pelvis":  # PyBullet's own, which it rounds to floats
+                assert_poses_close(pose, com[link], 5e-6)
+
+
+@pytest.mark.parametrize("physics", PHYSICS)
+@pytest.mark.parametrize("robot", [TOP, ARM])
+def test_the_root_is_told_by_its_frame_not_its_center_of_mass(
+    make_world, robot, physics
+):
+    """What is written to PyBullet comes back, through the center of mass's frame."""
+    world = make_world(physics, gravity=(0.0, 0.0, 0.0))
+    world.spawn("thing", robot, TILTED)
+    model, body = world.models["thing"], world._bodies["thing"]
+    twist = np.array([0.3, -0.2, 0.1, 0.5, 0.6, -0.7])
+    world.set_model_state("thing", TILTED, twist, "")
+    poses, twists = model.poses.copy(), model.twists.copy()
+    assert_poses_close(model.root_pose, TILTED, 1e-15)
+    body.read()
+    assert_poses_close(model.poses, poses, 1e-12)
+    np.testing.assert_allclose(model.twists[0], twists[0], atol=1e-12)
+    if physics != "kinematic":
+        lever = Rotation.from_quat(TILTED[3:]).apply(
+            model.lumped.description.links[0].inertial.center_of_mass
+        )
+        at_center = model.twists[0, :3] + np.cross(twist[3:], lever)
+        np.testing.assert_allclose(at_center, twist[:3], atol=1e-12)
+
+
+def test_inertia_reaches_pybullet_whole(make_world):
+    world = make_world("limp")
+    world.spawn("arm", ARM, TILTED)
+    body = world._bodies["arm"].number
+    links = world.models["arm"].lumped.description.links
+    for index, link in enumerate(links, start=-1):
+        info = world._client.getDynamicsInfo(body, index)
+        axes = Rotation.from_quat(info[4])
+        columns = np.array([axes.apply(axis) for axis in np.eye(3)]).T
+        tensor = columns @ np.diag(info[2]) @ columns.T
+        np.testing.assert_allclose(tensor, link.inertial.inertia, atol=1e-6)
+        np.testing.assert_allclose(info[3], link.inertial.center_of_mass, atol=1e-7)
+
+
+def test_twists_are_the_slopes_of_poses_in_free_motion(make_world):
+    world = make_world("limp", time_step=1e-5)
+    world.spawn("arm", ARM, TILTED)
+    world.set_model_state("arm", TILTED, np.array([0.3, 0, 0.1, 1.0, 2.0, -1.0]), "")
+    model = world.models["arm"]
+    for _ in range(50):
+        world.step()
+    before = model.poses.copy()
+    world.step()
+    twists = model.twists.copy()
+    world.step()
+    after = model.poses
+    turn = Rotation.from_quat(after[:, 3:]) * Rotation.from_quat(before[:, 3:]).inv()
+    slopes = np.hstack([after[:, :3] - before[:, :3], turn.as_rotvec()]) / 2e-5
+    np.testing.assert_allclose(twists, slopes, atol=2e-3)
+
+
+def test_a_body_falls_as_it_should(make_world):
+    world = make_world("limp")
+    world.spawn("top", TOP, np.array([0, 0, 100.0, 0, 0, 0, 1]))
+    for _ in range(1000):
+        world.step()
+    assert world.time_ns == 1_000_000_000
+    # Symplectic Euler at 1 kHz: half a step more than g t^2 / 2.
+    assert world.models["top"].pose[2] == pytest.approx(100.0 - 4.9 * 1.001, abs=1e-6)
+    assert world.models["top"].twist[2] == pytest.approx(-9.8, abs=1e-9)
+
+
+def test_spin_is_neither_damped_nor_lost(make_world):
+    world = make_world("limp", gravity=(0.0, 0.0, 0.0))
+    cube = TOP.replace('rpy="0.3 0.2 0.1"', "").replace("0.001", "0")
+    cube = cube.replace("0.002", "0").replace("-0.003", "0")
+    world.spawn("top", cube, UPRIGHT)
+    world.set_model_state("top", UPRIGHT, np.array([0, 0, 0, 0, 0, 1.0]), "")
+    for _ in range(1000):
+        world.step()
+    twist = world.models["top"].twist
+    np.testing.assert_allclose(twist[3:], [0, 0, 1.0], atol=1e-6)
+    assert np.hypot(twist[0], twist[1]) == pytest.approx(np.hypot(0.1, 0.02), abs=1e-6)
+
+
+@pytest.mark.parametrize("fixed_base", [False, True])
+def test_a_held_arm_stays_and_a_limp_one_sags(make_world, fixed_base):
+    """A horizontal arm needs 3.6 N m, less than its effort."""
+    angles = {}
+    for physics in ("hold", "limp"):
+        world = make_world(physics)
+        arm = ARM.replace('xyz="0 1 1"', 'xyz="0 1 0"')
+        arm = arm.replace('rpy="0.2 0 0.4"', 'rpy="0 1.57 0"')
+        world.spawn("arm", arm, np.array([0, 0, 1, 0, 0, 0, 1]), fixed_base)
+        world.set_joint_positions("arm", {"hinge": -0.5})
+        for _ in range(300):
+            world.step()
+        angles[physics] = world.models["arm"].position[0]
+        falls = world.models["arm"].pose[2] < 0.9
+        assert falls is not fixed_base
+    assert angles["hold"] == pytest.approx(-0.5, abs=0.01)
+    if fixed_base:
+        assert angles["limp"] > -0.2
+
+
+def test_the_hold_is_no_stronger_than_the_effort(make_world):
+    world = make_world("hold")
+    arm = ARM.replace('xyz="0 1 1"', 'xyz="0 1 0"').replace('effort="10"', 'effort="1"')
+    arm = arm.replace('rpy="0.2 0 0.4"', 'rpy="0 1.57 0"')
+    world.spawn("arm", arm, np.array([0, 0, 1, 0, 0, 0, 1]), True)
+    world.set_joint_positions("arm", {"hinge": -0.5})
+    for _ in range(300):
+        world.step()
+    assert world.models["arm"].position[0] > -0.2
+
+
+def test_the_g1_stands_in_hold_and_collapses_in_limp(make_world, g1):
+    heights = {}
+    for physics in ("hold", "limp"):
+        world = make_world(physics)
+        world.spawn("g1", g1, UPRIGHT)
+        for _ in range(2000):
+            world.step()
+        heights[physics] = world.models["g1"].pose[2]
+    assert heights["hold"] == pytest.approx(0.79, abs=0.02)
+    assert heights["limp"] < 0.3
+
+
+def run(world, g1, steps=300):
+    """Do the same calls at the same steps; give all states as bytes."""
+    states = []
+    for step in range(steps):
+        if step == 50:
+            world.set_joint_positions("g1", {"left_knee_joint": 1.0})
+        if step == 100:
+            world.set_model_state("g1", UPRIGHT, np.array([1.0, 0, 0, 0, 0, 1]), "")
+        world.step()
+        states.append(b"".join(part.tobytes() for part in world.link_states()))
+    return states
+
+
+@pytest.mark.parametrize("physics", PHYSICS)
+def test_the_same_calls_at_the_same_steps_give_the_same_bits(make_world, g1, physics):
+    runs = []
+    for _ in range(2):
+        world = make_world(physics)
+        world.spawn("g1", g1, UPRIGHT)
+        runs.append(run(world, g1))
+    assert runs[0] == runs[1]
+    assert len(set(runs[0])) > 1
+    world.reset()
+    assert world.time_ns == 0
+    assert run(world, g1) == runs[0]
+
+
+def test_contacts_are_found_in_kinematic_too(make_world):
+    world = make_world("kinematic")
+    world.spawn("top", TOP, np.array([0, 0, 1.0, 0, 0, 0, 1]))
+    world.step()
+    assert world.contacts() == set()
+    world.set_model_state("top", np.array([0, 0, 0.05, 0, 0, 0, 1]), np.zeros(6), "")
+    assert world.contacts() == {("ground_plane::link", "top::body")}
+
+
+def test_models_are_listed_as_they_come_and_go(make_world):
+    world = make_world()
+    world.spawn("one", ARM, UPRIGHT)
+    world.spawn("two", TOP, UPRIGHT)
+    arm = ["one::base", "one::upper", "one::rod", "one::tip"]
+    assert world.link_names() == ["ground_plane::link", *arm, "two::body"]
+    world.delete("one")
+    world.spawn("one", ARM, UPRIGHT)
+    assert world.link_names() == ["ground_plane::link", "two::body", *arm]
+    assert [len(part) for part in world.link_states()] == [6, 6]
+    assert set(world.frame("upper")[0]) == set(world.frame("one::upper")[0])
+
+
+def test_reset_models_keeps_joints_and_time(make_world):
+    world = make_world()
+    world.spawn("arm", ARM, UPRIGHT)
+    world.set_joint_positions("arm", {"hinge": 0.5})
+    world.set_model_state("arm", TILTED, np.zeros(6), "")
+    world.step()
+    world.reset_models()
+    assert (world.models["arm"].pose == UPRIGHT).all()
+    assert world.models["arm"].position[0] == 0.5
+    assert world.time_ns == 1_000_000
+    world.reset()
+    assert world.models["arm"].position[0] == 0.0
+
+
+def test_states_are_told_in_any_frame(make_world):
+    world = make_world("limp", gravity=(0.0, 0.0, 0.0))
+    world.spawn("other", TOP, TILTED)
+    world.spawn("top", TOP, UPRIGHT)
+    asked = np.concatenate([[1, 2, 3], Rotation.from_rotvec([1, 0, 0]).as_quat()])
+    twist = np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
+    world.set_model_state("top", asked, twist, "other::body")
+    pose, seen = world.model_state("top", "other")
+    assert_poses_close(pose, asked, 1e-12)
+    np.testing.assert_allclose(seen[3:], twist[3:], atol=1e-12)
+    turn = Rotation.from_quat(TILTED[3:])
+    world_pose, world_twist = world.model_state("top", "map")
+    np.testing.assert_allclose(
+        world_pose[:3], TILTED[:3] + turn.apply(asked[:3]), atol=1e-12
+    )
+    np.testing.assert_allclose(world_twist[3:], turn.apply(twist[3:]), atol=1e-12)
+
+
+def test_positions_beyond_the_limits_are_clamped_and_told(make_world):
+    world = make_world()
+    world.spawn("arm", ARM, UPRIGHT)
+    wanted = {"hinge": 9.0, "turn": 100.0, "tail": 1.0, "slide": -1.0}
+    report = world.set_joint_positions("arm", wanted)
+    assert report.unknown == ["tail"]
+    assert report.clamped == {"hinge": 1.2, "slide": -0.1}
+    assert list(world.models["arm"].position) == [1.2, -0.1, 100.0]
+
+
+def test_a_bad_number_changes_nothing(make_world):
+    world = make_world()
+    world.spawn("arm", ARM, UPRIGHT)
+    for bad in (np.nan, np.inf, -np.inf):
+        with pytest.raises(InvalidValueError, match=f"slide cannot be set to {bad}"):
+            world.set_joint_positions("arm", {"hinge": 0.5, "slide": bad})
+    assert not world.models["arm"].position.any()
+
+
+def test_a_missing_mesh_is_named_and_left_out(make_world):
+    mesh = '<mesh filename="file:///nowhere/hand.stl"/>'
+    text = TOP.replace('<box size="0.2 0.2 0.2"/>', mesh)
+    left_out = make_world().spawn("top", text, UPRIGHT)
+    assert left_out == ("mesh file:///nowhere/hand.stl does not exist",)
+
+
+def test_what_cannot_be_spawned_leaves_the_world_as_it_was(make_world):
+    world = make_world()
+    for text in ("garbage", TOP.replace("mass value", "weight value")):
+        with pytest.raises(DescriptionError):
+            world.spawn("top", text, UPRIGHT)
+    world.spawn("top", TOP, UPRIGHT)
+    with pytest.raises(DescriptionError, match="'top' is already there"):
+        world.spawn("top", TOP, UPRIGHT)
+    assert list(world.models) == ["ground_plane", "top"]
+    assert world._client.getNumBodies() == 2
+
+
+def test_names_that_do_not_exist_are_told_with_those_that_do(make_world):
+    world = make_world()
+    with pytest.raises(UnknownNameError, match="no model 'g2'; there are ground_plane"):
+        world.delete("g2")
+    with pytest.raises(
+        UnknownNameError, match="no physics 'magic'; there are kinematic"
+    ):
+        World("magic")
+
+
+def test_a_robot_without_mass_is_there_without_bodies(make_world):
+    world = make_world("limp")
+    left_out = world.spawn("ghost", '<robot name="g"><link name="a"/></robot>', UPRIGHT)
+    assert left_out == ("link a has no mass",)
+    world.step()
+    assert (world.model_state("ghost", "")[0] == UPRIGHT).all()
+    world.delete("ghost")
+    assert list(world.models) == ["ground_plane"]
