@@ -1,0 +1,95 @@
+"""Arrays to ROS messages and back. Message classes only, no rospy."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import genpy
+import numpy as np
+from gazebo_msgs.msg import LinkStates, ModelStates
+from geometry_msgs.msg import Pose, Transform, TransformStamped, Twist
+from sensor_msgs.msg import JointState
+
+
+class PreparedLinkStates(LinkStates):
+    """A LinkStates message whose bytes are ready."""
+
+    data = b""
+
+    def serialize(self, buff):
+        """Write the prepared bytes, as rospy asks of a message."""
+        buff.write(self.data)
+
+
+class PreparedModelStates(ModelStates):
+    """A ModelStates message whose bytes are ready."""
+
+    data = b""
+
+    def serialize(self, buff):
+        """Write the prepared bytes, as rospy asks of a message."""
+        buff.write(self.data)
+
+
+def stamp_from_ns(time_ns: int) -> genpy.Time:
+    """Convert a time in [ns]."""
+    return genpy.Time(time_ns // 1_000_000_000, time_ns % 1_000_000_000)
+
+
+def pose_to_array(pose: Pose) -> np.ndarray:
+    """Give position and quaternion (x, y, z, w) as they came, shape (7,)."""
+    p, q = pose.position, pose.orientation
+    return np.array([p.x, p.y, p.z, q.x, q.y, q.z, q.w])
+
+
+def pose_from_array(array: np.ndarray) -> Pose:
+    """Convert a pose, shape (7,)."""
+    pose = Pose()
+    pose.position.x, pose.position.y, pose.position.z = array[:3].tolist()
+    q = pose.orientation
+    q.x, q.y, q.z, q.w = array[3:].tolist()
+    return pose
+
+
+def twist_to_array(twist: Twist) -> np.ndarray:
+    """Give linear and angular velocity, shape (6,)."""
+    v, w = twist.linear, twist.angular
+    return np.array([v.x, v.y, v.z, w.x, w.y, w.z])
+
+
+def twist_from_array(array: np.ndarray) -> Twist:
+    """Convert a twist, linear then angular, shape (6,)."""
+    twist = Twist()
+    twist.linear.x, twist.linear.y, twist.linear.z = array[:3].tolist()
+    twist.angular.x, twist.angular.y, twist.angular.z = array[3:].tolist()
+    return twist
+
+
+def joint_state(
+    stamp: genpy.Time, names: Sequence[str], position: np.ndarray, velocity: np.ndarray
+) -> JointState:
+    """Make a JointState; effort is left empty because it is not known.
+
+    Args:
+        stamp: When the joints were so.
+        names: Joint names.
+        position: In [rad] or [m], shape (n_joints,).
+        velocity: In [rad/s] or [m/s], shape (n_joints,).
+    """
+    message = JointState(name=names, position=position.tolist())
+    message.velocity = velocity.tolist()
+    message.header.stamp = stamp
+    return message
+
+
+def transform(
+    stamp: genpy.Time, parent: str, child: str, T_parent_child: np.ndarray
+) -> TransformStamped:
+    """Make an edge of the TF tree from a pose, shape (7,)."""
+    message = TransformStamped(child_frame_id=child, transform=Transform())
+    message.header.stamp = stamp
+    message.header.frame_id = parent
+    t, q = message.transform.translation, message.transform.rotation
+    t.x, t.y, t.z = T_parent_child[:3].tolist()
+    q.x, q.y, q.z, q.w = T_parent_child[3:].tolist()
+    return message

@@ -1,0 +1,147 @@
+"""The nodes' private parameters: names, defaults, ranges. Read once, at start."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+
+import rospy
+
+from ..core.errors import InvalidValueError
+
+
+@dataclass(frozen=True)
+class GazeboParameters:
+    """Parameters of the stand-in."""
+
+    physics: str = "kinematic"
+    """kinematic: what is set stays set; hold: motors hold the joints; limp: no
+    motors."""
+
+    time_step: float = 0.001
+    """Length of a physics step in [s]."""
+
+    max_update_rate: float = 1000.0
+    """Steps per second of wall time in [Hz]; 0: as fast as can be."""
+
+    gravity_x: float = 0.0
+    gravity_y: float = 0.0
+    gravity_z: float = -9.8
+    """Gravity in [m/s^2]."""
+
+    link_states_rate: float = 0.0
+    """Least rate of link_states and model_states per simulated second in [Hz]; each
+    n-th step is published, 0: every step."""
+
+    paused: bool = False
+    """Whether time stands still at first."""
+
+    strict_messages: bool = False
+    """Whether status messages are Gazebo's bare words, without what we add."""
+
+    robot_description: str = ""
+    """Parameter that holds the URDF of a robot to spawn at start; empty: none."""
+
+    model_name: str = "g1_robot"
+    """Name of that robot in the world."""
+
+    x: float = 0.0
+    y: float = 0.0
+    z: float = 0.0
+    """Where that robot is spawned in [m]."""
+
+    roll: float = 0.0
+    pitch: float = 0.0
+    yaw: float = 0.0
+    """How that robot is turned about the fixed axes in [rad]."""
+
+    fixed_base: bool = False
+    """Whether that robot's root link does not move in hold and limp."""
+
+    def __post_init__(self) -> None:
+        """Check ranges."""
+        _check_range(self, "time_step", 1e-6, 1.0)
+        _check_range(self, "max_update_rate", 0.0, 1e6)
+        _check_range(self, "link_states_rate", 0.0, 1e6)
+
+
+@dataclass(frozen=True)
+class BridgeParameters:
+    """Parameters of the bridge."""
+
+    gazebo: str = "/gazebo"
+    """Namespace of the simulator's topics and services."""
+
+    model_name: str = "g1_robot"
+    """Name of the robot in the simulated world."""
+
+    robot_description: str = "robot_description"
+    """Parameter that holds the robot's URDF."""
+
+    position_threshold: float = 0.005
+    """map -> base_link is sent when the robot moved this far, in [m]."""
+
+    rotation_threshold: float = 0.01
+    """map -> base_link is sent when the robot turned this far, in [rad]."""
+
+    max_interval: float = 0.05
+    """map -> base_link is sent when the last one is this old, in [s]."""
+
+    min_interval: float = 0.0
+    """map -> base_link is never sent sooner than this after the last, in [s]."""
+
+    world_frame: str = "world"
+    map_frame: str = "map"
+    base_frame: str = "base_link"
+    """Frames above the robot; base_link is the robot's root link."""
+
+    imu_link: str = "imu_in_torso"
+    imu_frame: str = "body_imu"
+    """A second name for the frame of the IMU, where the robot has this link."""
+
+    def __post_init__(self) -> None:
+        """Check ranges."""
+        for name in ("position_threshold", "rotation_threshold"):
+            _check_range(self, name, 0.0, 1e3)
+        for name in ("max_interval", "min_interval"):
+            _check_range(self, name, 0.0, 3600.0)
+
+
+def _check_range(parameters, name, low, high):
+    """Check one number."""
+    value = getattr(parameters, name)
+    if not low <= value <= high:
+        raise InvalidValueError(f"~{name} is {value}, it must be from {low} to {high}.")
+
+
+def read_parameters(kind):
+    """Read a node's private parameters.
+
+    Args:
+        kind: ``GazeboParameters`` or ``BridgeParameters``.
+
+    Returns:
+        The parameters, checked.
+
+    Raises:
+        InvalidValueError: If one has the wrong type or is out of its range.
+    """
+    values = {
+        field.name: _converted(
+            field.name, rospy.get_param(f"~{field.name}", field.default), field.default
+        )
+        for field in fields(kind)
+    }
+    return kind(**values)
+
+
+def _converted(name, value, default):
+    """Check that a value has the type of its default; a whole number is a float too."""
+    if isinstance(default, float) and type(value) in (int, float):
+        if math.isfinite(value):
+            return float(value)
+    elif isinstance(value, type(default)):
+        return value
+    raise InvalidValueError(
+        f"~{name} is {value!r}, it must be a {type(default).__name__} like {default!r}."
+    )

@@ -1,0 +1,91 @@
+"""The wire format is genpy's own, and garbage raises."""
+
+import io
+import struct
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from g1_description.core.errors import WireFormatError
+from g1_description.ros.link_states import LinkStatesDecoder, LinkStatesEncoder
+
+NAMES = st.lists(st.text(max_size=12), max_size=6)
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+def random_message(names, seed):
+    random = np.random.default_rng(seed)
+    return (
+        names,
+        random.normal(size=(len(names), 7)),
+        random.normal(size=(len(names), 6)),
+    )
+
+
+def genpy_bytes(names, poses, twists):
+    """Serialise with the generated message class: the outside oracle."""
+    gazebo_msgs = pytest.importorskip("gazebo_msgs.msg", reason="gazebo_msgs not built")
+    from g1_description.ros.messages import pose_from_array, twist_from_array
+
+    message = gazebo_msgs.LinkStates(
+        name=names,
+        pose=[pose_from_array(pose) for pose in poses],
+        twist=[twist_from_array(twist) for twist in twists],
+    )
+    buffer = io.BytesIO()
+    message.serialize(buffer)
+    return buffer.getvalue()
+
+
+@given(NAMES, SEEDS)
+def test_bytes_are_those_of_the_message_class(names, seed):
+    message = random_message(names, seed)
+    assert LinkStatesEncoder().encode(*message) == genpy_bytes(*message)
+
+
+@given(st.lists(st.tuples(NAMES, SEEDS), max_size=5))
+def test_what_is_written_is_read_also_when_names_change(messages):
+    encoder, decoder = LinkStatesEncoder(), LinkStatesDecoder()
+    for names, seed in messages:
+        names, poses, twists = random_message(names, seed)
+        read = decoder.decode(encoder.encode(names, poses, twists))
+        assert list(read.names) == names
+        np.testing.assert_array_equal(read.poses, poses)
+        np.testing.assert_array_equal(read.twists, twists)
+
+
+@given(NAMES, SEEDS, st.data())
+def test_a_message_cut_short_raises(names, seed, data):
+    whole = LinkStatesEncoder().encode(*random_message(names, seed))
+    decoder = LinkStatesDecoder()
+    decoder.decode(whole)
+    cut = data.draw(st.integers(0, len(whole) - 1))
+    with pytest.raises(WireFormatError):
+        decoder.decode(whole[:cut])
+    assert list(decoder.decode(whole).names) == names
+
+
+@given(st.binary(max_size=300))
+def test_garbage_raises_or_is_a_whole_message(data):
+    decoder = LinkStatesDecoder()
+    try:
+        read = decoder.decode(data)
+    except WireFormatError:
+        return
+    assert len(read.poses) == len(read.twists) == len(read.names)
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (b"", "ends after 0 bytes"),
+        (struct.pack("<II", 1, 1000), "A name of 1000 bytes"),
+        (struct.pack("<II", 0, 1), "0 names come with 1 rows"),
+        (struct.pack("<III", 0, 0, 0) + b"x", "1 bytes follow"),
+    ],
+)
+def test_what_is_wrong_is_told(data, words):
+    with pytest.raises(WireFormatError, match=words):
+        LinkStatesDecoder().decode(data)
