@@ -63,7 +63,8 @@ class GazeboNode:
             self._spawn(p)
         self._services = GazeboServices(self._world, p.strict_messages)
         self._services.paused = p.paused
-        self._calls: queue.SimpleQueue = queue.SimpleQueue()
+        # Not a SimpleQueue: a signal during its get() can make it wait for ever.
+        self._calls: queue.Queue = queue.Queue()
         self._link_states, self._model_states = LinkStatesEncoder(), LinkStatesEncoder()
         self._clock_topic = rospy.Publisher("/clock", Clock, queue_size=QUEUE)
         self._link_states_topic = rospy.Publisher(
