@@ -50,5 +50,6 @@ def split_command(
 
 def _listed(names: Sequence[str]) -> str:
     """Join names for a sentence, cut short where there are very many."""
-    shown = ", ".join(name[:80] if name else "''" for name in names[:8])
-    return shown + (f" and {len(names) - 8} more" if len(names) > 8 else "")
+    once = list(dict.fromkeys(names))
+    shown = ", ".join(name[:80] if name else "''" for name in once[:8])
+    return shown + (f" and {len(once) - 8} more" if len(once) > 8 else "")

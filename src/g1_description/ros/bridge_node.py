@@ -115,7 +115,9 @@ class BridgeNode:
             f"{p.gazebo}/set_model_configuration", p.model_name, p.robot_description
         )
         self._sender.start()
-        rospy.Subscriber("joint_commands", JointState, self._command_came)
+        rospy.Subscriber(
+            "joint_commands", JointState, self._command_came, tcp_nodelay=True
+        )
         rospy.Subscriber(
             f"{p.gazebo}/link_states",
             rospy.AnyMsg,
