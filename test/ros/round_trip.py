@@ -89,9 +89,9 @@ class TestRoundTrip(unittest.TestCase):
         nan, inf = float("nan"), float("inf")
         cases = [
             (
-                ["left_knee_joint", "tail"],
+                ["left_knee_joint", "wing"],
                 [0.3, 1.0],
-                "no movable joint is called tail",
+                "no movable joint is called wing",
             ),
             (
                 ["left_knee_joint", "waist_yaw_joint"],
