@@ -73,7 +73,11 @@ class GazeboNode:
         self._model_states_topic = rospy.Publisher(
             "~model_states", ModelStates, queue_size=QUEUE
         )
-        rospy.Subscriber("~set_model_state", ModelState, self._model_state_came)
+        rospy.Subscriber(
+            "~set_model_state",
+            ModelState,
+            self._in_the_loop(self._services.apply_model_state),
+        )
         for name, kind, answer in self._services.table():
             rospy.Service(f"~{name}", kind, self._in_the_loop(answer))
 
@@ -101,7 +105,7 @@ class GazeboNode:
         )
 
     def _in_the_loop(self, answer):
-        """Make a service handler that lets the loop answer."""
+        """Make a callback that lets the loop answer, and waits for it."""
 
         def handler(request):
             call: Future = Future()
@@ -113,52 +117,45 @@ class GazeboNode:
 
         return handler
 
-    def _model_state_came(self, message: ModelState) -> None:
-        """Take a model state from the topic."""
-        self._calls.put((Future(), self._services.apply_model_state, message))
-
     def run(self) -> None:
         """Step, publish and answer until the node is shut down."""
+        period = 1.0 / self._rate if self._rate else 0.0
         due = time.monotonic()
         while not rospy.is_shutdown():
-            self._answer_until(due)
             now = time.monotonic()
             if self._services.paused:
-                due = now + PATIENCE
-                continue
-            if now < due:
-                continue
-            self._world.step()
-            self._publish()
-            period = 1.0 / self._rate if self._rate else 0.0
-            due = max(due + period, now - PATIENCE)
+                self._answer_one(PATIENCE)
+                due = time.monotonic()
+            elif now < due:
+                self._answer_one(min(due - now, PATIENCE))
+            else:
+                while self._answer_one(0.0):
+                    pass
+                self._step()
+                due = max(due + period, now - PATIENCE)
         self._refuse()
 
-    def _answer_until(self, due: float) -> None:
-        """Answer what is asked, and wait for more until a time; once at least."""
-        while True:
-            wait = min(due - time.monotonic(), PATIENCE)
-            try:
-                call = self._calls.get(wait > 0.0, max(wait, 0.0))
-            except queue.Empty:
-                return
-            self._answer(*call)
-            if self._resumed(due):
-                return
+    def _answer_one(self, wait: float) -> bool:
+        """Wait for a call and answer it; tell whether one came.
 
-    def _resumed(self, due: float) -> bool:
-        """Tell whether the wait of a pause is over before its time."""
-        return not self._services.paused and due - time.monotonic() > 1.0 / max(
-            self._rate, 1.0 / PATIENCE
-        )
-
-    @staticmethod
-    def _answer(call: Future, answer, request) -> None:
-        """Answer one call; what goes wrong goes to the caller."""
+        Args:
+            wait: Longest wait in [s].
+        """
+        try:
+            call, answer, request = self._calls.get(wait > 0.0, wait)
+        except queue.Empty:
+            return False
         try:
             call.set_result(answer(request))
-        except BaseException as error:
+        except BaseException as error:  # the caller's thread raises it again
             call.set_exception(error)
+        return True
+
+    def _step(self) -> None:
+        """Let a time step pass and tell the world of it."""
+        if not self._services.paused:
+            self._world.step()
+            self._publish()
 
     def _refuse(self) -> None:
         """Tell callers that nobody will answer any more."""

@@ -31,8 +31,8 @@ from std_srvs.srv import Empty, EmptyResponse
 from ..core.errors import G1DescriptionError, InvalidValueError, UnknownNameError
 from ..core.rotation import normalized
 from ..core.transform import compose
-from ..sim.model import Report
-from ..sim.world import SCOPE, World
+from ..sim.model import SCOPE, Report
+from ..sim.world import World
 from .messages import (
     pose_from_array,
     pose_to_array,

@@ -17,15 +17,15 @@ from ..core.errors import DescriptionError, UnknownNameError
 from ..core.lumping import Lumped, lump_fixed_joints
 from ..core.rotation import conjugate, rotate
 from ..core.transform import IDENTITY, compose, inverse
-from .model import Body, Model, Report
+from .body import Body
+from .contacts import contacts
+from .frames import find_frame
+from .model import SCOPE, Model, Report
 from .urdf_import import check_mass, load, prepared_urdf
 
 PHYSICS = ("kinematic", "hold", "limp")
-WORLD_FRAMES = ("", "world", "map", "/map")
 GROUND = "ground_plane"
-SCOPE = "::"
 _SECOND = 1_000_000_000
-_FRICTION = 1.0
 _SOLVER_ITERATIONS = 50
 
 
@@ -135,17 +135,7 @@ class World:
     def _embody(self, model: Model) -> None:
         """Load a model's body and prepare it for this world's physics."""
         number = self._loads[model.name](model)
-        for link in range(-1, self._client.getNumJoints(number)):
-            self._client.changeDynamics(
-                number,
-                link,
-                lateralFriction=_FRICTION,
-                linearDamping=0.0,
-                angularDamping=0.0,
-            )
         body = Body(self._client, number, model)
-        body.write()
-        body.go_limp()
         if self.physics == "hold":
             body.hold()
         self._bodies[model.name] = body
@@ -208,27 +198,8 @@ class World:
         )
 
     def frame(self, name: str) -> tuple[np.ndarray, np.ndarray]:
-        """Find a reference frame: the world, a link, or a model.
-
-        Args:
-            name: One of ``WORLD_FRAMES``, ``model::link``, a link's plain name
-                (the first in world order is taken), or a model's name.
-
-        Returns:
-            Pose in the world, shape (7,), and twist along the world's axes,
-            shape (6,).
-
-        Raises:
-            UnknownNameError: If there is no such frame.
-        """
-        if name in WORLD_FRAMES:
-            return IDENTITY, np.zeros(6)
-        for model in self.models.values():
-            for row, link in enumerate(model.link_names):
-                if name in (link, f"{model.name}{SCOPE}{link}"):
-                    return model.poses[row], model.twists[row]
-        model = self.model(name)
-        return model.pose, model.twist
+        """Find a reference frame among the models, as ``frames.find_frame`` does."""
+        return find_frame(self.models, name)
 
     def model_state(self, name: str, frame: str) -> tuple[np.ndarray, np.ndarray]:
         """Tell where a model is and how it moves, seen from a frame.
@@ -322,14 +293,4 @@ class World:
         Returns:
             Pairs of ``model::link``, each pair once, in alphabetical order.
         """
-        self._client.performCollisionDetection()
-        owner = {body.number: (name, body) for name, body in self._bodies.items()}
-        pairs = set()
-        for point in self._client.getContactPoints() or ():
-            sides = []
-            for number, link in ((point[1], point[3]), (point[2], point[4])):
-                name, body = owner[number]
-                sides.append(f"{name}{SCOPE}{body.link_of(link)}")
-            if point[8] <= 0.0:
-                pairs.add((min(sides), max(sides)))
-        return pairs
+        return contacts(self._client, self._bodies)

@@ -1,0 +1,35 @@
+"""Which links touch."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from pybullet_utils.bullet_client import BulletClient
+
+from .body import Body
+from .model import SCOPE
+
+
+def contacts(client: BulletClient, bodies: Mapping[str, Body]) -> set[tuple[str, str]]:
+    """Find the pairs of links that touch or overlap now.
+
+    Links of the same model don't collide, as in Gazebo.
+
+    Args:
+        client: PyBullet.
+        bodies: All bodies by the names of their models.
+
+    Returns:
+        Pairs of ``model::link``, each pair once, in alphabetical order.
+    """
+    client.performCollisionDetection()
+    owner = {body.number: (name, body) for name, body in bodies.items()}
+    pairs = set()
+    for point in client.getContactPoints() or ():
+        first, second = sorted(
+            f"{owner[number][0]}{SCOPE}{owner[number][1].link_of(link)}"
+            for number, link in ((point[1], point[3]), (point[2], point[4]))
+        )
+        if point[8] <= 0.0:
+            pairs.add((first, second))
+    return pairs
