@@ -1,0 +1,275 @@
+"""Launch the display, say what runs, and end all of it on Ctrl-C.
+
+Called by tools/demo, which sets up the environment.
+"""
+
+import json
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import xmlrpc.client
+from pathlib import Path
+from xml.etree import ElementTree
+
+from processes import end_processes, marked_environment, new_mark, wait_for_end
+
+ROOT = Path(__file__).resolve().parents[1]
+SIMULATOR = "/gazebo"
+TERMINAL_CODE = re.compile("\x1b(\\][^\a]*\a|[^a-zA-Z]*[a-zA-Z])")
+# Warnings and errors of the nodes, but not what robot_state_publisher says of
+# every robot whose root link has a mass.
+WORTH_SHOWING = re.compile(r"\[ ?(WARN|ERROR|FATAL)(?!.*KDL does not support a root)")
+
+
+def say(text):
+    """Print one line of progress."""
+    print(f"tools/demo: {text}", flush=True)
+
+
+class Demo:
+    """One roslaunch, from its start to the end of its last process."""
+
+    def __init__(self, arguments):
+        """Start it.
+
+        Args:
+            arguments: Arguments of the launch file, value by name.
+        """
+        self.stopping = False
+        self.mark = new_mark()
+        handle, self.log_name = tempfile.mkstemp(prefix="g1_demo_", suffix=".log")
+        self.log = os.fdopen(handle, "w")
+        for number in (signal.SIGHUP, signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self.stop)
+        words = [f"{name}:={value}" for name, value in arguments.items()]
+        self.roslaunch = self.start(
+            "roslaunch", "g1_description", "display.launch", *words
+        )
+        self.readers = [
+            threading.Thread(target=self.read, args=(self.roslaunch.stdout, False)),
+            threading.Thread(target=self.read, args=(self.roslaunch.stderr, True)),
+        ]
+        for reader in self.readers:
+            reader.start()
+
+    def start(self, *command):
+        """Start a process that no Ctrl-C in the terminal reaches but ours."""
+        return subprocess.Popen(
+            command,
+            env=marked_environment(self.mark),
+            start_new_session=True,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            errors="replace",
+        )
+
+    def read(self, stream, show):
+        """Write what roslaunch prints to the log, and errors on the screen."""
+        for line in stream:
+            plain = TERMINAL_CODE.sub("", line)
+            self.log.write(plain)
+            self.log.flush()
+            if show and not self.stopping and WORTH_SHOWING.match(plain):
+                sys.stderr.write(plain)
+
+    def stop(self, *_):
+        """Remember that the end was asked for."""
+        self.stopping = True
+
+    def runs(self):
+        """Tell whether to go on."""
+        return not self.stopping and self.roslaunch.poll() is None
+
+    def joint_states(self, patience):
+        """Measure joint states as soon as they flow.
+
+        Args:
+            patience: How long to wait for the first message, in [s].
+
+        Returns:
+            What tools/joint_states.py prints, or None if they do not flow.
+        """
+        while self.runs() and not master_runs():
+            time.sleep(0.05)
+        meter = self.start(
+            sys.executable, f"{ROOT}/tools/joint_states.py", f"--patience={patience}"
+        )
+        while self.runs() and meter.poll() is None:
+            time.sleep(0.05)
+        if meter.poll() != 0:
+            return None
+        return json.loads(meter.stdout.read().splitlines()[-1])
+
+    def __enter__(self):
+        """Run until the end of a block."""
+        return self
+
+    def __exit__(self, *_):
+        """End every process, gently first."""
+        self.stopping = True
+        if self.roslaunch.poll() is None:
+            self.roslaunch.send_signal(signal.SIGINT)
+            wait_for_end(self.mark, 30.0)
+        end_processes(self.mark)
+        for reader in self.readers:
+            reader.join()
+        self.log.close()
+
+    def failed(self, reason):
+        """Show why it failed, and end the program."""
+        for reader in self.readers:
+            reader.join(1.0)
+        lines = Path(self.log_name).read_text().splitlines()
+        print(*lines[-20:], sep="\n", file=sys.stderr)
+        sys.exit(f"tools/demo: {reason}; all of its output is in {self.log_name}")
+
+
+def default_model():
+    """Read from the launch file which robot it loads by default."""
+    for argument in ElementTree.parse(f"{ROOT}/launch/display.launch").iter("arg"):
+        if argument.get("name") == "model":
+            return argument.get("default").replace("$(find g1_description)", str(ROOT))
+    return "unknown"
+
+
+def master():
+    """Reach the ROS master, which need not run yet."""
+    return xmlrpc.client.ServerProxy(os.environ["ROS_MASTER_URI"])
+
+
+def master_runs():
+    """Tell whether the ROS master answers."""
+    try:
+        master().getPid("/demo")
+    except (OSError, xmlrpc.client.Error):
+        return False
+    return True
+
+
+def check_master():
+    """Refuse to start beside another simulator."""
+    try:
+        socket.setdefaulttimeout(3.0)
+        _, _, node = master().lookupNode("/demo", SIMULATOR)
+        xmlrpc.client.ServerProxy(node).getPid("/demo")
+    except (OSError, ValueError, xmlrpc.client.Error):
+        return
+    sys.exit(
+        f"tools/demo: a node {SIMULATOR} runs at {os.environ['ROS_MASTER_URI']} "
+        "already. End it, or take a master of your own: "
+        "ROS_MASTER_URI=http://localhost:11411 tools/demo"
+    )
+
+
+def check_host_name():
+    """Let ROS talk to itself on a machine that does not know its own name."""
+    if os.environ.get("ROS_HOSTNAME") or os.environ.get("ROS_IP"):
+        return
+    try:
+        socket.getaddrinfo(socket.gethostname(), None)
+    except OSError:
+        say(f"this machine does not know its name {socket.gethostname()}: localhost")
+        os.environ["ROS_HOSTNAME"] = "localhost"
+
+
+def example(description, names):
+    """Choose a joint and a position that show well.
+
+    Args:
+        description: The robot description, URDF text.
+        names: Names of the joints whose state flows.
+
+    Returns:
+        Name of the joint, an elbow if there is one, and a position at three
+        quarters of its range, in [rad] or [m]; None if no joint has a state.
+    """
+    joints = [
+        joint
+        for joint in ElementTree.fromstring(description).iter("joint")
+        if joint.get("name") in names and joint.find("mimic") is None
+    ]
+    if not joints:
+        return None
+    joint = min(joints, key=lambda joint: "elbow" not in joint.get("name"))
+    if joint.get("type") == "continuous":
+        return joint.get("name"), 1.0
+    limit = joint.find("limit")
+    lower, upper = (float(limit.get(side, 0.0)) for side in ("lower", "upper"))
+    return joint.get("name"), round(lower + 0.75 * (upper - lower), 3)
+
+
+def print_block(states, model):
+    """Print what runs and what to try next."""
+    _, _, description = master().getParam("/demo", "/robot_description")
+    robot = ElementTree.fromstring(description).get("name")
+    lines = [
+        "",
+        f"  Robot    {robot}, from {model}",
+        f"  Joints   {len(states['names'])}, {states['rate']:.0f} times a second"
+        " on /joint_states",
+        "",
+        "  Try next, in another shell:",
+        "",
+        f"    source {ROOT}/.ws/devel/setup.bash",
+    ]
+    for name in ("ROS_MASTER_URI", "ROS_HOSTNAME"):
+        if os.environ.get(name) not in (None, "http://localhost:11311"):
+            lines.append(f"    export {name}={os.environ[name]}")
+    shown = example(description, states["names"])
+    if shown:
+        lines.append(
+            "    rostopic pub -1 /joint_commands sensor_msgs/JointState "
+            f"'{{name: [{shown[0]}], position: [{shown[1]}]}}'"
+        )
+    lines += [
+        "    rostopic echo -n1 /joint_states",
+        "",
+        "  Ctrl-C ends everything.",
+        "",
+    ]
+    print(*lines, sep="\n", flush=True)
+
+
+def main():
+    """Run the demo."""
+    arguments = dict(word.split(":=", 1) for word in sys.argv[1:])
+    model = arguments.get("model", default_model())
+    check_master()
+    check_host_name()
+    if os.environ.get("DISPLAY"):
+        say(f"there is a screen, DISPLAY is {os.environ['DISPLAY']}")
+    else:
+        say("there is no screen, DISPLAY is not set: without RViz")
+
+    say(
+        "starting "
+        + " ".join(["roslaunch g1_description display.launch", *sys.argv[1:]])
+    )
+    with Demo(arguments) as demo:
+        patience = 60.0
+        if arguments.get("paused") in ("true", "1"):
+            say("paused; end that with: rosservice call /gazebo/unpause_physics")
+            patience = 86400.0
+        say("waiting for /joint_states")
+        states = demo.joint_states(patience)
+        if states:
+            print_block(states, model)
+        elif demo.runs():
+            demo.failed(f"no joint states within {patience:.0f} s")
+        while demo.runs():
+            time.sleep(0.1)
+        if demo.roslaunch.poll() is not None:
+            demo.failed("roslaunch ended by itself")
+        say("ending every process")
+    os.remove(demo.log_name)
+
+
+main()
