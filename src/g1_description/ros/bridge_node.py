@@ -110,7 +110,12 @@ class BridgeNode:
         )
         self._broadcaster = tf2_ros.TransformBroadcaster()
         self._static_broadcaster = tf2_ros.StaticTransformBroadcaster()
-        self._static_broadcaster.sendTransform(static_transforms(p, description))
+        self._static_broadcaster.sendTransform(
+            [
+                transform(rospy.Time.now(), parent, child, IDENTITY)
+                for parent, child in static_edges(p, description)
+            ]
+        )
         self._sender = CommandSender(
             f"{p.gazebo}/set_model_configuration", p.model_name, p.robot_description
         )
@@ -191,17 +196,19 @@ class BridgeNode:
         )
 
 
-def static_transforms(parameters: BridgeParameters, description: Description):
-    """Make the static edges around a robot: its frame names come from its file.
+def static_edges(
+    parameters: BridgeParameters, description: Description
+) -> list[tuple[str, str]]:
+    """List the static edges around a robot, all of them identities.
 
     Args:
         parameters: Names of the frames above.
-        description: The robot.
+        description: The robot; its frame names come from its file.
 
     Returns:
-        geometry_msgs/TransformStamped for world -> map, base_link -> root, and
-        imu_in_torso -> body_imu where the robot has such a link. Where the root
-        already has one of the names above there is no edge to it.
+        Parent and child of world -> map, base_link -> root, and imu_in_torso ->
+        body_imu where the robot has such a link. Where the root already has one of
+        the names above there is no edge to it.
     """
     p = parameters
     edges = [(p.world_frame, p.map_frame)]
@@ -209,8 +216,7 @@ def static_transforms(parameters: BridgeParameters, description: Description):
         edges.append((p.base_frame, description.root))
     if p.imu_link in description.link_names:
         edges.append((p.imu_link, p.imu_frame))
-    stamp = rospy.Time.now()
-    return [transform(stamp, parent, child, IDENTITY) for parent, child in edges]
+    return edges
 
 
 def wait_for_description(name: str) -> Description | None:
