@@ -19,10 +19,10 @@ def new_mark():
     return f"{NAME}={uuid.uuid4().hex}"
 
 
-def marked_environment(mark, **changes):
-    """Copy this process's environment, with the mark and changes put in."""
+def marked_environment(mark, environment=None):
+    """Copy an environment, by default this process's, with the mark put in."""
     name, value = mark.split("=")
-    return {**os.environ, **changes, name: value}
+    return {**(environment or os.environ), name: value}
 
 
 def marked_processes(mark):
