@@ -293,7 +293,7 @@ def run_installed_nodes(runner, environment, install):
     outcome.check(
         nodes and not strays, f"nodes from elsewhere than {install}: {strays}"
     )
-    outcome.check(roslaunch.poll() == 0, f"roslaunch ended with {roslaunch.poll()}")
+    outcome.check(ended == 0, f"roslaunch ended with {ended}")
     return outcome
 
 
