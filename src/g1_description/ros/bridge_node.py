@@ -161,7 +161,11 @@ class BridgeNode:
         if self._robot.root is None:
             self._tell_absence(states.names)
             return
-        self._publish(stamp, states)
+        try:
+            self._publish(stamp, states)
+        except rospy.ROSException:
+            if not rospy.is_shutdown():  # then topics are closed under our hands
+                raise
 
     def _publish(self, stamp: rospy.Time, states: LinkStatesArrays) -> None:
         """Publish what one message tells."""
