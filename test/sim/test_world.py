@@ -378,3 +378,17 @@ def test_a_robot_without_mass_is_there_without_bodies(make_world):
     assert (world.model_state("ghost", "")[0] == UPRIGHT).all()
     world.delete("ghost")
     assert list(world.models) == ["ground_plane"]
+
+
+def test_pybullet_rounds_the_link_frames_it_reports_to_floats(make_world):
+    """Why link poses are computed in core: docs/design.md."""
+    world = make_world()
+    world.spawn("arm", ARM, np.array([0.1, 0.2, 0.3, 0, 0, 0, 1]))
+    body = world._bodies["arm"].number
+    world.set_joint_positions("arm", {"hinge": 0.7})
+    reported = world._client.getLinkState(body, 0, computeForwardKinematics=1)
+    for part in reported[4:6]:
+        np.testing.assert_array_equal(part, np.float32(part))
+    assert world._client.getJointState(body, 0)[0] == 0.7
+    off = np.abs(world.models["arm"].poses[1, :3] - reported[4]).max()
+    assert 0.0 < off < 1e-6
