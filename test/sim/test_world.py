@@ -392,3 +392,20 @@ def test_pybullet_rounds_the_link_frames_it_reports_to_floats(make_world):
     assert world._client.getJointState(body, 0)[0] == 0.7
     off = np.abs(world.models["arm"].poses[1, :3] - reported[4]).max()
     assert 0.0 < off < 1e-6
+
+
+def test_a_teleported_joint_stands_still_and_goes_on_from_there(make_world):
+    world = make_world("limp", gravity=(0.0, 0.0, 0.0))
+    world.spawn("arm", ARM, UPRIGHT, fixed_base=True)
+    model = world.models["arm"]
+    world.set_model_state("arm", UPRIGHT, np.zeros(6), "")
+    model.velocity[:] = [0.5, 0.1, 1.0]
+    world._bodies["arm"].write_joints()
+    world.step()
+    assert np.abs(model.velocity).min() > 0.05
+    world.set_joint_positions("arm", {"hinge": 0.4, "slide": 0.1, "turn": 3.0})
+    assert not model.velocity.any()
+    assert not model.twists[1:].any()
+    world.step()
+    np.testing.assert_allclose(model.position, [0.4, 0.1, 3.0], atol=1e-9)
+    np.testing.assert_allclose(model.velocity, 0.0, atol=1e-9)
