@@ -1,8 +1,6 @@
-"""Makers of random robots and a forward kinematics that owes us nothing."""
+"""Makers of random robots."""
 
 from __future__ import annotations
-
-import xml.etree.ElementTree as ET
 
 import numpy as np
 from hypothesis import strategies as st
@@ -62,57 +60,3 @@ def world_poses(draw):
     position = np.array(draw(_VECTOR))
     rotation = Rotation.from_rotvec(np.array(draw(_VECTOR)))
     return np.concatenate([position, rotation.as_quat()])
-
-
-def forward_kinematics(text, root_pose, positions):
-    """Place every link of a URDF with scipy, joint by joint.
-
-    Args:
-        text: URDF.
-        root_pose: Pose of the root link, shape (7,).
-        positions: Joint positions by name; absent joints are at zero.
-
-    Returns:
-        Poses by link name, each shape (7,).
-    """
-    joints = {}
-    for joint in ET.fromstring(text).findall("joint"):
-        joints[joint.find("child").get("link")] = joint
-
-    def read(joint, tag, attribute, default):
-        element = joint.find(tag)
-        value = None if element is None else element.get(attribute)
-        return np.array([float(part) for part in (value or default).split()])
-
-    def place(link):
-        if link not in joints:
-            return root_pose[:3], Rotation.from_quat(root_pose[3:])
-        joint = joints[link]
-        position, rotation = place(joint.find("parent").get("link"))
-        position = position + rotation.apply(read(joint, "origin", "xyz", "0 0 0"))
-        rpy = read(joint, "origin", "rpy", "0 0 0")
-        rotation = rotation * Rotation.from_euler("xyz", rpy)
-        axis = read(joint, "axis", "xyz", "1 0 0")
-        axis = axis / np.linalg.norm(axis)
-        value = positions.get(joint.get("name"), 0.0)
-        if joint.get("type") == "prismatic":
-            return position + rotation.apply(axis * value), rotation
-        if joint.get("type") == "fixed":
-            return position, rotation
-        return position, rotation * Rotation.from_rotvec(axis * value)
-
-    poses = {}
-    for link in ET.fromstring(text).findall("link"):
-        position, rotation = place(link.get("name"))
-        poses[link.get("name")] = np.concatenate([position, rotation.as_quat()])
-    return poses
-
-
-def assert_poses_close(actual, expected, tolerance):
-    """Compare poses in [m] and [rad]; q and -q are the same rotation."""
-    np.testing.assert_allclose(actual[..., :3], expected[..., :3], atol=tolerance)
-    difference = (
-        Rotation.from_quat(np.atleast_2d(expected[..., 3:])).inv()
-        * Rotation.from_quat(np.atleast_2d(actual[..., 3:]))
-    ).as_rotvec()
-    np.testing.assert_allclose(difference, 0.0, atol=tolerance)

@@ -5,6 +5,7 @@ import sys
 import unittest
 import xml.etree.ElementTree as ET
 
+import numpy as np
 import rosgraph
 import rosnode
 import rospy
@@ -13,8 +14,22 @@ import tf2_ros
 from gazebo_msgs.msg import LinkStates, ModelStates
 from ros_testing import Listener, wait_for
 from rosgraph_msgs.msg import Clock, Log
+from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
+
+
+def matrix_of(buffer, frame):
+    """Look a frame up in the map: rotation and translation, shape (4, 4)."""
+    try:
+        found = buffer.lookup_transform("map", frame, rospy.Time()).transform
+    except tf2_ros.TransformException:
+        return np.full((4, 4), np.nan)
+    q, p = found.rotation, found.translation
+    matrix = np.eye(4)
+    matrix[:3, :3] = Rotation.from_quat([q.x, q.y, q.z, q.w]).apply(np.eye(3)).T
+    matrix[:3, 3] = [p.x, p.y, p.z]
+    return matrix
 
 
 class TestDisplay(unittest.TestCase):
@@ -74,6 +89,37 @@ class TestDisplay(unittest.TestCase):
         self.assertEqual(pelvis.translation.z, 0.793)
         body = buffer.lookup_transform("imu_in_torso", "body_imu", rospy.Time())
         self.assertEqual(body.transform.rotation.w, 1.0)
+
+    def test_every_frame_is_where_scipy_puts_it(self):
+        """A random configuration, through the bridge and robot_state_publisher."""
+        from oracle import forward_kinematics
+
+        text = rospy.get_param("/robot_description")
+        random, wanted = np.random.default_rng(3), {}
+        for joint in ET.fromstring(text).findall("joint"):
+            if joint.get("type") == "revolute":
+                limit = joint.find("limit")
+                bounds = [float(limit.get(side)) for side in ("lower", "upper")]
+                wanted[joint.get("name")] = random.uniform(*bounds)
+        commands = rospy.Publisher("/joint_commands", JointState, queue_size=1)
+        wait_for(commands.get_num_connections, "the bridge to listen")
+        commands.publish(JointState(name=[*wanted], position=[*wanted.values()]))
+        self.addCleanup(
+            commands.publish, JointState(name=[*wanted], position=[0.0] * len(wanted))
+        )
+        upright = np.array([0.0, 0.0, 0.793, 0.0, 0.0, 0.0, 1.0])
+        buffer = tf2_ros.Buffer()
+        tf2_ros.TransformListener(buffer)
+        for link, pose in forward_kinematics(text, upright, wanted).items():
+            expected = np.eye(4)
+            expected[:3, :3] = Rotation.from_quat(pose[3:]).apply(np.eye(3)).T
+            expected[:3, 3] = pose[:3]
+            wait_for(
+                lambda link=link, expected=expected: np.allclose(
+                    matrix_of(buffer, link), expected, atol=1e-9
+                ),
+                f"{link} at {pose}",
+            )
 
     def test_static_frames_come_from_one_message_of_one_node(self):
         listener = Listener("/tf_static", TFMessage)

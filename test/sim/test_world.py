@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from robots import assert_poses_close, forward_kinematics
+from oracle import assert_poses_close, forward_kinematics
 from scipy.spatial.transform import Rotation
 
 from g1_description.core.errors import (

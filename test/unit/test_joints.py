@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from robots import chains, forward_kinematics, world_poses
+from oracle import forward_kinematics
+from robots import chains, world_poses
 
 from g1_description.core.description import parse_urdf
 from g1_description.core.joints import (

@@ -3,7 +3,8 @@
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from robots import assert_poses_close, chains, forward_kinematics, world_poses
+from oracle import assert_poses_close, forward_kinematics
+from robots import chains, world_poses
 from scipy.spatial.transform import Rotation
 
 from g1_description.core.description import parse_urdf
