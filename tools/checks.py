@@ -3,6 +3,7 @@
 import fnmatch
 import json
 import os
+import re
 import shutil
 import signal
 import socket
@@ -10,6 +11,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree import ElementTree
@@ -357,6 +359,13 @@ def run_part(runner, name, function):
     return outcome
 
 
+def print_skipped(lines):
+    """Name what was skipped, in one line per test for all its parameters."""
+    counts = Counter(re.sub(r"\[[^]]*\]:", ":", line) for line in lines)
+    for line, count in counts.items():
+        print(f"skipped {line}{f' ({count} cases)' if count > 1 else ''}")
+
+
 def main():
     """Run what was asked for."""
     available = parts()
@@ -373,8 +382,7 @@ def main():
             sys.exit("tools/test: interrupted")
         finally:
             end_processes(runner.mark)
-    for line in total.skipped:
-        print(f"skipped {line}")
+    print_skipped(total.skipped)
     print(total)
     sys.exit(1 if total.failed else 0)
 
