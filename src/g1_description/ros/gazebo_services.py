@@ -42,6 +42,12 @@ from .messages import (
 )
 
 
+class _ModelStateResponse(GetModelStateResponse):
+    """A response that keeps its header; rospy would put the connection's count in."""
+
+    _has_header = False
+
+
 class GazeboServices:
     """The services, and the answers they give."""
 
@@ -158,14 +164,14 @@ class GazeboServices:
     def get_model_state(self, request):
         """Tell where a model is, seen from a frame."""
         name, frame = request.model_name, request.relative_entity_name
-        response = GetModelStateResponse()
+        response = _ModelStateResponse()
+        if name not in self._world.models:
+            response.status_message = "GetModelState: model does not exist"
+            return response
         self._model_state_calls[name] += 1
         response.header.seq = self._model_state_calls[name]
         response.header.stamp = stamp_from_ns(self._world.time_ns)
         response.header.frame_id = frame
-        if name not in self._world.models:
-            response.status_message = "GetModelState: model does not exist"
-            return response
         try:
             pose, twist = self._world.model_state(name, frame)
         except UnknownNameError:
