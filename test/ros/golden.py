@@ -1,0 +1,194 @@
+#!/usr/bin/env python3
+"""The stand-in answers and does what the real Gazebo was seen to answer and do.
+
+One test method per observation in ../shared/golden. Each agrees, or deviates as
+the contract says it shall, or needs what is not offered yet; none may differ.
+"""
+
+import sys
+import unittest
+from collections import Counter
+from fnmatch import fnmatchcase
+
+import rospy
+import rostest
+from golden_cases import GOLDEN, Comparison, load_cases, with_numbers
+from golden_effects import BEFORE, Effects
+from golden_runs import RUNS
+from golden_simulator import NotOffered, Simulator
+from golden_topics import builder
+
+REFUSED, ANSWERED = 1, 2
+"""Numbers of the contract's deliberate deviations."""
+
+DEVIATIONS = {
+    "set_model_configuration.nan": REFUSED,
+    "set_model_configuration.plus_inf": REFUSED,
+    "set_model_configuration.minus_inf": REFUSED,
+    "spawn_urdf_model.garbage": ANSWERED,
+    "spawn_urdf_model.empty_xml": ANSWERED,
+    "spawn_urdf_model.html": ANSWERED,
+    "spawn_urdf_model.sdf_given": ANSWERED,
+}
+"""Cases in which the stand-in deliberately does something else."""
+
+ROSPY = {
+    "contract.service.*": {"request_type": None, "response_type": None},
+    "contract.published.rosout": {"latching": "1"},
+}
+"""What rospy does in its handshakes where roscpp does something else, by case.
+
+No deviation of the contract: it cannot be had with rospy's own services.
+"""
+
+
+class TestGolden(unittest.TestCase):
+    outcomes = {}  # noqa: RUF012  (shared on purpose)
+    not_looked_at = []  # noqa: RUF012
+
+    @classmethod
+    def setUpClass(cls):
+        if GOLDEN.is_dir():
+            cls.simulator = Simulator()
+            cls.addClassCleanup(cls.print_table)
+
+    @classmethod
+    def print_table(cls):
+        """Print each case with its outcome, then the counts."""
+        for name, outcome in cls.outcomes.items():
+            print(f"{outcome:<50} {name}")
+        counts = Counter(outcome.split(":")[0] for outcome in cls.outcomes.values())
+        for outcome in ("agrees", "deviates", "differs", "not yet"):
+            print(f"{outcome}: {counts[outcome]}")
+        print(f"not looked at: {len(cls.not_looked_at)}")
+        for effect in cls.not_looked_at:
+            print(f"    {effect}")
+        sys.stdout.flush()
+
+    def run_case(self, case):
+        """Do one case and note its outcome."""
+        self.outcomes[case["id"]] = "differs: it broke off"
+        try:
+            self.need(case)
+            self.simulator.make_scene(case["scene"], case["gravity"])
+            if case["id"] in DEVIATIONS:
+                self.assert_deviates(case)
+                outcome = f"deviates: number {DEVIATIONS[case['id']]}"
+            else:
+                outcome = self.assert_agrees(case)
+        except NotOffered as error:
+            outcome = f"not yet: {error}"
+        self.outcomes[case["id"]] = outcome
+        if outcome.startswith("not yet"):
+            self.skipTest(outcome)
+
+    def need(self, case):
+        """Look whether what the case needs is there.
+
+        Raises:
+            NotOffered: If it is not.
+        """
+        for request in case["request"]:
+            self.simulator.proxy(request["service"])
+        own = case["id"].split(".")[0]
+        if not (case["request"] or case["id"] in RUNS or builder(case["id"])):
+            raise NotOffered(f"{own} without requests")
+
+    def assert_agrees(self, case):
+        """Compare a case; give "agrees", or that rospy does something else."""
+        responses, effect, expected = self.act(case)
+        outcome = "agrees"
+        for name, value in rospys_own(case["id"]).items():
+            if expected.get(name) != value:
+                outcome = "deviates: rospy's handshake"
+                expected[name] = value
+        comparison = Comparison(case["tolerance"])
+        comparison.compare("response", case["response"], responses)
+        for name, value in expected.items():
+            field = f"effect.{name}"
+            if name == "joints":
+                comparison.compare_whole(field, value, effect[name])
+            else:
+                comparison.compare(field, value, effect.get(name))
+        if comparison.differences:
+            self.outcomes[case["id"]] = "\n    ".join(
+                ["differs:", *comparison.differences, "in"]
+            )
+            self.fail("\n".join([case["id"], *comparison.differences]))
+        return outcome
+
+    def act(self, case):
+        """Do a case; give responses, effects seen, and effects expected."""
+        expected = with_numbers(case["effect"])
+        build = RUNS.get(case["id"]) or builder(case["id"])
+        if build is not None:
+            result = build(self.simulator, case)
+            responses, effect = result if case["request"] else ([], result)
+            return responses, effect, expected
+        BEFORE.get(case["id"], lambda simulator: None)(self.simulator)
+        responses, log = self.simulator.log_since(
+            lambda: [self.simulator.send(request) for request in case["request"]]
+        )
+        effects = Effects(self.simulator, case, log)
+        effect = {name: effects.see(name, value) for name, value in expected.items()}
+        self.not_looked_at.extend(f"{case['id']}: {e}" for e in effects.not_looked_at)
+        return responses, effect, expected
+
+    def assert_deviates(self, case):
+        """Refuse with a sentence, and leave everything as it is."""
+        (request,) = case["request"]
+        before = self.snapshot()
+        answer = self.simulator.send(request)
+        self.assertIs(answer.get("success"), False, answer)
+        words, _, reason = answer["status_message"].partition(": ")
+        self.assertIn(words, ("SetModelConfiguration", "SpawnModel"))
+        self.assertRegex(reason, r"^(refused, |Failure - )\w+ .*\w+")
+        self.assertEqual(self.snapshot(), before)
+
+    def snapshot(self):
+        """Give the state of all models, and of the arm's links if it is there."""
+        models = self.simulator.models()
+        frames = ["", *(f"arm::{link}" for link in ("upper", "lower", "rod"))]
+        states = [
+            self.simulator.state(model, frame) for model in models for frame in frames
+        ]
+        for state in states:
+            del state["header"]
+        return models, states
+
+
+def rospys_own(case_id):
+    """Give the effects that are rospy's, not the stand-in's."""
+    own = (ROSPY[name] for name in ROSPY if fnmatchcase(case_id, name))
+    return next(own, {})
+
+
+def add_method(number, case):
+    """Make a method of a case; its name keeps the order."""
+
+    def method(self):
+        self.run_case(case)
+
+    method.__doc__ = case["id"]
+    name = f"test_{number:03d}_{case['id'].replace('.', '_')}"
+    setattr(TestGolden, name, method)
+
+
+def add_methods():
+    """Make a method of each case, or one that is skipped."""
+    if GOLDEN.is_dir():
+        for number, case in enumerate(load_cases(), 1):
+            add_method(number, case)
+        return
+
+    def test_the_observations_of_gazebo(self):
+        self.skipTest("the observations are not here: ../shared/golden is absent")
+
+    TestGolden.test_the_observations_of_gazebo = test_the_observations_of_gazebo
+
+
+add_methods()
+
+if __name__ == "__main__":
+    rospy.init_node("golden_test")
+    rostest.rosrun("g1_description", "golden", TestGolden, sys.argv)
