@@ -9,6 +9,13 @@ import rospy
 from gazebo_msgs.srv import SetModelConfiguration
 
 SUCCESS = "SetModelConfiguration: success"
+# A connection that breaks while it is written to raises outside rospy's family.
+FAILURES = (
+    rospy.ServiceException,
+    rospy.ROSException,
+    rospy.exceptions.ROSInternalException,
+    OSError,
+)
 RETRY = 0.2
 """Wait before a failed call is tried again, in [s] of wall time."""
 
@@ -33,12 +40,13 @@ class CommandSender:
         self._robot_description = robot_description
         self._pending: dict[str, float] = {}
         self._changed = threading.Condition()
+        self._stopped = threading.Event()
         self._proxy = None
         self._thread = threading.Thread(target=self._run, name="commands", daemon=True)
 
     def start(self) -> None:
         """Begin to send."""
-        rospy.on_shutdown(self._wake)
+        rospy.on_shutdown(self._stop)
         self._thread.start()
 
     def put(self, positions: Mapping[str, float]) -> None:
@@ -51,24 +59,25 @@ class CommandSender:
             self._pending.update(positions)
             self._changed.notify()
 
-    def _wake(self) -> None:
-        """Let the thread see that the node is shut down."""
+    def _stop(self) -> None:
+        """Let the thread end."""
+        self._stopped.set()
         with self._changed:
             self._changed.notify()
 
     def _take(self) -> dict[str, float]:
         """Wait for commands and take all there are."""
         with self._changed:
-            while not self._pending and not rospy.is_shutdown():
+            while not self._pending and not self._stopped.is_set():
                 self._changed.wait()
             taken, self._pending = self._pending, {}
             return taken
 
     def _run(self) -> None:
         """Send what comes until the node is shut down."""
-        while not rospy.is_shutdown():
+        while not self._stopped.is_set():
             positions = self._take()
-            if positions and not rospy.is_shutdown():
+            if positions and not self._stopped.is_set():
                 self._send(positions)
 
     def _send(self, positions: dict[str, float]) -> None:
@@ -84,14 +93,14 @@ class CommandSender:
                 list(positions),
                 list(positions.values()),
             )
-        except (rospy.ServiceException, rospy.ROSException) as error:
+        except FAILURES as error:
             self._put_back(positions, error)
             return
         if not response.success:
-            rospy.logerr(
-                "The simulator refused a command for %s: %s",
-                ", ".join(positions),
-                response.status_message,
+            rospy.logerr_throttle_identical(
+                1.0,
+                f"The simulator refused a command for {', '.join(positions)}: "
+                f"{response.status_message}",
             )
         elif response.status_message != SUCCESS:
             rospy.logwarn_throttle_identical(
@@ -100,7 +109,7 @@ class CommandSender:
 
     def _put_back(self, positions: dict[str, float], error: Exception) -> None:
         """Keep a command that did not arrive for the next try."""
-        if rospy.is_shutdown():
+        if self._stopped.is_set():
             return
         rospy.logwarn_throttle_identical(
             10.0, f"A command waits for the simulator: {error}"
@@ -109,4 +118,4 @@ class CommandSender:
         self._proxy = None
         with self._changed:
             self._pending = {**positions, **self._pending}
-            self._changed.wait(RETRY)
+        self._stopped.wait(RETRY)
