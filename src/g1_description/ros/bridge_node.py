@@ -14,6 +14,7 @@ from __future__ import annotations
 import sys
 import time
 
+import numpy as np
 import rospy
 import tf2_ros
 from sensor_msgs.msg import JointState
@@ -33,6 +34,7 @@ from .command_sender import CommandSender
 from .link_states import LinkStatesArrays, LinkStatesDecoder
 from .messages import joint_state, transform
 from .parameters import BridgeParameters, read_parameters
+from .shutdown import quiet_when_closing
 
 QUEUE = 100
 BUFFER = 1 << 20
@@ -52,7 +54,7 @@ class Robot:
         self._scope = f"{model_name}::"
         self._description = description
         self._names: tuple[str, ...] | None = None
-        self._rows = slice(0)
+        self._rows: list[int] = []
         self.joints: MeasuredJoints | None = None
         self.root: int | None = None
         self._last = None
@@ -71,10 +73,16 @@ class Robot:
             for name in names
         ]
         self.joints = measured_joints(self._description, links)
-        present = (link for link in self._description.link_names if link in links)
-        root = next(present, None)
-        self.root = None if root is None else links.index(root)
+        by_preference = (self._description.root, *self._description.link_names)
+        present = (links.index(link) for link in by_preference if link in links)
+        self.root = next(present, None)
+        self._rows = [row for row, link in enumerate(links) if link is not None]
         self.reset()
+
+    def is_finite(self, states: LinkStatesArrays) -> bool:
+        """Tell whether all numbers of the robot's links are numbers."""
+        sums = states.poses[self._rows].sum() + states.twists[self._rows].sum()
+        return bool(np.isfinite(sums))
 
     def measure(self, states: LinkStatesArrays):
         """Measure joint positions and velocities, each shape (n_joints,)."""
@@ -100,6 +108,7 @@ class BridgeNode:
         self._parameters = p = parameters
         self._movable = frozenset(joint.name for joint in description.movable_joints)
         self._robot = Robot(p.model_name, description)
+        self._base = base_child(p, description)
         self._decoder = LinkStatesDecoder()
         self._throttle = PoseThrottle(
             p.position_threshold, p.rotation_threshold, p.max_interval, p.min_interval
@@ -161,11 +170,13 @@ class BridgeNode:
         if self._robot.root is None:
             self._tell_absence(states.names)
             return
-        try:
+        if not self._robot.is_finite(states):
+            rospy.logwarn_throttle(
+                10.0, "A link_states message is dropped, the robot has NaN in it."
+            )
+            return
+        with quiet_when_closing():
             self._publish(stamp, states)
-        except rospy.ROSException:
-            if not rospy.is_shutdown():  # then topics are closed under our hands
-                raise
 
     def _publish(self, stamp: rospy.Time, states: LinkStatesArrays) -> None:
         """Publish what one message tells."""
@@ -178,10 +189,10 @@ class BridgeNode:
         position, velocity = self._robot.measure(states)
         self._joint_states.publish(joint_state(stamp, joints.names, position, velocity))
         root_pose = states.poses[self._robot.root]
-        if self._throttle.passes(stamp.to_sec(), root_pose):
+        if self._base and self._throttle.passes(stamp.to_sec(), root_pose):
             p = self._parameters
             self._broadcaster.sendTransform(
-                transform(stamp, p.map_frame, p.base_frame, root_pose)
+                transform(stamp, p.map_frame, self._base, root_pose)
             )
 
     def _reset(self) -> None:
@@ -200,6 +211,24 @@ class BridgeNode:
         )
 
 
+def base_child(parameters: BridgeParameters, description: Description) -> str | None:
+    """Find the frame that moves in the map.
+
+    Args:
+        parameters: Names of the frames above.
+        description: The robot; its frame names come from its file.
+
+    Returns:
+        base_link; the root where base_link is a link below it, which has a parent
+        already; None where the root itself is the world or the map.
+    """
+    p = parameters
+    if description.root in (p.world_frame, p.map_frame):
+        return None
+    below = p.base_frame in description.link_names and p.base_frame != description.root
+    return description.root if below else p.base_frame
+
+
 def static_edges(
     parameters: BridgeParameters, description: Description
 ) -> list[tuple[str, str]]:
@@ -207,16 +236,15 @@ def static_edges(
 
     Args:
         parameters: Names of the frames above.
-        description: The robot; its frame names come from its file.
+        description: The robot.
 
     Returns:
-        Parent and child of world -> map, base_link -> root, and imu_in_torso ->
-        body_imu where the robot has such a link. Where the root already has one of
-        the names above there is no edge to it.
+        Parent and child of world -> map, base_link -> root where base_link is no
+        link of the robot, and imu_in_torso -> body_imu where the robot has one.
     """
     p = parameters
     edges = [(p.world_frame, p.map_frame)]
-    if description.root not in (p.world_frame, p.map_frame, p.base_frame):
+    if base_child(p, description) not in (None, description.root):
         edges.append((p.base_frame, description.root))
     if p.imu_link in description.link_names:
         edges.append((p.imu_link, p.imu_frame))

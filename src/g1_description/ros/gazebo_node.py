@@ -27,6 +27,7 @@ from .gazebo_services import GazeboServices
 from .link_states import LinkStatesEncoder
 from .messages import PreparedLinkStates, PreparedModelStates, stamp_from_ns
 from .parameters import GazeboParameters, read_parameters
+from .shutdown import quiet_when_closing
 
 QUEUE = 100
 """Messages kept for a slow subscriber; a tenth of a second of steps."""
@@ -129,8 +130,8 @@ class GazeboNode:
             elif now < due:
                 self._answer_one(min(due - now, PATIENCE))
             else:
-                while self._answer_one(0.0):
-                    pass
+                for _ in range(self._calls.qsize()):
+                    self._answer_one(0.0)
                 self._step()
                 due = max(due + period, now - PATIENCE)
         self._refuse()
@@ -155,7 +156,8 @@ class GazeboNode:
         """Let a time step pass and tell the world of it."""
         if not self._services.paused:
             self._world.step()
-            self._publish()
+            with quiet_when_closing():
+                self._publish()
 
     def _refuse(self) -> None:
         """Tell callers that nobody will answer any more."""

@@ -28,9 +28,15 @@ from gazebo_msgs.srv import (
 )
 from std_srvs.srv import Empty, EmptyResponse
 
-from ..core.errors import G1DescriptionError, InvalidValueError, UnknownNameError
+from ..core.errors import (
+    LARGEST,
+    G1DescriptionError,
+    InvalidValueError,
+    UnknownNameError,
+)
 from ..core.rotation import normalized
 from ..core.transform import compose
+from ..sim.frames import find_frame
 from ..sim.model import SCOPE, Report
 from ..sim.world import World
 from .messages import (
@@ -112,7 +118,7 @@ class GazeboServices:
         """Add a robot; it can be commanded when this answers."""
         name = request.model_name
         try:
-            T_world_frame, _ = self._world.frame(request.reference_frame)
+            T_world_frame, _ = find_frame(self._world.models, request.reference_frame)
         except UnknownNameError:
             return SpawnModelResponse(
                 False,
@@ -210,7 +216,9 @@ class GazeboServices:
                 "SetModelState: specified reference frame entity does not exist",
             )
         except InvalidValueError as error:
-            return False, f"SetModelState: refused, {error}"
+            refusal = f"SetModelState: refused, {error}"
+            rospy.logwarn_throttle_identical(1.0, refusal)
+            return False, refusal
         clause = ""
         if self._world.physics == "kinematic" and twist.any():
             clause = "the twist is ignored, physics is kinematic"
@@ -265,25 +273,25 @@ def _clauses(model: str, report: Report) -> list[str]:
 
 
 def _checked_pose(message) -> np.ndarray:
-    """Read a pose as Gazebo does: a zero quaternion is the identity.
-
-    Raises:
-        InvalidValueError: If a number is NaN or infinite.
-    """
-    pose = pose_to_array(message)
-    if not np.isfinite(pose).all():
-        raise InvalidValueError(f"the pose {pose.tolist()} has a number that is none")
+    """Read a pose as Gazebo does: a zero quaternion is the identity."""
+    pose = _checked("pose", pose_to_array(message))
     pose[3:] = normalized(pose[3:])
     return pose
 
 
 def _checked_twist(message) -> np.ndarray:
-    """Read a twist.
+    """Read a twist."""
+    return _checked("twist", twist_to_array(message))
+
+
+def _checked(what: str, numbers: np.ndarray) -> np.ndarray:
+    """Check that numbers are some that a model can have.
 
     Raises:
-        InvalidValueError: If a number is NaN or infinite.
+        InvalidValueError: If one is NaN, infinite or beyond ``LARGEST``.
     """
-    twist = twist_to_array(message)
-    if not np.isfinite(twist).all():
-        raise InvalidValueError(f"the twist {twist.tolist()} has a number that is none")
-    return twist
+    if not (np.abs(numbers) <= LARGEST).all():
+        raise InvalidValueError(
+            f"the {what} {numbers.tolist()} has a number beyond +-{LARGEST:g}"
+        )
+    return numbers
