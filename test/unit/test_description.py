@@ -5,6 +5,7 @@ import pytest
 
 from g1_description.core.description import parse_urdf
 from g1_description.core.errors import DescriptionError
+from g1_description.core.lumping import lump_fixed_joints
 
 A_B = '<link name="a"/><link name="b"/>'
 
@@ -53,6 +54,43 @@ def robot(inside):
 def test_a_wrong_file_is_refused_with_facts(text, words):
     with pytest.raises(DescriptionError, match=words):
         parse_urdf(text)
+
+
+BODY = (
+    '<link name="a"><inertial><origin xyz="0 0 0"/><mass value="2"/>'
+    '<inertia ixx="1" iyy="2" izz="3" ixy="0" ixz="0" iyz="0"/></inertial>'
+    '<collision><geometry><box size="1 2 3"/></geometry></collision></link>'
+)
+
+
+@pytest.mark.parametrize("bad", ["nan", "inf", "-inf", "1e300"])
+@pytest.mark.parametrize(
+    ("good", "words"),
+    [
+        ('xyz="0 0 0"', "An origin of link a"),
+        ('mass value="2"', "The mass of link a"),
+        ('ixx="1"', "The inertia of link a"),
+        ('size="1 2 3"', "A box of link a"),
+    ],
+)
+def test_a_number_that_is_none_is_refused_with_its_place(good, words, bad):
+    first = good.split('"')[1].split()[0]
+    text = robot(BODY.replace(good, good.replace(first, bad, 1)))
+    assert parse_urdf(robot(BODY)).mass == 2.0
+    with pytest.raises(DescriptionError, match=words):
+        parse_urdf(text)
+
+
+def test_a_chain_of_thousands_is_read_and_lumped():
+    count = 3000
+    links = "".join(f'<link name="l{n}"/>' for n in reversed(range(count)))
+    joints = "".join(
+        f'<joint name="j{n}" type="fixed"><parent link="l{n - 1}"/>'
+        f'<child link="l{n}"/></joint>'
+        for n in reversed(range(1, count))
+    )
+    lumped = lump_fixed_joints(parse_urdf(robot(links + joints)))
+    assert lumped.vanished == tuple(f"l{n}" for n in reversed(range(count)))
 
 
 def test_a_missing_origin_is_the_identity():

@@ -52,6 +52,8 @@ def test_files_are_found_through_packages_and_paths(tmp_path):
     packages = {"mine": str(tmp_path)}.get
     assert local_path("package://mine/x.stl", packages) == tmp_path / "x.stl"
     assert local_path(str(tmp_path / "x.stl"), packages) == tmp_path / "x.stl"
+    (tmp_path / "y#1?.stl").write_text("solid")
+    assert local_path("package://mine/y#1?.stl", packages) == tmp_path / "y#1?.stl"
     for absent in ("package://mine/y.stl", "package://other/x.stl", "x.stl"):
         assert local_path(absent, packages) is None
     assert local_path(f"file://{tmp_path}", packages) is None

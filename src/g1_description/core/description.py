@@ -7,15 +7,16 @@ reading. No joint or link name is known here or anywhere else in code.
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from xml.etree.ElementTree import ParseError as XmlError
 
 import numpy as np
 from urdf_parser_py import urdf
 from urdf_parser_py.xml_reflection import core as xml_reflection
 
-from .errors import DescriptionError
+from .errors import LARGEST, DescriptionError
 from .rotation import from_rpy, to_axes
+from .tree import one_root
 
 MOVABLE = ("revolute", "continuous", "prismatic")
 
@@ -139,7 +140,7 @@ def parse_urdf(text: str) -> Description:
     try:
         # As bytes: an XML declaration with an encoding is not allowed in str.
         robot = urdf.URDF.from_xml_string(text.encode("utf-8"))
-    except XmlError as error:
+    except SyntaxError as error:  # what every XML reader's ParseError is
         raise DescriptionError(f"The robot description is not XML: {error}.") from error
     except (xml_reflection.ParseError, AssertionError, ValueError) as error:
         sentence = " ".join(str(error).split())
@@ -148,58 +149,32 @@ def parse_urdf(text: str) -> Description:
         )
     links = tuple(_link(link) for link in robot.links)
     joints = tuple(_joint(joint) for joint in robot.joints)
-    return Description(robot.name, _root(robot.name, links, joints), links, joints)
+    return Description(robot.name, one_root(robot.name, links, joints), links, joints)
 
 
-def _root(name: str, links: tuple[Link, ...], joints: tuple[Joint, ...]) -> str:
-    """Find the root link and check that the joints make one tree."""
-    names = [link.name for link in links]
-    for kind, listed in (("link", names), ("joint", [joint.name for joint in joints])):
-        twice = sorted({entry for entry in listed if listed.count(entry) > 1})
-        if twice:
-            raise DescriptionError(f"Robot '{name}' has the {kind} {twice[0]} twice.")
-    carrier: dict[str, str] = {}
-    for joint in joints:
-        for role, link in (("parent", joint.parent), ("child", joint.child)):
-            if link not in names:
-                raise DescriptionError(
-                    f"Joint {joint.name} of robot '{name}' has the {role} {link}, "
-                    "which is no link of it."
-                )
-        if joint.child in carrier:
-            raise DescriptionError(
-                f"Link {joint.child} of robot '{name}' hangs on two joints, "
-                f"{carrier[joint.child]} and {joint.name}."
-            )
-        carrier[joint.child] = joint.name
-    roots = [link for link in names if link not in carrier]
-    if len(roots) != 1:
-        found = " and ".join(roots) if roots else "none (its joints make a loop)"
-        raise DescriptionError(f"Robot '{name}' needs one root link, it has {found}.")
-    _check_reached(name, roots[0], names, joints)
-    return roots[0]
-
-
-def _check_reached(
-    name: str, root: str, names: list[str], joints: tuple[Joint, ...]
-) -> None:
-    """Check that every link hangs on the root."""
-    reached = {root}
-    for _ in joints:
-        reached |= {joint.child for joint in joints if joint.parent in reached}
-    loose = [link for link in names if link not in reached]
-    if loose:
-        raise DescriptionError(
-            f"Link {loose[0]} of robot '{name}' is in a loop of joints, "
-            f"not below {root}."
-        )
-
-
-def _pose(origin: urdf.Pose | None) -> np.ndarray:
+def _pose(owner: str, origin: urdf.Pose | None) -> np.ndarray:
     """Read an origin element; a missing one, or a missing half, is the identity."""
     xyz = (origin.xyz if origin is not None else None) or [0.0, 0.0, 0.0]
     rpy = (origin.rpy if origin is not None else None) or [0.0, 0.0, 0.0]
-    return np.concatenate([np.array(xyz, dtype=float), from_rpy(np.array(rpy))])
+    numbers = _checked(f"an origin of {owner}", [*xyz, *rpy])
+    return np.concatenate([numbers[:3], from_rpy(numbers[3:])])
+
+
+def _checked(
+    what: str, numbers: Sequence[float], least: float = -LARGEST
+) -> np.ndarray:
+    """Check that numbers are some that a robot can have.
+
+    Raises:
+        DescriptionError: If one is NaN, or out of bounds.
+    """
+    array = np.array(numbers, dtype=float)
+    if not ((array >= least) & (array <= LARGEST)).all():
+        raise DescriptionError(
+            f"{what[0].upper()}{what[1:]} has the numbers {array.tolist()}, "
+            f"not all are from {least:g} to {LARGEST:g}."
+        )
+    return array
 
 
 def _link(link: urdf.Link) -> Link:
@@ -227,12 +202,9 @@ def _inertial(link: urdf.Link) -> Inertial | None:
             [values.ixz, values.iyz, values.izz],
         ]
     )
-    if not np.isfinite(tensor).all() or not 0.0 <= element.mass < np.inf:
-        raise DescriptionError(
-            f"Link {link.name} has a mass of {element.mass} kg and an inertia of "
-            f"{tensor.tolist()}, which no body has."
-        )
-    pose = _pose(element.origin)
+    _checked(f"the inertia of link {link.name}", tensor.ravel().tolist())
+    _checked(f"the mass of link {link.name}", [element.mass], least=0.0)
+    pose = _pose(f"link {link.name}", element.origin)
     axes = to_axes(pose[3:])
     return Inertial(float(element.mass), pose[:3], axes @ tensor @ axes.T)
 
@@ -240,17 +212,19 @@ def _inertial(link: urdf.Link) -> Inertial | None:
 def _shape(link: str, element: urdf.Visual | urdf.Collision) -> Shape:
     """Read a visual or collision element."""
     geometry = element.geometry
-    pose = _pose(element.origin)
-    if isinstance(geometry, urdf.Box):
-        return Shape("box", tuple(geometry.size), pose)
-    if isinstance(geometry, urdf.Cylinder):
-        return Shape("cylinder", (geometry.radius, geometry.length), pose)
-    if isinstance(geometry, urdf.Sphere):
-        return Shape("sphere", (geometry.radius,), pose)
+    pose = _pose(f"link {link}", element.origin)
     if isinstance(geometry, urdf.Mesh):
-        scale = tuple(geometry.scale) if geometry.scale else (1.0, 1.0, 1.0)
-        return Shape("mesh", scale, pose, geometry.filename)
-    raise DescriptionError(f"Link {link} has a shape without a known geometry.")
+        scale = _checked(f"a mesh of link {link}", geometry.scale or [1.0, 1.0, 1.0])
+        return Shape("mesh", tuple(scale), pose, geometry.filename)
+    if isinstance(geometry, urdf.Box):
+        kind, size = "box", geometry.size
+    elif isinstance(geometry, urdf.Cylinder):
+        kind, size = "cylinder", [geometry.radius, geometry.length]
+    elif isinstance(geometry, urdf.Sphere):
+        kind, size = "sphere", [geometry.radius]
+    else:
+        raise DescriptionError(f"Link {link} has a shape without a known geometry.")
+    return Shape(kind, tuple(_checked(f"a {kind} of link {link}", size, 0.0)), pose)
 
 
 def _joint(joint: urdf.Joint) -> Joint:
@@ -262,6 +236,9 @@ def _joint(joint: urdf.Joint) -> Joint:
             f"Joint {joint.name} has no direction: axis {joint.axis}."
         )
     limit, dynamics = joint.limit, joint.dynamics
+    if limit is not None:
+        bounds = [limit.effort, limit.velocity]
+        _checked(f"the limit of joint {joint.name}", bounds, least=0.0)
     bounded = limit is not None and joint.type in ("revolute", "prismatic")
     lower = float(limit.lower or 0.0) if bounded else -np.inf
     upper = float(limit.upper or 0.0) if bounded else np.inf
@@ -274,7 +251,7 @@ def _joint(joint: urdf.Joint) -> Joint:
         kind=joint.type,
         parent=joint.parent,
         child=joint.child,
-        pose=_pose(joint.origin),
+        pose=_pose(f"joint {joint.name}", joint.origin),
         axis=axis / length if length > 0.0 else axis,
         lower=lower,
         upper=upper,

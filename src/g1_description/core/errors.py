@@ -6,6 +6,9 @@ shown to a user as it is.
 
 from __future__ import annotations
 
+LARGEST = 1e9
+"""No length, angle, mass or speed of a robot is beyond this: it is a mistake."""
+
 
 class G1DescriptionError(Exception):
     """Base of all errors this package raises for a caller's mistake."""

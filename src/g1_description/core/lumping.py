@@ -14,10 +14,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .description import MOVABLE, Description, Inertial, Joint, Link, Shape
+from .description import (
+    MOVABLE,
+    Description,
+    Inertial,
+    Joint,
+    Link,
+    Shape,
+)
 from .errors import DescriptionError
 from .rotation import to_axes
 from .transform import IDENTITY, compose
+from .tree import below
 
 WORLD = "world"
 
@@ -107,22 +115,13 @@ def _root_body(description: Description) -> tuple[str, np.ndarray, bool]:
 
 def _frames(description: Description, root: str) -> dict[str, tuple[str, np.ndarray]]:
     """Find for each link the body that holds it and its pose in that body."""
-    above = description.joint_above()
     frames: dict[str, tuple[str, np.ndarray]] = {root: (root, IDENTITY)}
-
-    def frame(link: str) -> tuple[str, np.ndarray]:
-        if link not in frames:
-            joint = above[link]
-            if joint.kind == "fixed":
-                body, pose = frame(joint.parent)
-                frames[link] = (body, compose(pose, joint.pose))
-            else:
-                frames[link] = (link, IDENTITY)
-        return frames[link]
-
-    for link in description.link_names:
-        if link != WORLD or description.root != WORLD:
-            frame(link)
+    for joint in below(root, description.joints):
+        if joint.kind == "fixed":
+            body, pose = frames[joint.parent]
+            frames[joint.child] = (body, compose(pose, joint.pose))
+        else:
+            frames[joint.child] = (joint.child, IDENTITY)
     return frames
 
 
@@ -205,10 +204,7 @@ def _with_mass(
     if bodies[root].inertial is None:
         return set()
     kept = {root}
-    for _ in joints:
-        kept |= {
-            joint.child
-            for joint in joints
-            if joint.parent in kept and bodies[joint.child].inertial is not None
-        }
+    for joint in below(root, joints):
+        if joint.parent in kept and bodies[joint.child].inertial is not None:
+            kept.add(joint.child)
     return kept

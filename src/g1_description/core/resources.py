@@ -6,7 +6,7 @@ import os
 import re
 from collections.abc import Callable
 from pathlib import Path
-from urllib.parse import quote, unquote, urlsplit
+from urllib.parse import quote, unquote
 from xml.etree import ElementTree
 
 from .errors import DescriptionError
@@ -18,8 +18,8 @@ def with_absolute_uris(text: str, folder: Path) -> str:
     """Make the relative file names in a URDF absolute.
 
     RViz and every other reader of the parameter server then find the meshes
-    without knowing where the URDF file was. Everything else stays as it is,
-    comments and unknown tags too.
+    without knowing where the URDF file was. Everything else in the robot stays as
+    it is, comments and unknown tags too.
 
     Args:
         text: URDF as XML text.
@@ -54,15 +54,14 @@ def local_path(uri: str, package_folder: Callable[[str], str | None]) -> Path | 
     Returns:
         The file's path, or None where there is no such file.
     """
-    parts = urlsplit(uri)
+    scheme, _, rest = uri.partition("://")
     path: Path | None = None
-    if parts.scheme == "package":
-        folder = package_folder(parts.netloc)
-        path = (
-            None if folder is None else Path(folder) / unquote(parts.path).lstrip("/")
-        )
-    elif parts.scheme == "file":
-        path = Path(unquote(parts.path))
+    if scheme == "package":
+        package, _, inside = rest.partition("/")
+        folder = package_folder(package)
+        path = None if folder is None else Path(folder) / unquote(inside)
+    elif scheme == "file":
+        path = Path(unquote(rest))
     elif os.path.isabs(uri):
         path = Path(uri)
     return path if path is not None and path.is_file() else None

@@ -1,0 +1,81 @@
+"""The tree that joints make of links."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+from .errors import DescriptionError
+
+if TYPE_CHECKING:
+    from .description import Joint, Link
+
+
+def one_root(name: str, links: tuple[Link, ...], joints: tuple[Joint, ...]) -> str:
+    """Find the root link, and check that the joints make one tree.
+
+    Args:
+        name: Name of the robot, for the sentences.
+        links: All links.
+        joints: All joints.
+
+    Returns:
+        Name of the one link that no joint carries.
+
+    Raises:
+        DescriptionError: If there are two of a name, joints without links, or more
+            or less than one tree.
+    """
+    names = {link.name for link in links}
+    for kind, listed in (("link", links), ("joint", joints)):
+        counts = Counter(entry.name for entry in listed)
+        twice = [entry for entry, count in counts.items() if count > 1]
+        if twice:
+            raise DescriptionError(f"Robot '{name}' has the {kind} {twice[0]} twice.")
+    carrier: dict[str, str] = {}
+    for joint in joints:
+        for role, link in (("parent", joint.parent), ("child", joint.child)):
+            if link not in names:
+                raise DescriptionError(
+                    f"Joint {joint.name} of robot '{name}' has the {role} {link}, "
+                    "which is no link of it."
+                )
+        if joint.child in carrier:
+            raise DescriptionError(
+                f"Link {joint.child} of robot '{name}' hangs on two joints, "
+                f"{carrier[joint.child]} and {joint.name}."
+            )
+        carrier[joint.child] = joint.name
+    roots = [link.name for link in links if link.name not in carrier]
+    if len(roots) != 1:
+        found = " and ".join(roots) if roots else "none (its joints make a loop)"
+        raise DescriptionError(f"Robot '{name}' needs one root link, it has {found}.")
+    reached = {joint.child for joint in below(roots[0], joints)}
+    loose = [link.name for link in links if link.name not in {roots[0], *reached}]
+    if loose:
+        raise DescriptionError(
+            f"Link {loose[0]} of robot '{name}' is in a loop of joints, "
+            f"not below {roots[0]}."
+        )
+    return roots[0]
+
+
+def below(root: str, joints: Sequence[Joint]) -> Iterator[Joint]:
+    """Walk down a tree, so that each joint comes after the one above it.
+
+    Args:
+        root: Link to start from.
+        joints: All joints.
+
+    Yields:
+        The joints below the root.
+    """
+    hanging: dict[str, list[Joint]] = {}
+    for joint in joints:
+        hanging.setdefault(joint.parent, []).append(joint)
+    links = [root]
+    for link in links:
+        for joint in hanging.get(link, ()):
+            links.append(joint.child)
+            yield joint
