@@ -10,6 +10,7 @@ from g1_description.core.errors import (
     InvalidValueError,
     UnknownNameError,
 )
+from g1_description.sim.frames import find_frame
 from g1_description.sim.world import PHYSICS, World
 
 UPRIGHT = np.array([0.0, 0.0, 0.793, 0.0, 0.0, 0.0, 1.0])
@@ -287,7 +288,8 @@ def test_models_are_listed_as_they_come_and_go(make_world):
     world.spawn("one", ARM, UPRIGHT)
     assert world.link_names() == ["ground_plane::link", "two::body", *arm]
     assert [len(part) for part in world.link_states()] == [6, 6]
-    assert set(world.frame("upper")[0]) == set(world.frame("one::upper")[0])
+    frames = [find_frame(world.models, name)[0] for name in ("upper", "one::upper")]
+    assert (frames[0] == frames[1]).all()
 
 
 def test_reset_models_keeps_joints_and_time(make_world):
@@ -409,3 +411,66 @@ def test_a_teleported_joint_stands_still_and_goes_on_from_there(make_world):
     world.step()
     np.testing.assert_allclose(model.position, [0.4, 0.1, 3.0], atol=1e-9)
     np.testing.assert_allclose(model.velocity, 0.0, atol=1e-9)
+
+
+def test_a_robot_with_more_joints_than_pybullet_steps_is_refused(make_world):
+    body = ARM.split('<link name="base">')[1].split("</inertial>")[0] + "</inertial>"
+    links = "".join(f'<link name="l{n}">{body}</link>' for n in range(129))
+    joints = "".join(
+        f'<joint name="j{n}" type="continuous"><parent link="l0"/>'
+        f'<child link="l{n}"/></joint>'
+        for n in range(1, 129)
+    )
+    chain = f'<robot name="long">{links}{joints}</robot>'
+    world = make_world("limp")
+    with pytest.raises(DescriptionError, match="128 movable joints"):
+        world.spawn("long", chain, UPRIGHT)
+    world.spawn("long", chain.replace('type="continuous"', 'type="fixed"'), UPRIGHT)
+    world.step()
+    make_world("kinematic").spawn("long", chain, UPRIGHT)
+
+
+def test_a_spawn_that_fails_late_leaves_no_body_behind(make_world, monkeypatch):
+    world = make_world("limp")
+    heavier = 'mass value="5"'
+
+    def spoiled(*arguments):
+        raise DescriptionError("too late")
+
+    monkeypatch.setattr("g1_description.sim.world.check_mass", spoiled)
+    with pytest.raises(DescriptionError, match="too late"):
+        world.spawn("arm", ARM.replace(heavier, 'mass value="6"'), UPRIGHT)
+    assert world._client.getNumBodies() == 1
+    monkeypatch.undo()
+    world.spawn("arm", ARM, UPRIGHT)
+    world.reset()
+
+
+@pytest.mark.parametrize("content", [b"", b"solid x\nendsolid x\n", b"junk" * 50])
+def test_a_mesh_that_cannot_be_read_is_named(make_world, tmp_path, content):
+    file = tmp_path / "hand.stl"
+    file.write_bytes(content)
+    mesh = f'<mesh filename="file://{file}"/>'
+    text = TOP.replace('<box size="0.2 0.2 0.2"/>', mesh)
+    (clause,) = make_world().spawn("top", text, UPRIGHT)
+    assert clause == "1 of 1 collision shapes of link body cannot be read"
+
+
+def test_a_mesh_of_another_kind_is_named(make_world, tmp_path):
+    file = tmp_path / "hand.ply"
+    file.write_text("ply")
+    mesh = f'<mesh filename="file://{file}"/>'
+    text = TOP.replace('<box size="0.2 0.2 0.2"/>', mesh)
+    (clause,) = make_world().spawn("top", text, UPRIGHT)
+    assert clause == f"mesh file://{file} is none of .dae, .obj, .stl"
+
+
+def test_a_models_twist_is_its_roots_wherever_the_file_has_it(make_world):
+    world = make_world("limp", gravity=(0.0, 0.0, 0.0))
+    base = ARM.index('<link name="base">')
+    upper = ARM.index('<link name="upper">')
+    link = ARM[upper : ARM.index("</link>", upper) + len("</link>")]
+    world.spawn("arm", ARM[:base] + link + ARM[base:].replace(link, ""), UPRIGHT)
+    assert world.models["arm"].link_names[0] == "upper"
+    world.set_model_state("arm", UPRIGHT, np.array([0, 0, 0, 0, 0, 1.0]), "")
+    np.testing.assert_allclose(world.model_state("arm", "")[1], [0, 0, 0, 0, 0, 1])

@@ -13,7 +13,8 @@ from .model import SCOPE
 def contacts(client: BulletClient, bodies: Mapping[str, Body]) -> set[tuple[str, str]]:
     """Find the pairs of links that touch or overlap now.
 
-    Links of the same model don't collide, as in Gazebo.
+    Links of the same model don't collide, as in Gazebo; things that are fixed to
+    the world don't collide with each other.
 
     Args:
         client: PyBullet.

@@ -56,6 +56,9 @@ class Model:
         self.upper = np.array([joint.upper for joint in description.joints])
         self._kinematics = Kinematics(description) if description.links else None
         self._n_links = len(description.links)
+        self._root_row = (
+            list(self.link_names).index(description.root) if (self._n_links) else 0
+        )
         self.rewind()
 
     def rewind(self) -> None:
@@ -73,8 +76,8 @@ class Model:
 
     @property
     def twist(self) -> np.ndarray:
-        """Twist of the first link's frame, along the world's axes, shape (6,)."""
-        return self.twists[0] if self._n_links else np.zeros(6)
+        """Twist of the root link's frame, along the world's axes, shape (6,)."""
+        return self.twists[self._root_row] if self._n_links else np.zeros(6)
 
     def update(self) -> None:
         """Compute all links' poses and twists from the root and the joints."""
@@ -145,9 +148,7 @@ class Model:
         if twist.any() and self._n_links:
             self.twists[:, 3:] = twist[3:]
             self.twists[:, :3] = twist[:3] - np.cross(twist[3:], self._levers())
-            self.root_twist = np.array(
-                self.twists[self.link_names.index(self.lumped.description.root)]
-            )
+            self.root_twist = np.array(self.twist)
 
     def _levers(self) -> np.ndarray:
         """Find the way from each link frame's origin to its center of mass.

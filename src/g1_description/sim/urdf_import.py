@@ -7,136 +7,21 @@ absolute paths. It needs no visuals: nothing is drawn here.
 
 from __future__ import annotations
 
-import math
 import tempfile
-from collections.abc import Callable
-from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
 from pybullet_utils.bullet_client import BulletClient
 
-from ..core.description import Description, Joint, Link, Shape
+from ..core.description import Description
 from ..core.errors import DescriptionError
-from ..core.resources import local_path
-from ..core.rotation import axes_to_rpy, to_axes
+from .urdf_text import principal_axes
+
+MOST_JOINTS = 127
+"""Degrees of freedom of one body in PyBullet, without its base."""
 
 MASS_TOLERANCE = 1e-3
 """How far the loaded mass may be from the file's, in [kg]."""
-
-
-def prepared_urdf(
-    description: Description, package_folder: Callable[[str], str | None]
-) -> tuple[str, tuple[str, ...]]:
-    """Write a robot so that PyBullet loads what the robot's file means.
-
-    Args:
-        description: Robot with movable joints only; every link has mass.
-        package_folder: Gives a package's folder, None if there is no such package.
-
-    Returns:
-        URDF text, and the mesh files that were left out because they don't exist.
-    """
-    robot = ElementTree.Element("robot", name=description.name)
-    missing: list[str] = []
-    for link in description.links:
-        element = ElementTree.SubElement(robot, "link", name=link.name)
-        _write_inertial(element, link)
-        for shape in link.collisions:
-            path = None
-            if shape.kind == "mesh":
-                path = local_path(shape.filename, package_folder)
-                if path is None:
-                    missing.append(shape.filename)
-                    continue
-            _write_collision(element, shape, path)
-    for joint in description.joints:
-        _write_joint(robot, joint)
-    text = ElementTree.tostring(robot, encoding="unicode")
-    # PyBullet reads lines of 1024 characters and breaks longer ones anywhere.
-    return text.replace("><", ">\n<"), tuple(dict.fromkeys(missing))
-
-
-def _numbers(values: np.ndarray | tuple[float, ...]) -> str:
-    """Write numbers without losing a bit."""
-    return " ".join(repr(float(value)) for value in values)
-
-
-def _write_origin(
-    element: ElementTree.Element, position: np.ndarray, axes: np.ndarray
-) -> None:
-    """Add an origin element for a position, shape (3,), and axes, shape (3, 3)."""
-    rpy = _numbers(axes_to_rpy(axes))
-    ElementTree.SubElement(element, "origin", xyz=_numbers(position), rpy=rpy)
-
-
-def _write_inertial(element: ElementTree.Element, link: Link) -> None:
-    """Add a link's inertial."""
-    if link.inertial is None:
-        raise DescriptionError(f"Link {link.name} has no mass.")
-    moments, axes = principal_axes(link.inertial.inertia)
-    inertial = ElementTree.SubElement(element, "inertial")
-    _write_origin(inertial, link.inertial.center_of_mass, axes)
-    ElementTree.SubElement(inertial, "mass", value=repr(link.inertial.mass))
-    zero = dict.fromkeys(("ixy", "ixz", "iyz"), "0")
-    diagonal = dict(zip(("ixx", "iyy", "izz"), _numbers(moments).split()))
-    ElementTree.SubElement(inertial, "inertia", {**diagonal, **zero})
-
-
-def principal_axes(inertia: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Find the axes about which a body turns freely.
-
-    Args:
-        inertia: Tensor in [kg m^2], shape (3, 3).
-
-    Returns:
-        Principal moments in [kg m^2], shape (3,), and the principal axes as the
-        columns of a rotation matrix, shape (3, 3).
-    """
-    moments, axes = np.linalg.eigh(inertia)
-    axes[:, 2] = np.cross(axes[:, 0], axes[:, 1])
-    return moments, axes
-
-
-def _write_collision(
-    element: ElementTree.Element, shape: Shape, path: Path | None
-) -> None:
-    """Add a collision shape; meshes become convex hulls in PyBullet."""
-    collision = ElementTree.SubElement(element, "collision")
-    _write_origin(collision, shape.pose[:3], to_axes(shape.pose[3:]))
-    geometry = ElementTree.SubElement(collision, "geometry")
-    if shape.kind == "box":
-        ElementTree.SubElement(geometry, "box", size=_numbers(shape.size))
-    elif shape.kind == "sphere":
-        ElementTree.SubElement(geometry, "sphere", radius=repr(float(shape.size[0])))
-    elif shape.kind == "cylinder":
-        radius, length = (repr(float(size)) for size in shape.size)
-        ElementTree.SubElement(geometry, "cylinder", radius=radius, length=length)
-    else:
-        scale = _numbers(shape.size)
-        ElementTree.SubElement(geometry, "mesh", filename=str(path), scale=scale)
-
-
-def _write_joint(robot: ElementTree.Element, joint: Joint) -> None:
-    """Add a movable joint; mimic is left out, as Gazebo leaves it out."""
-    element = ElementTree.SubElement(robot, "joint", name=joint.name, type=joint.kind)
-    ElementTree.SubElement(element, "parent", link=joint.parent)
-    ElementTree.SubElement(element, "child", link=joint.child)
-    _write_origin(element, joint.pose[:3], to_axes(joint.pose[3:]))
-    ElementTree.SubElement(element, "axis", xyz=_numbers(joint.axis))
-    limit = {
-        "lower": joint.lower,
-        "upper": joint.upper,
-        "effort": joint.effort,
-        "velocity": joint.velocity,
-    }
-    finite = {
-        name: repr(value) for name, value in limit.items() if math.isfinite(value)
-    }
-    ElementTree.SubElement(element, "limit", finite)
-    ElementTree.SubElement(
-        element, "dynamics", damping=repr(joint.damping), friction=repr(joint.friction)
-    )
 
 
 def load(
@@ -196,6 +81,53 @@ def _write_inertias(client: BulletClient, body: int, description: Description) -
         if inertial is not None:
             moments, _ = principal_axes(inertial.inertia)
             client.changeDynamics(body, index, localInertiaDiagonal=moments)
+
+
+def unread_shapes(
+    client: BulletClient, body: int, description: Description, text: str
+) -> tuple[str, ...]:
+    """Find collision shapes that PyBullet passed over, such as a broken mesh.
+
+    Args:
+        client: PyBullet.
+        body: The loaded body.
+        description: The robot.
+        text: What ``prepared_urdf`` wrote of it.
+
+    Returns:
+        A clause for each link that has fewer shapes than were written.
+    """
+    written = {
+        link.get("name"): len(link.findall("collision"))
+        for link in ElementTree.fromstring(text).findall("link")
+    }
+    clauses = []
+    for index in range(-1, client.getNumJoints(body)):
+        root = index == -1
+        name = (
+            description.root if root else client.getJointInfo(body, index)[12].decode()
+        )
+        read = len(client.getCollisionShapeData(body, index))
+        if read < written[name]:
+            clauses.append(
+                f"{written[name] - read} of {written[name]} collision shapes of link "
+                f"{name} cannot be read"
+            )
+    return tuple(clauses)
+
+
+def check_size(description: Description) -> None:
+    """Refuse what PyBullet loads but cannot step: its own calls fail then.
+
+    Raises:
+        DescriptionError: If the robot has too many joints.
+    """
+    joints = len(description.joints)
+    if joints > MOST_JOINTS:
+        raise DescriptionError(
+            f"Robot '{description.name}' has {joints} movable joints; only kinematic "
+            f"physics has room for more than {MOST_JOINTS}."
+        )
 
 
 def check_mass(

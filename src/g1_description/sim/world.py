@@ -21,7 +21,8 @@ from .body import Body
 from .contacts import contacts
 from .frames import find_frame
 from .model import SCOPE, Model, Report
-from .urdf_import import check_mass, load, prepared_urdf
+from .urdf_import import check_mass, check_size, load, unread_shapes
+from .urdf_text import prepared_urdf
 
 PHYSICS = ("kinematic", "hold", "limp")
 GROUND = "ground_plane"
@@ -109,7 +110,9 @@ class World:
         if name in self.models:
             raise DescriptionError(f"A model called '{name}' is already there.")
         lumped = lump_fixed_joints(parse_urdf(urdf))
-        text, missing = prepared_urdf(lumped.description, self._package_folder)
+        if self.physics != "kinematic":
+            check_size(lumped.description)
+        text, left_out = prepared_urdf(lumped.description, self._package_folder)
         fixed = lumped.fixed_to_world or (fixed_base and self.physics != "kinematic")
 
         def load_robot(model: Model) -> int:
@@ -121,15 +124,23 @@ class World:
         self._add(
             Model(name, lumped, pose), load_robot if lumped.description.links else None
         )
-        left_out = [f"mesh {file} does not exist" for file in missing]
-        left_out += [f"link {link} has no mass" for link in lumped.vanished]
-        return tuple(left_out)
+        if name in self._bodies:
+            number = self._bodies[name].number
+            left_out += unread_shapes(self._client, number, lumped.description, text)
+        return left_out + tuple(f"link {link} has no mass" for link in lumped.vanished)
 
     def _add(self, model: Model, loader: Callable[[Model], int] | None) -> None:
-        """Take a model into the world and give it a body."""
-        if loader is not None:
-            self._loads[model.name] = loader
-            self._embody(model)
+        """Take a model into the world and give it a body, or leave all as it was."""
+        bodies = self._client.getNumBodies()
+        try:
+            if loader is not None:
+                self._loads[model.name] = loader
+                self._embody(model)
+        except BaseException:
+            del self._loads[model.name]
+            for index in range(bodies, self._client.getNumBodies()):
+                self._client.removeBody(self._client.getBodyUniqueId(index))
+            raise
         self.models[model.name] = model
 
     def _embody(self, model: Model) -> None:
@@ -190,23 +201,16 @@ class World:
             of their origins along the world's axes, shape (n_links, 6).
         """
         models = self.models.values()
-        if not models:
-            return np.zeros((0, 7)), np.zeros((0, 6))
-        return (
-            np.concatenate([model.poses for model in models]),
-            np.concatenate([model.twists for model in models]),
-        )
-
-    def frame(self, name: str) -> tuple[np.ndarray, np.ndarray]:
-        """Find a reference frame among the models, as ``frames.find_frame`` does."""
-        return find_frame(self.models, name)
+        poses = [np.zeros((0, 7)), *(model.poses for model in models)]
+        twists = [np.zeros((0, 6)), *(model.twists for model in models)]
+        return np.concatenate(poses), np.concatenate(twists)
 
     def model_state(self, name: str, frame: str) -> tuple[np.ndarray, np.ndarray]:
         """Tell where a model is and how it moves, seen from a frame.
 
         Args:
             name: The model.
-            frame: The reference frame, as for ``frame``.
+            frame: The reference frame, as for ``find_frame``.
 
         Returns:
             Pose in the frame, shape (7,), and the difference of the two twists
@@ -216,7 +220,7 @@ class World:
             UnknownNameError: If there is no such model or frame.
         """
         model = self.model(name)
-        T_world_frame, frame_twist = self.frame(frame)
+        T_world_frame, frame_twist = find_frame(self.models, frame)
         difference = (model.twist - frame_twist).reshape(2, 3)
         twist = rotate(conjugate(T_world_frame[3:]), difference).reshape(6)
         return compose(inverse(T_world_frame), model.pose), twist
@@ -254,13 +258,13 @@ class World:
             twist: Velocity for the centers of mass and angular velocity, along
                 the frame's axes, shape (6,). In ``kinematic`` nothing moves by
                 itself, so it is ignored.
-            frame: The reference frame, as for ``frame``.
+            frame: The reference frame, as for ``find_frame``.
 
         Raises:
             UnknownNameError: If there is no such model or frame.
         """
         model = self.model(name)
-        T_world_frame, _ = self.frame(frame)
+        T_world_frame, _ = find_frame(self.models, frame)
         turned = rotate(T_world_frame[3:], twist.reshape(2, 3)).reshape(6)
         still = self.physics == "kinematic" or name == GROUND
         model.set_state(compose(T_world_frame, pose), turned * (not still))

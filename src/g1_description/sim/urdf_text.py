@@ -1,0 +1,151 @@
+"""A robot written as URDF that PyBullet reads as it is meant."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+
+from ..core.description import Description, Joint, Link, Shape
+from ..core.errors import DescriptionError
+from ..core.resources import local_path
+from ..core.rotation import axes_to_rpy, to_axes
+
+LONGEST_NAME = 1000
+"""PyBullet cuts names at 1023 bytes."""
+
+MESHES = (".dae", ".obj", ".stl")
+"""What PyBullet reads; one file of another kind fails the whole load."""
+
+
+def prepared_urdf(
+    description: Description, package_folder: Callable[[str], str | None]
+) -> tuple[str, tuple[str, ...]]:
+    """Write a robot so that PyBullet loads what the robot's file means.
+
+    Args:
+        description: Robot with movable joints only; every link has mass.
+        package_folder: Gives a package's folder, None if there is no such package.
+
+    Returns:
+        URDF text, and a clause for each mesh that was left out.
+
+    Raises:
+        DescriptionError: If PyBullet would cut a name short.
+    """
+    robot = ElementTree.Element("robot", name=description.name)
+    left_out: list[str] = []
+    names = (*description.link_names, *(joint.name for joint in description.joints))
+    too_long = [name for name in names if len(name.encode()) > LONGEST_NAME]
+    if too_long:
+        raise DescriptionError(
+            f"The name {too_long[0][:40]}... is longer than {LONGEST_NAME} bytes."
+        )
+    for link in description.links:
+        element = ElementTree.SubElement(robot, "link", name=link.name)
+        _write_inertial(element, link)
+        for shape in link.collisions:
+            path = None
+            if shape.kind == "mesh":
+                path = local_path(shape.filename, package_folder)
+                if path is None or path.suffix.lower() not in MESHES:
+                    left_out.append(_why_not(shape.filename, path))
+                    continue
+            _write_collision(element, shape, path)
+    for joint in description.joints:
+        _write_joint(robot, joint)
+    text = ElementTree.tostring(robot, encoding="unicode")
+    # PyBullet reads lines of 1024 characters and breaks longer ones anywhere.
+    return text.replace("><", ">\n<"), tuple(dict.fromkeys(left_out))
+
+
+def _why_not(filename: str, path: Path | None) -> str:
+    """Say why a mesh is left out."""
+    if path is None:
+        return f"mesh {filename} does not exist"
+    return f"mesh {filename} is none of {', '.join(MESHES)}"
+
+
+def _numbers(values: np.ndarray | tuple[float, ...]) -> str:
+    """Write numbers without losing a bit."""
+    return " ".join(repr(float(value)) for value in values)
+
+
+def _write_origin(
+    element: ElementTree.Element, position: np.ndarray, axes: np.ndarray
+) -> None:
+    """Add an origin element for a position, shape (3,), and axes, shape (3, 3)."""
+    rpy = _numbers(axes_to_rpy(axes))
+    ElementTree.SubElement(element, "origin", xyz=_numbers(position), rpy=rpy)
+
+
+def _write_inertial(element: ElementTree.Element, link: Link) -> None:
+    """Add a link's inertial."""
+    if link.inertial is None:
+        raise DescriptionError(f"Link {link.name} has no mass.")
+    moments, axes = principal_axes(link.inertial.inertia)
+    inertial = ElementTree.SubElement(element, "inertial")
+    _write_origin(inertial, link.inertial.center_of_mass, axes)
+    ElementTree.SubElement(inertial, "mass", value=repr(link.inertial.mass))
+    zero = dict.fromkeys(("ixy", "ixz", "iyz"), "0")
+    diagonal = dict(zip(("ixx", "iyy", "izz"), _numbers(moments).split()))
+    ElementTree.SubElement(inertial, "inertia", {**diagonal, **zero})
+
+
+def principal_axes(inertia: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Find the axes about which a body turns freely.
+
+    Args:
+        inertia: Tensor in [kg m^2], shape (3, 3).
+
+    Returns:
+        Principal moments in [kg m^2], shape (3,), and the principal axes as the
+        columns of a rotation matrix, shape (3, 3).
+    """
+    moments, axes = np.linalg.eigh(inertia)
+    axes[:, 2] = np.cross(axes[:, 0], axes[:, 1])
+    return moments, axes
+
+
+def _write_collision(
+    element: ElementTree.Element, shape: Shape, path: Path | None
+) -> None:
+    """Add a collision shape; meshes become convex hulls in PyBullet."""
+    collision = ElementTree.SubElement(element, "collision")
+    _write_origin(collision, shape.pose[:3], to_axes(shape.pose[3:]))
+    geometry = ElementTree.SubElement(collision, "geometry")
+    if shape.kind == "box":
+        ElementTree.SubElement(geometry, "box", size=_numbers(shape.size))
+    elif shape.kind == "sphere":
+        ElementTree.SubElement(geometry, "sphere", radius=repr(float(shape.size[0])))
+    elif shape.kind == "cylinder":
+        radius, length = (repr(float(size)) for size in shape.size)
+        ElementTree.SubElement(geometry, "cylinder", radius=radius, length=length)
+    else:
+        scale = _numbers(shape.size)
+        ElementTree.SubElement(geometry, "mesh", filename=str(path), scale=scale)
+
+
+def _write_joint(robot: ElementTree.Element, joint: Joint) -> None:
+    """Add a movable joint; mimic is left out, as Gazebo leaves it out."""
+    element = ElementTree.SubElement(robot, "joint", name=joint.name, type=joint.kind)
+    ElementTree.SubElement(element, "parent", link=joint.parent)
+    ElementTree.SubElement(element, "child", link=joint.child)
+    _write_origin(element, joint.pose[:3], to_axes(joint.pose[3:]))
+    ElementTree.SubElement(element, "axis", xyz=_numbers(joint.axis))
+    limit = {
+        "lower": joint.lower,
+        "upper": joint.upper,
+        "effort": joint.effort,
+        "velocity": joint.velocity,
+    }
+    finite = {
+        name: repr(value) for name, value in limit.items() if math.isfinite(value)
+    }
+    ElementTree.SubElement(element, "limit", finite)
+    ElementTree.SubElement(
+        element, "dynamics", damping=repr(joint.damping), friction=repr(joint.friction)
+    )
