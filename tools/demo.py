@@ -255,7 +255,7 @@ def main():
     )
     with Demo(arguments) as demo:
         patience = 60.0
-        if arguments.get("paused") in ("true", "1"):
+        if arguments.get("paused", "").lower() in ("true", "1"):
             say("paused; end that with: rosservice call /gazebo/unpause_physics")
             patience = 86400.0
         say("waiting for /joint_states")
