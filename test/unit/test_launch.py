@@ -26,10 +26,9 @@ EMPTY_WORLD = """<launch>
 </launch>"""
 
 
-def roslaunch(*arguments, **environment):
+def roslaunch(option, *arguments, **environment):
     return subprocess.run(
-        ["roslaunch", *arguments[:1], "g1_description", "display.launch"]
-        + list(arguments[1:]),
+        ["roslaunch", option, "g1_description", "display.launch", *arguments],
         capture_output=True,
         text=True,
         check=False,
