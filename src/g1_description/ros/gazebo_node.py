@@ -136,8 +136,8 @@ class GazeboNode:
                 due = max(due + period, now - PATIENCE)
         self._refuse()
 
-    def _answer_one(self, wait: float) -> bool:
-        """Wait for a call and answer it; tell whether one came.
+    def _answer_one(self, wait: float) -> None:
+        """Wait for a call and answer it, if one comes.
 
         Args:
             wait: Longest wait in [s].
@@ -145,12 +145,11 @@ class GazeboNode:
         try:
             call, answer, request = self._calls.get(wait > 0.0, wait)
         except queue.Empty:
-            return False
+            return
         try:
             call.set_result(answer(request))
         except BaseException as error:  # the caller's thread raises it again
             call.set_exception(error)
-        return True
 
     def _step(self) -> None:
         """Let a time step pass and tell the world of it."""
