@@ -162,7 +162,8 @@ def free_port():
 def read_junit(file):
     """Count the cases of a result file in JUnit's format."""
     outcome = Outcome()
-    for case in ElementTree.parse(file).iter("testcase"):
+    tree = ElementTree.parse(file)
+    for case in tree.iter("testcase"):
         name = f"{case.get('classname')}.{case.get('name')}"
         faults = [*case.iter("failure"), *case.iter("error")]
         skip = case.find("skipped")
@@ -173,6 +174,13 @@ def read_junit(file):
             outcome.skipped.append(f"{name}: {skip.get('message')}")
         else:
             outcome.passed += 1
+    # What goes wrong around the cases, as in setUpClass, is counted alone.
+    suite = tree.getroot()
+    told = sum(int(suite.get(kind, 0)) for kind in ("errors", "failures"))
+    if told > len(outcome.failed):
+        outcome.failed.append(
+            f"{file.stem}: {told} errors or failures outside of a case"
+        )
     return outcome
 
 
