@@ -162,8 +162,7 @@ def free_port():
 def read_junit(file):
     """Count the cases of a result file in JUnit's format."""
     outcome = Outcome()
-    tree = ElementTree.parse(file)
-    for case in tree.iter("testcase"):
+    for case in ElementTree.parse(file).iter("testcase"):
         name = f"{case.get('classname')}.{case.get('name')}"
         faults = [*case.iter("failure"), *case.iter("error")]
         skip = case.find("skipped")
@@ -174,13 +173,6 @@ def read_junit(file):
             outcome.skipped.append(f"{name}: {skip.get('message')}")
         else:
             outcome.passed += 1
-    # What goes wrong around the cases, as in setUpClass, is counted alone.
-    suite = tree.getroot()
-    told = sum(int(suite.get(kind, 0)) for kind in ("errors", "failures"))
-    if told > len(outcome.failed):
-        outcome.failed.append(
-            f"{file.stem}: {told} errors or failures outside of a case"
-        )
     return outcome
 
 
@@ -204,11 +196,12 @@ def run_rostest(runner, file):
     home = runner.folder / "rostest"
     shutil.rmtree(home, ignore_errors=True)
     home.mkdir()
-    skips = home / "skipped"
+    skips, errors = home / "skipped", home / "errors"
     path = os.pathsep.join([f"{ROOT}/tools/rosunit", runner.built["PYTHONPATH"]])
     environment = {
         **runner.built,
         "G1_DESCRIPTION_SKIPPED": str(skips),
+        "G1_DESCRIPTION_ERRORS": str(errors),
         "PYTHONPATH": path,
         "ROS_HOME": str(home),
         "ROS_LOG_DIR": str(home / "log"),
@@ -224,6 +217,9 @@ def run_rostest(runner, file):
     if skips.exists():
         outcome.skipped += skips.read_text().splitlines()
         outcome.passed -= len(outcome.skipped)
+    # It does not say what went wrong around the tests, as in setUpClass.
+    if errors.exists():
+        outcome.failed.append(errors.read_text())
     # Its own file tells of tests that gave no results at all.
     for result in (home / "test_results").glob("*/rostest-*.xml"):
         outcome.failed += read_junit(result).failed
