@@ -10,7 +10,7 @@ from g1_description.core.lumping import lump_fixed_joints
 A_B = '<link name="a"/><link name="b"/>'
 
 
-def joint(kind="revolute", parent="a", child="b", inside=""):
+def joint(kind="continuous", parent="a", child="b", inside=""):
     return (
         f'<joint name="ab" type="{kind}"><parent link="{parent}"/>'
         f'<child link="{child}"/>{inside}</joint>'
@@ -33,6 +33,7 @@ def robot(inside):
         (robot(A_B + joint(child="c")), "child c, which is no link"),
         (robot(A_B + joint() + joint()), "joint ab twice"),
         (robot(A_B + joint("wheel")), "Invalid joint type: wheel"),
+        (robot(A_B + joint("revolute")), "Joint ab is revolute and has no limit"),
         (robot(A_B + joint(inside='<axis xyz="0 0 0"/>')), "no direction"),
         (robot(A_B + joint(inside='<axis xyz="0 0"/>')), "not URDF"),
         (

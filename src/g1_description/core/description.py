@@ -236,6 +236,8 @@ def _joint(joint: urdf.Joint) -> Joint:
             f"Joint {joint.name} has no direction: axis {joint.axis}."
         )
     limit, dynamics = joint.limit, joint.dynamics
+    if limit is None and joint.type in ("revolute", "prismatic"):
+        raise DescriptionError(f"Joint {joint.name} is {joint.type} and has no limit.")
     if limit is not None:
         bounds = [limit.effort, limit.velocity]
         _checked(f"the limit of joint {joint.name}", bounds, least=0.0)
