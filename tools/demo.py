@@ -42,6 +42,7 @@ class Demo:
             arguments: Arguments of the launch file, value by name.
         """
         self.stopping = False
+        self.meter = None
         self.mark = new_mark()
         handle, self.log_name = tempfile.mkstemp(prefix="g1_demo_", suffix=".log")
         self.log = os.fdopen(handle, "w")
@@ -99,7 +100,7 @@ class Demo:
         """
         while self.runs() and not master_runs():
             time.sleep(0.05)
-        meter = self.start(
+        self.meter = meter = self.start(
             sys.executable, f"{ROOT}/tools/joint_states.py", f"--patience={patience}"
         )
         while self.runs() and meter.poll() is None:
@@ -115,6 +116,8 @@ class Demo:
     def __exit__(self, *_):
         """End every process, gently first."""
         self.stopping = True
+        if self.meter is not None and self.meter.poll() is None:
+            self.meter.kill()  # it may have a minute's patience
         if self.roslaunch.poll() is None:
             self.roslaunch.send_signal(signal.SIGINT)
             wait_for_end(self.mark, 30.0)
