@@ -50,7 +50,7 @@ def test_twists_are_the_slopes_of_poses(chain, root_pose, random):
     slopes = np.hstack(
         [(after[:, :3] - before[:, :3]) / (2 * dt), turn.as_rotvec() / (2 * dt)]
     )
-    twists = kinematics.link_twists(placed(0.0), root_twist, velocity)
+    twists = kinematics.link_twists(root_pose, placed(0.0), root_twist, velocity)
     np.testing.assert_allclose(twists, slopes, atol=1e-6)
 
 

@@ -9,7 +9,7 @@ SOURCE = Path(__file__).parents[2] / "src" / "g1_description"
 STANDARD = {"__future__", "argparse", "collections", "dataclasses", "logging", "math"}
 STANDARD |= {"os", "pathlib", "re", "sys", "tempfile", "typing", "urllib", "xml"}
 ALLOWED = {
-    "core": STANDARD | {"numpy", "urdf_parser_py", ".core"},
+    "core": STANDARD | {"lxml", "numpy", "urdf_parser_py", ".core"},
     "sim": STANDARD | {"numpy", "pybullet", "pybullet_utils", ".core", ".sim"},
 }
 FORBIDDEN = {"ros": {"pybullet", "pybullet_utils", "scipy", "urdf_parser_py"}}

@@ -99,9 +99,10 @@ def test_what_hangs_on_the_world_is_fixed_to_it():
         link("mount"),
         joint("anchor", "fixed", "world", "mount", '<origin xyz="0 0 2"/>'),
     )
-    assert lumped.fixed_to_world
-    assert lumped.description.link_names == ("mount",)
-    np.testing.assert_array_equal(lumped.root_pose, [0, 0, 2, 0, 0, 0, 1])
+    assert lumped.description.root == "world"
+    assert lumped.link_names == ("mount",)
+    (anchor,) = lumped.description.joints
+    np.testing.assert_array_equal(anchor.pose, [0, 0, 2, 0, 0, 0, 1])
 
 
 def test_a_link_without_mass_vanishes_with_all_below_it():
@@ -114,7 +115,7 @@ def test_a_link_without_mass_vanishes_with_all_below_it():
     )
     assert lumped.description.link_names == ("base",)
     assert lumped.description.joints == ()
-    assert lumped.vanished == ("ghost", "hand")
+    assert lumped.left_out == ("link ghost has no mass", "link hand has no mass")
 
 
 def test_a_robot_without_any_mass_has_no_bodies():

@@ -11,12 +11,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from lxml import etree
 from urdf_parser_py import urdf
 from urdf_parser_py.xml_reflection import core as xml_reflection
 
 from .errors import LARGEST, DescriptionError
 from .rotation import from_rpy, to_axes
 from .tree import one_root
+from .xml import parse_xml
 
 MOVABLE = ("revolute", "continuous", "prismatic")
 
@@ -30,16 +32,26 @@ class Shape:
     """A visual or collision shape."""
 
     kind: str
-    """One of box, cylinder, sphere, mesh."""
+    """One of box, cylinder, sphere, mesh, plane."""
 
     size: tuple[float, ...]
-    """Box: x, y, z; cylinder: radius, length; sphere: radius; mesh: scale; in [m]."""
+    """Box: x, y, z; cylinder: radius, length; sphere: radius; mesh: scale; in [m];
+    plane: its normal."""
 
     pose: np.ndarray
     """Shape in the link frame, shape (7,)."""
 
     filename: str = ""
-    """Where the mesh lies: as written in the URDF."""
+    """Where the mesh lies: as written in the file."""
+
+    name: str = ""
+    """Name of the visual or collision; empty where the file gives none."""
+
+    friction: float | None = None
+    """Coefficient of friction; None where the file gives none."""
+
+    restitution: float | None = None
+    """Coefficient of restitution; None where the file gives none."""
 
 
 @dataclass(frozen=True)
@@ -66,6 +78,8 @@ class Link:
 
     visuals: tuple[Shape, ...] = ()
     collisions: tuple[Shape, ...] = ()
+    has_gravity: bool = True
+    """Whether gravity pulls it."""
 
 
 @dataclass(frozen=True)
@@ -84,6 +98,9 @@ class Joint:
     axis: np.ndarray = field(default_factory=lambda: np.array([1.0, 0.0, 0.0]))
     """Unit axis in the child frame, shape (3,)."""
 
+    anchor: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    """A point of the axis in the child frame, in [m], shape (3,); zero in URDF."""
+
     lower: float = -np.inf
     upper: float = np.inf
     """Limits of the position in [rad] or [m]; infinite for continuous joints."""
@@ -94,6 +111,9 @@ class Joint:
 
     damping: float = 0.0
     friction: float = 0.0
+
+    listed: bool = True
+    """False where no file names it: it only holds links of a static model together."""
 
 
 @dataclass(frozen=True)
@@ -137,11 +157,9 @@ def parse_urdf(text: str) -> Description:
     Raises:
         DescriptionError: If the text is not XML, not URDF, or not one tree.
     """
+    checked = etree.tostring(parse_xml("robot description", text), encoding="utf-8")
     try:
-        # As bytes: an XML declaration with an encoding is not allowed in str.
-        robot = urdf.URDF.from_xml_string(text.encode("utf-8"))
-    except SyntaxError as error:  # what every XML reader's ParseError is
-        raise DescriptionError(f"The robot description is not XML: {error}.") from error
+        robot = urdf.URDF.from_xml_string(checked)
     except (xml_reflection.ParseError, AssertionError, ValueError) as error:
         sentence = " ".join(str(error).split())
         raise DescriptionError(f"The robot description is not URDF: {sentence}.") from (
@@ -156,13 +174,11 @@ def _pose(owner: str, origin: urdf.Pose | None) -> np.ndarray:
     """Read an origin element; a missing one, or a missing half, is the identity."""
     xyz = (origin.xyz if origin is not None else None) or [0.0, 0.0, 0.0]
     rpy = (origin.rpy if origin is not None else None) or [0.0, 0.0, 0.0]
-    numbers = _checked(f"an origin of {owner}", [*xyz, *rpy])
+    numbers = checked(f"an origin of {owner}", [*xyz, *rpy])
     return np.concatenate([numbers[:3], from_rpy(numbers[3:])])
 
 
-def _checked(
-    what: str, numbers: Sequence[float], least: float = -LARGEST
-) -> np.ndarray:
+def checked(what: str, numbers: Sequence[float], least: float = -LARGEST) -> np.ndarray:
     """Check that numbers are some that a robot can have.
 
     Raises:
@@ -202,8 +218,8 @@ def _inertial(link: urdf.Link) -> Inertial | None:
             [values.ixz, values.iyz, values.izz],
         ]
     )
-    _checked(f"the inertia of link {link.name}", tensor.ravel().tolist())
-    _checked(f"the mass of link {link.name}", [element.mass], least=0.0)
+    checked(f"the inertia of link {link.name}", tensor.ravel().tolist())
+    checked(f"the mass of link {link.name}", [element.mass], least=0.0)
     pose = _pose(f"link {link.name}", element.origin)
     axes = to_axes(pose[3:])
     return Inertial(float(element.mass), pose[:3], axes @ tensor @ axes.T)
@@ -212,10 +228,11 @@ def _inertial(link: urdf.Link) -> Inertial | None:
 def _shape(link: str, element: urdf.Visual | urdf.Collision) -> Shape:
     """Read a visual or collision element."""
     geometry = element.geometry
+    name = getattr(element, "name", None) or ""
     pose = _pose(f"link {link}", element.origin)
     if isinstance(geometry, urdf.Mesh):
-        scale = _checked(f"a mesh of link {link}", geometry.scale or [1.0, 1.0, 1.0])
-        return Shape("mesh", tuple(scale), pose, geometry.filename)
+        scale = checked(f"a mesh of link {link}", geometry.scale or [1.0, 1.0, 1.0])
+        return Shape("mesh", tuple(scale), pose, geometry.filename, name)
     if isinstance(geometry, urdf.Box):
         kind, size = "box", geometry.size
     elif isinstance(geometry, urdf.Cylinder):
@@ -224,7 +241,8 @@ def _shape(link: str, element: urdf.Visual | urdf.Collision) -> Shape:
         kind, size = "sphere", [geometry.radius]
     else:
         raise DescriptionError(f"Link {link} has a shape without a known geometry.")
-    return Shape(kind, tuple(_checked(f"a {kind} of link {link}", size, 0.0)), pose)
+    sizes = tuple(checked(f"a {kind} of link {link}", size, 0.0))
+    return Shape(kind, sizes, pose, name=name)
 
 
 def _joint(joint: urdf.Joint) -> Joint:
@@ -240,7 +258,7 @@ def _joint(joint: urdf.Joint) -> Joint:
         raise DescriptionError(f"Joint {joint.name} is {joint.type} and has no limit.")
     if limit is not None:
         bounds = [limit.effort, limit.velocity]
-        _checked(f"the limit of joint {joint.name}", bounds, least=0.0)
+        checked(f"the limit of joint {joint.name}", bounds, least=0.0)
     bounded = limit is not None and joint.type in ("revolute", "prismatic")
     lower = float(limit.lower or 0.0) if bounded else -np.inf
     upper = float(limit.upper or 0.0) if bounded else np.inf

@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from .assembly import WORLD
 from .description import Description
 from .rotation import from_axis_angle, rotate
-from .transform import compose
+from .transform import IDENTITY, compose
+from .tree import below
 
 
 class Kinematics:
@@ -25,27 +27,36 @@ class Kinematics:
         """Prepare the arrays.
 
         Args:
-            description: Robot with movable joints only, such as lumping leaves.
+            description: Bodies and joints, such as lumping leaves. A root called
+                ``WORLD`` is no link: nothing is computed for it.
         """
-        names = list(description.link_names)
-        joints = description.joints
-        self._n_links = len(names)
-        self._child = np.array([names.index(j.child) for j in joints], dtype=int)
-        self._zero = np.array([j.pose for j in joints]).reshape(-1, 7)
-        self._axis = np.array([j.axis for j in joints]).reshape(-1, 3)
-        self._turns = np.array([j.kind != "prismatic" for j in joints], dtype=bool)
-        self._root = root = names.index(description.root)
-        parent = np.full(self._n_links, root)
-        parent[self._child] = [names.index(j.parent) for j in joints]
+        links, joints = description.link_names, description.joints
+        if description.root == WORLD:
+            links = (*(link for link in links if link != WORLD), WORLD)
+        node = {link: row for row, link in enumerate(links)}
+        self._n_links = len(links) - (description.root == WORLD)
+        root = node[description.root]
+        parent = np.full(len(links), root)
+        self._rest = np.tile(IDENTITY, (len(links), 1))
+        for joint in joints:
+            parent[node[joint.child]] = node[joint.parent]
+            self._rest[node[joint.child]] = joint.pose
+        movable = description.movable_joints
+        self._child = np.array([node[j.child] for j in movable], dtype=int)
+        self._zero = self._rest[self._child]
+        self._axis = np.array([j.axis for j in movable]).reshape(-1, 3)
+        self._anchor = np.array([j.anchor for j in movable]).reshape(-1, 3)
+        self._turns = np.array([j.kind != "prismatic" for j in movable], dtype=bool)
         self._rounds = self._doubling(parent, root)
-        self._above = self._joints_above(parent, root)
+        self._above = _joints_above(description, node)[: self._n_links]
 
     def link_poses(self, T_world_root: np.ndarray, position: np.ndarray) -> np.ndarray:
         """Place all links.
 
         Args:
             T_world_root: Pose of the root link in the world, shape (7,).
-            position: Joint positions in [rad] or [m], shape (n_joints,).
+            position: Positions of the movable joints in [rad] or [m], shape
+                (n_joints,).
 
         Returns:
             Poses of the link frames in the world, shape (n_links, 7).
@@ -53,15 +64,20 @@ class Kinematics:
         motion = np.zeros((len(position), 7))
         motion[:, 3:] = from_axis_angle(self._axis, np.where(self._turns, position, 0))
         motion[:, :3] = np.where(self._turns, 0.0, position)[:, np.newaxis] * self._axis
-        poses = np.zeros((self._n_links, 7))
-        poses[:, 6] = 1.0
+        if self._anchor.any():
+            motion[:, :3] += self._anchor - rotate(motion[:, 3:], self._anchor)
+        poses = self._rest.copy()
         poses[self._child] = compose(self._zero, motion)
         for link, ancestor in self._rounds:
             poses[link] = compose(poses[ancestor], poses[link])
-        return compose(T_world_root, poses)
+        return compose(T_world_root, poses[: self._n_links])
 
     def link_twists(
-        self, poses: np.ndarray, root_twist: np.ndarray, velocity: np.ndarray
+        self,
+        T_world_root: np.ndarray,
+        poses: np.ndarray,
+        root_twist: np.ndarray,
+        velocity: np.ndarray,
     ) -> np.ndarray:
         """Find how all links move.
 
@@ -69,23 +85,28 @@ class Kinematics:
         world's origin, to all links below it; moved to each link's own origin.
 
         Args:
+            T_world_root: Pose of the root link in the world, shape (7,).
             poses: Poses of the link frames in the world, shape (n_links, 7).
             root_twist: Linear velocity of the root frame's origin and angular
                 velocity of the root link, along the world's axes, in [m/s] and
                 [rad/s], shape (6,).
-            velocity: Joint velocities in [rad/s] or [m/s], shape (n_joints,).
+            velocity: Velocities of the movable joints in [rad/s] or [m/s], shape
+                (n_joints,).
 
         Returns:
             Twists of the link frames' origins, linear then angular, along the
             world's axes, shape (n_links, 6).
         """
         child = poses[self._child]
+        origin = child[:, :3]
+        if self._anchor.any():
+            origin = origin + rotate(child[:, 3:], self._anchor)
         speed = rotate(child[:, 3:], self._axis) * velocity[:, np.newaxis]
         turning = np.where(self._turns[:, np.newaxis], speed, 0.0)
         sliding = np.where(self._turns[:, np.newaxis], 0.0, speed)
-        at_origin = np.hstack([_cross(child[:, :3], turning) + sliding, turning])
+        at_origin = np.hstack([_cross(origin, turning) + sliding, turning])
         twists = self._above @ at_origin + root_twist
-        root_at_origin = _cross(poses[self._root, :3], root_twist[3:])
+        root_at_origin = _cross(T_world_root[:3], root_twist[3:])
         twists[:, :3] += root_at_origin - _cross(poses[:, :3], twists[:, 3:])
         return twists
 
@@ -111,16 +132,16 @@ class Kinematics:
             ancestor = ancestor[ancestor]
         return rounds
 
-    def _joints_above(self, parent: np.ndarray, root: int) -> np.ndarray:
-        """Mark the joints between each link and the root, shape (n_links, n_joints)."""
-        above = np.zeros((self._n_links, len(self._child)))
-        joint_of = {link: joint for joint, link in enumerate(self._child)}
-        for link in range(self._n_links):
-            step = link
-            while step != root:
-                above[link, joint_of[step]] = 1.0
-                step = parent[step]
-        return above
+
+def _joints_above(description: Description, node: dict[str, int]) -> np.ndarray:
+    """Mark the movable joints between each link and the root, a row per node."""
+    movable = {joint.name: n for n, joint in enumerate(description.movable_joints)}
+    above = np.zeros((len(node), len(movable)))
+    for joint in below(description.root, description.joints):
+        above[node[joint.child]] = above[node[joint.parent]]
+        if joint.name in movable:
+            above[node[joint.child], movable[joint.name]] = 1.0
+    return above
 
 
 def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -3,55 +3,26 @@
 A link on a fixed joint becomes part of the link above it: masses add up by the
 parallel-axis theorem, shapes move along, joints below hang on the link above.
 The names of lumped frames and where they are stay known. A link called "world"
-at the root is the world itself, and what is fixed to it does not move. A link
+at the root is the world itself; joints to it are kept, fixed ones too. A link
 without mass on a movable joint vanishes with all that hangs below it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from .description import (
-    MOVABLE,
-    Description,
-    Inertial,
-    Joint,
-    Link,
-    Shape,
-)
+from .assembly import WORLD, Assembly
+from .description import MOVABLE, Description, Inertial, Joint, Link, Shape
 from .errors import DescriptionError
 from .rotation import to_axes
 from .transform import IDENTITY, compose
-from .tree import below
-
-WORLD = "world"
+from .tree import below, depth_first
 
 
-@dataclass(frozen=True)
-class Lumped:
-    """What is left of a description without its fixed joints."""
-
-    description: Description
-    """Only bodies with mass and the movable joints between them."""
-
-    frames: dict[str, tuple[str, np.ndarray]]
-    """Each link of the file that is still there or became part of another: the
-    link that holds it and its pose in that link, shape (7,)."""
-
-    fixed_to_world: bool
-    """Whether the root was held by a link called "world"."""
-
-    root_pose: np.ndarray
-    """Pose of the root link in the model frame, shape (7,)."""
-
-    vanished: tuple[str, ...]
-    """Links that are gone because they have no mass."""
-
-
-def lump_fixed_joints(description: Description) -> Lumped:
+def lump_fixed_joints(description: Description) -> Assembly:
     """Merge each link on a fixed joint into the link above it.
 
     Args:
@@ -61,8 +32,7 @@ def lump_fixed_joints(description: Description) -> Lumped:
         The robot as Gazebo would simulate it.
 
     Raises:
-        DescriptionError: If a joint is floating or planar, or more than one link
-            is fixed to "world".
+        DescriptionError: If a joint is floating or planar.
     """
     for joint in description.joints:
         if joint.kind not in (*MOVABLE, "fixed"):
@@ -70,54 +40,41 @@ def lump_fixed_joints(description: Description) -> Lumped:
                 f"Joint {joint.name} is {joint.kind}; "
                 f"can be simulated: {', '.join(MOVABLE)}, fixed."
             )
-    root, root_pose, fixed_to_world = _root_body(description)
-    frames = _frames(description, root)
+    root = description.root
+    frames = _frames(description)
     bodies = {
         name: _merge(name, parts) for name, parts in _parts(description, frames).items()
     }
     joints = tuple(
         _rehang(joint, frames)
-        for joint in description.movable_joints
-        if joint.child in frames
+        for joint in description.joints
+        if frames[joint.child][0] == joint.child
     )
     kept = _with_mass(root, bodies, joints)
-    links = tuple(bodies[name] for name in description.link_names if name in kept)
-    return Lumped(
+    return Assembly(
         description=Description(
             name=description.name,
             root=root,
-            links=links,
+            links=tuple(
+                bodies[name] for name in description.link_names if name in kept
+            ),
             joints=tuple(joint for joint in joints if joint.child in kept),
         ),
         frames={link: frame for link, frame in frames.items() if frame[0] in kept},
-        fixed_to_world=fixed_to_world,
-        root_pose=root_pose,
-        vanished=tuple(
-            name
+        left_out=tuple(
+            f"link {name} has no mass"
             for name in description.link_names
-            if name in frames and frames[name][0] not in kept
+            if frames[name][0] not in kept
         ),
     )
 
 
-def _root_body(description: Description) -> tuple[str, np.ndarray, bool]:
-    """Find the first body, its pose in the model frame, and whether it is held."""
-    if description.root != WORLD:
-        return description.root, IDENTITY, False
-    held = [joint for joint in description.joints if joint.parent == WORLD]
-    if [joint.kind for joint in held] != ["fixed"]:
-        raise DescriptionError(
-            f"Robot '{description.name}' needs exactly one fixed joint on its link "
-            f"'world', it has {[f'{joint.name} ({joint.kind})' for joint in held]}."
-        )
-    return held[0].child, held[0].pose, True
-
-
-def _frames(description: Description, root: str) -> dict[str, tuple[str, np.ndarray]]:
+def _frames(description: Description) -> dict[str, tuple[str, np.ndarray]]:
     """Find for each link the body that holds it and its pose in that body."""
+    root = description.root
     frames: dict[str, tuple[str, np.ndarray]] = {root: (root, IDENTITY)}
     for joint in below(root, description.joints):
-        if joint.kind == "fixed":
+        if joint.kind == "fixed" and not joint.parent == root == WORLD:
             body, pose = frames[joint.parent]
             frames[joint.child] = (body, compose(pose, joint.pose))
         else:
@@ -128,19 +85,18 @@ def _frames(description: Description, root: str) -> dict[str, tuple[str, np.ndar
 def _parts(
     description: Description, frames: dict[str, tuple[str, np.ndarray]]
 ) -> dict[str, list[tuple[Link, np.ndarray]]]:
-    """Group the links by the body that holds them, the body's own link first."""
+    """Group the links by the body that holds them, in Gazebo's order."""
+    links = {link.name: link for link in description.links}
     parts: dict[str, list[tuple[Link, np.ndarray]]] = {}
-    for link in sorted(
-        (link for link in description.links if link.name in frames),
-        key=lambda link: frames[link.name][0] != link.name,
-    ):
-        body, pose = frames[link.name]
-        parts.setdefault(body, []).append((link, pose))
+    for name in depth_first(description.root, description.joints):
+        body, pose = frames[name]
+        parts.setdefault(body, []).append((links[name], pose))
     return parts
 
 
 def _merge(name: str, parts: list[tuple[Link, np.ndarray]]) -> Link:
     """Make one link of several that do not move against each other."""
+    collisions = [(link.name, s, pose) for link, pose in parts for s in link.collisions]
     return Link(
         name=name,
         inertial=combine_inertials(
@@ -148,9 +104,24 @@ def _merge(name: str, parts: list[tuple[Link, np.ndarray]]) -> Link:
         ),
         visuals=tuple(_moved(s, pose) for link, pose in parts for s in link.visuals),
         collisions=tuple(
-            _moved(s, pose) for link, pose in parts for s in link.collisions
+            replace(_moved(shape, pose), name=_collision_name(name, link, shape, n))
+            for n, (link, shape, pose) in enumerate(collisions)
         ),
     )
+
+
+def _collision_name(body: str, link: str, shape: Shape, number: int) -> str:
+    """Name a collision as Gazebo does when it turns URDF into its own format.
+
+    Args:
+        body: The link that is left.
+        link: The link of the file that has the shape.
+        shape: The collision.
+        number: Which collision of the body it is, from 0.
+    """
+    lumped = f"{body}_fixed_joint_lump__" if number and link != body else ""
+    count = f"_{number}" if number else ""
+    return f"{lumped}{shape.name or link}_collision{count}"
 
 
 def combine_inertials(
@@ -201,9 +172,7 @@ def _with_mass(
     root: str, bodies: dict[str, Link], joints: tuple[Joint, ...]
 ) -> set[str]:
     """Find the bodies that have mass and hang on bodies that have mass."""
-    if bodies[root].inertial is None:
-        return set()
-    kept = {root}
+    kept = {root} if root == WORLD or bodies[root].inertial is not None else set()
     for joint in below(root, joints):
         if joint.parent in kept and bodies[joint.child].inertial is not None:
             kept.add(joint.child)

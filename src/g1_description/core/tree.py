@@ -61,6 +61,26 @@ def one_root(name: str, links: tuple[Link, ...], joints: tuple[Joint, ...]) -> s
     return roots[0]
 
 
+def depth_first(root: str, joints: Sequence[Joint]) -> Iterator[str]:
+    """Walk through a tree as urdfdom does: the joints of a link by their names.
+
+    Args:
+        root: Link to start from.
+        joints: All joints.
+
+    Yields:
+        The root and the links below it, each before what hangs on it.
+    """
+    hanging: dict[str, list[Joint]] = {}
+    for joint in sorted(joints, key=lambda joint: joint.name, reverse=True):
+        hanging.setdefault(joint.parent, []).append(joint)
+    stack = [root]
+    while stack:
+        link = stack.pop()
+        yield link
+        stack.extend(joint.child for joint in hanging.get(link, ()))
+
+
 def below(root: str, joints: Sequence[Joint]) -> Iterator[Joint]:
     """Walk down a tree, so that each joint comes after the one above it.
 

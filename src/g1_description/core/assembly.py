@@ -1,0 +1,43 @@
+"""What a simulator builds: bodies, the joints between them, and where they begin."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .description import Description
+from .transform import IDENTITY
+
+WORLD = "world"
+"""A root link of this name is the world itself: it is no body and does not move."""
+
+
+@dataclass(frozen=True)
+class Assembly:
+    """A model as Gazebo would simulate it, whether it came as URDF or as SDF."""
+
+    description: Description
+    """Bodies with mass and the joints between them, fixed ones only where they are
+    kept; its root may be ``WORLD``."""
+
+    root_pose: np.ndarray = field(default_factory=lambda: np.array(IDENTITY))
+    """Pose of the root link in the model frame, shape (7,)."""
+
+    static: bool = False
+    """Whether it never moves by itself, nor its joints."""
+
+    frames: dict[str, tuple[str, np.ndarray]] = field(default_factory=dict)
+    """Each link of the file that is there or became part of another: the body that
+    holds it and its pose in that body, shape (7,)."""
+
+    left_out: tuple[str, ...] = ()
+    """A clause for each thing in the file that is not simulated."""
+
+    @property
+    def link_names(self) -> tuple[str, ...]:
+        """Names of the bodies, in the order of the file."""
+        names = self.description.link_names
+        if self.description.root != WORLD:
+            return names
+        return tuple(name for name in names if name != WORLD)

@@ -1,0 +1,191 @@
+"""A model of an SDF document, as what a simulator builds.
+
+Models inside of it become part of it, under names like ``inner::link``. A joint to
+the world makes the world the root; a model that never moves needs no joints.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from lxml import etree
+
+from .assembly import WORLD, Assembly
+from .description import Description, Joint, Link
+from .errors import DescriptionError
+from .sdf_frames import MODEL, Frames, Scope
+from .sdf_joint import carried_by, fixed_joint, read_joint
+from .sdf_link import read_link
+from .sdf_text import flag, name_of, text_of
+from .sdf_unread import unread
+from .transform import IDENTITY
+from .tree import one_root
+
+
+@dataclass(frozen=True)
+class SdfModel:
+    """A model of an SDF document."""
+
+    name: str
+    """As in the file."""
+
+    pose: np.ndarray
+    """Of the model frame in the world, shape (7,)."""
+
+    assembly: Assembly
+    """What a simulator builds."""
+
+
+def read_model(element: etree._Element, pose: np.ndarray) -> SdfModel:
+    """Read a model element.
+
+    Args:
+        element: The model, with nothing left to include.
+        pose: Of the model frame in the world, shape (7,).
+
+    Raises:
+        DescriptionError: If something in it is wrong, or it is not one tree.
+    """
+    name = name_of(element)
+    static = flag(element, "static", False, f"model {name}")
+    scopes = _scopes(element, name)
+    frames = scopes[0][0].frames
+    links = tuple(
+        read_link(link, scope)
+        for scope, model in scopes
+        for link in model.findall("link")
+    )
+    _check_links(name, links, static)
+    joints = _joints(scopes, {link.name for link in links}, name, static)
+    if static:
+        joints = _held_together(links, joints, frames)
+    elif any(joint.parent == WORLD for joint in joints):
+        links = (Link(WORLD), *links)
+    root = _root(name, links, joints, static)
+    return SdfModel(
+        name=name,
+        pose=pose,
+        assembly=Assembly(
+            description=Description(name, root, links, joints),
+            root_pose=frames.pose(MODEL if root == WORLD else root),
+            static=static,
+            frames={link.name: (link.name, IDENTITY) for link in links},
+            left_out=(*unread(element), *_static_inside(scopes, static)),
+        ),
+    )
+
+
+def _scopes(model: etree._Element, name: str) -> list[tuple[Scope, etree._Element]]:
+    """List a model and the models inside of it, with their frames known."""
+    frames = Frames(f"model '{name}'", MODEL)
+    scopes = [(Scope("", frames), model)]
+    for scope, element in scopes:
+        for link in element.findall("link"):
+            scope.add(scope.full(name_of(link)), link, MODEL)
+        for frame in element.findall("frame"):
+            attached_to = frame.get("attached_to") or MODEL
+            scope.add(scope.full(name_of(frame)), frame, attached_to)
+        for inner in element.findall("model"):
+            prefix = f"{scope.full(name_of(inner))}::"
+            scope.add(f"{prefix}{MODEL}", inner, MODEL)
+            scopes.append((Scope(prefix, frames), inner))
+    return scopes
+
+
+def _check_links(model: str, links: tuple[Link, ...], static: bool) -> None:
+    """Check that there are links, and that they can be moved if they should be."""
+    if not links:
+        raise DescriptionError(f"Model '{model}' has no links.")
+    for link in links:
+        if link.name == WORLD:
+            raise DescriptionError(
+                f"Model '{model}' has a link called {WORLD}, which is the world's name."
+            )
+        if not static and link.inertial is not None and link.inertial.mass == 0.0:
+            raise DescriptionError(
+                f"Link {link.name} of model '{model}' has the mass 0 and cannot move."
+            )
+
+
+def _joints(
+    scopes: list[tuple[Scope, etree._Element]],
+    links: set[str],
+    model: str,
+    static: bool,
+) -> tuple[Joint, ...]:
+    """Read the joints of a model; fixed ones only where it is static."""
+    known = []
+    for scope, owner in scopes:
+        for element in owner.findall("joint"):
+            name = scope.full(name_of(element))
+            ends = carried_by(element, name, scope)
+            for role, link in zip(("parent", "child"), ends):
+                if link not in {*links, WORLD}:
+                    raise DescriptionError(
+                        f"Joint {name} of model '{model}' has the {role} {link}, "
+                        "which is no link of it."
+                    )
+            # Before version 1.7 a joint and a link may have the same name.
+            frame = f"{name}::__joint__" if name in scope.frames else name
+            scope.add(frame, element, text_of(element, "child"))
+            known.append((element, name, ends, frame, scope))
+    joints = []
+    for element, name, ends, frame, scope in known:
+        joint = fixed_joint(name, ends, scope.frames)
+        joints.append(joint if static else read_joint(element, joint, frame, scope))
+    return tuple(joints)
+
+
+def _held_together(
+    links: tuple[Link, ...], joints: tuple[Joint, ...], frames: Frames
+) -> tuple[Joint, ...]:
+    """Make one tree of the links of a model that never moves.
+
+    A link on a joint to the world becomes the root, else the first one that no
+    joint carries; all the others that no joint carries are fixed to it.
+    """
+    carried = {joint.child for joint in joints}
+    anchored = [joint.child for joint in joints if joint.parent == WORLD]
+    loose = [link.name for link in links if link.name not in carried]
+    root = [*anchored, *loose, links[0].name][0]
+    kept = [
+        fixed_joint(joint.name, (root, joint.child), frames)
+        if joint.parent == WORLD
+        else joint
+        for joint in joints
+        if (joint.parent, joint.child) != (WORLD, root)
+    ]
+    hung = [
+        fixed_joint(f"static::{link}", (root, link), frames, listed=False)
+        for link in loose
+        if link != root
+    ]
+    return (*kept, *hung)
+
+
+def _root(
+    model: str, links: tuple[Link, ...], joints: tuple[Joint, ...], static: bool
+) -> str:
+    """Find the link that carries all others."""
+    carried = {joint.child for joint in joints}
+    loose = [link.name for link in links if link.name not in carried]
+    if not static and len(loose) > 1:
+        raise DescriptionError(
+            f"Model '{model}' is not static, and {loose[0]} and {loose[1]} are not "
+            "joined to each other."
+        )
+    return one_root(model, links, joints)
+
+
+def _static_inside(
+    scopes: list[tuple[Scope, etree._Element]], static: bool
+) -> tuple[str, ...]:
+    """Name the models that would stand still inside of one that moves."""
+    inner = [] if static else scopes[1:]
+    names = [(element, scope.prefix[: -len("::")]) for scope, element in inner]
+    return tuple(
+        f"static of model {name}"
+        for element, name in names
+        if flag(element, "static", False, f"model {name}")
+    )

@@ -1,0 +1,969 @@
+"""SDF is read with the meaning Gazebo gives it, and refused with facts."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from lxml import etree
+from scipy.spatial.transform import Rotation
+
+from g1_description.core.errors import DescriptionError
+from g1_description.core.kinematics import Kinematics
+from g1_description.core.sdf import EMPTY_WORLD, read_sdf
+
+GOLDEN = Path(__file__).resolve().parents[3] / "shared" / "golden" / "models"
+GOLDEN_LAMP = (  # shared/golden/models/lamp.sdf, seen in Gazebo 11.1.0
+    '<sdf version="1.6"><light type="point" name="lamp"><pose>1 2 3 0 0 0</pose>'
+    "<diffuse>0.5 0.25 0.125 1</diffuse><specular>0.1 0.1 0.1 1</specular>"
+    "<attenuation><range>20</range><constant>0.5</constant><linear>0.25</linear>"
+    "<quadratic>0.125</quadratic></attenuation><direction>0 0 -1</direction>"
+    "</light></sdf>"
+)
+HALF_PI = "1.5707963267948966"
+NUMBER = st.floats(-3.0, 3.0).map(lambda value: round(value, 6))
+POSE = st.lists(NUMBER, min_size=6, max_size=6)
+AXIS = st.lists(NUMBER, min_size=3, max_size=3).filter(
+    lambda axis: np.linalg.norm(axis) > 0.1
+)
+
+
+def sdf(inside, version="1.7"):
+    return f'<sdf version="{version}">{inside}</sdf>'
+
+
+def world(inside):
+    return sdf(f'<world name="w">{inside}</world>')
+
+
+def model(inside, name="m", static=False):
+    still = "<static>true</static>" if static else ""
+    return f'<model name="{name}">{still}{inside}</model>'
+
+
+def link(name="a", inside=""):
+    return f'<link name="{name}">{inside}</link>'
+
+
+def joint(kind="revolute", parent="a", child="b", inside="", name="ab"):
+    return (
+        f'<joint name="{name}" type="{kind}"><parent>{parent}</parent>'
+        f"<child>{child}</child>{inside}</joint>"
+    )
+
+
+def collision(geometry, inside="", tag="collision"):
+    return f'<{tag} name="c"><geometry>{geometry}</geometry>{inside}</{tag}>'
+
+
+A_B = link("a") + link("b")
+
+
+def read_model(inside, version="1.7", **options):
+    (found,) = read_sdf(sdf(model(inside, **options), version)).models
+    return found
+
+
+def read_joint(inside="", kind="revolute", links=A_B, version="1.7"):
+    assembly = read_model(links + joint(kind, inside=inside), version).assembly
+    (found,) = assembly.description.joints
+    return found
+
+
+def read_shape(geometry, inside="", tag="collision"):
+    found = read_model(link("a", collision(geometry, inside, tag))).assembly
+    (only,) = found.description.links
+    (shape,) = only.collisions if tag == "collision" else only.visuals
+    return shape
+
+
+def matrix(pose):
+    """Turn x y z roll pitch yaw, or a pose of seven numbers, into shape (4, 4)."""
+    turn = Rotation.from_euler("xyz", pose[3:]) if len(pose) == 6 else None
+    result = np.eye(4)
+    result[:3, 3] = pose[:3]
+    result[:3, :3] = (turn or Rotation.from_quat(pose[3:])).as_matrix()
+    return result
+
+
+def text(values):
+    return " ".join(repr(float(value)) for value in values)
+
+
+def screw(kind, point, direction, value):
+    """Move along or about a line that stands in the model, shape (4, 4)."""
+    result = np.eye(4)
+    if kind == "prismatic":
+        result[:3, 3] = direction * value
+        return result
+    turn = Rotation.from_rotvec(direction * value).as_matrix()
+    result[:3, :3] = turn
+    result[:3, 3] = point - turn @ point
+    return result
+
+
+@st.composite
+def trees(draw):
+    """Draw a model, and where each of its links is by the product of exponentials.
+
+    A link's pose is written in the model or in any link before it, a joint's in its
+    child or in the model, an axis in the joint or in the model.
+    """
+    names, parts = ["root"], []
+    rest = {"root": matrix(draw(POSE))}
+    motion, positions = {"root": np.eye(4)}, []
+    first = Rotation.from_matrix(rest["root"][:3, :3]).as_euler("xyz")
+    parts.append(link("root", f"<pose>{text([*rest['root'][:3, 3], *first])}</pose>"))
+    for number in range(draw(st.integers(1, 5))):
+        name, parent = f"link_{number}", draw(st.sampled_from(names))
+        kind = draw(st.sampled_from(["revolute", "continuous", "prismatic", "fixed"]))
+        frame, pose = draw(st.sampled_from(["", "__model__", *names])), draw(POSE)
+        rest[name] = rest.get(frame, np.eye(4)) @ matrix(pose)
+        given_in = f' relative_to="{frame}"' if frame else ""
+        parts.append(link(name, f"<pose{given_in}>{text(pose)}</pose>"))
+        names.append(name)
+
+        in_model, joint_pose = draw(st.booleans()), draw(POSE)
+        base = np.eye(4) if in_model else rest[name]
+        model_joint = base @ matrix(joint_pose)
+        axis_in_model, axis = draw(st.booleans()), np.array(draw(AXIS))
+        turn = np.eye(3) if axis_in_model else model_joint[:3, :3]
+        direction = turn @ axis / np.linalg.norm(axis)
+        value = 0.0 if kind == "fixed" else draw(NUMBER)
+        if kind != "fixed":
+            positions.append(value)
+        motion[name] = motion[parent] @ screw(
+            kind, model_joint[:3, 3], direction, value
+        )
+        relative = ' relative_to="__model__"' if in_model else ""
+        expressed = ' expressed_in="__model__"' if axis_in_model else ""
+        inside = f"<pose{relative}>{text(joint_pose)}</pose>"
+        inside += f"<axis><xyz{expressed}>{text(axis)}</xyz></axis>"
+        parts.append(joint(kind, parent, name, inside, name=f"joint_{number}"))
+    poses = np.array([motion[name] @ rest[name] for name in names])
+    return "".join(parts), np.array(positions), poses, [rest[name] for name in names]
+
+
+@settings(max_examples=150, deadline=None)
+@given(trees(), st.booleans())
+def test_links_are_where_the_product_of_exponentials_puts_them(tree, anchored):
+    inside, positions, expected, _ = tree
+    if anchored:
+        inside += joint("fixed", "world", "root", name="anchor")
+    assembly = read_model(inside).assembly
+    poses = Kinematics(assembly.description).link_poses(assembly.root_pose, positions)
+    actual = [matrix(pose) for pose in poses]
+    np.testing.assert_allclose(actual, expected, atol=1e-9)
+    assert assembly.description.root == ("world" if anchored else "root")
+    assert assembly.link_names[0] == "root"
+
+
+@settings(max_examples=50, deadline=None)
+@given(trees(), st.integers(0, 5))
+def test_a_static_model_stands_as_written_whatever_its_joints(tree, kept):
+    inside, _, _, expected = tree
+    pieces = inside.split("<joint")
+    text_kept = "<joint".join(pieces[: kept + 1])
+    lost = [piece.split("</joint>", 1)[1] for piece in pieces[kept + 1 :]]
+    assembly = read_model(text_kept + "".join(lost), static=True).assembly
+    description = assembly.description
+    poses = Kinematics(description).link_poses(assembly.root_pose, np.zeros(0))
+    np.testing.assert_allclose([matrix(p) for p in poses], expected, atol=1e-9)
+    assert {found.kind for found in description.joints} <= {"fixed"}
+    listed = [found.name for found in description.joints if found.listed]
+    assert listed == [f"joint_{n}" for n in range(min(kept, len(pieces) - 1))]
+
+
+def test_a_static_model_hangs_on_the_link_that_is_joined_to_the_world():
+    inside = A_B + link("c") + joint("ball") + joint("fixed", "world", "c", name="wc")
+    assembly = read_model(inside, static=True).assembly
+    assert assembly.static
+    assert assembly.description.root == "c"
+    assert [
+        (found.name, found.parent, found.child, found.listed)
+        for found in assembly.description.joints
+    ] == [("ab", "a", "b", True), ("static::a", "c", "a", False)]
+
+
+@given(POSE, st.lists(st.floats(0.1, 5.0), min_size=6, max_size=6))
+def test_the_inertia_is_turned_to_the_axes_of_the_link(pose, tensor):
+    tags = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+    values = "".join(f"<{tag}>{n!r}</{tag}>" for tag, n in zip(tags, tensor))
+    found = read_model(
+        link(
+            "a",
+            f"<inertial><pose>{text(pose)}</pose><mass>2.5</mass>"
+            f"<inertia>{values}</inertia></inertial>",
+        )
+    ).assembly.description.links[0]
+    xx, xy, xz, yy, yz, zz = tensor
+    given_tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    turn = Rotation.from_euler("xyz", pose[3:]).as_matrix()
+    assert found.inertial.mass == 2.5
+    np.testing.assert_allclose(found.inertial.center_of_mass, pose[:3], atol=1e-12)
+    for spin in np.eye(3):  # the energy of a spin does not depend on the axes
+        energy = (turn.T @ spin) @ given_tensor @ (turn.T @ spin)
+        np.testing.assert_allclose(spin @ found.inertial.inertia @ spin, energy)
+
+
+def test_a_link_without_inertial_has_the_mass_that_sdf_gives_it():
+    (found,) = read_model(link()).assembly.description.links
+    assert found.inertial.mass == 1.0
+    np.testing.assert_array_equal(found.inertial.inertia, np.eye(3))
+
+
+@pytest.mark.parametrize(
+    ("pose", "expected"),
+    [
+        ("<pose/>", [0, 0, 0, 0, 0, 0]),
+        (
+            '<pose degrees="true">1 2 3 90 0 45</pose>',
+            [1, 2, 3, np.pi / 2, 0, np.pi / 4],
+        ),
+        (
+            '<pose rotation_format="quat_xyzw">1 2 3 0 0 2 2</pose>',
+            [1, 2, 3, 0, 0, np.pi / 2],
+        ),
+    ],
+)
+def test_a_pose_is_read_in_each_of_its_forms(pose, expected):
+    found = read_model(pose + link(), version="1.9")
+    np.testing.assert_allclose(matrix(found.pose), matrix(expected), atol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(found.pose[3:]), 1.0)
+
+
+QUARTER_TURNED_B = link("a") + link("b", f"<pose>0 0 0 0 0 {HALF_PI}</pose>")
+X_AXIS = "<axis><xyz>1 0 0</xyz>{}</axis>"
+
+
+@pytest.mark.parametrize(
+    ("version", "inside", "axis_in_child"),
+    [
+        ("1.6", "", [0, 0, 1]),
+        ("1.6", X_AXIS.format(""), [1, 0, 0]),
+        (
+            "1.6",
+            X_AXIS.format("<use_parent_model_frame>1</use_parent_model_frame>"),
+            [0, -1, 0],
+        ),
+        ("1.4", X_AXIS.format(""), [0, -1, 0]),
+        ("1.7", '<axis><xyz expressed_in="a">1 0 0</xyz></axis>', [0, -1, 0]),
+        ("1.7", f"<pose>0 0 0 0 0 {HALF_PI}</pose>" + X_AXIS.format(""), [0, 1, 0]),
+    ],
+)
+def test_an_axis_is_turned_to_the_child_link(version, inside, axis_in_child):
+    found = read_joint(inside, links=QUARTER_TURNED_B, version=version)
+    np.testing.assert_allclose(found.axis, axis_in_child, atol=1e-12)
+
+
+def test_poses_may_hang_on_frames_and_joints_whatever_the_order():
+    inside = (
+        link("a", '<pose relative_to="f">1 0 0 0 0 0</pose>')
+        + link("b", '<pose relative_to="ab">0 0 1 0 0 0</pose>')
+        + f'<frame name="f"><pose relative_to="g">0 0 0 0 0 {HALF_PI}</pose></frame>'
+        + '<frame name="g" attached_to="h"><pose>0 2 0 0 0 0</pose></frame>'
+        + '<frame name="h"><pose>0 0 3 0 0 0</pose></frame>'
+        + joint("fixed", inside='<pose relative_to="a">1 0 0 0 0 0</pose>')
+    )
+    assembly = read_model(inside).assembly
+    np.testing.assert_allclose(assembly.root_pose[:3], [0, 3, 3], atol=1e-12)
+    (found,) = assembly.description.joints
+    np.testing.assert_allclose(found.pose, [1, 0, 1, 0, 0, 0, 1], atol=1e-12)
+
+
+def test_a_pose_of_an_old_file_names_its_frame_in_another_way():
+    inside = A_B.replace('<link name="b">', '<link name="b"><pose frame="f"/>')
+    inside += '<frame name="f"><pose>0 0 1 0 0 0</pose></frame>' + joint("fixed")
+    (found,) = read_model(inside, version="1.6").assembly.description.joints
+    np.testing.assert_allclose(found.pose[:3], [0, 0, 1])
+
+
+def test_a_shape_may_be_placed_in_another_frame():
+    inside = link(
+        "a",
+        "<pose>0 0 1 0 0 0</pose>"
+        + collision("<box/>", '<pose relative_to="__model__">1 0 0 0 0 0</pose>'),
+    )
+    ((shape,),) = [
+        found.collisions for found in read_model(inside).assembly.description.links
+    ]
+    np.testing.assert_allclose(shape.pose[:3], [1, 0, -1])
+
+
+LIMIT = "<axis><limit>{}</limit></axis>"
+
+
+@pytest.mark.parametrize(
+    ("kind", "limit", "expected"),
+    [
+        ("revolute", "", ("continuous", -np.inf, np.inf)),
+        (
+            "revolute",
+            "<lower>-1e16</lower><upper>1e+16</upper>",
+            ("continuous", -np.inf, np.inf),
+        ),
+        (
+            "revolute",
+            "<lower>-inf</lower><upper>inf</upper>",
+            ("continuous", -np.inf, np.inf),
+        ),
+        ("revolute", "<lower>-1.5</lower>", ("revolute", -1.5, np.inf)),
+        (
+            "revolute",
+            "<lower>-1.5</lower><upper>2</upper>",
+            ("revolute", -1.5, 2.0),
+        ),
+        ("prismatic", "", ("prismatic", -np.inf, np.inf)),
+        ("prismatic", "<upper>2</upper>", ("prismatic", -np.inf, 2.0)),
+        (
+            "continuous",
+            "<lower>-1</lower><upper>1</upper>",
+            ("continuous", -np.inf, np.inf),
+        ),
+    ],
+)
+def test_limits_tell_whether_a_joint_has_an_end(kind, limit, expected):
+    found = read_joint(LIMIT.format(limit), kind)
+    assert (found.kind, found.lower, found.upper) == expected
+
+
+@pytest.mark.parametrize(
+    ("limit", "expected"),
+    [
+        ("", (np.inf, np.inf)),
+        ("<effort>-1</effort><velocity>-1</velocity>", (np.inf, np.inf)),
+        ("<effort>5</effort><velocity>0</velocity>", (5.0, 0.0)),
+    ],
+)
+def test_a_negative_limit_of_effort_or_velocity_is_none(limit, expected):
+    found = read_joint(LIMIT.format(limit))
+    assert (found.effort, found.velocity) == expected
+
+
+def test_a_joint_has_the_damping_and_friction_of_the_file():
+    found = read_joint(
+        "<axis><dynamics><damping>0.5</damping><friction>0.25</friction></dynamics></axis>"
+    )
+    assert (found.damping, found.friction) == (0.5, 0.25)
+
+
+@pytest.mark.parametrize("tag", ["visual", "collision"])
+@pytest.mark.parametrize(
+    ("geometry", "kind", "size", "filename"),
+    [
+        ("<box/>", "box", (1, 1, 1), ""),
+        ("<box><size>1 2 3</size></box>", "box", (1, 2, 3), ""),
+        ("<sphere/>", "sphere", (1,), ""),
+        ("<sphere><radius>2</radius></sphere>", "sphere", (2,), ""),
+        ("<cylinder/>", "cylinder", (1, 1), ""),
+        (
+            "<cylinder><length>3</length><radius>2</radius></cylinder>",
+            "cylinder",
+            (2, 3),
+            "",
+        ),
+        ("<plane/>", "plane", (0, 0, 1), ""),
+        ("<plane><normal>0 0 -4</normal></plane>", "plane", (0, 0, -1), ""),
+        ("<mesh><uri>a/b.stl</uri></mesh>", "mesh", (1, 1, 1), "a/b.stl"),
+        (
+            "<mesh><uri> model://a/b.dae </uri><scale>1 2 -3</scale></mesh>",
+            "mesh",
+            (1, 2, -3),
+            "model://a/b.dae",
+        ),
+    ],
+)
+def test_a_shape_is_as_large_as_the_file_says(tag, geometry, kind, size, filename):
+    shape = read_shape(geometry, tag=tag)
+    assert (shape.kind, shape.size, shape.filename) == (kind, size, filename)
+    assert (shape.name, shape.friction, shape.restitution) == ("c", None, None)
+
+
+def test_a_shape_rubs_and_bounces_as_the_file_says():
+    shape = read_shape(
+        "<box/>",
+        "<surface><friction><ode><mu>0.75</mu></ode></friction><bounce>"
+        "<restitution_coefficient>0.5</restitution_coefficient></bounce></surface>",
+    )
+    assert (shape.friction, shape.restitution) == (0.75, 0.5)
+
+
+@pytest.mark.parametrize(
+    ("word", "pulled"),
+    [("", True), ("true", True), ("1", True), ("False", False), ("0", False)],
+)
+def test_gravity_pulls_a_link_unless_the_file_says_no(word, pulled):
+    (found,) = read_model(
+        link("a", f"<gravity>{word}</gravity>")
+    ).assembly.description.links
+    assert found.has_gravity is pulled
+
+
+def test_models_inside_of_a_model_become_part_of_it():
+    inner = model(
+        f"<pose>1 0 0 0 0 {HALF_PI}</pose>"
+        + link("b", "<pose>1 0 0 0 0 0</pose>")
+        + link("c", '<pose relative_to="b">0 0 1 0 0 0</pose>')
+        + joint("fixed", "b", "c", name="bc"),
+        name="inner",
+    )
+    tip = link("d", '<pose relative_to="inner">0 0 5 0 0 0</pose>')
+    chain = joint("fixed", "a", "inner::b") + joint("fixed", "a", "d", name="ad")
+    assembly = read_model(link("a") + tip + inner + chain).assembly
+    description = assembly.description
+    assert description.link_names == ("a", "d", "inner::b", "inner::c")
+    assert {found.name for found in description.joints} == {"ab", "ad", "inner::bc"}
+    poses = Kinematics(description).link_poses(assembly.root_pose, np.zeros(0))
+    expected = [[0, 0, 0], [1, 0, 5], [1, 1, 0], [1, 1, 1]]
+    np.testing.assert_allclose(poses[:, :3], expected, atol=1e-12)
+
+
+def test_a_joint_and_a_link_may_have_the_same_name():
+    """Old files do it, and Gazebo reads them."""
+    inside = A_B + joint(name="b", inside="<pose>0 1 0 0 0 0</pose>")
+    (found,) = read_model(inside, version="1.6").assembly.description.joints
+    assert found.name == "b"
+    np.testing.assert_allclose(found.anchor, [0, 1, 0])
+
+
+BAD_NUMBERS = ["nan", "inf", "1e300", "one", "1_0", "1 2"]
+
+
+@pytest.mark.parametrize("bad", BAD_NUMBERS)
+@pytest.mark.parametrize(
+    ("inside", "words"),
+    [
+        ("<pose>{} 0 0 0 0 0</pose>", "pose of link a"),
+        ("<inertial><mass>{}</mass></inertial>", "mass of link a"),
+        (
+            "<inertial><inertia><ixy>{}</ixy></inertia></inertial>",
+            "ixy of link a",
+        ),
+        (
+            collision("<sphere><radius>{}</radius></sphere>"),
+            "radius of collision c of link a",
+        ),
+        (collision("<box><size>1 1 {}</size></box>"), "size of collision c of link a"),
+    ],
+)
+def test_a_number_that_is_none_is_refused_with_its_place(inside, words, bad):
+    read_model(link("a", inside.format("1")))
+    with pytest.raises(DescriptionError, match=f"[Tt]he {words}"):
+        read_model(link("a", inside.format(bad)))
+
+
+LOOP = joint("fixed", "b", "c", name="bc") + joint("fixed", "c", "b", name="cb")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "not XML"),
+        ("no xml", "not XML"),
+        ('<sdf version="1.7"><!-- ', "not XML"),
+        ('<!DOCTYPE sdf><sdf version="1.7"><model/></sdf>', "DOCTYPE"),
+        ('<robot name="r"/>', "root element robot, not sdf"),
+        ('<gazebo version="1.0"><model name="m"/></gazebo>', "gazebo, not sdf"),
+        ("<sdf/>", "SDF is empty"),
+        ('<sdf version="1.7"/>', "SDF is empty"),
+        ("<sdf><model/></sdf>", "version ''; can be read: 1.4, .*1.9"),
+        (sdf("<model/>", "1.3"), "version '1.3'"),
+        (sdf("<actor name='x'/>"), "no model, light or world, only actor of the file"),
+        (sdf("<model/>"), "A model of the SDF has no name"),
+        (sdf(model("")), "Model 'm' has no links"),
+        (sdf(model("<link/>")), "A link of the SDF has no name"),
+        (sdf(model(A_B + link("a"))), "two of the name a in model 'm'"),
+        (sdf(model(link("world"))), "link called world"),
+        (sdf(model(link("a", collision("<box/>") * 2))), "collision c twice"),
+        (
+            sdf(model(A_B + link("c") + joint() + joint(child="c"))),
+            "the joint ab twice",
+        ),
+        (world(model(link()) * 2), "two of the name m in the world"),
+        (world('<light name="l"/>' * 2), "two lights of the name l"),
+        (sdf(model(A_B)), "'m' is not static, and a and b are not joined"),
+        (
+            sdf(model(A_B + joint("fixed", "world", "a"))),
+            "'m' is not static, and world and b are not joined",
+        ),
+        (sdf(model(A_B + joint(child="c"))), "child c, which is no link"),
+        (sdf(model(A_B + joint(parent="c"))), "parent c, which is no link"),
+        (sdf(model(A_B + joint(child="world"))), "Joint ab has the world as its child"),
+        (sdf(model(A_B + joint(parent=""))), "Joint ab has no parent"),
+        (sdf(model(A_B + joint() + joint(parent="b", child="a", name="ba"))), "loop"),
+        (sdf(model(A_B + link("c") + LOOP)), "Link b of robot 'm' is in a loop"),
+        (
+            sdf(model(A_B + joint() + joint(name="also"))),
+            "hangs on two joints, ab and also",
+        ),
+        (
+            sdf(model(A_B + joint("ball"))),
+            "Joint ab is ball; can be simulated: "
+            "revolute, continuous, prismatic, fixed",
+        ),
+        (sdf(model(A_B + joint("revolute2"))), "Joint ab is revolute2; can"),
+        (sdf(model(A_B + joint(""))), "Joint ab is of no type; can"),
+        (
+            sdf(model(A_B + joint(inside="<axis><xyz>0 0 0</xyz></axis>"))),
+            "axis of joint ab is zero",
+        ),
+        (
+            sdf(model(A_B + joint(inside=LIMIT.format("<lower>nan</lower>")))),
+            "lower limit of joint ab is 'nan'",
+        ),
+        (
+            sdf(
+                model(
+                    A_B + joint(inside=LIMIT.format("<lower>1</lower><upper>0</upper>"))
+                )
+            ),
+            "limits of joint ab are 1 to 0: no position",
+        ),
+        (
+            sdf(model(A_B + joint(inside=LIMIT.format("<lower>1e16</lower>")))),
+            "limits of joint ab are inf to inf",
+        ),
+        (
+            sdf(
+                model(
+                    A_B
+                    + joint(
+                        inside="<axis><dynamics><damping>-1</damping></dynamics></axis>"
+                    )
+                )
+            ),
+            "damping of joint ab .* from 0 to",
+        ),
+        (
+            sdf(model(link("a", "<inertial><mass>-1</mass></inertial>"))),
+            "mass of link a .* from 0 to",
+        ),
+        (
+            sdf(model(link("a", "<inertial><mass>0</mass></inertial>"))),
+            "Link a of model 'm' has the mass 0",
+        ),
+        (
+            sdf(
+                model(
+                    link("a", "<inertial><inertia><iyy>-1</iyy></inertia></inertial>")
+                )
+            ),
+            "inertia of link a .* from 0 to",
+        ),
+        (
+            sdf(model(link("a", collision("<box><size>1 -1 1</size></box>")))),
+            "size of collision c of link a .* from 0 to",
+        ),
+        (
+            sdf(model(link("a", collision("<plane><normal>0 0 0</normal></plane>")))),
+            "normal of collision c of link a is zero",
+        ),
+        (sdf(model(link("a", collision("<mesh/>")))), "mesh of collision c .* no uri"),
+        (
+            sdf(model(link("a", "<gravity>maybe</gravity>"))),
+            "gravity of link a is 'maybe', neither true nor false",
+        ),
+        (
+            sdf(model(link("a", '<pose relative_to="x"/>'))),
+            "no frame x in model 'm'",
+        ),
+        (
+            sdf(
+                model(
+                    link("a", '<pose relative_to="b"/>')
+                    + link("b", '<pose relative_to="a"/>'),
+                    static=True,
+                )
+            ),
+            "frames of model 'm' hang on each other in a loop: a on b on a",
+        ),
+        (world("<gravity>0 0</gravity>"), "gravity of the world .* has 2 numbers"),
+        (
+            world("<physics><max_step_size>-1</max_step_size></physics>"),
+            "max_step_size of the physics .* from 0 to",
+        ),
+        (
+            sdf('<light name="l" type="laser"/>'),
+            "Light l is of type 'laser'; there are",
+        ),
+        (sdf('<light name="l"><diffuse>1 1</diffuse></light>'), "needed: 3 or 4"),
+        (world("<include/>"), "include of the SDF has no uri"),
+        (
+            world('<include merge="true"><uri>model://sun</uri></include>'),
+            "include of model://sun is to be merged",
+        ),
+        (
+            sdf(model(link("a", f"<gravity>{'maybe ' * 20}</gravity>"))),
+            r"'maybe maybe maybe maybe maybe maybe mayb\.\.\.', neither",
+        ),
+    ],
+)
+def test_a_wrong_file_is_refused_with_facts(text, words):
+    with pytest.raises(DescriptionError, match=words):
+        read_sdf(text)
+
+
+@pytest.mark.parametrize(
+    ("inside", "clauses"),
+    [
+        (link("a", '<sensor name="s" type="imu"/>' * 2), ["sensor of link a"]),
+        (link() + "<plugin><include/></plugin>", ["plugin of model m"]),
+        (
+            link(
+                "a",
+                collision(
+                    "<box/>",
+                    "<surface><friction><ode><mu>2</mu><mu2>2</mu2></ode></friction>"
+                    "</surface>",
+                ),
+            ),
+            [],
+        ),
+        (link() + '<plugin name="p" filename="q"/>', ["plugin of model m"]),
+        (link() + "<self_collide>true</self_collide>", ["self_collide of model m"]),
+        (link() + "<self_collide>false</self_collide>", []),
+        (link("a", "<kinematic>1</kinematic>"), ["kinematic of link a"]),
+        (link("a", "<enable_wind>0</enable_wind>"), []),
+        (
+            link("a", "<velocity_decay><linear>0.1</linear></velocity_decay>"),
+            ["velocity_decay of link a"],
+        ),
+        (link("a", "<velocity_decay><linear>0.0</linear></velocity_decay>"), []),
+        (link("a", '<light name="eye"/>'), ["light eye of link a"]),
+        (link("a", collision("<empty/>", "<laser_retro>0</laser_retro>")), []),
+        (link("a", collision("<capsule/>")), ["capsule in collision c of link a"]),
+        (
+            link("a", collision("<heightmap/>", tag="visual")),
+            ["heightmap in visual c of link a"],
+        ),
+        (
+            link("a", collision("<mesh><uri>m</uri><submesh/></mesh>")),
+            ["submesh of collision c of link a"],
+        ),
+        (
+            link("a", collision("<box/>", "<material><script/></material>", "visual")),
+            [],
+        ),
+        (
+            link(
+                "a",
+                collision("<box/>", "<cast_shadows>true</cast_shadows>", "visual"),
+            ),
+            [],
+        ),
+        (
+            link(
+                "a",
+                collision(
+                    "<box/>",
+                    "<surface><contact><ode/></contact><friction><torsional/><ode>"
+                    "<mu>1</mu><mu2>2</mu2><slip1>0</slip1><slip2>1</slip2></ode>"
+                    "</friction></surface>",
+                ),
+            ),
+            [
+                "contact of collision c of link a",
+                "torsional of collision c of link a",
+                "mu2 of collision c of link a",
+                "slip2 of collision c of link a",
+            ],
+        ),
+        (
+            A_B
+            + joint(
+                inside="<axis><initial_position>1</initial_position><dynamics>"
+                "<spring_stiffness>0</spring_stiffness></dynamics></axis>"
+                "<axis2/><physics><ode/></physics>"
+            ),
+            [
+                "axis2 of joint ab",
+                "physics of joint ab",
+                "initial_position of joint ab",
+            ],
+        ),
+        (
+            link()
+            + model(link("b", '<sensor name="s" type="imu"/>'), name="in", static=True)
+            + joint("fixed", child="in::b"),
+            ["sensor of link in::b", "static of model in"],
+        ),
+    ],
+)
+def test_what_is_not_simulated_is_named_once(inside, clauses):
+    assert list(read_model(inside).assembly.left_out) == clauses
+
+
+def test_shapes_that_cannot_be_simulated_are_left_out():
+    (only,) = read_model(link("a", collision("<capsule/>"))).assembly.description.links
+    assert only.collisions == ()
+
+
+def test_a_world_is_read_and_the_rest_of_it_named():
+    found = read_sdf(
+        world(
+            "<gravity>0 0 -1.6</gravity><scene/><scene/><gui/>"
+            '<physics type="ode"><max_step_size>5</max_step_size></physics>'
+            '<physics default="1"><max_step_size>0.002</max_step_size>'
+            "<real_time_update_rate>500</real_time_update_rate><ode/></physics>"
+            '<frame name="f"><pose>0 0 1 0 0 0</pose></frame>'
+            + model('<pose relative_to="f">1 0 0 0 0 0</pose>' + link())
+            + model("<pose>2 0 0 0 0 0</pose>" + link(), name="n", static=True)
+            + '<light name="l" type="spot"><pose>3 0 0 0 0 0</pose><spot/></light>'
+        )
+    )
+    assert found.gravity == (0.0, 0.0, -1.6)
+    assert (found.time_step, found.max_update_rate) == (0.002, 500.0)
+    assert [read.name for read in found.models] == ["m", "n"]
+    assert [read.assembly.static for read in found.models] == [False, True]
+    np.testing.assert_allclose(
+        [r.pose[:3] for r in found.models], [[1, 0, 1], [2, 0, 0]]
+    )
+    assert set(found.left_out) == {
+        "scene of the world",
+        "gui of the world",
+        "ode of the physics of the world",
+        "spot of light l",
+    }
+
+
+def test_a_file_that_does_not_tell_leaves_the_world_alone():
+    found = read_sdf(sdf(model(link()) + model(link(), name="second")))
+    assert (found.gravity, found.time_step, found.max_update_rate) == (None,) * 3
+    assert [read.name for read in found.models] == ["m"]
+    assert found.left_out == ("model second of the file",)
+
+
+def test_what_stands_beside_a_world_is_named():
+    inside = '<world name="w"/><world name="v"/><light name="l"/>' + model(link())
+    found = read_sdf(sdf(inside))
+    assert (found.models, found.lights) == ((), ())
+    assert set(found.left_out) == {
+        f"{which} of the file" for which in ("world v", "light l", "model m")
+    }
+
+
+def test_a_light_is_kept_as_data():
+    (lamp,) = read_sdf(GOLDEN_LAMP).lights
+    assert (lamp.name, lamp.kind, lamp.cast_shadows) == ("lamp", "point", False)
+    np.testing.assert_array_equal(lamp.pose, [1, 2, 3, 0, 0, 0, 1])
+    assert lamp.diffuse == (0.5, 0.25, 0.125, 1.0)
+    assert (lamp.attenuation_range, lamp.attenuation_constant) == (20.0, 0.5)
+    assert (lamp.attenuation_linear, lamp.attenuation_quadratic) == (0.25, 0.125)
+
+
+def test_a_light_that_says_nothing_has_the_defaults_of_sdf():
+    (lamp,) = read_sdf(sdf('<light name="l"><diffuse>1 0 0</diffuse></light>')).lights
+    assert (lamp.kind, lamp.diffuse) == ("point", (1.0, 0.0, 0.0, 1.0))
+    assert lamp.specular == (0.1, 0.1, 0.1, 1.0)
+    assert (lamp.attenuation_range, lamp.attenuation_constant) == (10.0, 1.0)
+    assert (lamp.attenuation_linear, lamp.attenuation_quadratic) == (1.0, 0.0)
+    assert lamp.direction == (0.0, 0.0, -1.0)
+
+
+def test_the_empty_world_is_that_of_gazebo():
+    """Numbers from Gazebo 11.1.0: shared/design/gazebo_contract.md."""
+    found = read_sdf(EMPTY_WORLD)
+    assert found.gravity == (0.0, 0.0, -9.8)
+    assert (found.time_step, found.max_update_rate) == (0.001, 1000.0)
+    (ground,), (sun,) = found.models, found.lights
+    assert (ground.name, ground.assembly.static) == ("ground_plane", True)
+    (only,) = ground.assembly.description.links
+    assert (only.name, [s.name for s in only.collisions]) == ("link", ["collision"])
+    assert only.collisions[0].size == (0.0, 0.0, 1.0)
+    assert (sun.name, sun.diffuse) == ("sun", (0.8, 0.8, 0.8, 1.0))
+    assert (sun.attenuation_constant, sun.attenuation_linear) == (0.9, 0.01)
+    assert sun.attenuation_quadratic == 0.001
+    assert (found.left_out, ground.assembly.left_out) == ((), ())
+
+
+BOXES = {
+    "model://box": sdf(model("<pose>9 9 9 0 0 0</pose>" + link(), name="box")),
+    "model://pair": sdf(
+        model(
+            link()
+            + "<include><uri>model://box</uri><name>held</name></include>"
+            + joint("fixed", child="held::a"),
+            name="pair",
+        )
+    ),
+    "model://old": sdf(
+        model(QUARTER_TURNED_B + joint(inside=X_AXIS.format("")), name="old"), "1.4"
+    ),
+    "model://itself": sdf(
+        model(link() + "<include><uri>model://itself</uri></include>", name="itself")
+    ),
+    "model://twice": sdf(
+        model(link() + "<include><uri>model://again</uri></include>", name="twice")
+    ),
+    "model://again": sdf(
+        model(link() + "<include><uri>model://twice</uri></include>", name="again")
+    ),
+    "model://broken": "<sdf",
+    "model://nothing": sdf("<actor/>"),
+}
+
+
+def include(uri, inside=""):
+    return f"<include><uri>{uri}</uri>{inside}</include>"
+
+
+def test_an_include_may_rename_and_move_and_fix_a_model():
+    inside = "<name>b2</name><pose>1 2 3 0 0 0</pose><static>1</static>"
+    found = read_sdf(
+        world(include("model://box") + include("model://box", inside)), BOXES.get
+    )
+    assert [read.name for read in found.models] == ["box", "b2"]
+    assert [read.assembly.static for read in found.models] == [False, True]
+    np.testing.assert_allclose([r.pose[:3] for r in found.models], [[9] * 3, [1, 2, 3]])
+
+
+def test_an_include_in_an_included_model_is_a_model_inside():
+    (pair,) = read_sdf(world(include("model://pair")), BOXES.get).models
+    assert pair.assembly.link_names == ("a", "held::a")
+    np.testing.assert_allclose(pair.assembly.description.joints[0].pose[:3], [9] * 3)
+
+
+def test_an_included_file_keeps_the_meaning_of_its_version():
+    (old,) = read_sdf(world(include("model://old")), BOXES.get).models
+    (found,) = old.assembly.description.joints
+    np.testing.assert_allclose(found.axis, [0, -1, 0], atol=1e-12)
+
+
+def test_the_ground_and_the_sun_are_there_to_be_included():
+    inside = include("model://sun") + include("model://ground_plane")
+    found = read_sdf(world(inside))
+    assert [read.name for read in found.models] == ["ground_plane"]
+    assert [read.name for read in found.lights] == ["sun"]
+    (own,) = read_sdf(world(include("model://sun")), lambda uri: GOLDEN_LAMP).lights
+    assert own.name == "lamp"
+
+
+def test_what_of_an_include_has_no_effect_is_named():
+    inside = include("model://nowhere") + include(
+        "model://box", "<placement_frame>a</placement_frame><plugin/>"
+    )
+    found = read_sdf(world(inside), BOXES.get)
+    assert found.left_out == (
+        "include of model://nowhere, which is not found",
+        "placement_frame of the include of model://box",
+    )
+    assert found.models[0].assembly.left_out == ("plugin of model box",)
+
+
+@pytest.mark.parametrize(
+    ("uri", "words"),
+    [
+        ("model://itself", "model://itself includes itself"),
+        ("model://twice", "model://twice includes itself, by .*twice and .*again"),
+        ("model://broken", "SDF behind model://broken is not XML"),
+        ("model://nothing", "SDF behind model://nothing has no model or light"),
+    ],
+)
+def test_a_wrong_include_is_refused_with_facts(uri, words):
+    with pytest.raises(DescriptionError, match=words):
+        read_sdf(world(include(uri)), BOXES.get)
+
+
+def test_includes_without_end_are_refused():
+    def deeper(uri):
+        return sdf(model(link() + include(uri + "x"), name="m"))
+
+    def wider(uri):
+        return sdf(model(link() + include(uri + "x") + include(uri + "y"), name="m"))
+
+    with pytest.raises(DescriptionError, match=r"model://a includes .* 20 deep"):
+        read_sdf(world(include("model://a")), deeper)
+    with pytest.raises(DescriptionError, match="more than 1000 models"):
+        read_sdf(world(include("model://a")), wider)
+
+
+def test_hundreds_of_models_inside_of_each_other_are_read_or_refused():
+    inside = link()
+    for _ in range(200):
+        inside = link() + model(inside, name="n") + joint("fixed", child="n::a")
+    assert len(read_model(inside).assembly.link_names) == 201
+
+
+def test_a_chain_of_thousands_is_read():
+    count = 3000
+    links = "".join(
+        link(f"l{n}", f'<pose relative_to="l{n + 1}">0 0 1 0 0 0</pose>')
+        for n in range(count)
+    )
+    joints = "".join(
+        joint("fixed", f"l{n + 1}", f"l{n}", name=f"j{n}") for n in range(count)
+    )
+    assembly = read_model(links + link(f"l{count}") + joints).assembly
+    assert assembly.description.root == f"l{count}"
+    np.testing.assert_allclose(assembly.description.joints[0].pose[:3], [0, 0, 1])
+
+
+@pytest.mark.parametrize(
+    ("name", "static", "x", "shape"),
+    [
+        ("box", False, 0.0, ("hull", "box", (0.2, 0.2, 0.2))),
+        ("box_with_pose", False, 0.5, ("hull", "box", (0.2, 0.2, 0.2))),
+        ("static_box", True, 0.0, ("hull", "box", (0.2, 0.2, 0.2))),
+        ("ground_plane", True, 0.0, ("collision", "plane", (0.0, 0.0, 1.0))),
+    ],
+)
+def test_the_models_that_gazebo_was_seen_with_are_read(name, static, x, shape):
+    file = GOLDEN / f"{name}.sdf"
+    if not file.exists():
+        pytest.skip("the golden models are not beside the repository")
+    (found,) = read_sdf(file.read_text()).models
+    (only,) = found.assembly.description.links
+    (hull,) = only.collisions
+    assert (found.assembly.static, found.pose[0]) == (static, x)
+    assert (hull.name, hull.kind, hull.size) == shape
+
+
+WHOLE = world(
+    "<gravity>0 0 -9.8</gravity><physics><max_step_size>0.1</max_step_size></physics>"
+    '<frame name="f"><pose>1 2 3 0 0 0</pose></frame><light name="l"><diffuse>1 1 1'
+    "</diffuse><attenuation><range>1</range></attenuation></light>"
+    + include("model://box", "<name>other</name><pose>1 2 3 0 0 0</pose>")
+    + model(
+        '<pose relative_to="f">1 0 0 0 0 0</pose>'
+        + link("a", collision("<box><size>1 2 3</size></box>"))
+        + link(
+            "b", "<inertial><mass>1</mass><inertia><ixx>1</ixx></inertia></inertial>"
+        )
+        + joint(inside='<axis><xyz expressed_in="a">1 0 0</xyz></axis>')
+        + model(link("c"), name="inner")
+        + joint("prismatic", "b", "inner::c", LIMIT.format("<upper>1</upper>"), "bc")
+    )
+)
+JUNK = st.sampled_from(
+    ["", " ", "nan", "-inf", "1e999", "a", "b", "world", "1 2", "-1"]
+)
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    st.integers(0, 200),
+    st.sampled_from(["text", "tag", "attribute", "remove", "repeat"]),
+    JUNK,
+)
+def test_a_damaged_file_is_read_or_refused_and_nothing_else(place, damage, junk):
+    assert read_sdf(WHOLE, BOXES.get).left_out == ()
+    root = etree.fromstring(WHOLE)
+    elements = list(root.iter())
+    element = elements[1 + place % (len(elements) - 1)]
+    parent = element.getparent()
+    if damage == "text":
+        element.text = junk
+    elif damage == "tag":
+        element.tag = junk.strip().replace(" ", "_").lstrip("-1") or "x"
+    elif damage == "attribute":
+        for name in element.keys() or ["name"]:
+            element.set(name, junk)
+    elif damage == "remove":
+        parent.remove(element)
+    else:
+        parent.append(etree.fromstring(etree.tostring(element)))
+    try:
+        read_sdf(etree.tostring(root, encoding="unicode"), BOXES.get)
+    except DescriptionError as error:
+        assert str(error).endswith(".")
