@@ -9,6 +9,7 @@ from geometry_msgs.msg import Pose, Twist
 from ros_testing import SHARED
 
 GOLDEN = SHARED / "golden"
+XYZ, XYZW = set("xyz"), set("xyzw")
 NUMBERS = {"nan": math.nan, "inf": math.inf, "-inf": -math.inf}
 
 
@@ -45,9 +46,21 @@ def plain(message):
     if not hasattr(message, "__slots__"):
         return message
     values = {name: plain(getattr(message, name)) for name in message.__slots__}
-    if values and set(values) <= set("xyzw"):
+    if values and set(values) <= XYZW:
         return list(values.values())
     return values
+
+
+def as_lists(value):
+    """Write what the file has as dicts of coordinates as ``plain`` writes messages."""
+    if isinstance(value, list):
+        return [as_lists(entry) for entry in value]
+    if not isinstance(value, dict):
+        return value
+    entries = {key: as_lists(entry) for key, entry in value.items()}
+    if set(entries) == {"position", "orientation"}:
+        return entries["position"] + entries["orientation"]
+    return list(entries.values()) if set(entries) in (XYZ, XYZW) else entries
 
 
 class Comparison:
@@ -86,7 +99,10 @@ class Comparison:
         if len(expected) == 7 and expected[3:] @ got[3:] < 0.0:
             got = np.concatenate([got[:3], -got[3:]])
         error = np.abs(expected - got)
-        if not (error <= self._allowed(field, expected)).all():
+        same = (error <= self._allowed(field, expected)) | (
+            np.isnan(expected) & np.isnan(got)
+        )
+        if not same.all():
             self._differs(field, expected.tolist(), got.tolist())
 
     def _allowed(self, field, expected):

@@ -2,8 +2,10 @@
 
 import math
 
-from golden_simulator import SCENES, UP
+import rospy
+from golden_simulator import QUARTER, SCENES, UP
 
+OTHER = [2.0, 1.0, 0.5, *QUARTER]
 G1_POSE = [0.0, 0.0, 0.79, *UP]
 SHORT = {
     "knee": "left_knee_joint",
@@ -29,6 +31,11 @@ def _push_joint(simulator):
     simulator.call("apply_joint_effort", duration={"secs": 100}, **fields)
 
 
+def _roll_box(simulator):
+    """Turn the box: what the file has tells that it was turned by 90 degrees."""
+    simulator.put("box", [0.0, 0.0, 1.0, math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)])
+
+
 BEFORE = {
     "set_model_configuration.same_value_also_stops_links": lambda simulator: (
         simulator.put("g1_robot", G1_POSE, [1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
@@ -44,6 +51,11 @@ BEFORE = {
     "spawn_urdf_model.while_running": _run,
     "delete_model.while_running": _run,
     "delete_model.with_pending_wrench": _push_box,
+    "set_link_state.frame_with_speed": lambda simulator: simulator.put(
+        "other", OTHER, [0.25, 0.0, 0.0, 0.0, 0.0, 0.5]
+    ),
+    "apply_body_wrench.frame_own_link": _roll_box,
+    "apply_body_wrench.frame_other_model": _roll_box,
     "delete_model.with_pending_joint_effort": _push_joint,
 }
 """What had been done when the requests came."""
@@ -84,16 +96,14 @@ class Effects:
             return self._simulator.link_twist(self._main, full)
         joints = self._joints()
         if full in joints:
-            return self._turned_like(name, joints[full], expected)
+            return self._turned(full, joints[full])
         self.not_looked_at.append(name)
         return expected
 
-    def _turned_like(self, name, position, expected):
-        """Add whole turns, which poses do not show."""
-        if not isinstance(expected, float) or abs(expected) < math.pi:
-            return position
-        self.not_looked_at.append(f"{name}'s whole turns")
-        return position + math.tau * round((expected - position) / math.tau)
+    def _turned(self, joint, position):
+        """Add whole turns, which poses do not show but get_joint_properties tells."""
+        told = self._simulator.joint(joint)["position"][0]
+        return position + math.tau * round((told - position) / math.tau)
 
     def _joints(self):
         return self._simulator.joints(self._main, self._word)
@@ -105,6 +115,8 @@ class Effects:
     def _subject(self):
         """Find the model that the last request is about, or the scene's."""
         request = self._case["request"][-1]
+        if "model_name" not in request.get("model_state", request):
+            return self._main
         name = request.get("model_state", request)["model_name"]
         spawned = request["service"].startswith("spawn")
         return name if spawned or name in self._simulator.models() else self._main
@@ -114,7 +126,57 @@ class Effects:
         return state["pose"] if state["success"] else None
 
     def _see_twist(self):
+        if self._case["request"][0]["service"] == "apply_body_wrench":
+            self._simulator.run(self._lasting())
         return self._simulator.state(self._subject())["twist"]
+
+    def _see_z(self):
+        self._simulator.run(0.5)
+        return self._simulator.state(self._main)["pose"][2]
+
+    def _see_rate(self):
+        self._simulator.run(self._lasting())
+        return self._simulator.joint("swing")["rate"][0]
+
+    def _lasting(self):
+        duration = self._case["request"][0]["duration"]
+        return duration["secs"] + 1e-9 * duration["nsecs"]
+
+    def _see_top(self):
+        return self._after_setting(1.0)
+
+    def _see_bottom(self):
+        return self._after_setting(-1.0)
+
+    def _after_setting(self, position):
+        self._simulator.set_joints("arm", {"hinge": position})
+        return self._simulator.joint("hinge")["position"][0]
+
+    def _see_acceleration(self):
+        """Watch the box for a tenth of a second."""
+        before = self._simulator.state("box")["twist"][2]
+        self._simulator.run(0.1)
+        return (self._simulator.state("box")["twist"][2] - before) / 0.1
+
+    def _see_acceleration_first(self):
+        before = self._simulator.state("box")["twist"][0]
+        self._simulator.run(0.5)
+        return (self._simulator.state("box")["twist"][0] - before) / 0.5
+
+    _see_acceleration_second = _see_acceleration_first
+
+    def _see_acceleration_after_clear(self):
+        if self._main == "box":
+            return self._see_acceleration_first()
+        before = self._simulator.joint("swing")["rate"][0]
+        self._simulator.run(0.5)
+        return (self._simulator.joint("swing")["rate"][0] - before) / 0.5
+
+    def _see_param_gravity_z(self):
+        return rospy.get_param("/gazebo/gravity_z")
+
+    def _see_gravity_z(self):
+        return self._simulator.physics()["gravity"][2]
 
     def _see_model(self):
         return self._simulator.state(self._main)["pose"]

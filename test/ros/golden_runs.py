@@ -200,18 +200,19 @@ def header(simulator, _):
     }
 
 
-def real_time(simulator, _):
+def real_time(simulator, case):
     """Compare simulated time with wall time, in the best second of ten.
 
     A machine that is busy otherwise slows the simulator down now and then.
     """
     simulator.call("unpause_physics")
+    wanted = case["effect"]["real_time_factor"]
     factors = []
-    while len(factors) < 10 and not any(abs(f - 1.0) < 0.02 for f in factors):
+    while len(factors) < 10 and not any(abs(f - wanted) < 0.02 for f in factors):
         begin, start = monotonic(), simulator.time()
         wait_for(lambda start=start: simulator.time() - start > 1.0, "a second")
         factors.append((simulator.time() - start) / (monotonic() - begin))
-    return {"real_time_factor": min(factors, key=lambda factor: abs(factor - 1.0))}
+    return {"real_time_factor": min(factors, key=lambda factor: abs(factor - wanted))}
 
 
 def parallel_calls(simulator, _):
@@ -238,7 +239,57 @@ def persistent_connection(simulator, _):
     return {"good": sum(answer["success"] for answer in answers)}
 
 
+def all_links_at_zero(simulator, case):
+    """Ask for each link's state."""
+    return {
+        link: simulator.link(f"g1_robot::{link}")["pose"] for link in case["effect"]
+    }
+
+
+def joint_has_no_friction(simulator, _):
+    """Give the pendulum a push of a fifth of a second."""
+    push = {"joint_name": "swing", "effort": 0.1, "duration": {"nsecs": 200_000_000}}
+    simulator.call("apply_joint_effort", **push)
+    rates = []
+    for seconds in (0.2, 1.0):
+        simulator.run(seconds)
+        rates.append(simulator.joint("swing")["rate"][0])
+    return dict(zip(("rate_after_0_2", "rate_after_1_2"), rates))
+
+
+def clock_step(simulator, case):
+    """Look at the distances of messages on /clock."""
+    response = simulator.send(case["request"][0])
+    clock = Listener("/clock", Clock)
+    simulator.call("unpause_physics")
+    wait_for(lambda: len(clock.messages) > 20, "messages on /clock")
+    simulator.call("pause_physics")
+    clock.close()
+    times = [message.clock.to_sec() for message in clock.messages]
+    return [response], {"median_step": float(np.median(np.diff(times)))}
+
+
+def update_rate(simulator, case):
+    """Compare simulated time with wall time."""
+    response = simulator.send(case["request"][0])
+    return [response], real_time(simulator, case)
+
+
+def unlimited(simulator, case):
+    """Look whether time runs faster than on the wall."""
+    response = simulator.send(case["request"][0])
+    simulator.call("unpause_physics")
+    begin, start = monotonic(), simulator.time()
+    wait_for(lambda: simulator.time() - start > 1.0, "a second")
+    return [response], {"faster_than_real_time": monotonic() - begin < 1.0}
+
+
 RUNS = {
+    "get_link_state.all_links_at_zero": all_links_at_zero,
+    "physics.joint_has_no_friction": joint_has_no_friction,
+    "set_physics_properties.time_step_seen_in_clock": clock_step,
+    "set_physics_properties.update_rate_sets_speed": update_rate,
+    "set_physics_properties.rate_zero_is_unlimited": unlimited,
     "get_model_state.header": header,
     "set_model_configuration.random_walk": random_walk,
     "set_model_configuration.paused_stays_paused": paused_stays_paused,

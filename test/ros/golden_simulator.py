@@ -1,7 +1,5 @@
 """The running simulator, as a client sees it: scenes, calls, and where things are."""
 
-import os
-import signal
 import time
 
 import genpy
@@ -11,7 +9,7 @@ import rospy
 import rosservice
 from golden_cases import GOLDEN, plain, with_numbers
 from golden_joints import measure_joints
-from ros_testing import DEADLINE, SHARED, Listener, process_of, wait_for
+from ros_testing import DEADLINE, SHARED, Listener, wait_for
 from rosgraph_msgs.msg import Log
 from scipy.spatial.transform import Rotation
 
@@ -23,9 +21,22 @@ FILES = {
     "<sdf box>": "box.sdf",
     "<obox>": "obox.urdf",
     "<arm>": "arm.urdf",
+    "<sdf lamp>": "lamp.sdf",
+    "<sdf static box>": "static_box.sdf",
     "<pendulum>": "pendulum.urdf",
 }
+INERTIAL = (
+    '<inertial><mass value="2"/><inertia ixx="0.0133" iyy="0.0133" izz="0.0133" '
+    'ixy="0" ixz="0" iyz="0"/></inertial>'
+)
 TEXTS = {
+    "<one massless link>": '<robot name="r"><link name="only"/></robot>',
+    "<box with massless moving link>": (
+        f'<robot name="r"><link name="body">{INERTIAL}'
+        '<collision><geometry><box size="0.2 0.2 0.2"/></geometry></collision></link>'
+        '<joint name="turn" type="continuous"><parent link="body"/>'
+        '<child link="ghost"/></joint><link name="ghost"/></robot>'
+    ),
     "<garbage>": "this is not xml",
     "<html>": "<html><body/></html>",
     "<empty>": "",
@@ -45,11 +56,19 @@ SCENES = {
     "g1": (("g1_robot", "<robot>", [0.0, 0.0, 0.79, *UP]),),
     "g1_high": (("g1_robot", "<robot>", [0.0, 0.0, 2.0, *UP]),),
 }
+PHYSICS = {
+    "time_step": 0.001,
+    "max_update_rate": 1000.0,
+    "ode_config": {
+        "sor_pgs_iters": 50,
+        "sor_pgs_w": 1.3,
+        "contact_surface_layer": 0.001,
+        "contact_max_correcting_vel": 100.0,
+        "erp": 0.2,
+        "max_contacts": 20,
+    },
+}
 LEVELS = {Log.DEBUG: "debug", Log.INFO: "info", Log.WARN: "warn", Log.ERROR: "error"}
-
-
-class NotOffered(Exception):  # noqa: N818  (nothing is wrong yet)
-    """A service that the simulator does not have yet."""
 
 
 def text_of(word):
@@ -84,13 +103,10 @@ class Simulator:
         self.master = rosgraph.Master("/golden_test")
         self._log = Listener("/rosout", Log)
         self._fences = 0
-        self.gravity = [0.0, 0.0, -9.8]
         self._connect()
 
     def _connect(self):
         wait_for(self._is_up, "the simulator's services")
-        offered = rosservice.get_service_list(node="/gazebo", include_nodes=False)
-        self.offered = {name.rsplit("/", 1)[1] for name in offered}
         self._proxies = {}
         wait_for(self._hears, "what the simulator logs")
 
@@ -110,22 +126,14 @@ class Simulator:
             return False
         return True
 
-    def set_gravity(self, gravity):
-        """Start it anew with another gravity, unless it has that."""
-        if gravity == self.gravity:
-            return
-        for axis, value in zip("xyz", gravity):
-            rospy.set_param(f"/gazebo/gravity_{axis}", value)
-        old = wait_for(lambda: process_of("/gazebo"), "the simulator")
-        os.kill(old, signal.SIGINT)
-        wait_for(lambda: process_of("/gazebo") not in (None, old), "a new simulator")
-        self.gravity = gravity
-        self._connect()
+    def set_physics(self, gravity, **numbers):
+        """Set Gazebo's default physics but for gravity and what is given."""
+        given = {"gravity": dict(zip("xyz", gravity)), **numbers}
+        answer = self.call("set_physics_properties", **{**PHYSICS, **given})
+        assert answer["success"], answer
 
     def proxy(self, service, persistent=True):
         """Give what calls a service."""
-        if service not in self.offered:
-            raise NotOffered(service)
         name = f"/gazebo/{service}"
         kind = rosservice.get_service_class_by_name(name)
         return rospy.ServiceProxy(name, kind, persistent=persistent)
@@ -153,8 +161,8 @@ class Simulator:
 
     def make_scene(self, scene, gravity):
         """Begin a case: a world with nothing in it but the scene's models."""
-        self.set_gravity(gravity)
         self.call("pause_physics")
+        self.set_physics(gravity)
         for name in self.models():
             if name != "ground_plane":
                 self.call("delete_model", model_name=name)
@@ -228,6 +236,28 @@ class Simulator:
     def joints(self, model, word):
         """Find all joint positions of a model from its links' poses."""
         return measure_joints(text_of(word), lambda link: self.link_pose(model, link))
+
+    def link(self, name, frame=""):
+        """Give a link's state seen from a frame, as get_link_state tells it."""
+        answer = self.call("get_link_state", link_name=name, reference_frame=frame)
+        return answer["link_state"] if answer["success"] else None
+
+    def joint(self, name):
+        """Give what get_joint_properties tells."""
+        return self.call("get_joint_properties", joint_name=name)
+
+    def physics(self):
+        """Give what get_physics_properties tells."""
+        return self.call("get_physics_properties")
+
+    def run(self, seconds):
+        """Let simulated time pass, to the step."""
+        paused = self.physics()["pause"]
+        self.call("pause_physics")
+        steps = round(seconds / self.physics()["time_step"])
+        assert self.call("step", steps=steps)["success"]
+        if not paused:
+            self.call("unpause_physics")
 
     def log_since(self, act):
         """Do something; give what it gives and the lines logged meanwhile.

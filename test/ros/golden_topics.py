@@ -8,10 +8,10 @@ from xmlrpc.client import ServerProxy
 import numpy as np
 import rospy
 import rosservice
-from gazebo_msgs.msg import LinkStates, ModelState, ModelStates
+from gazebo_msgs.msg import LinkState, LinkStates, ModelState, ModelStates
 from genpy.message import fill_message_args
 from golden_cases import plain
-from golden_simulator import QUARTER, UP, NotOffered, pose_fields, twist_fields
+from golden_simulator import QUARTER, UP, pose_fields, twist_fields
 from ros_testing import Listener, wait_for
 from rosgraph.network import encode_ros_handshake_header, read_ros_handshake_header
 from rosgraph_msgs.msg import Clock
@@ -33,8 +33,6 @@ def _absolute(name):
 
 def service_offered(simulator, name):
     """Shake hands with a service."""
-    if name not in simulator.offered:
-        raise NotOffered(name)
     address = simulator.master.lookupService(f"/gazebo/{name}")
     header = rosservice.get_service_headers(f"/gazebo/{name}", address)
     node = rosservice.get_service_node(f"/gazebo/{name}")
@@ -44,8 +42,7 @@ def service_offered(simulator, name):
 def topic_published(simulator, name):
     """Shake hands with the publisher of a topic."""
     topic = _absolute(name)
-    if "/gazebo" not in dict(simulator.master.getSystemState()[0]).get(topic, []):
-        raise NotOffered(f"topic {topic}")
+    assert "/gazebo" in dict(simulator.master.getSystemState()[0]).get(topic, [])
     node = ServerProxy(simulator.master.lookupNode("/gazebo"))
     _, _, (_, host, port) = node.requestTopic("/handshake", topic, [["TCPROS"]])
     asked = {"callerid": "/handshake", "topic": topic, "type": "*", "md5sum": "*"}
@@ -60,8 +57,7 @@ def topic_subscribed(simulator, name):
     """Ask the master for the subscribers of a topic."""
     topic = _absolute(name)
     subscribers = dict(simulator.master.getSystemState()[1]).get(topic, [])
-    if "/gazebo" not in subscribers:
-        raise NotOffered(f"topic {topic}")
+    assert "/gazebo" in subscribers, subscribers
     return {"subscribed": True, "type": dict(simulator.master.getTopicTypes())[topic]}
 
 
@@ -166,14 +162,17 @@ def twist_point(simulator, name):
     return {"linear_speed": speed, "spin": spin}
 
 
-def state_as_topic(simulator, _):
-    """Publish a model's state instead of calling the service."""
-    topic = "/gazebo/set_model_state"
-    publisher = rospy.Publisher(topic, ModelState, queue_size=1)
+def state_as_topic(simulator, case):
+    """Publish a state instead of calling the service."""
+    name = case["id"].split(".")[0]
+    kind = {"set_model_state": ModelState, "set_link_state": LinkState}[name]
+    publisher = rospy.Publisher(f"/gazebo/{name}", kind, queue_size=1)
     wait_for(publisher.get_num_connections, "the simulator to listen")
-    pose, twist = pose_fields([4.0, 5.0, 6.0, *UP]), twist_fields([1.0, *[0.0] * 5])
-    message = ModelState()
-    fill_message_args(message, [{"model_name": "box", "pose": pose, "twist": twist}])
+    pose = pose_fields([4.0, 5.0, 6.0, *UP])
+    twist = twist_fields(case["effect"]["twist"])
+    what = {"link_name": "box::body"} if kind is LinkState else {"model_name": "box"}
+    message = kind()
+    fill_message_args(message, [{**what, "pose": pose, "twist": twist}])
     publisher.publish(message)
     state = wait_for(
         lambda: simulator.state("box")["pose"][0] > 3.0 and simulator.state("box"),
@@ -213,6 +212,7 @@ BUILT = {
     "link_states.twist_axes": twist_axes,
     "link_states.resubscribe_many_times": resubscribe,
     "set_model_state.as_topic": state_as_topic,
+    "set_link_state.as_topic": state_as_topic,
     "contract.node": node_registered,
     "contract.params": parameters,
 }

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from oracle import assert_poses_close, forward_kinematics
 from scipy.spatial.transform import Rotation
+from worlds import Bench
 
 from g1_description.core.errors import (
     DescriptionError,
     InvalidValueError,
     UnknownNameError,
 )
-from g1_description.sim.frames import find_frame
-from g1_description.sim.world import PHYSICS, World
+from g1_description.sim.engine import PHYSICS
 
 UPRIGHT = np.array([0.0, 0.0, 0.793, 0.0, 0.0, 0.0, 1.0])
 TILTED = np.concatenate(
@@ -45,7 +45,7 @@ def make_world():
     worlds = []
 
     def make(*args, **kwargs):
-        worlds.append(World(*args, **kwargs))
+        worlds.append(Bench(*args, **kwargs))
         return worlds[-1]
 
     yield make
@@ -68,13 +68,15 @@ def link_poses(world, name):
 def test_the_g1_weighs_what_its_file_says(make_world, g1, physics, fixed_base):
     """The world asserts it against PyBullet at load; here the file's sum is known."""
     world = make_world(physics)
-    world.spawn("g1", g1, UPRIGHT, fixed_base)
-    assert world.models["g1"].lumped.description.mass == pytest.approx(35.115, abs=1e-3)
-    body = world._bodies["g1"].number
+    world.spawn_urdf("g1", g1, UPRIGHT, fixed_base)
+    assert world.models["g1"].assembly.description.mass == pytest.approx(
+        35.115, abs=1e-3
+    )
+    body = world.body("g1").number
     first = 0 if fixed_base and physics != "kinematic" else -1
     loaded = sum(
-        world._client.getDynamicsInfo(body, link)[0]
-        for link in range(first, world._client.getNumJoints(body))
+        world.client.getDynamicsInfo(body, link)[0]
+        for link in range(first, world.client.getNumJoints(body))
     )
     pelvis = 3.814 if first == 0 else 0.0
     assert loaded + pelvis == pytest.approx(35.115, abs=1e-3)
@@ -83,11 +85,11 @@ def test_the_g1_weighs_what_its_file_says(make_world, g1, physics, fixed_base):
 def test_set_configurations_are_where_scipy_puts_them(make_world, g1, record_property):
     """300 random configurations within limits, at a tilted pose, kinematic."""
     world, random = make_world("kinematic"), np.random.default_rng(1)
-    world.spawn("g1", g1, UPRIGHT)
+    world.spawn_urdf("g1", g1, UPRIGHT)
     for _ in range(300):
         positions = random_positions(world.models["g1"], random)
         world.set_joint_positions("g1", positions)
-        world.set_model_state("g1", TILTED, np.zeros(6), "")
+        world.put("g1", TILTED, np.zeros(6), "")
         world.step()
         assert dict(
             zip(world.models["g1"].joint_names, world.models["g1"].position)
@@ -101,8 +103,8 @@ def test_set_configurations_are_where_scipy_puts_them(make_world, g1, record_pro
 def test_moving_links_are_where_scipy_puts_them(make_world, g1, physics):
     """300 random configurations in motion: joints and base as PyBullet has them."""
     world, random = make_world(physics), np.random.default_rng(2)
-    world.spawn("g1", g1, UPRIGHT + np.array([0, 0, 1, 0, 0, 0, 0]))
-    client, body = world._client, world._bodies["g1"].number
+    world.spawn_urdf("g1", g1, UPRIGHT + np.array([0, 0, 1, 0, 0, 0, 0]))
+    client, body = world.client, world.body("g1").number
     for _ in range(300):
         world.set_joint_positions("g1", random_positions(world.models["g1"], random))
         world.step()
@@ -127,10 +129,10 @@ def test_the_root_is_told_by_its_frame_not_its_center_of_mass(
 ):
     """What is written to PyBullet comes back, through the center of mass's frame."""
     world = make_world(physics, gravity=(0.0, 0.0, 0.0))
-    world.spawn("thing", robot, TILTED)
-    model, body = world.models["thing"], world._bodies["thing"]
+    world.spawn_urdf("thing", robot, TILTED)
+    model, body = world.models["thing"], world.body("thing")
     twist = np.array([0.3, -0.2, 0.1, 0.5, 0.6, -0.7])
-    world.set_model_state("thing", TILTED, twist, "")
+    world.put("thing", TILTED, twist, "")
     poses, twists = model.poses.copy(), model.twists.copy()
     assert_poses_close(model.root_pose, TILTED, 1e-15)
     body.read()
@@ -138,7 +140,7 @@ def test_the_root_is_told_by_its_frame_not_its_center_of_mass(
     np.testing.assert_allclose(model.twists[0], twists[0], atol=1e-12)
     if physics != "kinematic":
         lever = Rotation.from_quat(TILTED[3:]).apply(
-            model.lumped.description.links[0].inertial.center_of_mass
+            model.assembly.description.links[0].inertial.center_of_mass
         )
         at_center = model.twists[0, :3] + np.cross(twist[3:], lever)
         np.testing.assert_allclose(at_center, twist[:3], atol=1e-12)
@@ -146,11 +148,11 @@ def test_the_root_is_told_by_its_frame_not_its_center_of_mass(
 
 def test_inertia_reaches_pybullet_whole(make_world):
     world = make_world("limp")
-    world.spawn("arm", ARM, TILTED)
-    body = world._bodies["arm"].number
-    links = world.models["arm"].lumped.description.links
+    world.spawn_urdf("arm", ARM, TILTED)
+    body = world.body("arm").number
+    links = world.models["arm"].assembly.description.links
     for index, link in enumerate(links, start=-1):
-        info = world._client.getDynamicsInfo(body, index)
+        info = world.client.getDynamicsInfo(body, index)
         axes = Rotation.from_quat(info[4])
         columns = np.array([axes.apply(axis) for axis in np.eye(3)]).T
         tensor = columns @ np.diag(info[2]) @ columns.T
@@ -160,8 +162,8 @@ def test_inertia_reaches_pybullet_whole(make_world):
 
 def test_twists_are_the_slopes_of_poses_in_free_motion(make_world):
     world = make_world("limp", time_step=1e-5)
-    world.spawn("arm", ARM, TILTED)
-    world.set_model_state("arm", TILTED, np.array([0.3, 0, 0.1, 1.0, 2.0, -1.0]), "")
+    world.spawn_urdf("arm", ARM, TILTED)
+    world.put("arm", TILTED, np.array([0.3, 0, 0.1, 1.0, 2.0, -1.0]), "")
     model = world.models["arm"]
     for _ in range(50):
         world.step()
@@ -177,7 +179,7 @@ def test_twists_are_the_slopes_of_poses_in_free_motion(make_world):
 
 def test_a_body_falls_as_it_should(make_world):
     world = make_world("limp")
-    world.spawn("top", TOP, np.array([0, 0, 100.0, 0, 0, 0, 1]))
+    world.spawn_urdf("top", TOP, np.array([0, 0, 100.0, 0, 0, 0, 1]))
     for _ in range(1000):
         world.step()
     assert world.time_ns == 1_000_000_000
@@ -190,8 +192,8 @@ def test_spin_is_neither_damped_nor_lost(make_world):
     world = make_world("limp", gravity=(0.0, 0.0, 0.0))
     cube = TOP.replace('rpy="0.3 0.2 0.1"', "").replace("0.001", "0")
     cube = cube.replace("0.002", "0").replace("-0.003", "0")
-    world.spawn("top", cube, UPRIGHT)
-    world.set_model_state("top", UPRIGHT, np.array([0, 0, 0, 0, 0, 1.0]), "")
+    world.spawn_urdf("top", cube, UPRIGHT)
+    world.put("top", UPRIGHT, np.array([0, 0, 0, 0, 0, 1.0]), "")
     for _ in range(1000):
         world.step()
     twist = world.models["top"].twist
@@ -207,7 +209,7 @@ def test_a_held_arm_stays_and_a_limp_one_sags(make_world, fixed_base):
         world = make_world(physics)
         arm = ARM.replace('xyz="0 1 1"', 'xyz="0 1 0"')
         arm = arm.replace('rpy="0.2 0 0.4"', 'rpy="0 1.57 0"')
-        world.spawn("arm", arm, np.array([0, 0, 1, 0, 0, 0, 1]), fixed_base)
+        world.spawn_urdf("arm", arm, np.array([0, 0, 1, 0, 0, 0, 1]), fixed_base)
         world.set_joint_positions("arm", {"hinge": -0.5})
         for _ in range(300):
             world.step()
@@ -223,7 +225,7 @@ def test_the_hold_is_no_stronger_than_the_effort(make_world):
     world = make_world("hold")
     arm = ARM.replace('xyz="0 1 1"', 'xyz="0 1 0"').replace('effort="10"', 'effort="1"')
     arm = arm.replace('rpy="0.2 0 0.4"', 'rpy="0 1.57 0"')
-    world.spawn("arm", arm, np.array([0, 0, 1, 0, 0, 0, 1]), True)
+    world.spawn_urdf("arm", arm, np.array([0, 0, 1, 0, 0, 0, 1]), True)
     world.set_joint_positions("arm", {"hinge": -0.5})
     for _ in range(300):
         world.step()
@@ -234,7 +236,7 @@ def test_the_g1_stands_in_hold_and_collapses_in_limp(make_world, g1):
     heights = {}
     for physics in ("hold", "limp"):
         world = make_world(physics)
-        world.spawn("g1", g1, UPRIGHT)
+        world.spawn_urdf("g1", g1, UPRIGHT)
         for _ in range(2000):
             world.step()
         heights[physics] = world.models["g1"].pose[2]
@@ -249,7 +251,7 @@ def run(world, g1, steps=300):
         if step == 50:
             world.set_joint_positions("g1", {"left_knee_joint": 1.0})
         if step == 100:
-            world.set_model_state("g1", UPRIGHT, np.array([1.0, 0, 0, 0, 0, 1]), "")
+            world.put("g1", UPRIGHT, np.array([1.0, 0, 0, 0, 0, 1]), "")
         world.step()
         states.append(b"".join(part.tobytes() for part in world.link_states()))
     return states
@@ -260,7 +262,7 @@ def test_the_same_calls_at_the_same_steps_give_the_same_bits(make_world, g1, phy
     runs = []
     for _ in range(2):
         world = make_world(physics)
-        world.spawn("g1", g1, UPRIGHT)
+        world.spawn_urdf("g1", g1, UPRIGHT)
         runs.append(run(world, g1))
     assert runs[0] == runs[1]
     assert len(set(runs[0])) > 1
@@ -271,32 +273,32 @@ def test_the_same_calls_at_the_same_steps_give_the_same_bits(make_world, g1, phy
 
 def test_contacts_are_found_in_kinematic_too(make_world):
     world = make_world("kinematic")
-    world.spawn("top", TOP, np.array([0, 0, 1.0, 0, 0, 0, 1]))
+    world.spawn_urdf("top", TOP, np.array([0, 0, 1.0, 0, 0, 0, 1]))
     world.step()
     assert world.contacts() == set()
-    world.set_model_state("top", np.array([0, 0, 0.05, 0, 0, 0, 1]), np.zeros(6), "")
+    world.put("top", np.array([0, 0, 0.05, 0, 0, 0, 1]), np.zeros(6), "")
     assert world.contacts() == {("ground_plane::link", "top::body")}
 
 
 def test_models_are_listed_as_they_come_and_go(make_world):
     world = make_world()
-    world.spawn("one", ARM, UPRIGHT)
-    world.spawn("two", TOP, UPRIGHT)
+    world.spawn_urdf("one", ARM, UPRIGHT)
+    world.spawn_urdf("two", TOP, UPRIGHT)
     arm = ["one::base", "one::upper", "one::rod", "one::tip"]
     assert world.link_names() == ["ground_plane::link", *arm, "two::body"]
     world.delete("one")
-    world.spawn("one", ARM, UPRIGHT)
+    world.spawn_urdf("one", ARM, UPRIGHT)
     assert world.link_names() == ["ground_plane::link", "two::body", *arm]
     assert [len(part) for part in world.link_states()] == [6, 6]
-    frames = [find_frame(world.models, name)[0] for name in ("upper", "one::upper")]
+    frames = [world.entities.frame(name).pose for name in ("upper", "one::upper")]
     assert (frames[0] == frames[1]).all()
 
 
 def test_reset_models_keeps_joints_and_time(make_world):
     world = make_world()
-    world.spawn("arm", ARM, UPRIGHT)
+    world.spawn_urdf("arm", ARM, UPRIGHT)
     world.set_joint_positions("arm", {"hinge": 0.5})
-    world.set_model_state("arm", TILTED, np.zeros(6), "")
+    world.put("arm", TILTED, np.zeros(6), "")
     world.step()
     world.reset_models()
     assert (world.models["arm"].pose == UPRIGHT).all()
@@ -308,11 +310,11 @@ def test_reset_models_keeps_joints_and_time(make_world):
 
 def test_states_are_told_in_any_frame(make_world):
     world = make_world("limp", gravity=(0.0, 0.0, 0.0))
-    world.spawn("other", TOP, TILTED)
-    world.spawn("top", TOP, UPRIGHT)
+    world.spawn_urdf("other", TOP, TILTED)
+    world.spawn_urdf("top", TOP, UPRIGHT)
     asked = np.concatenate([[1, 2, 3], Rotation.from_rotvec([1, 0, 0]).as_quat()])
     twist = np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
-    world.set_model_state("top", asked, twist, "other::body")
+    world.put("top", asked, twist, "other::body")
     pose, seen = world.model_state("top", "other")
     assert_poses_close(pose, asked, 1e-12)
     np.testing.assert_allclose(seen[3:], twist[3:], atol=1e-12)
@@ -326,7 +328,7 @@ def test_states_are_told_in_any_frame(make_world):
 
 def test_positions_beyond_the_limits_are_clamped_and_told(make_world):
     world = make_world()
-    world.spawn("arm", ARM, UPRIGHT)
+    world.spawn_urdf("arm", ARM, UPRIGHT)
     wanted = {"hinge": 9.0, "turn": 100.0, "tail": 1.0, "slide": -1.0}
     report = world.set_joint_positions("arm", wanted)
     assert report.unknown == ["tail"]
@@ -336,7 +338,7 @@ def test_positions_beyond_the_limits_are_clamped_and_told(make_world):
 
 def test_a_bad_number_changes_nothing(make_world):
     world = make_world()
-    world.spawn("arm", ARM, UPRIGHT)
+    world.spawn_urdf("arm", ARM, UPRIGHT)
     for bad in (np.nan, np.inf, -np.inf):
         with pytest.raises(InvalidValueError, match=f"slide cannot be set to {bad}"):
             world.set_joint_positions("arm", {"hinge": 0.5, "slide": bad})
@@ -346,7 +348,7 @@ def test_a_bad_number_changes_nothing(make_world):
 def test_a_missing_mesh_is_named_and_left_out(make_world):
     mesh = '<mesh filename="file:///nowhere/hand.stl"/>'
     text = TOP.replace('<box size="0.2 0.2 0.2"/>', mesh)
-    left_out = make_world().spawn("top", text, UPRIGHT)
+    left_out = make_world().spawn_urdf("top", text, UPRIGHT)
     assert left_out == ("mesh file:///nowhere/hand.stl does not exist",)
 
 
@@ -354,12 +356,12 @@ def test_what_cannot_be_spawned_leaves_the_world_as_it_was(make_world):
     world = make_world()
     for text in ("garbage", TOP.replace("mass value", "weight value")):
         with pytest.raises(DescriptionError):
-            world.spawn("top", text, UPRIGHT)
-    world.spawn("top", TOP, UPRIGHT)
+            world.spawn_urdf("top", text, UPRIGHT)
+    world.spawn_urdf("top", TOP, UPRIGHT)
     with pytest.raises(DescriptionError, match="'top' is already there"):
-        world.spawn("top", TOP, UPRIGHT)
+        world.spawn_urdf("top", TOP, UPRIGHT)
     assert list(world.models) == ["ground_plane", "top"]
-    assert world._client.getNumBodies() == 2
+    assert world.client.getNumBodies() == 2
 
 
 def test_names_that_do_not_exist_are_told_with_those_that_do(make_world):
@@ -369,12 +371,14 @@ def test_names_that_do_not_exist_are_told_with_those_that_do(make_world):
     with pytest.raises(
         UnknownNameError, match="no physics 'magic'; there are kinematic"
     ):
-        World("magic")
+        Bench("magic")
 
 
 def test_a_robot_without_mass_is_there_without_bodies(make_world):
     world = make_world("limp")
-    left_out = world.spawn("ghost", '<robot name="g"><link name="a"/></robot>', UPRIGHT)
+    left_out = world.spawn_urdf(
+        "ghost", '<robot name="g"><link name="a"/></robot>', UPRIGHT
+    )
     assert left_out == ("link a has no mass",)
     world.step()
     assert (world.model_state("ghost", "")[0] == UPRIGHT).all()
@@ -385,24 +389,24 @@ def test_a_robot_without_mass_is_there_without_bodies(make_world):
 def test_pybullet_rounds_the_link_frames_it_reports_to_floats(make_world):
     """Why link poses are computed in core: docs/design.md."""
     world = make_world()
-    world.spawn("arm", ARM, np.array([0.1, 0.2, 0.3, 0, 0, 0, 1]))
-    body = world._bodies["arm"].number
+    world.spawn_urdf("arm", ARM, np.array([0.1, 0.2, 0.3, 0, 0, 0, 1]))
+    body = world.body("arm").number
     world.set_joint_positions("arm", {"hinge": 0.7})
-    reported = world._client.getLinkState(body, 0, computeForwardKinematics=1)
+    reported = world.client.getLinkState(body, 0, computeForwardKinematics=1)
     for part in reported[4:6]:
         np.testing.assert_array_equal(part, np.float32(part))
-    assert world._client.getJointState(body, 0)[0] == 0.7
+    assert world.client.getJointState(body, 0)[0] == 0.7
     off = np.abs(world.models["arm"].poses[1, :3] - reported[4]).max()
     assert 0.0 < off < 1e-6
 
 
 def test_a_teleported_joint_stands_still_and_goes_on_from_there(make_world):
     world = make_world("limp", gravity=(0.0, 0.0, 0.0))
-    world.spawn("arm", ARM, UPRIGHT, fixed_base=True)
+    world.spawn_urdf("arm", ARM, UPRIGHT, fixed_base=True)
     model = world.models["arm"]
-    world.set_model_state("arm", UPRIGHT, np.zeros(6), "")
+    world.put("arm", UPRIGHT, np.zeros(6), "")
     model.velocity[:] = [0.5, 0.1, 1.0]
-    world._bodies["arm"].write_joints()
+    world.body("arm").write_joints()
     world.step()
     assert np.abs(model.velocity).min() > 0.05
     world.set_joint_positions("arm", {"hinge": 0.4, "slide": 0.1, "turn": 3.0})
@@ -424,10 +428,12 @@ def test_a_robot_with_more_joints_than_pybullet_steps_is_refused(make_world):
     chain = f'<robot name="long">{links}{joints}</robot>'
     world = make_world("limp")
     with pytest.raises(DescriptionError, match="128 movable joints"):
-        world.spawn("long", chain, UPRIGHT)
-    world.spawn("long", chain.replace('type="continuous"', 'type="fixed"'), UPRIGHT)
+        world.spawn_urdf("long", chain, UPRIGHT)
+    world.spawn_urdf(
+        "long", chain.replace('type="continuous"', 'type="fixed"'), UPRIGHT
+    )
     world.step()
-    make_world("kinematic").spawn("long", chain, UPRIGHT)
+    make_world("kinematic").spawn_urdf("long", chain, UPRIGHT)
 
 
 def test_a_spawn_that_fails_late_leaves_no_body_behind(make_world, monkeypatch):
@@ -437,12 +443,12 @@ def test_a_spawn_that_fails_late_leaves_no_body_behind(make_world, monkeypatch):
     def spoiled(*arguments):
         raise DescriptionError("too late")
 
-    monkeypatch.setattr("g1_description.sim.world.check_mass", spoiled)
+    monkeypatch.setattr("g1_description.sim.urdf_import._check_mass", spoiled)
     with pytest.raises(DescriptionError, match="too late"):
-        world.spawn("arm", ARM.replace(heavier, 'mass value="6"'), UPRIGHT)
-    assert world._client.getNumBodies() == 1
+        world.spawn_urdf("arm", ARM.replace(heavier, 'mass value="6"'), UPRIGHT)
+    assert world.client.getNumBodies() == 1
     monkeypatch.undo()
-    world.spawn("arm", ARM, UPRIGHT)
+    world.spawn_urdf("arm", ARM, UPRIGHT)
     world.reset()
 
 
@@ -452,7 +458,7 @@ def test_a_mesh_that_cannot_be_read_is_named(make_world, tmp_path, content):
     file.write_bytes(content)
     mesh = f'<mesh filename="file://{file}"/>'
     text = TOP.replace('<box size="0.2 0.2 0.2"/>', mesh)
-    (clause,) = make_world().spawn("top", text, UPRIGHT)
+    (clause,) = make_world().spawn_urdf("top", text, UPRIGHT)
     assert clause == "1 of 1 collision shapes of link body cannot be read"
 
 
@@ -461,7 +467,7 @@ def test_a_mesh_of_another_kind_is_named(make_world, tmp_path):
     file.write_text("ply")
     mesh = f'<mesh filename="file://{file}"/>'
     text = TOP.replace('<box size="0.2 0.2 0.2"/>', mesh)
-    (clause,) = make_world().spawn("top", text, UPRIGHT)
+    (clause,) = make_world().spawn_urdf("top", text, UPRIGHT)
     assert clause == f"mesh file://{file} is none of .dae, .obj, .stl"
 
 
@@ -470,7 +476,7 @@ def test_a_models_twist_is_its_roots_wherever_the_file_has_it(make_world):
     base = ARM.index('<link name="base">')
     upper = ARM.index('<link name="upper">')
     link = ARM[upper : ARM.index("</link>", upper) + len("</link>")]
-    world.spawn("arm", ARM[:base] + link + ARM[base:].replace(link, ""), UPRIGHT)
+    world.spawn_urdf("arm", ARM[:base] + link + ARM[base:].replace(link, ""), UPRIGHT)
     assert world.models["arm"].link_names[0] == "upper"
-    world.set_model_state("arm", UPRIGHT, np.array([0, 0, 0, 0, 0, 1.0]), "")
+    world.put("arm", UPRIGHT, np.array([0, 0, 0, 0, 0, 1.0]), "")
     np.testing.assert_allclose(world.model_state("arm", "")[1], [0, 0, 0, 0, 0, 1])

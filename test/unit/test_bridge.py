@@ -112,8 +112,8 @@ def test_a_robot_that_is_not_there_has_no_root():
     [
         (BridgeParameters, {"max_interval": -1.0}, "~max_interval is -1.0"),
         (BridgeParameters, {"position_threshold": -0.1}, "must be from 0.0"),
-        (GazeboParameters, {"time_step": 0.0}, "~time_step is 0.0"),
-        (GazeboParameters, {"max_update_rate": -1.0}, "~max_update_rate"),
+        (GazeboParameters, {"time_step": -1.0}, "time_step is -1.0"),
+        (GazeboParameters, {"max_update_rate": -1.0}, "max_update_rate"),
     ],
 )
 def test_parameters_out_of_range_are_refused_by_name(kind, values, words):

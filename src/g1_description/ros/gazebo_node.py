@@ -1,9 +1,11 @@
 """The stand-in's node: one loop that steps, publishes and answers.
 
 Publishes: /clock (rosgraph_msgs/Clock), ~link_states (gazebo_msgs/LinkStates),
-    ~model_states (gazebo_msgs/ModelStates): at each step, while someone listens
-Subscribes: ~set_model_state (gazebo_msgs/ModelState)
-Services: those of gazebo_services
+    ~model_states (gazebo_msgs/ModelStates), ~world_state (gazebo_msgs/WorldState):
+    at each step, while someone listens
+Subscribes: ~set_model_state (gazebo_msgs/ModelState), ~set_link_state
+    (gazebo_msgs/LinkState)
+Services: those of the gazebo_*_services modules, and dynamic_reconfigure's
 Parameters: those of parameters.GazeboParameters
 """
 
@@ -14,23 +16,23 @@ import sys
 import time
 from concurrent.futures import CancelledError, Future
 
-import numpy as np
-import rospkg
 import rospy
-from gazebo_msgs.msg import LinkStates, ModelState, ModelStates
-from rosgraph_msgs.msg import Clock
+from gazebo_msgs.msg import LinkState, ModelState
 
-from ..core.errors import DescriptionError, G1DescriptionError
-from ..core.rotation import from_rpy
+from ..core.errors import G1DescriptionError, InvalidValueError
 from ..sim.world import World
-from .gazebo_services import GazeboServices
-from .link_states import LinkStatesEncoder
-from .messages import PreparedLinkStates, PreparedModelStates, stamp_from_ns
+from .gazebo_joint_services import JointServices
+from .gazebo_link_services import LinkServices
+from .gazebo_model_services import ModelServices
+from .gazebo_start import make_world, spawn_robot
+from .gazebo_topics import StateTopics
+from .gazebo_world_services import UNSETTABLE, WorldServices
 from .parameters import GazeboParameters, read_parameters
+from .reconfigure import offer_physics
+from .rosout import publish_log
 from .shutdown import quiet_when_closing
-
-QUEUE = 100
-"""Messages kept for a slow subscriber; a tenth of a second of steps."""
+from .tcpros import serve_as_roscpp
+from .wording import Wording
 
 PATIENCE = 0.1
 """Longest wait before looking whether to shut down, in [s]. Time lost to a busy
@@ -40,79 +42,61 @@ machine beyond this is not caught up."""
 class GazeboNode:
     """The loop. Callbacks of rospy put calls; the loop alone touches the world."""
 
-    def __init__(self, parameters: GazeboParameters) -> None:
-        """Make the world and the robot, then the topics and services.
+    def __init__(self, world: World, parameters: GazeboParameters) -> None:
+        """Make the topics and services.
 
         Args:
+            world: What the node simulates.
             parameters: The node's parameters.
-
-        Raises:
-            G1DescriptionError: If the robot cannot be spawned.
         """
-        p = parameters
-        self._rate = p.max_update_rate
-        self._world = World(
-            p.physics,
-            p.time_step,
-            (p.gravity_x, p.gravity_y, p.gravity_z),
-            _package_folder,
-        )
-        every = 1.0 / (p.time_step * p.link_states_rate) if p.link_states_rate else 1.0
-        self._publish_every = max(1, int(every + 1e-9))
-        self._steps = 0
-        if p.robot_description:
-            self._spawn(p)
-        self._services = GazeboServices(self._world, p.strict_messages)
-        self._services.paused = p.paused
+        self._world = world
+        wording = Wording(parameters.strict_messages)
+        self._time = WorldServices(world, wording, parameters.paused)
         # Not a SimpleQueue: a signal during its get() can make it wait for ever.
         self._calls: queue.Queue = queue.Queue()
-        self._link_states, self._model_states = LinkStatesEncoder(), LinkStatesEncoder()
-        self._clock_topic = rospy.Publisher("/clock", Clock, queue_size=QUEUE)
-        self._link_states_topic = rospy.Publisher(
-            "~link_states", LinkStates, queue_size=QUEUE
-        )
-        self._model_states_topic = rospy.Publisher(
-            "~model_states", ModelStates, queue_size=QUEUE
-        )
-        rospy.Subscriber(
-            "~set_model_state",
-            ModelState,
-            self._in_the_loop(self._services.apply_model_state),
-        )
-        for name, kind, answer in self._services.table():
-            rospy.Service(f"~{name}", kind, self._in_the_loop(answer))
+        network = parameters.enable_ros_network
+        rospy.set_param("~enable_ros_network", network)
+        self._topics = StateTopics(world, parameters.link_states_rate, network)
+        if not network:
+            return
+        models = ModelServices(world, wording)
+        links = LinkServices(world, wording)
+        for topic, kind, act in (
+            ("~set_model_state", ModelState, models.apply_state),
+            ("~set_link_state", LinkState, links.apply_state),
+        ):
+            rospy.Subscriber(topic, kind, self._in_the_loop(_told(act)))
+        for services in (models, links, JointServices(world, wording), self._time):
+            for name, kind, answer in services.table():
+                rospy.Service(f"~{name}", kind, self._in_the_loop(answer))
+        for name, kind, answer, prepare in models.spawn_table():
+            rospy.Service(f"~{name}", kind, self._in_the_loop(answer, prepare))
+        offer_physics(world.properties, self._in_the_loop(self._reconfigure))
 
-    def _spawn(self, parameters: GazeboParameters) -> None:
-        """Spawn the robot of the parameters."""
-        p = parameters
-        urdf = rospy.get_param(p.robot_description, None)
-        if not isinstance(urdf, str):
-            raise DescriptionError(
-                f"There is no robot on the parameter {p.robot_description}."
-            )
-        rotation = from_rpy(np.array([p.roll, p.pitch, p.yaw]))
-        pose = np.concatenate([[p.x, p.y, p.z], rotation])
-        left_out = self._world.spawn(p.model_name, urdf, pose, p.fixed_base)
-        for clause in left_out:
-            rospy.logwarn("%s: %s", p.model_name, clause)
-        robot = self._world.models[p.model_name].lumped.description
-        rospy.loginfo(
-            "%s: %d joints, %d links, %.3f kg, %s",
-            p.model_name,
-            len(robot.joints),
-            len(robot.links),
-            robot.mass,
-            p.physics,
-        )
+    def _reconfigure(self, numbers: dict) -> dict:
+        """Change the physics' numbers, or tell what they are if that cannot be."""
+        try:
+            self._time.change_physics(numbers)
+        except InvalidValueError as error:
+            rospy.logerr("set_parameters: refused, %s", error)
+            properties = self._world.properties
+            return {n: getattr(properties, n) for n in numbers if n not in UNSETTABLE}
+        return {}
 
-    def _in_the_loop(self, answer):
-        """Make a callback that lets the loop answer, and waits for it."""
+    def _in_the_loop(self, answer, prepare=lambda request: request):
+        """Make a callback that lets the loop answer, and waits for it.
+
+        Args:
+            answer: What answers, in the loop.
+            prepare: What is done with the request before, while time runs on.
+        """
 
         def handler(request):
             call: Future = Future()
-            self._calls.put((call, answer, request))
+            self._calls.put((call, answer, prepare(request)))
             try:
-                return call.result()
+                result = call.result()
+                return result.result() if isinstance(result, Future) else result
             except CancelledError:
                 raise rospy.ServiceException("the simulator is shutting down") from None
 
@@ -120,21 +104,30 @@ class GazeboNode:
 
     def run(self) -> None:
         """Step, publish and answer until the node is shut down."""
-        period = 1.0 / self._rate if self._rate else 0.0
         due = time.monotonic()
         while not rospy.is_shutdown():
             now = time.monotonic()
-            if self._services.paused:
+            if not self._is_running:
                 self._answer_one(PATIENCE)
                 due = time.monotonic()
-            elif now < due:
+            elif now < due and not self._time.is_stepping:
                 self._answer_one(min(due - now, PATIENCE))
             else:
-                for _ in range(self._calls.qsize()):
-                    self._answer_one(0.0)
+                self._answer_all()
                 self._step()
-                due = max(due + period, now - PATIENCE)
+                due = max(due + self._world.properties.period, now - PATIENCE)
         self._refuse()
+
+    @property
+    def _is_running(self) -> bool:
+        """Whether steps are to be done."""
+        wanted = not self._time.paused or self._time.is_stepping
+        return wanted and self._world.properties.step_ns > 0
+
+    def _answer_all(self) -> None:
+        """Answer the calls that have come until now."""
+        for _ in range(self._calls.qsize()):
+            self._answer_one(0.0)
 
     def _answer_one(self, wait: float) -> None:
         """Wait for a call and answer it, if one comes.
@@ -153,53 +146,46 @@ class GazeboNode:
 
     def _step(self) -> None:
         """Let a time step pass and tell the world of it."""
-        if not self._services.paused:
-            self._world.step()
-            with quiet_when_closing():
-                self._publish()
+        if not self._is_running:
+            return
+        self._world.step()
+        with quiet_when_closing():
+            self._topics.publish()
+        self._time.count_step()
 
     def _refuse(self) -> None:
         """Tell callers that nobody will answer any more."""
+        self._time.cancel_steps()
         while not self._calls.empty():
             self._calls.get()[0].cancel()
 
-    def _publish(self) -> None:
-        """Publish the time, then the states of that time."""
-        self._clock_topic.publish(Clock(stamp_from_ns(self._world.time_ns)))
-        self._steps += 1
-        if self._steps % self._publish_every:
-            return
-        if self._link_states_topic.get_num_connections():
-            poses, twists = self._world.link_states()
-            message = PreparedLinkStates()
-            names = self._world.link_names()
-            message.data = self._link_states.encode(names, poses, twists)
-            self._link_states_topic.publish(message)
-        if self._model_states_topic.get_num_connections():
-            models = self._world.models.values()
-            message = PreparedModelStates()
-            message.data = self._model_states.encode(
-                list(self._world.models),
-                np.array([model.pose for model in models]),
-                np.array([model.twist for model in models]),
-            )
-            self._model_states_topic.publish(message)
+
+def _told(act):
+    """Make what acts on a topic's message tell why it refused, if it did."""
+
+    def callback(message):
+        success, words = act(message)
+        if not success and "refused" in words:
+            rospy.logwarn_throttle_identical(1.0, words)
+
+    return callback
 
 
-def _package_folder(name: str) -> str | None:
-    """Find a ROS package's folder."""
+def main(given=None) -> None:
+    """Run the node ``gazebo``.
+
+    Args:
+        given: Parameters by name that win over the defaults, not over those on the
+            parameter server.
+    """
+    serve_as_roscpp()
+    rospy.init_node("gazebo", disable_rosout=True)
+    publish_log()
     try:
-        return rospkg.RosPack().get_path(name)
-    except rospkg.ResourceNotFound:
-        return None
-
-
-def main() -> None:
-    """Run the node ``gazebo``."""
-    rospy.init_node("gazebo")
-    try:
-        node = GazeboNode(read_parameters(GazeboParameters))
+        parameters = read_parameters(GazeboParameters, given)
+        world, parameters = make_world(parameters)
+        spawn_robot(world, parameters)
     except G1DescriptionError as error:
         rospy.logfatal("%s", error)
         sys.exit(1)
-    node.run()
+    GazeboNode(world, parameters).run()

@@ -6,8 +6,16 @@ from collections.abc import Sequence
 
 import genpy
 import numpy as np
-from gazebo_msgs.msg import LinkStates, ModelStates
-from geometry_msgs.msg import Pose, Transform, TransformStamped, Twist
+from gazebo_msgs.msg import LinkStates, ModelStates, WorldState
+from geometry_msgs.msg import (
+    Point,
+    Pose,
+    Transform,
+    TransformStamped,
+    Twist,
+    Vector3,
+    Wrench,
+)
 from sensor_msgs.msg import JointState
 
 
@@ -31,9 +39,37 @@ class PreparedModelStates(ModelStates):
         buff.write(self.data)
 
 
+class PreparedWorldState(WorldState):
+    """A WorldState message whose bytes after the header are ready."""
+
+    _has_header = False  # rospy would put its own count and time into it
+    data = b""
+
+    def serialize(self, buff):
+        """Write header and prepared bytes, as rospy asks of a message."""
+        self.header.serialize(buff)
+        buff.write(self.data)
+
+
 def stamp_from_ns(time_ns: int) -> genpy.Time:
     """Convert a time in [ns]."""
     return genpy.Time(time_ns // 1_000_000_000, time_ns % 1_000_000_000)
+
+
+def time_to_ns(time: genpy.Time | genpy.Duration) -> int:
+    """Convert a time or duration to [ns]."""
+    return time.to_nsec()
+
+
+def vector_to_array(vector: Vector3 | Point) -> np.ndarray:
+    """Give the coordinates, shape (3,)."""
+    return np.array([vector.x, vector.y, vector.z])
+
+
+def wrench_to_array(wrench: Wrench) -> np.ndarray:
+    """Give force and torque, shape (6,)."""
+    parts = (vector_to_array(part) for part in (wrench.force, wrench.torque))
+    return np.concatenate([*parts])
 
 
 def pose_to_array(pose: Pose) -> np.ndarray:

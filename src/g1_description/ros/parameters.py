@@ -8,26 +8,22 @@ from dataclasses import dataclass, fields
 import rospy
 
 from ..core.errors import InvalidValueError
+from ..sim.physics import PhysicsProperties
 
 
 @dataclass(frozen=True)
-class GazeboParameters:
-    """Parameters of the stand-in."""
+class GazeboParameters(PhysicsProperties):
+    """Parameters of the stand-in: the physics' numbers and what follows."""
 
     physics: str = "kinematic"
     """kinematic: what is set stays set; hold: motors hold the joints; limp: no
     motors."""
 
-    time_step: float = 0.001
-    """Length of a physics step in [s]."""
+    world: str = ""
+    """World file (SDF) to load at start; empty: a ground plane and a sun."""
 
-    max_update_rate: float = 1000.0
-    """Steps per second of wall time in [Hz]; 0: as fast as can be."""
-
-    gravity_x: float = 0.0
-    gravity_y: float = 0.0
-    gravity_z: float = -9.8
-    """Gravity in [m/s^2]."""
+    enable_ros_network: bool = True
+    """Whether there are services, link_states and model_states; /clock always is."""
 
     link_states_rate: float = 0.0
     """Least rate of link_states and model_states per simulated second in [Hz]; each
@@ -60,9 +56,14 @@ class GazeboParameters:
 
     def __post_init__(self) -> None:
         """Check ranges."""
-        _check_range(self, "time_step", 1e-6, 1.0)
-        _check_range(self, "max_update_rate", 0.0, 1e6)
+        super().__post_init__()
         _check_range(self, "link_states_rate", 0.0, 1e6)
+
+    @property
+    def properties(self) -> PhysicsProperties:
+        """The physics' numbers alone."""
+        names = (field.name for field in fields(PhysicsProperties))
+        return PhysicsProperties(**{name: getattr(self, name) for name in names})
 
 
 @dataclass(frozen=True)
@@ -114,11 +115,12 @@ def _check_range(parameters, name, low, high):
         raise InvalidValueError(f"~{name} is {value}, it must be from {low} to {high}.")
 
 
-def read_parameters(kind):
+def read_parameters(kind, given=None):
     """Read a node's private parameters.
 
     Args:
         kind: ``GazeboParameters`` or ``BridgeParameters``.
+        given: Values by name that win over the defaults, not over the server's.
 
     Returns:
         The parameters, checked.
@@ -126,12 +128,11 @@ def read_parameters(kind):
     Raises:
         InvalidValueError: If one has the wrong type or is out of its range.
     """
-    values = {
-        field.name: _converted(
-            field.name, rospy.get_param(f"~{field.name}", field.default), field.default
-        )
-        for field in fields(kind)
-    }
+    values = {}
+    for field in fields(kind):
+        default = (given or {}).get(field.name, field.default)
+        value = rospy.get_param(f"~{field.name}", default)
+        values[field.name] = _converted(field.name, value, field.default)
     return kind(**values)
 
 
@@ -140,7 +141,7 @@ def _converted(name, value, default):
     if isinstance(default, float) and type(value) in (int, float):
         if math.isfinite(value):
             return float(value)
-    elif isinstance(value, type(default)):
+    elif type(value) is type(default):
         return value
     raise InvalidValueError(
         f"~{name} is {value!r}, it must be a {type(default).__name__} like {default!r}."

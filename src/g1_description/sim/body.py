@@ -7,11 +7,13 @@ from pybullet_utils.bullet_client import BulletClient
 
 from ..core.transform import compose, inverse
 from .model import Model
+from .urdf_import import ROOT, links_of
 
 NO_LIMIT = 1e6
 """Effort of a joint without an effort limit, in [N m] or [N]."""
 
-_FRICTION = 1.0
+FRICTION = 1.0
+"""Coefficient of friction where a file gives none: Gazebo's."""
 
 
 class Body:
@@ -32,32 +34,54 @@ class Body:
         self._client = client
         self.number = number
         self._model = model
-        place = {
-            client.getJointInfo(number, index)[1].decode(): index
-            for index in range(client.getNumJoints(number))
-        }
-        self._joints = [place[name] for name in model.joint_names]
-        efforts = [joint.effort for joint in model.lumped.description.joints]
-        self._efforts = [min(effort, NO_LIMIT) for effort in efforts]
-        inertial = client.getDynamicsInfo(number, -1)[3:5]
+        description = model.assembly.description
+        self._link_names = dict(links_of(client, number, description))
+        place = {name: index for index, name in self._link_names.items()}
+        joints = description.movable_joints
+        self._joints = [place[joint.child] for joint in joints]
+        self._efforts = [min(joint.effort, NO_LIMIT) for joint in joints]
+        inertial = client.getDynamicsInfo(number, ROOT)[3:5]
         self._T_root_center = np.concatenate(inertial)
         self._T_center_root = inverse(self._T_root_center)
-        for link in range(-1, client.getNumJoints(number)):
-            client.changeDynamics(
-                number,
-                link,
-                lateralFriction=_FRICTION,
-                linearDamping=0.0,
-                angularDamping=0.0,
-            )
+        self._weightless: list[tuple[int, float]] = []
+        self._set_dynamics()
         self.write()
         self._go_limp()
 
+    def _set_dynamics(self) -> None:
+        """Set what a URDF file does not tell PyBullet."""
+        assembly = self._model.assembly
+        # ODE takes the lesser of two coefficients, PyBullet their product: with at
+        # most 1 on what is static, both are the same on the ground.
+        static = assembly.static
+        links = {link.name: link for link in assembly.description.links}
+        for index, name in self._link_names.items():
+            shapes = links[name].collisions
+            frictions = [s.friction for s in shapes if s.friction is not None]
+            restitutions = [s.restitution for s in shapes if s.restitution is not None]
+            friction = min(frictions, default=FRICTION)
+            self._client.changeDynamics(
+                self.number,
+                index,
+                lateralFriction=min(friction, 1.0) if static else friction,
+                restitution=max(restitutions, default=0.0),
+                linearDamping=0.0,
+                angularDamping=0.0,
+            )
+            inertial = links[name].inertial
+            if inertial is not None and not links[name].has_gravity:
+                self._weightless.append((index, inertial.mass))
+        for name in self._model.ode_joints:
+            self.tune(name)
+
+    @property
+    def moves(self) -> bool:
+        """Whether physics can move any of it."""
+        return not self._model.fixed or bool(self._joints)
+
     def link_of(self, index: int) -> str:
         """Name the link behind PyBullet's link number; -1 is the root."""
-        if index == -1:
-            return self._model.lumped.description.root
-        return self._client.getJointInfo(self.number, index)[12].decode()
+        return self._link_names[index]
 
     def write(self) -> None:
         """Give PyBullet the model's state."""
@@ -83,6 +107,17 @@ class Body:
     def read(self) -> None:
         """Take the model's state from PyBullet."""
         model = self._model
+        if not model.fixed:
+            self._read_root()
+        if self._joints:
+            states = self._client.getJointStates(self.number, self._joints)
+            model.position = np.array([state[0] for state in states])
+            model.velocity = np.array([state[1] for state in states])
+        model.update()
+
+    def _read_root(self) -> None:
+        """Take the root's pose and twist from PyBullet."""
+        model = self._model
         T_world_center = np.concatenate(
             self._client.getBasePositionAndOrientation(self.number)
         )
@@ -92,11 +127,75 @@ class Body:
         )
         lever = model.root_pose[:3] - T_world_center[:3]
         model.root_twist = np.concatenate([linear + np.cross(angular, lever), angular])
-        if self._joints:
-            states = self._client.getJointStates(self.number, self._joints)
-            model.position = np.array([state[0] for state in states])
-            model.velocity = np.array([state[1] for state in states])
-        model.update()
+
+    def push(self, link: str, force: np.ndarray, torque: np.ndarray) -> None:
+        """Let a wrench act on a link during the next step.
+
+        Args:
+            link: The link's name.
+            force: At the link's center of mass, along the world's axes, in [N],
+                shape (3,).
+            torque: Along the world's axes, in [N m], shape (3,).
+        """
+        (index,) = (i for i, name in self._link_names.items() if name == link)
+        center = self._center(index)
+        world = self._client.WORLD_FRAME
+        self._client.applyExternalForce(self.number, index, force, center, world)
+        self._client.applyExternalTorque(self.number, index, torque, world)
+
+    def strain(self, joint: str, effort: float) -> None:
+        """Let a joint's effort act during the next step, within its limit.
+
+        Args:
+            joint: The joint's name; a fixed joint bears any effort.
+            effort: In [N m] or [N].
+        """
+        row = self._model.joint_row(joint)
+        if row < 0:
+            return
+        limit = self._efforts[row]
+        self._client.setJointMotorControl2(
+            self.number,
+            self._joints[row],
+            self._client.TORQUE_CONTROL,
+            force=min(max(effort, -limit), limit),
+        )
+
+    def float_weightless(self, gravity: tuple[float, float, float]) -> None:
+        """Cancel gravity during the next step where a link has none."""
+        for index, mass in self._weightless:
+            self._client.applyExternalForce(
+                self.number,
+                index,
+                -mass * np.array(gravity),
+                self._center(index),
+                self._client.WORLD_FRAME,
+            )
+
+    def _center(self, index: int) -> np.ndarray:
+        """Find a link's center of mass in the world, in [m], shape (3,)."""
+        if index == ROOT:
+            pose = self._client.getBasePositionAndOrientation(self.number)
+        else:
+            pose = self._client.getLinkState(
+                self.number, index, computeForwardKinematics=1
+            )
+        return np.array(pose[0])
+
+    def tune(self, joint: str) -> None:
+        """Give PyBullet those of ODE's numbers of a joint that it knows too."""
+        row = self._model.joint_row(joint)
+        if row < 0:
+            return
+        numbers = self._model.ode_joints[joint]
+        known = {
+            "jointDamping": numbers.get("damping"),
+            "jointLowerLimit": numbers.get("loStop"),
+            "jointUpperLimit": numbers.get("hiStop"),
+        }
+        given = {name: value for name, value in known.items() if value is not None}
+        if given:
+            self._client.changeDynamics(self.number, self._joints[row], **given)
 
     def hold(self) -> None:
         """Let motors hold the joints where they are, within the URDF's efforts."""

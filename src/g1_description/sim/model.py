@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..core.assembly import WORLD, Assembly
 from ..core.errors import InvalidValueError
 from ..core.kinematics import Kinematics
-from ..core.lumping import Lumped
 from ..core.rotation import rotate
 from ..core.transform import compose, inverse
 
@@ -38,32 +38,54 @@ class Model:
     joint positions, which are what PyBullet knows exactly.
     """
 
-    def __init__(self, name: str, lumped: Lumped, pose: np.ndarray) -> None:
+    def __init__(
+        self, name: str, assembly: Assembly, pose: np.ndarray, fixed: bool = False
+    ) -> None:
         """Make a model that has no body yet.
 
         Args:
             name: Name in the world.
-            lumped: The robot without fixed joints.
+            assembly: What it is made of.
             pose: Pose of the model frame in the world, shape (7,).
+            fixed: Whether its root does not move by itself.
         """
         self.name = name
-        self.lumped = lumped
+        self.assembly = assembly
         self.initial_pose = np.array(pose)
-        description = lumped.description
-        self.link_names = description.link_names
-        self.joint_names = tuple(joint.name for joint in description.joints)
-        self.lower = np.array([joint.lower for joint in description.joints])
-        self.upper = np.array([joint.upper for joint in description.joints])
-        self._kinematics = Kinematics(description) if description.links else None
-        self._n_links = len(description.links)
-        self._root_row = (
-            list(self.link_names).index(description.root) if (self._n_links) else 0
-        )
+        description = assembly.description
+        joints = description.movable_joints
+        self.fixed = fixed or assembly.static or description.root == WORLD
+        self.link_names = assembly.link_names
+        self.joint_names = tuple(joint.name for joint in joints)
+        self.lower = np.array([joint.lower for joint in joints])
+        self.upper = np.array([joint.upper for joint in joints])
+        self._kinematics = Kinematics(description) if self.link_names else None
+        self._n_links = len(self.link_names)
+        self.robot_namespace = ""
+        """Namespace that its spawner gave it; kept as data."""
+        self.ode_joints: dict[str, dict[str, float]] = {}
+        """What set_joint_properties gave, in Gazebo's words, by joint name."""
         self.rewind()
+
+    @property
+    def listed_joints(self) -> tuple[str, ...]:
+        """Names of all joints of the file that are there, fixed ones too."""
+        joints = self.assembly.description.joints
+        return tuple(joint.name for joint in joints if joint.listed)
+
+    @property
+    def root_row(self) -> int:
+        """Which link the model's pose and twist are those of."""
+        root = self.assembly.description.root
+        return self.link_names.index(root) if root in self.link_names else 0
+
+    def joint_row(self, name: str) -> int:
+        """Tell which movable joint a name means; -1 for a fixed one."""
+        return self.joint_names.index(name) if name in self.joint_names else -1
 
     def rewind(self) -> None:
         """Go back to the pose of the beginning, all joints at zero, at rest."""
-        self.root_pose = compose(self.initial_pose, self.lumped.root_pose)
+        self.root_pose = compose(self.initial_pose, self.assembly.root_pose)
         self.root_twist = np.zeros(6)
         self.position = np.zeros(len(self.joint_names))
         self.velocity = np.zeros(len(self.joint_names))
@@ -72,12 +94,12 @@ class Model:
     @property
     def pose(self) -> np.ndarray:
         """Pose of the model frame in the world, shape (7,)."""
-        return compose(self.root_pose, inverse(self.lumped.root_pose))
+        return compose(self.root_pose, inverse(self.assembly.root_pose))
 
     @property
     def twist(self) -> np.ndarray:
         """Twist of the root link's frame, along the world's axes, shape (6,)."""
-        return self.twists[self._root_row] if self._n_links else np.zeros(6)
+        return self.twists[self.root_row] if self._n_links else np.zeros(6)
 
     def update(self) -> None:
         """Compute all links' poses and twists from the root and the joints."""
@@ -87,7 +109,7 @@ class Model:
         self.poses = self._kinematics.link_poses(self.root_pose, self.position)
         if self.root_twist.any() or self.velocity.any():
             self.twists = self._kinematics.link_twists(
-                self.poses, self.root_twist, self.velocity
+                self.root_pose, self.poses, self.root_twist, self.velocity
             )
         else:
             self.twists = np.zeros((self._n_links, 6))
@@ -140,15 +162,38 @@ class Model:
             pose: Pose of the model frame in the world, shape (7,).
             twist: Linear velocity given to each link's center of mass and angular
                 velocity given to each link, along the world's axes, shape (6,).
+                A fixed model takes none.
         """
-        self.root_pose = compose(pose, self.lumped.root_pose)
+        self.root_pose = compose(pose, self.assembly.root_pose)
         self.velocity[:] = 0.0
         self.root_twist = np.zeros(6)
         self.update()
-        if twist.any() and self._n_links:
+        if twist.any() and self._n_links and not self.fixed:
             self.twists[:, 3:] = twist[3:]
             self.twists[:, :3] = twist[:3] - np.cross(twist[3:], self._levers())
             self.root_twist = np.array(self.twist)
+
+    def set_root_state(self, pose: np.ndarray, twist: np.ndarray) -> None:
+        """Put the model somewhere by its root link, joints as they are and at rest.
+
+        Args:
+            pose: Pose of the root link in the world, shape (7,).
+            twist: Velocity of the root link's center of mass and its angular
+                velocity, along the world's axes, shape (6,). A fixed model takes
+                none.
+        """
+        if self.assembly.description.root == WORLD:
+            T_root_link = compose(inverse(self.root_pose), self.poses[self.root_row])
+            pose = compose(pose, inverse(T_root_link))
+        self.root_pose = np.array(pose)
+        self.velocity[:] = 0.0
+        self.root_twist = np.zeros(6)
+        self.update()
+        if not self.fixed:
+            lever = self._levers()[self.root_row]
+            self.root_twist = np.array(twist)
+            self.root_twist[:3] -= np.cross(twist[3:], lever)
+            self.update()
 
     def _levers(self) -> np.ndarray:
         """Find the way from each link frame's origin to its center of mass.
@@ -157,7 +202,7 @@ class Model:
             Along the world's axes, in [m], shape (n_links, 3).
         """
         centers = np.zeros((self._n_links, 3))
-        for row, link in enumerate(self.lumped.description.links):
+        for link in self.assembly.description.links:
             if link.inertial is not None:
-                centers[row] = link.inertial.center_of_mass
+                centers[self.link_names.index(link.name)] = link.inertial.center_of_mass
         return rotate(self.poses[:, 3:], centers)

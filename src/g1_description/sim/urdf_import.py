@@ -8,6 +8,7 @@ absolute paths. It needs no visuals: nothing is drawn here.
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Callable
 from xml.etree import ElementTree
 
 import numpy as np
@@ -15,42 +16,55 @@ from pybullet_utils.bullet_client import BulletClient
 
 from ..core.description import Description
 from ..core.errors import DescriptionError
-from .urdf_text import principal_axes
+from .model import Model
+from .urdf_text import prepared_urdf, principal_axes
+
+ROOT = -1
+"""PyBullet's number for a body's root link."""
 
 MOST_JOINTS = 127
 """Degrees of freedom of one body in PyBullet, without its base."""
+
+MOST_LINKS = 1000
+"""Links of one model: more could not be published a thousand times a second."""
 
 MASS_TOLERANCE = 1e-3
 """How far the loaded mass may be from the file's, in [kg]."""
 
 
-def load(
+def load_model(
     client: BulletClient,
-    description: Description,
-    text: str,
-    pose: np.ndarray,
-    fixed: bool,
-) -> int:
-    """Load a prepared robot.
+    model: Model,
+    package_folder: Callable[[str], str | None],
+) -> tuple[int, tuple[str, ...]]:
+    """Load a model where it is.
 
     Args:
         client: PyBullet.
-        description: The robot.
-        text: What ``prepared_urdf`` wrote of it.
-        pose: Pose of the root link frame in the world, shape (7,).
-        fixed: Whether the root does not move.
+        model: The model.
+        package_folder: Gives a package's folder, None if there is no such package.
 
     Returns:
-        PyBullet's number for the body.
+        PyBullet's number for the body, and a clause for each shape left out.
 
     Raises:
-        DescriptionError: If PyBullet refuses the robot.
+        DescriptionError: If PyBullet refuses the model or loads something else.
     """
+    description = model.assembly.description
+    text, left_out = prepared_urdf(model.assembly, package_folder)
+    number = _load(client, text, model.root_pose, model.fixed)
+    _write_inertias(client, number, description)
+    _check_mass(client, number, description, model.fixed)
+    return number, left_out + _unread_shapes(client, number, description, text)
+
+
+def _load(client: BulletClient, text: str, pose: np.ndarray, fixed: bool) -> int:
+    """Load a prepared URDF; give PyBullet's number for the body."""
     with tempfile.NamedTemporaryFile("w", suffix=".urdf", encoding="utf-8") as file:
         file.write(text)
         file.flush()
         try:
-            body = client.loadURDF(
+            return client.loadURDF(
                 file.name,
                 pose[:3],
                 pose[3:],
@@ -61,8 +75,15 @@ def load(
             raise DescriptionError(f"PyBullet cannot load the robot: {error}.") from (
                 error
             )
-    _write_inertias(client, body, description)
-    return body
+
+
+def links_of(
+    client: BulletClient, body: int, description: Description
+) -> list[tuple[int, str]]:
+    """List a body's links by PyBullet's numbers; ``ROOT`` is the root."""
+    infos = (client.getJointInfo(body, n) for n in range(client.getNumJoints(body)))
+    below = ((info[0], info[12].decode()) for info in infos)
+    return [(ROOT, description.root), *below]
 
 
 def _write_inertias(client: BulletClient, body: int, description: Description) -> None:
@@ -72,18 +93,14 @@ def _write_inertias(client: BulletClient, body: int, description: Description) -
     two, as rounded figures in many files make it.
     """
     inertials = {link.name: link.inertial for link in description.links}
-    for index in range(-1, client.getNumJoints(body)):
-        root = index == -1
-        name = (
-            description.root if root else client.getJointInfo(body, index)[12].decode()
-        )
+    for index, name in links_of(client, body, description):
         inertial = inertials[name]
         if inertial is not None:
             moments, _ = principal_axes(inertial.inertia)
             client.changeDynamics(body, index, localInertiaDiagonal=moments)
 
 
-def unread_shapes(
+def _unread_shapes(
     client: BulletClient, body: int, description: Description, text: str
 ) -> tuple[str, ...]:
     """Find collision shapes that PyBullet passed over, such as a broken mesh.
@@ -102,11 +119,7 @@ def unread_shapes(
         for link in ElementTree.fromstring(text).findall("link")
     }
     clauses = []
-    for index in range(-1, client.getNumJoints(body)):
-        root = index == -1
-        name = (
-            description.root if root else client.getJointInfo(body, index)[12].decode()
-        )
+    for index, name in links_of(client, body, description):
         read = len(client.getCollisionShapeData(body, index))
         if read < written[name]:
             clauses.append(
@@ -116,21 +129,26 @@ def unread_shapes(
     return tuple(clauses)
 
 
-def check_size(description: Description) -> None:
+def check_size(description: Description, is_dynamic: bool) -> None:
     """Refuse what PyBullet loads but cannot step: its own calls fail then.
 
     Raises:
-        DescriptionError: If the robot has too many joints.
+        DescriptionError: If the model has too many links or joints.
     """
-    joints = len(description.joints)
-    if joints > MOST_JOINTS:
+    links, joints = len(description.links), len(description.movable_joints)
+    if links > MOST_LINKS:
+        raise DescriptionError(
+            f"Robot '{description.name}' has {links} links that are not fixed to "
+            f"others; there is room for {MOST_LINKS}."
+        )
+    if is_dynamic and joints > MOST_JOINTS:
         raise DescriptionError(
             f"Robot '{description.name}' has {joints} movable joints; only kinematic "
             f"physics has room for more than {MOST_JOINTS}."
         )
 
 
-def check_mass(
+def _check_mass(
     client: BulletClient, body: int, description: Description, fixed: bool
 ) -> None:
     """Check that PyBullet gave the body the mass its file says.
@@ -144,7 +162,7 @@ def check_mass(
     Raises:
         DescriptionError: If the masses differ by more than a gram.
     """
-    first = 0 if fixed else -1
+    first = 0 if fixed else ROOT
     loaded = sum(
         client.getDynamicsInfo(body, link)[0]
         for link in range(first, client.getNumJoints(body))

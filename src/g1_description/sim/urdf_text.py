@@ -9,7 +9,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from ..core.description import Description, Joint, Link, Shape
+from ..core.assembly import WORLD, Assembly
+from ..core.description import Joint, Link, Shape
 from ..core.errors import DescriptionError
 from ..core.resources import local_path
 from ..core.rotation import axes_to_rpy, to_axes
@@ -22,12 +23,15 @@ MESHES = (".dae", ".obj", ".stl")
 
 
 def prepared_urdf(
-    description: Description, package_folder: Callable[[str], str | None]
+    assembly: Assembly, package_folder: Callable[[str], str | None]
 ) -> tuple[str, tuple[str, ...]]:
-    """Write a robot so that PyBullet loads what the robot's file means.
+    """Write a model so that PyBullet loads what its file means.
+
+    PyBullet's links sit where their joint's axis is; a joint whose axis does not
+    go through its child's origin moves the child's content instead.
 
     Args:
-        description: Robot with movable joints only; every link has mass.
+        assembly: The model.
         package_folder: Gives a package's folder, None if there is no such package.
 
     Returns:
@@ -36,6 +40,8 @@ def prepared_urdf(
     Raises:
         DescriptionError: If PyBullet would cut a name short.
     """
+    description = assembly.description
+    anchors = {joint.child: joint.anchor for joint in description.joints}
     robot = ElementTree.Element("robot", name=description.name)
     left_out: list[str] = []
     names = (*description.link_names, *(joint.name for joint in description.joints))
@@ -46,7 +52,9 @@ def prepared_urdf(
         )
     for link in description.links:
         element = ElementTree.SubElement(robot, "link", name=link.name)
-        _write_inertial(element, link)
+        anchor = anchors.get(link.name, np.zeros(3))
+        if link.name != WORLD or description.root != WORLD:
+            _write_inertial(element, link, anchor)
         for shape in link.collisions:
             path = None
             if shape.kind == "mesh":
@@ -54,9 +62,9 @@ def prepared_urdf(
                 if path is None or path.suffix.lower() not in MESHES:
                     left_out.append(_why_not(shape.filename, path))
                     continue
-            _write_collision(element, shape, path)
+            _write_collision(element, shape, anchor, path)
     for joint in description.joints:
-        _write_joint(robot, joint)
+        _write_joint(robot, joint, anchors.get(joint.parent, np.zeros(3)))
     text = ElementTree.tostring(robot, encoding="unicode")
     # PyBullet reads lines of 1024 characters and breaks longer ones anywhere.
     return text.replace("><", ">\n<"), tuple(dict.fromkeys(left_out))
@@ -82,13 +90,15 @@ def _write_origin(
     ElementTree.SubElement(element, "origin", xyz=_numbers(position), rpy=rpy)
 
 
-def _write_inertial(element: ElementTree.Element, link: Link) -> None:
-    """Add a link's inertial."""
+def _write_inertial(
+    element: ElementTree.Element, link: Link, anchor: np.ndarray
+) -> None:
+    """Add a link's inertial, seen from the anchor of its joint."""
     if link.inertial is None:
         raise DescriptionError(f"Link {link.name} has no mass.")
     moments, axes = principal_axes(link.inertial.inertia)
     inertial = ElementTree.SubElement(element, "inertial")
-    _write_origin(inertial, link.inertial.center_of_mass, axes)
+    _write_origin(inertial, link.inertial.center_of_mass - anchor, axes)
     ElementTree.SubElement(inertial, "mass", value=repr(link.inertial.mass))
     zero = dict.fromkeys(("ixy", "ixz", "iyz"), "0")
     diagonal = dict(zip(("ixx", "iyy", "izz"), _numbers(moments).split()))
@@ -111,16 +121,18 @@ def principal_axes(inertia: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _write_collision(
-    element: ElementTree.Element, shape: Shape, path: Path | None
+    element: ElementTree.Element, shape: Shape, anchor: np.ndarray, path: Path | None
 ) -> None:
     """Add a collision shape; meshes become convex hulls in PyBullet."""
     collision = ElementTree.SubElement(element, "collision")
-    _write_origin(collision, shape.pose[:3], to_axes(shape.pose[3:]))
+    _write_origin(collision, shape.pose[:3] - anchor, to_axes(shape.pose[3:]))
     geometry = ElementTree.SubElement(collision, "geometry")
     if shape.kind == "box":
         ElementTree.SubElement(geometry, "box", size=_numbers(shape.size))
     elif shape.kind == "sphere":
         ElementTree.SubElement(geometry, "sphere", radius=repr(float(shape.size[0])))
+    elif shape.kind == "plane":
+        ElementTree.SubElement(geometry, "plane", normal=_numbers(shape.size))
     elif shape.kind == "cylinder":
         radius, length = (repr(float(size)) for size in shape.size)
         ElementTree.SubElement(geometry, "cylinder", radius=radius, length=length)
@@ -129,12 +141,18 @@ def _write_collision(
         ElementTree.SubElement(geometry, "mesh", filename=str(path), scale=scale)
 
 
-def _write_joint(robot: ElementTree.Element, joint: Joint) -> None:
-    """Add a movable joint; mimic is left out, as Gazebo leaves it out."""
+def _write_joint(
+    robot: ElementTree.Element, joint: Joint, parent_anchor: np.ndarray
+) -> None:
+    """Add a joint; mimic is left out, as Gazebo leaves it out."""
     element = ElementTree.SubElement(robot, "joint", name=joint.name, type=joint.kind)
     ElementTree.SubElement(element, "parent", link=joint.parent)
     ElementTree.SubElement(element, "child", link=joint.child)
-    _write_origin(element, joint.pose[:3], to_axes(joint.pose[3:]))
+    axes = to_axes(joint.pose[3:])
+    origin = joint.pose[:3] + axes @ joint.anchor - parent_anchor
+    _write_origin(element, origin, axes)
+    if joint.kind == "fixed":
+        return
     ElementTree.SubElement(element, "axis", xyz=_numbers(joint.axis))
     limit = {
         "lower": joint.lower,

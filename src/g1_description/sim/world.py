@@ -1,4 +1,4 @@
-"""The simulated world: models, time, and what may be done to them.
+"""The simulated world: models, lights, time, and what may be done to them.
 
 One thread calls it; nothing here knows ROS. Calls between two steps take
 effect at once, and the same calls at the same steps give the same bits.
@@ -7,31 +7,29 @@ effect at once, and the same calls at the same steps give the same bits.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
-import pybullet
-from pybullet_utils.bullet_client import BulletClient
 
-from ..core.description import Description, Link, parse_urdf
+from ..core.assembly import Assembly
+from ..core.description import Inertial
 from ..core.errors import DescriptionError, UnknownNameError
-from ..core.lumping import Lumped, lump_fixed_joints
-from ..core.rotation import conjugate, rotate
-from ..core.transform import IDENTITY, compose, inverse
-from .body import Body
-from .contacts import contacts
-from .frames import find_frame
+from ..core.rotation import rotate
+from ..core.sdf import EMPTY_WORLD, Light, Sdf, read_sdf
+from ..core.transform import compose
+from .engine import Engine
+from .entities import Entities, Entity
+from .jobs import Jobs
 from .model import SCOPE, Model, Report
-from .urdf_import import check_mass, check_size, load, unread_shapes
-from .urdf_text import prepared_urdf
+from .physics import PhysicsProperties
+from .urdf_import import check_size
 
-PHYSICS = ("kinematic", "hold", "limp")
-GROUND = "ground_plane"
-_SECOND = 1_000_000_000
-_SOLVER_ITERATIONS = 50
+_Thing = TypeVar("_Thing")
 
 
 class World:
-    """Gravity, a ground plane, and models that come and go.
+    """Gravity, models and lights that come and go.
 
     Physics ``kinematic``: what is set stays set, to the last bit; time runs,
     nothing falls, contacts are still found. ``hold``: full dynamics, motors hold
@@ -41,115 +39,89 @@ class World:
     def __init__(
         self,
         physics: str = "kinematic",
-        time_step: float = 0.001,
-        gravity: tuple[float, float, float] = (0.0, 0.0, -9.8),
+        properties: PhysicsProperties | None = None,
         package_folder: Callable[[str], str | None] = lambda name: None,
+        content: Sdf | None = None,
     ) -> None:
-        """Make a world with only the ground in it.
+        """Make a world.
 
         Args:
-            physics: One of ``PHYSICS``.
-            time_step: Length of a step in [s], a whole number of nanoseconds.
-            gravity: Acceleration in [m/s^2].
+            physics: One of ``engine.PHYSICS``.
+            properties: The physics' numbers; Gazebo's where none are given.
             package_folder: Gives a package's folder, None if there is none.
+            content: Models and lights; by default a ground plane and a sun.
+
+        Raises:
+            UnknownNameError: If there is no such physics.
+            DescriptionError: If a model cannot be loaded.
         """
-        if physics not in PHYSICS:
-            raise UnknownNameError(
-                f"There is no physics '{physics}'; there are {', '.join(PHYSICS)}."
-            )
-        self.physics = physics
-        self.time_step = time_step
-        self.gravity = gravity
-        self._package_folder = package_folder
-        self._client = BulletClient(pybullet.DIRECT)
+        self.properties = properties or PhysicsProperties()
+        self._engine = Engine(physics, self.properties, package_folder)
         self.time_ns = 0
         """Simulated time in [ns]."""
         self.models: dict[str, Model] = {}
-        self._bodies: dict[str, Body] = {}
-        self._loads: dict[str, Callable[[Model], int]] = {}
-        self._set_up_physics()
-        ground = Description(GROUND, "link", (Link("link"),), ())
-        lumped = Lumped(ground, {"link": ("link", IDENTITY)}, True, IDENTITY, ())
-        self._add(Model(GROUND, lumped, IDENTITY), self._load_ground)
+        self.lights: dict[str, Light] = {}
+        self.jobs = Jobs()
+        self._entities: Entities | None = None
+        content = content or read_sdf(EMPTY_WORLD)
+        for light in content.lights:
+            self.add_light(light)
+        for model in content.models:
+            self.spawn(model.name, model.assembly, model.pose)
 
     def close(self) -> None:
         """Let PyBullet go."""
-        self._client.disconnect()
+        self._engine.close()
 
-    def _set_up_physics(self) -> None:
-        """Set what holds for the whole world."""
-        self._client.setTimeStep(self.time_step)
-        self._client.setGravity(*self.gravity)
-        self._client.setPhysicsEngineParameter(
-            numSolverIterations=_SOLVER_ITERATIONS, deterministicOverlappingPairs=1
-        )
+    @property
+    def physics(self) -> str:
+        """Which physics it is, one of ``engine.PHYSICS``."""
+        return self._engine.physics
 
-    def _load_ground(self, model: Model) -> int:
-        """Load an endless plane."""
-        shape = self._client.createCollisionShape(self._client.GEOM_PLANE)
-        return self._client.createMultiBody(0.0, shape, basePosition=model.pose[:3])
+    @property
+    def is_dynamic(self) -> bool:
+        """Whether things move by themselves."""
+        return self._engine.is_dynamic
+
+    @property
+    def entities(self) -> Entities:
+        """All things by name."""
+        if self._entities is None:
+            self._entities = Entities(self.models.values(), self.lights.values())
+        return self._entities
+
+    def set_properties(self, properties: PhysicsProperties) -> None:
+        """Compute with other numbers from now on."""
+        self.properties = properties
+        self._engine.set_properties(properties)
 
     def spawn(
-        self, name: str, urdf: str, pose: np.ndarray, fixed_base: bool = False
+        self, name: str, assembly: Assembly, pose: np.ndarray, fixed_base: bool = False
     ) -> tuple[str, ...]:
-        """Add a robot.
+        """Add a model.
 
         Args:
             name: Name in the world; must be free.
-            urdf: Its description as URDF text.
+            assembly: What it is made of.
             pose: Pose of the model frame in the world, shape (7,).
-            fixed_base: Whether its root link does not move.
+            fixed_base: Whether its root link does not move in ``hold`` and
+                ``limp``.
 
         Returns:
             A clause for each thing in the file that was left out.
 
         Raises:
-            DescriptionError: If the robot cannot be read or loaded; the world
-                stays as it was.
+            DescriptionError: If the model cannot be loaded; the world stays as it
+                was.
         """
         if name in self.models:
             raise DescriptionError(f"A model called '{name}' is already there.")
-        lumped = lump_fixed_joints(parse_urdf(urdf))
-        if self.physics != "kinematic":
-            check_size(lumped.description)
-        text, left_out = prepared_urdf(lumped.description, self._package_folder)
-        fixed = lumped.fixed_to_world or (fixed_base and self.physics != "kinematic")
-
-        def load_robot(model: Model) -> int:
-            robot = lumped.description
-            number = load(self._client, robot, text, model.root_pose, fixed)
-            check_mass(self._client, number, robot, fixed)
-            return number
-
-        self._add(
-            Model(name, lumped, pose), load_robot if lumped.description.links else None
-        )
-        if name in self._bodies:
-            number = self._bodies[name].number
-            left_out += unread_shapes(self._client, number, lumped.description, text)
-        return left_out + tuple(f"link {link} has no mass" for link in lumped.vanished)
-
-    def _add(self, model: Model, loader: Callable[[Model], int] | None) -> None:
-        """Take a model into the world and give it a body, or leave all as it was."""
-        bodies = self._client.getNumBodies()
-        try:
-            if loader is not None:
-                self._loads[model.name] = loader
-                self._embody(model)
-        except BaseException:
-            del self._loads[model.name]
-            for index in range(bodies, self._client.getNumBodies()):
-                self._client.removeBody(self._client.getBodyUniqueId(index))
-            raise
-        self.models[model.name] = model
-
-    def _embody(self, model: Model) -> None:
-        """Load a model's body and prepare it for this world's physics."""
-        number = self._loads[model.name](model)
-        body = Body(self._client, number, model)
-        if self.physics == "hold":
-            body.hold()
-        self._bodies[model.name] = body
+        check_size(assembly.description, self.is_dynamic)
+        model = Model(name, assembly, pose, fixed_base and self.is_dynamic)
+        left_out = self._engine.add(model)
+        self.models[name] = model
+        self._entities = None
+        return assembly.left_out + left_out
 
     def delete(self, name: str) -> None:
         """Remove a model.
@@ -157,21 +129,32 @@ class World:
         Raises:
             UnknownNameError: If there is no such model.
         """
-        self.model(name)
-        if name in self._bodies:
-            self._client.removeBody(self._bodies.pop(name).number)
-            del self._loads[name]
+        model = self.model(name)
+        self.jobs.drop(lambda job: job.model is model)
+        self._engine.remove(name)
         del self.models[name]
+        self._entities = None
+
+    def add_light(self, light: Light) -> None:
+        """Add a light, or replace the one of its name."""
+        self.lights[light.name] = light
+        self._entities = None
+
+    def delete_light(self, name: str) -> None:
+        """Remove a light.
+
+        Raises:
+            UnknownNameError: If there is no such light.
+        """
+        del self.lights[self.light(name).name]
+        self._entities = None
 
     def step(self) -> None:
         """Let one time step pass."""
-        self.time_ns += round(self.time_step * _SECOND)
-        if self.physics == "kinematic":
-            return
-        self._client.stepSimulation()
-        for name, body in self._bodies.items():
-            if name != GROUND:
-                body.read()
+        self.time_ns += self.properties.step_ns
+        if self.is_dynamic:
+            self.jobs.act(self._engine, self.time_ns)
+            self._engine.step()
 
     def model(self, name: str) -> Model:
         """Find a model.
@@ -179,11 +162,15 @@ class World:
         Raises:
             UnknownNameError: If there is none of this name.
         """
-        if name not in self.models:
-            raise UnknownNameError(
-                f"There is no model '{name}'; there are {', '.join(self.models)}."
-            )
-        return self.models[name]
+        return _named("model", self.models, name)
+
+    def light(self, name: str) -> Light:
+        """Find a light.
+
+        Raises:
+            UnknownNameError: If there is none of this name.
+        """
+        return _named("light", self.lights, name)
 
     def link_names(self) -> list[str]:
         """List all links as ``model::link``, in the order of ``link_states``."""
@@ -205,26 +192,6 @@ class World:
         twists = [np.zeros((0, 6)), *(model.twists for model in models)]
         return np.concatenate(poses), np.concatenate(twists)
 
-    def model_state(self, name: str, frame: str) -> tuple[np.ndarray, np.ndarray]:
-        """Tell where a model is and how it moves, seen from a frame.
-
-        Args:
-            name: The model.
-            frame: The reference frame, as for ``find_frame``.
-
-        Returns:
-            Pose in the frame, shape (7,), and the difference of the two twists
-            along the frame's axes, shape (6,).
-
-        Raises:
-            UnknownNameError: If there is no such model or frame.
-        """
-        model = self.model(name)
-        T_world_frame, frame_twist = find_frame(self.models, frame)
-        difference = (model.twist - frame_twist).reshape(2, 3)
-        twist = rotate(conjugate(T_world_frame[3:]), difference).reshape(6)
-        return compose(inverse(T_world_frame), model.pose), twist
-
     def set_joint_positions(self, name: str, positions: Mapping[str, float]) -> Report:
         """Teleport joints of a model; it holds them there in ``hold``.
 
@@ -239,57 +206,100 @@ class World:
             UnknownNameError: If there is no such model.
             InvalidValueError: If a position is not finite; nothing is changed.
         """
-        report = self.model(name).set_positions(positions)
-        if name in self._bodies:
-            body = self._bodies[name]
-            body.write_joints()
-            if self.physics == "hold":
-                body.hold()
+        model = self.model(name)
+        report = model.set_positions(positions)
+        self._engine.write_joints(model)
         return report
 
     def set_model_state(
-        self, name: str, pose: np.ndarray, twist: np.ndarray, frame: str
+        self, model: Model, pose: np.ndarray, twist: np.ndarray, frame: Entity
     ) -> None:
         """Put a model somewhere, joints as they are.
 
         Args:
-            name: The model.
+            model: The model.
             pose: Pose in the frame, shape (7,).
             twist: Velocity for the centers of mass and angular velocity, along
                 the frame's axes, shape (6,). In ``kinematic`` nothing moves by
                 itself, so it is ignored.
-            frame: The reference frame, as for ``find_frame``.
+            frame: The reference frame.
+        """
+        T_world_frame = frame.pose
+        turned = rotate(T_world_frame[3:], twist.reshape(2, 3)).reshape(6)
+        model.set_state(compose(T_world_frame, pose), turned * self.is_dynamic)
+        self._engine.write(model)
+
+    def set_root_state(self, model: Model, pose: np.ndarray, twist: np.ndarray) -> None:
+        """Put a model somewhere by its root link; all of it moves as one.
+
+        Args:
+            model: The model.
+            pose: Pose of the root link in the world, shape (7,).
+            twist: Velocity of the root link's center of mass and its angular
+                velocity, along the world's axes, shape (6,). Ignored in
+                ``kinematic``.
+        """
+        model.set_root_state(pose, twist * self.is_dynamic)
+        self._engine.write(model)
+
+    def set_link_properties(
+        self, entity: Entity, inertial: Inertial, has_gravity: bool
+    ) -> None:
+        """Give a link another mass; the model's state stays as it is.
+
+        Args:
+            entity: The link.
+            inertial: Its new mass, center of mass and inertia.
+            has_gravity: Whether gravity pulls it.
 
         Raises:
-            UnknownNameError: If there is no such model or frame.
+            DescriptionError: If PyBullet refuses it; nothing is changed.
         """
-        model = self.model(name)
-        T_world_frame, _ = find_frame(self.models, frame)
-        turned = rotate(T_world_frame[3:], twist.reshape(2, 3)).reshape(6)
-        still = self.physics == "kinematic" or name == GROUND
-        model.set_state(compose(T_world_frame, pose), turned * (not still))
-        if name in self._bodies:
-            self._bodies[name].write()
+        model = entity.model
+        assert model is not None
+        before = model.assembly
+        changed = replace(entity.link, inertial=inertial, has_gravity=has_gravity)
+        links = tuple(
+            changed if link.name == entity.name else link
+            for link in before.description.links
+        )
+        description = replace(before.description, links=links)
+        model.assembly = replace(before, description=description)
+        try:
+            self._engine.replace(model)
+        except DescriptionError:
+            model.assembly = before
+            raise
+
+    def set_joint_properties(
+        self, entity: Entity, numbers: Mapping[str, float]
+    ) -> None:
+        """Give a joint numbers of ODE, in Gazebo's words.
+
+        ``damping``, ``loStop`` and ``hiStop`` take effect, the others are kept.
+        """
+        model = entity.model
+        assert model is not None
+        model.ode_joints.setdefault(entity.name, {}).update(numbers)
+        self._engine.tune(model, entity.name)
 
     def reset_models(self) -> None:
         """Put all models where they were spawned, at rest, joints as they are."""
-        for name, model in self.models.items():
-            self.set_model_state(name, model.initial_pose, np.zeros(6), "")
+        for model in self.models.values():
+            model.set_state(model.initial_pose, np.zeros(6))
+            self._engine.write(model)
 
     def reset(self) -> None:
-        """Begin again: time zero, models as spawned, joints at zero.
+        """Begin again: time zero, models as spawned, joints at zero, nothing acts.
 
         PyBullet's world is built anew, so that a second run equals the first to
         the last bit.
         """
         self.time_ns = 0
-        self._client.resetSimulation()
-        self._set_up_physics()
-        self._bodies.clear()
-        for name, model in self.models.items():
+        self.jobs = Jobs()
+        for model in self.models.values():
             model.rewind()
-            if name in self._loads:
-                self._embody(model)
+        self._engine.rebuild(self.models.values())
 
     def contacts(self) -> set[tuple[str, str]]:
         """Find which links touch or overlap now.
@@ -297,4 +307,13 @@ class World:
         Returns:
             Pairs of ``model::link``, each pair once, in alphabetical order.
         """
-        return contacts(self._client, self._bodies)
+        return self._engine.contacts()
+
+
+def _named(kind: str, things: Mapping[str, _Thing], name: str) -> _Thing:
+    """Find a thing by its name."""
+    if name not in things:
+        raise UnknownNameError(
+            f"There is no {kind} '{name}'; there are {', '.join(things) or 'none'}."
+        )
+    return things[name]

@@ -1,0 +1,250 @@
+"""gazebo_ros' services about links, answered as the real Gazebo does.
+
+Everything here runs in the simulator's loop, between two steps.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import rospy
+from gazebo_msgs.msg import LinkState
+from gazebo_msgs.srv import (
+    ApplyBodyWrench,
+    ApplyBodyWrenchResponse,
+    BodyRequest,
+    BodyRequestResponse,
+    GetLinkProperties,
+    GetLinkPropertiesResponse,
+    GetLinkState,
+    GetLinkStateResponse,
+    SetLinkProperties,
+    SetLinkPropertiesResponse,
+    SetLinkState,
+    SetLinkStateResponse,
+)
+
+from ..core.description import Inertial
+from ..core.errors import DescriptionError, InvalidValueError, UnknownNameError
+from ..core.rotation import rotate
+from ..core.transform import IDENTITY, compose, inverse
+from ..sim.entities import WORLD_ENTITY, seen_from
+from ..sim.jobs import Wrench
+from ..sim.model import SCOPE
+from ..sim.world import World
+from .messages import (
+    pose_from_array,
+    twist_from_array,
+    vector_to_array,
+    wrench_to_array,
+)
+from .spans import span_of
+from .wording import LINK_NOT_FOUND, Wording, checked, checked_pose, checked_twist
+
+
+class LinkServices:
+    """Look at links, move them, push them, change their mass."""
+
+    def __init__(self, world: World, wording: Wording) -> None:
+        """Serve a world.
+
+        Args:
+            world: What the services act on.
+            wording: How much they say.
+        """
+        self._world = world
+        self._wording = wording
+
+    def table(self):
+        """List the services: name under the node, type, and what answers."""
+        return (
+            ("get_link_state", GetLinkState, self.get_state),
+            ("set_link_state", SetLinkState, self.set_state),
+            ("get_link_properties", GetLinkProperties, self.get_properties),
+            ("set_link_properties", SetLinkProperties, self.set_properties),
+            ("apply_body_wrench", ApplyBodyWrench, self.apply_wrench),
+            ("clear_body_wrenches", BodyRequest, self.clear_wrenches),
+        )
+
+    def get_state(self, request):
+        """Tell where a link is, seen from a frame."""
+        response = GetLinkStateResponse()
+        try:
+            link = self._world.entities.link(request.link_name)
+        except UnknownNameError:
+            response.status_message = f"GetLinkState: {LINK_NOT_FOUND}"
+            return response
+        try:
+            frame = self._world.entities.frame(request.reference_frame)
+        except UnknownNameError:
+            sentence = LINK_NOT_FOUND.replace(
+                "link not", "reference reference_frame not"
+            )
+            response.status_message = f"GetLinkState: {sentence}"
+            return response
+        pose, twist = seen_from(frame, link)
+        response.link_state = LinkState(
+            link_name=request.link_name,
+            pose=pose_from_array(pose),
+            twist=twist_from_array(twist),
+            reference_frame=request.reference_frame,
+        )
+        response.success = True
+        response.status_message = "GetLinkState: got state"
+        return response
+
+    def set_state(self, request):
+        """Put a link somewhere, and its model with it."""
+        return SetLinkStateResponse(*self.apply_state(request.link_state))
+
+    def apply_state(self, state: LinkState) -> tuple[bool, str]:
+        """Put a link somewhere; give success and status message.
+
+        The twist is for the center of mass, along the world's axes whatever the
+        frame is, and the frame's own twist is subtracted: so does Gazebo.
+        """
+        entities = self._world.entities
+        try:
+            link = entities.link(state.link_name)
+        except UnknownNameError:
+            rospy.logerr(
+                "Updating LinkState: link [%s] does not exist", state.link_name
+            )
+            return False, "SetLinkState: link does not exist"
+        try:
+            frame = entities.link_frame(state.reference_frame)
+        except UnknownNameError:
+            rospy.logerr(
+                "Updating LinkState: reference_frame is not a valid entity name"
+            )
+            return False, "SetLinkState: failed"
+        model = link.model
+        if link.row != model.root_row:
+            root = model.link_names[model.root_row]
+            return False, (
+                f"SetLinkState: refused, it would tear {model.name} apart; what can be "
+                f"set is {model.name}{SCOPE}{root}"
+            )
+        try:
+            pose, twist = checked_pose(state.pose), checked_twist(state.twist)
+        except InvalidValueError as error:
+            return False, f"SetLinkState: refused, {error}"
+        if frame is WORLD_ENTITY:
+            rospy.loginfo(
+                "Updating LinkState: reference_frame is empty/world/map, "
+                "using inertial frame"
+            )
+        target = compose(frame.pose, pose)
+        self._world.set_root_state(model, target, twist - frame.twist)
+        clause = ""
+        if twist.any() and not self._world.is_dynamic:
+            clause = "the twist is ignored, physics is kinematic"
+        return True, self._wording.say("SetLinkState: success", [clause])
+
+    def get_properties(self, request):
+        """Tell a link's mass; what is static has none."""
+        response = GetLinkPropertiesResponse()
+        try:
+            entity = self._world.entities.link(request.link_name)
+        except UnknownNameError:
+            response.status_message = f"GetLinkProperties: {LINK_NOT_FOUND}"
+            return response
+        response.com = pose_from_array(IDENTITY)
+        link = entity.link
+        if not entity.model.assembly.static:
+            inertial, center = link.inertial, response.com.position
+            response.gravity_mode = link.has_gravity
+            response.mass = inertial.mass
+            center.x, center.y, center.z = inertial.center_of_mass.tolist()
+            response.ixx, response.ixy, response.ixz = inertial.inertia[0].tolist()
+            response.iyy, response.iyz = inertial.inertia[1, 1:].tolist()
+            response.izz = float(inertial.inertia[2, 2])
+        response.success = True
+        response.status_message = "GetLinkProperties: got properties"
+        return response
+
+    def set_properties(self, request):
+        """Give a link another mass."""
+        try:
+            entity = self._world.entities.link(request.link_name)
+        except UnknownNameError:
+            words = f"SetLinkProperties: {LINK_NOT_FOUND}"
+            return SetLinkPropertiesResponse(False, words)
+        words, clause = "SetLinkProperties: properties set", ""
+        try:
+            inertial = _inertial(request)
+            if entity.model.assembly.static:
+                clause = f"ignored, {entity.model.name} is static"
+            else:
+                self._world.set_link_properties(entity, inertial, request.gravity_mode)
+        except (InvalidValueError, DescriptionError) as error:
+            return SetLinkPropertiesResponse(
+                False, f"SetLinkProperties: refused, {error}"
+            )
+        return SetLinkPropertiesResponse(True, self._wording.say(words, [clause]))
+
+    def apply_wrench(self, request):
+        """Push a link for a while."""
+        entities = self._world.entities
+        try:
+            link = entities.link(request.body_name)
+        except UnknownNameError:
+            rospy.logerr("ApplyBodyWrench: body [%s] does not exist", request.body_name)
+            return ApplyBodyWrenchResponse(
+                False, "ApplyBodyWrench: body does not exist"
+            )
+        try:
+            frame = entities.frame(request.reference_frame)
+        except UnknownNameError:
+            rospy.logerr("ApplyBodyWrench: reference_frame is not a valid entity name")
+            return ApplyBodyWrenchResponse(
+                False, "ApplyBodyWrench: reference_frame not found"
+            )
+        try:
+            wrench = checked("wrench", wrench_to_array(request.wrench))
+            point = checked("reference point", vector_to_array(request.reference_point))
+        except InvalidValueError as error:
+            return ApplyBodyWrenchResponse(False, f"ApplyBodyWrench: refused, {error}")
+        force, torque = wrench.reshape(2, 3)
+        torque = torque + np.cross(point, force)
+        if frame is not WORLD_ENTITY:
+            T_link_frame = compose(inverse(link.pose), frame.pose)
+            force, torque = rotate(T_link_frame[3:], np.array([force, torque]))
+            torque = torque + np.cross(T_link_frame[:3], force)
+        span = span_of(request.start_time, request.duration, self._world.time_ns)
+        self._world.jobs.add(Wrench(link.model, link.name, span, force, torque))
+        return ApplyBodyWrenchResponse(True, self._wording.say("", [self._idle()]))
+
+    def _idle(self) -> str:
+        """Tell that nothing will move, where that is so."""
+        return "" if self._world.is_dynamic else "nothing moves, physics is kinematic"
+
+    def clear_wrenches(self, request):
+        """Stop pushing a link; only its scoped name is known here."""
+        self._world.jobs.drop(
+            lambda job: (
+                isinstance(job, Wrench)
+                and f"{job.model.name}{SCOPE}{job.link}" == request.body_name
+            )
+        )
+        return BodyRequestResponse()
+
+
+def _inertial(request) -> Inertial:
+    """Read mass properties; the orientation of the center of mass means nothing.
+
+    Raises:
+        InvalidValueError: If no body can have them.
+    """
+    center = checked("center of mass", vector_to_array(request.com.position))
+    (mass,) = checked("mass", [request.mass])
+    r = request
+    tensor = checked(
+        "inertia",
+        [[r.ixx, r.ixy, r.ixz], [r.ixy, r.iyy, r.iyz], [r.ixz, r.iyz, r.izz]],
+    )
+    if mass <= 0.0 or np.linalg.eigvalsh(tensor)[0] <= 0.0:
+        raise InvalidValueError(
+            f"mass {mass} and inertia {tensor.tolist()} are not those of a body, both "
+            "must be positive"
+        )
+    return Inertial(float(mass), center, tensor)

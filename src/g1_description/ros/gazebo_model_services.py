@@ -1,0 +1,285 @@
+"""gazebo_ros' services about models, answered as the real Gazebo does.
+
+Everything here but ``prepare_urdf`` and ``prepare_sdf`` runs in the simulator's
+loop, between two steps.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, replace
+
+import rospy
+from gazebo_msgs.msg import ModelState
+from gazebo_msgs.srv import (
+    DeleteModel,
+    DeleteModelResponse,
+    GetModelProperties,
+    GetModelPropertiesResponse,
+    GetModelState,
+    GetModelStateResponse,
+    GetWorldProperties,
+    GetWorldPropertiesResponse,
+    SetModelState,
+    SetModelStateResponse,
+    SpawnModel,
+    SpawnModelResponse,
+)
+
+from ..core.assembly import Assembly
+from ..core.description import parse_urdf
+from ..core.errors import (
+    DescriptionError,
+    G1DescriptionError,
+    InvalidValueError,
+    UnknownNameError,
+)
+from ..core.lumping import lump_fixed_joints
+from ..core.sdf import Light, Sdf, SdfModel, read_sdf
+from ..core.transform import IDENTITY, compose
+from ..core.xml import parse_xml
+from ..sim.entities import Entity, seen_from
+from ..sim.world import World
+from .messages import pose_from_array, stamp_from_ns, twist_from_array
+from .model_files import find_model
+from .wording import LINK_NOT_FOUND, Wording, checked_pose, checked_twist
+
+NOT_A_MODEL = (
+    "GazeboRosApiPlugin SpawnModel Failure: input model_xml not SDF or URDF, or cannot "
+    "be converted to Gazebo compatible format."
+)
+
+
+class _ModelStateResponse(GetModelStateResponse):
+    """A response that keeps its header; rospy would put the connection's count in."""
+
+    _has_header = False
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A request to spawn, read while time runs on."""
+
+    request: object
+    content: SdfModel | Light | None = None
+    refusal: tuple[str, ...] = ()
+    """Gazebo's words and ours for why there is no content."""
+
+
+class ModelServices:
+    """Spawn, delete, look at and move models."""
+
+    def __init__(self, world: World, wording: Wording) -> None:
+        """Serve a world.
+
+        Args:
+            world: What the services act on.
+            wording: How much they say.
+        """
+        self._world = world
+        self._wording = wording
+        self._state_calls: Counter = Counter()
+
+    def table(self):
+        """List the services: name under the node, type, and what answers."""
+        return (
+            ("delete_model", DeleteModel, self.delete_model),
+            ("get_model_properties", GetModelProperties, self.get_properties),
+            ("get_world_properties", GetWorldProperties, self.get_world_properties),
+            ("get_model_state", GetModelState, self.get_state),
+            ("set_model_state", SetModelState, self.set_state),
+        )
+
+    def spawn_table(self):
+        """List the services that read a file first: ... and what reads it."""
+        return (
+            ("spawn_urdf_model", SpawnModel, self.spawn, prepare_urdf),
+            ("spawn_sdf_model", SpawnModel, self.spawn, prepare_sdf),
+        )
+
+    def spawn(self, prepared: Prepared):
+        """Add a model or a light; it can be commanded when this answers."""
+        request, name = prepared.request, prepared.request.model_name
+        try:
+            frame = self._world.entities.frame(request.reference_frame)
+        except UnknownNameError:
+            sentence = LINK_NOT_FOUND.replace(
+                "link not", "reference reference_frame not"
+            )
+            return SpawnModelResponse(False, f"SpawnModel: {sentence}")
+        if prepared.content is None:
+            words, *clauses = prepared.refusal
+            return SpawnModelResponse(False, self._wording.say(words, clauses))
+        is_light = isinstance(prepared.content, Light)
+        if name in (self._world.lights if is_light else self._world.models):
+            rospy.logerr("SpawnModel: Failure - model name %s already exist.", name)
+            words = "SpawnModel: Failure - entity already exists."
+            return SpawnModelResponse(False, words)
+        if not name:
+            words = (
+                "SpawnModel: Entity pushed to spawn queue, but spawn service timed out "
+                "waiting for entity to appear in simulation under the name "
+            )
+            clauses = ["a model needs a name"]
+            return SpawnModelResponse(False, self._wording.say(words, clauses))
+        try:
+            clauses = self._add(prepared, frame)
+        except G1DescriptionError as error:
+            return SpawnModelResponse(False, f"SpawnModel: Failure - {error}")
+        words = "SpawnModel: Successfully spawned entity"
+        return SpawnModelResponse(True, self._wording.say(words, clauses))
+
+    def _add(self, prepared: Prepared, frame: Entity) -> tuple[str, ...]:
+        """Add what was read under the name asked for; tell what was left out."""
+        request, content = prepared.request, prepared.content
+        pose = compose(frame.pose, checked_pose(request.initial_pose))
+        if isinstance(content, Light):
+            self._world.add_light(replace(content, name=request.model_name))
+            return ()
+        pose = compose(pose, content.pose)
+        left_out = self._world.spawn(request.model_name, content.assembly, pose)
+        model = self._world.models[request.model_name]
+        model.robot_namespace = request.robot_namespace
+        return left_out
+
+    def delete_model(self, request):
+        """Remove a model; it is gone when this answers."""
+        try:
+            self._world.delete(request.model_name)
+        except UnknownNameError:
+            rospy.logerr("DeleteModel: model [%s] does not exist", request.model_name)
+            return DeleteModelResponse(False, "DeleteModel: model does not exist")
+        return DeleteModelResponse(True, "DeleteModel: successfully deleted model")
+
+    def get_properties(self, request):
+        """Tell what a model is made of."""
+        response = GetModelPropertiesResponse()
+        try:
+            model = self._world.model(request.model_name)
+        except UnknownNameError:
+            response.status_message = "GetModelProperties: model does not exist"
+            return response
+        response.body_names = list(model.link_names)
+        response.geom_names = [
+            shape.name
+            for link in model.assembly.description.links
+            for shape in link.collisions
+        ]
+        response.joint_names = list(model.listed_joints)
+        response.is_static = model.assembly.static
+        response.success = True
+        response.status_message = "GetModelProperties: got properties"
+        return response
+
+    def get_world_properties(self, _):
+        """Tell the time and the models."""
+        return GetWorldPropertiesResponse(
+            sim_time=self._world.time_ns * 1e-9,
+            model_names=list(self._world.models),
+            rendering_enabled=True,
+            success=True,
+            status_message="GetWorldProperties: got properties",
+        )
+
+    def get_state(self, request):
+        """Tell where a model is, seen from a frame."""
+        name, frame = request.model_name, request.relative_entity_name
+        response = _ModelStateResponse()
+        if name not in self._world.models:
+            response.status_message = "GetModelState: model does not exist"
+            return response
+        self._state_calls[name] += 1
+        response.header.seq = self._state_calls[name]
+        response.header.stamp = stamp_from_ns(self._world.time_ns)
+        response.header.frame_id = frame
+        try:
+            seen = self._world.entities.frame(frame)
+        except UnknownNameError:
+            response.status_message = (
+                "GetModelState: reference relative_entity_name not found, did you "
+                "forget to scope the body by model name?"
+            )
+            return response
+        entity = Entity("model", name, name, self._world.models[name])
+        pose, twist = seen_from(seen, entity)
+        response.pose, response.twist = pose_from_array(pose), twist_from_array(twist)
+        response.success = True
+        response.status_message = "GetModelState: got properties"
+        return response
+
+    def set_state(self, request):
+        """Put a model somewhere."""
+        return SetModelStateResponse(*self.apply_state(request.model_state))
+
+    def apply_state(self, state: ModelState) -> tuple[bool, str]:
+        """Put a model somewhere; give success and status message."""
+        name, frame = state.model_name, state.reference_frame
+        if name not in self._world.models:
+            rospy.logerr("Updating ModelState: model [%s] does not exist", name)
+            return False, "SetModelState: model does not exist"
+        try:
+            seen = self._world.entities.frame(frame)
+            pose, twist = checked_pose(state.pose), checked_twist(state.twist)
+        except UnknownNameError:
+            rospy.logerr(
+                "Updating ModelState: for model[%s], specified reference frame entity "
+                "[%s] does not exist",
+                name,
+                frame,
+            )
+            words = "SetModelState: specified reference frame entity does not exist"
+            return False, words
+        except InvalidValueError as error:
+            return False, f"SetModelState: refused, {error}"
+        self._world.set_model_state(self._world.models[name], pose, twist, seen)
+        clause = ""
+        if twist.any() and not self._world.is_dynamic:
+            clause = "the twist is ignored, physics is kinematic"
+        words = "SetModelState: set model state done"
+        return True, self._wording.say(words, [clause])
+
+
+def prepare_urdf(request) -> Prepared:
+    """Read a robot; in the caller's thread, time runs on meanwhile."""
+    try:
+        return Prepared(request, _read_urdf(request.model_xml))
+    except DescriptionError as error:
+        return Prepared(request, refusal=(f"SpawnModel: Failure - {error}",))
+
+
+def prepare_sdf(request) -> Prepared:
+    """Read a model, a light or a robot; in the caller's thread."""
+    try:
+        tag = parse_xml("model", request.model_xml).tag
+    except DescriptionError as error:
+        return Prepared(request, refusal=(NOT_A_MODEL, str(error)))
+    if tag == "robot":
+        return prepare_urdf(request)
+    if tag != "sdf":
+        return Prepared(request, refusal=(NOT_A_MODEL, f"it is a <{tag}>"))
+    try:
+        content = _only_content(read_sdf(request.model_xml, find_model))
+    except DescriptionError as error:
+        return Prepared(request, refusal=(f"SpawnModel: Failure - {error}",))
+    return Prepared(request, content)
+
+
+def _read_urdf(text: str) -> SdfModel:
+    """Read a robot as if it had come as SDF."""
+    assembly: Assembly = lump_fixed_joints(parse_urdf(text))
+    return SdfModel(assembly.description.name, IDENTITY, assembly)
+
+
+def _only_content(sdf: Sdf) -> SdfModel | Light:
+    """Give the one model or light of a file.
+
+    Raises:
+        DescriptionError: If there is not one.
+    """
+    things = (*sdf.models, *sdf.lights)
+    if len(things) != 1:
+        raise DescriptionError(
+            f"It has {len(sdf.models)} models and {len(sdf.lights)} lights; one model "
+            "or light can be spawned at a time."
+        )
+    return things[0]

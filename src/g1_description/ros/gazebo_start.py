@@ -1,0 +1,97 @@
+"""What the stand-in begins with: a world file and a robot."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import rospy
+
+from ..core.description import parse_urdf
+from ..core.errors import DescriptionError
+from ..core.lumping import lump_fixed_joints
+from ..core.rotation import from_rpy
+from ..core.sdf import EMPTY_WORLD, Sdf, read_sdf
+from ..sim.world import World
+from .model_files import find_folder, find_model
+from .parameters import GazeboParameters
+
+
+def make_world(parameters: GazeboParameters) -> tuple[World, GazeboParameters]:
+    """Make the world of the file ``~world``.
+
+    Args:
+        parameters: The node's parameters.
+
+    Returns:
+        The world, and the parameters with what the file says of physics; what
+        stands on the parameter server wins over the file.
+
+    Raises:
+        G1DescriptionError: If the file cannot be read or a model not be loaded.
+    """
+    content = _content(parameters.world)
+    parameters = replace(parameters, **_physics(content))
+    world = World(parameters.physics, parameters.properties, find_folder, content)
+    for clause in content.left_out:
+        rospy.logwarn("%s: %s", parameters.world, clause)
+    return world, parameters
+
+
+def _content(path: str) -> Sdf:
+    """Read a world file; without one, the empty world."""
+    if not path:
+        return read_sdf(EMPTY_WORLD)
+    file = Path(path)
+    if not file.is_file():
+        raise DescriptionError(f"There is no world file {path}.")
+    try:
+        return read_sdf(file.read_text(encoding="utf-8", errors="replace"), find_model)
+    except DescriptionError as error:
+        raise DescriptionError(f"World file {path}: {error}") from error
+
+
+def _physics(content: Sdf) -> dict[str, float]:
+    """Tell what a world file says of physics and no parameter does."""
+    gravity = content.gravity or (None, None, None)
+    told = {
+        "time_step": content.time_step,
+        "max_update_rate": content.max_update_rate,
+        **dict(zip(("gravity_x", "gravity_y", "gravity_z"), gravity)),
+    }
+    return {
+        name: value
+        for name, value in told.items()
+        if value is not None and not rospy.has_param(f"~{name}")
+    }
+
+
+def spawn_robot(world: World, parameters: GazeboParameters) -> None:
+    """Spawn the robot of the parameters, if they name one.
+
+    Raises:
+        G1DescriptionError: If it cannot be spawned.
+    """
+    p = parameters
+    if not p.robot_description:
+        return
+    urdf = rospy.get_param(p.robot_description, None)
+    if not isinstance(urdf, str):
+        raise DescriptionError(
+            f"There is no robot on the parameter {p.robot_description}."
+        )
+    rotation = from_rpy(np.array([p.roll, p.pitch, p.yaw]))
+    pose = np.concatenate([[p.x, p.y, p.z], rotation])
+    assembly = lump_fixed_joints(parse_urdf(urdf))
+    for clause in world.spawn(p.model_name, assembly, pose, p.fixed_base):
+        rospy.logwarn("%s: %s", p.model_name, clause)
+    robot = assembly.description
+    rospy.loginfo(
+        "%s: %d joints, %d links, %.3f kg, %s",
+        p.model_name,
+        len(robot.movable_joints),
+        len(assembly.link_names),
+        robot.mass,
+        p.physics,
+    )

@@ -1,0 +1,102 @@
+"""What the stand-in publishes after each step."""
+
+from __future__ import annotations
+
+import struct
+
+import numpy as np
+import rospy
+from gazebo_msgs.msg import LinkStates, ModelStates, WorldState
+from rosgraph_msgs.msg import Clock
+
+from ..sim.world import World
+from .link_states import LinkStatesEncoder
+from .messages import (
+    PreparedLinkStates,
+    PreparedModelStates,
+    PreparedWorldState,
+    stamp_from_ns,
+)
+
+QUEUE = 100
+"""Messages kept for a slow subscriber; a tenth of a second of steps."""
+
+
+class StateTopics:
+    """First the time, then the states of that time, to whom listens."""
+
+    def __init__(self, world: World, least_rate: float, network: bool) -> None:
+        """Advertise the topics.
+
+        Args:
+            world: What the messages tell of.
+            least_rate: Least rate of the states per simulated second in [Hz]; each
+                n-th step is published, 0: every step.
+            network: Whether anything but /clock is published.
+        """
+        self._world = world
+        self._least_rate = least_rate
+        self._steps = 0
+        self._seq = 0
+        self._links, self._models = LinkStatesEncoder(), LinkStatesEncoder()
+        self._clock = rospy.Publisher("/clock", Clock, queue_size=QUEUE)
+        self._topics = (
+            []
+            if not network
+            else [
+                (rospy.Publisher(f"~{name}", kind, queue_size=QUEUE), message)
+                for name, kind, message in (
+                    ("link_states", LinkStates, self._link_states),
+                    ("model_states", ModelStates, self._model_states),
+                    ("world_state", WorldState, self._world_state),
+                )
+            ]
+        )
+
+    def publish(self) -> None:
+        """Publish the time, then the states of that time."""
+        self._clock.publish(Clock(stamp_from_ns(self._world.time_ns)))
+        self._steps += 1
+        if self._steps % self._every:
+            return
+        for topic, message in self._topics:
+            if topic.get_num_connections():
+                topic.publish(message())
+
+    @property
+    def _every(self) -> int:
+        """Which of the steps are published."""
+        step = self._world.properties.time_step
+        if not self._least_rate:
+            return 1
+        return max(1, int(1.0 / (step * self._least_rate) + 1e-9))
+
+    def _link_states(self) -> PreparedLinkStates:
+        """Tell the states of all links."""
+        message = PreparedLinkStates()
+        names = self._world.link_names()
+        message.data = self._links.encode(names, *self._world.link_states())
+        return message
+
+    def _model_states(self) -> PreparedModelStates:
+        """Tell the states of all models."""
+        models = self._world.models.values()
+        message = PreparedModelStates()
+        message.data = self._models.encode(
+            list(self._world.models),
+            np.array([model.pose for model in models]),
+            np.array([model.twist for model in models]),
+        )
+        return message
+
+    def _world_state(self) -> PreparedWorldState:
+        """Tell the states of all links with their time; forces are not known."""
+        message = PreparedWorldState()
+        self._seq += 1
+        message.header.seq = self._seq
+        message.header.stamp = stamp_from_ns(self._world.time_ns)
+        message.header.frame_id = "world"
+        names = self._world.link_names()
+        states = self._links.encode(names, *self._world.link_states())
+        message.data = states + struct.pack("<I", 0)
+        return message

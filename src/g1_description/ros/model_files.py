@@ -1,0 +1,48 @@
+"""Where packages and models lie on this machine."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import rospkg
+
+
+def find_folder(name: str) -> str | None:
+    """Find the folder of ``package://NAME`` or ``model://NAME``.
+
+    Packages are ROS packages; models lie in the folders of GAZEBO_MODEL_PATH and in
+    ``~/.gazebo/models``, as for Gazebo.
+
+    Args:
+        name: The package or model.
+
+    Returns:
+        Its folder, or None where there is none.
+    """
+    try:
+        return rospkg.RosPack().get_path(name)
+    except rospkg.ResourceNotFound:
+        pass
+    listed = os.environ.get("GAZEBO_MODEL_PATH", "").split(os.pathsep)
+    for place in (*filter(None, listed), Path.home() / ".gazebo" / "models"):
+        if (Path(place) / name).is_dir() and os.sep not in name and name != "..":
+            return str(Path(place) / name)
+    return None
+
+
+def find_model(uri: str) -> str | None:
+    """Read the SDF file behind ``model://NAME``.
+
+    Args:
+        uri: As written in an include element.
+
+    Returns:
+        The text of its ``model.sdf``, or None where there is none.
+    """
+    scheme, _, name = uri.partition("://")
+    folder = find_folder(name.strip("/")) if scheme == "model" else None
+    file = Path(folder or os.devnull) / "model.sdf"
+    return (
+        file.read_text(encoding="utf-8", errors="replace") if file.is_file() else None
+    )

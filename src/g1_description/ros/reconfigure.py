@@ -1,0 +1,104 @@
+"""The physics' numbers through dynamic_reconfigure, as gazebo_ros offers them."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+
+from dynamic_reconfigure.server import Server
+
+from ..sim.physics import PhysicsProperties
+
+RANGES = {
+    "time_step": (0.0, 10.0),
+    "max_update_rate": (0.0, 1000.0),
+    "gravity_x": (-100.0, 100.0),
+    "gravity_y": (-100.0, 100.0),
+    "gravity_z": (-100.0, 100.0),
+    "auto_disable_bodies": (False, True),
+    "sor_pgs_precon_iters": (0, 10_000),
+    "sor_pgs_iters": (0, 10_000),
+    "sor_pgs_w": (0.0, 5.0),
+    "sor_pgs_rms_error_tol": (-1.0, 10_000.0),
+    "cfm": (0.0, 10.0),
+    "erp": (0.0, 10.0),
+    "contact_surface_layer": (0.0, 10.0),
+    "contact_max_correcting_vel": (0.0, 1e7),
+    "max_contacts": (0, 10_000_000),
+}
+"""What each number is clamped to, in Gazebo's order."""
+
+_KINDS = {float: "double", int: "int", bool: "bool"}
+_MEANINGS = {
+    "time_step": "Length of a physics step in [s]",
+    "max_update_rate": "Steps per second of wall time, 0: as fast as can be",
+}
+
+
+class PhysicsConfig:
+    """What dynamic_reconfigure's server asks of a generated configuration."""
+
+    all_level = 1
+
+    def __init__(self, properties: PhysicsProperties) -> None:
+        """Describe the numbers.
+
+        Args:
+            properties: The numbers to begin with.
+        """
+        values = {
+            field.name: getattr(properties, field.name) for field in fields(properties)
+        }
+        self.defaults = {name: values[name] for name in RANGES}
+        self.min = {name: low for name, (low, _) in RANGES.items()}
+        self.max = {name: high for name, (_, high) in RANGES.items()}
+        self.level = dict.fromkeys(RANGES, 1)
+        self.type = {name: _KINDS[type(low)] for name, (low, _) in RANGES.items()}
+        self.config_description = {
+            "name": "Default",
+            "type": "",
+            "id": 0,
+            "parent": 0,
+            "state": True,
+            "groups": [],
+            "parameters": [self._describe(name) for name in RANGES],
+        }
+
+    def _describe(self, name: str) -> dict:
+        """Describe one number."""
+        return {
+            "name": name,
+            "type": self.type[name],
+            "level": 1,
+            "description": _MEANINGS.get(name, name.replace("_", " ")),
+            "edit_method": "",
+            "default": self.defaults[name],
+            "min": self.min[name],
+            "max": self.max[name],
+        }
+
+
+def offer_physics(properties: PhysicsProperties, change) -> Server:
+    """Offer the numbers under the node's own name.
+
+    Args:
+        properties: The numbers to begin with.
+        change: Called with a dict of all numbers when somebody changes some; gives
+            those that are not as asked.
+
+    Returns:
+        The server.
+    """
+    config = PhysicsConfig(properties)
+    server = None
+
+    def changed(values, _):
+        # The server calls this while it is made, with what is so already.
+        if server is None:
+            return values
+        kinds = {name: type(low) for name, (low, _) in RANGES.items()}
+        numbers = {name: kind(values[name]) for name, kind in kinds.items()}
+        values.update(change(numbers))
+        return values
+
+    server = Server(config, changed)
+    return server

@@ -1,0 +1,51 @@
+"""/rosout as roscpp has it: not latched.
+
+rospy latches its own, so each subscriber that comes gets the last line again.
+Used with ``rospy.init_node(..., disable_rosout=True)``.
+"""
+
+from __future__ import annotations
+
+import logging
+
+import rospy
+from rosgraph_msgs.msg import Log
+
+LEVELS = {
+    logging.DEBUG: Log.DEBUG,
+    logging.INFO: Log.INFO,
+    logging.WARNING: Log.WARN,
+    logging.ERROR: Log.ERROR,
+    logging.CRITICAL: Log.FATAL,
+}
+
+
+class RosoutHandler(logging.Handler):
+    """Publishes what is logged."""
+
+    def __init__(self) -> None:
+        """Advertise the topic."""
+        super().__init__()
+        self._topic = rospy.Publisher("/rosout", Log, queue_size=100)
+        self._topics = rospy.get_param("/rosout_disable_topics_generation", False)
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Publish a line; while the node ends there is nowhere to publish it."""
+        message = Log(
+            level=LEVELS.get(record.levelno, Log.INFO),
+            name=rospy.get_name(),
+            msg=self.format(record),
+            file=record.filename,
+            line=record.lineno,
+            function=record.funcName,
+        )
+        message.header.stamp = rospy.get_rostime()
+        try:
+            self._topic.publish(message)
+        except rospy.ROSException:
+            self.handleError(record) if not rospy.is_shutdown() else None
+
+
+def publish_log() -> None:
+    """Publish what rospy.loginfo and the others log from now on."""
+    logging.getLogger("rosout").addHandler(RosoutHandler())

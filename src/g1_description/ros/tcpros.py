@@ -1,0 +1,78 @@
+"""rospy's TCP server, taught what roscpp's does.
+
+rospy shakes hands with one client after the other, and a client that connects and
+says nothing holds up all that come after it. Here each shakes hands in a thread of
+its own, and has a few seconds for it. roscpp also names the types of a service's
+request and response in its handshake; rospy does not.
+
+rospy offers no way to set either, so two of its classes are changed, for the
+process of the node that asks for it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import struct
+import threading
+
+from rospy.impl.tcpros_base import TCPROSServer
+from rospy.impl.tcpros_service import TCPService
+
+PATIENCE = 5
+"""How long a client may take for its handshake, in [s]."""
+
+LONGEST_HEADER = 65536
+"""Longest handshake header in bytes."""
+
+_LENGTH = struct.Struct("<I")
+
+
+def serve_as_roscpp() -> None:
+    """Change rospy's server; to be called before ``rospy.init_node``."""
+    shake_hands = TCPROSServer._tcp_server_callback
+    header_fields = TCPService.get_header_fields
+
+    def wait_and_shake_hands(server, sock, address):
+        if _header_has_come(sock):
+            shake_hands(server, sock, address)
+        else:
+            sock.close()
+
+    def in_a_thread(*arguments):
+        threading.Thread(
+            target=wait_and_shake_hands, args=arguments, daemon=True
+        ).start()
+
+    def with_types(protocol):
+        kind = protocol.service_class._type
+        types = {"request_type": f"{kind}Request", "response_type": f"{kind}Response"}
+        return {**header_fields(protocol), **types}
+
+    TCPROSServer._tcp_server_callback = in_a_thread
+    TCPService.get_header_fields = with_types
+
+
+def _header_has_come(sock: socket.socket) -> bool:
+    """Wait until a whole handshake header can be read, and leave it unread."""
+    with contextlib.suppress(OSError):
+        _set_patience(sock, PATIENCE)
+        length = sock.recv(_LENGTH.size, socket.MSG_PEEK | socket.MSG_WAITALL)
+        if len(length) < _LENGTH.size:
+            return False
+        size = _LENGTH.size + _LENGTH.unpack(length)[0]
+        if size > LONGEST_HEADER:
+            return False
+        header = sock.recv(size, socket.MSG_PEEK | socket.MSG_WAITALL)
+        _set_patience(sock, 0)
+        return len(header) == size
+    return False
+
+
+def _set_patience(sock: socket.socket, seconds: int) -> None:
+    """Set how long the system lets a read wait; 0: for ever.
+
+    Not Python's own timeout: rospy's threads share the socket and would inherit it.
+    """
+    wait = struct.pack("ll", seconds, 0)
+    sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, wait)

@@ -1,0 +1,64 @@
+"""What the services say, and the numbers they take."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from ..core.errors import LARGEST, InvalidValueError
+from ..core.rotation import normalized
+from .messages import pose_to_array, twist_to_array
+
+LINK_NOT_FOUND = "link not found, did you forget to scope the link by model name?"
+
+
+class Wording:
+    """Gazebo's own words, and what we add where it would be silent."""
+
+    def __init__(self, strict: bool = False) -> None:
+        """Choose how much is said.
+
+        Args:
+            strict: Whether to give Gazebo's bare words.
+        """
+        self._strict = strict
+
+    def say(self, words: str, clauses: Iterable[str] = ()) -> str:
+        """Put what we add behind Gazebo's words, after "; "."""
+        added = [] if self._strict else [clause for clause in clauses if clause]
+        return "; ".join([words, *added]) if words else "; ".join(added)
+
+
+def checked_pose(message) -> np.ndarray:
+    """Read a pose as Gazebo does: a zero quaternion is the identity.
+
+    Raises:
+        InvalidValueError: If a number is NaN, infinite or too large.
+    """
+    pose = checked("pose", pose_to_array(message))
+    pose[3:] = normalized(pose[3:])
+    return pose
+
+
+def checked_twist(message) -> np.ndarray:
+    """Read a twist.
+
+    Raises:
+        InvalidValueError: If a number is NaN, infinite or too large.
+    """
+    return checked("twist", twist_to_array(message))
+
+
+def checked(what: str, numbers) -> np.ndarray:
+    """Check that numbers are some that a model can have.
+
+    Raises:
+        InvalidValueError: If one is NaN, infinite or beyond ``LARGEST``.
+    """
+    array = np.array(numbers, dtype=float)
+    if not (np.abs(array) <= LARGEST).all():
+        raise InvalidValueError(
+            f"the {what} {array.tolist()} has a number beyond +-{LARGEST:g}"
+        )
+    return array

@@ -1,0 +1,163 @@
+"""PyBullet behind the world: a body for each model that has links."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+import numpy as np
+import pybullet
+from pybullet_utils.bullet_client import BulletClient
+
+from ..core.errors import UnknownNameError
+from .body import Body
+from .contacts import contacts
+from .model import Model
+from .physics import PhysicsProperties
+from .urdf_import import load_model
+
+PHYSICS = ("kinematic", "hold", "limp")
+
+
+class Engine:
+    """Takes states in, moves them by physics, gives them back.
+
+    In ``kinematic`` physics nothing moves by itself: the bodies are there for
+    contacts only.
+    """
+
+    def __init__(
+        self,
+        physics: str,
+        properties: PhysicsProperties,
+        package_folder: Callable[[str], str | None],
+    ) -> None:
+        """Start without bodies.
+
+        Args:
+            physics: One of ``PHYSICS``.
+            properties: The physics' numbers.
+            package_folder: Gives a package's folder, None if there is none.
+
+        Raises:
+            UnknownNameError: If there is no such physics.
+        """
+        if physics not in PHYSICS:
+            raise UnknownNameError(
+                f"There is no physics '{physics}'; there are {', '.join(PHYSICS)}."
+            )
+        self.physics = physics
+        self._package_folder = package_folder
+        self._client = BulletClient(pybullet.DIRECT)
+        self._bodies: dict[str, Body] = {}
+        self._properties = properties
+        properties.apply(self._client)
+
+    def close(self) -> None:
+        """Let PyBullet go."""
+        self._client.disconnect()
+
+    @property
+    def is_dynamic(self) -> bool:
+        """Whether things move by themselves."""
+        return self.physics != "kinematic"
+
+    def set_properties(self, properties: PhysicsProperties) -> None:
+        """Compute with other numbers from now on."""
+        self._properties = properties
+        properties.apply(self._client)
+
+    def add(self, model: Model) -> tuple[str, ...]:
+        """Give a model a body, or leave all as it was.
+
+        Args:
+            model: The model, in the state its body shall have.
+
+        Returns:
+            A clause for each thing that was left out.
+
+        Raises:
+            DescriptionError: If it cannot be loaded.
+        """
+        if not model.link_names:
+            return ()
+        before = self._client.getNumBodies()
+        try:
+            number, left_out = load_model(self._client, model, self._package_folder)
+            body = Body(self._client, number, model)
+        except BaseException:
+            for index in reversed(range(before, self._client.getNumBodies())):
+                self._client.removeBody(self._client.getBodyUniqueId(index))
+            raise
+        if self.physics == "hold":
+            body.hold()
+        self._bodies[model.name] = body
+        return left_out
+
+    def remove(self, name: str) -> None:
+        """Take a model's body away, if it has one."""
+        if name in self._bodies:
+            self._client.removeBody(self._bodies.pop(name).number)
+
+    def replace(self, model: Model) -> None:
+        """Give a model another body, or leave all as it was.
+
+        Raises:
+            DescriptionError: If it cannot be loaded.
+        """
+        old = self._bodies.get(model.name)
+        self.add(model)
+        if old is not None:
+            self._client.removeBody(old.number)
+
+    def rebuild(self, models: Iterable[Model]) -> None:
+        """Build everything anew: PyBullet's solver remembers contacts.
+
+        Args:
+            models: All models, in the state their bodies shall have.
+        """
+        self._client.resetSimulation()
+        self._properties.apply(self._client)
+        self._bodies.clear()
+        for model in models:
+            self.add(model)
+
+    def write(self, model: Model) -> None:
+        """Take over a model's pose, joints and velocities."""
+        if model.name in self._bodies:
+            self._bodies[model.name].write()
+
+    def write_joints(self, model: Model) -> None:
+        """Take over a model's joints, and hold them there in ``hold``."""
+        if model.name in self._bodies:
+            body = self._bodies[model.name]
+            body.write_joints()
+            if self.physics == "hold":
+                body.hold()
+
+    def tune(self, model: Model, joint: str) -> None:
+        """Take over the numbers of ``ode_joints`` of a joint."""
+        if model.name in self._bodies:
+            self._bodies[model.name].tune(joint)
+
+    def push(
+        self, model: Model, link: str, force: np.ndarray, torque: np.ndarray
+    ) -> None:
+        """Let a wrench act on a link during the next step, as ``Body.push``."""
+        self._bodies[model.name].push(link, force, torque)
+
+    def strain(self, model: Model, joint: str, effort: float) -> None:
+        """Let a joint's effort act during the next step, as ``Body.strain``."""
+        self._bodies[model.name].strain(joint, effort)
+
+    def step(self) -> None:
+        """Let one time step pass, and give the models their new states."""
+        for body in self._bodies.values():
+            body.float_weightless(self._properties.gravity)
+        self._client.stepSimulation()
+        for body in self._bodies.values():
+            if body.moves:
+                body.read()
+
+    def contacts(self) -> set[tuple[str, str]]:
+        """Find which links touch or overlap now, as ``contacts.contacts``."""
+        return contacts(self._client, self._bodies)

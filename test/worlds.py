@@ -1,0 +1,45 @@
+"""A world with what tests write often."""
+
+from __future__ import annotations
+
+from g1_description.core.description import parse_urdf
+from g1_description.core.lumping import lump_fixed_joints
+from g1_description.sim.entities import Entity, seen_from
+from g1_description.sim.physics import PhysicsProperties
+from g1_description.sim.world import World
+
+
+class Bench(World):
+    """A world, with URDF text, names of frames, and a look behind it."""
+
+    def __init__(self, physics="kinematic", gravity=(0.0, 0.0, -9.8), **numbers):
+        properties = PhysicsProperties(
+            **dict(zip(("gravity_x", "gravity_y", "gravity_z"), gravity)), **numbers
+        )
+        super().__init__(physics, properties)
+
+    @property
+    def client(self):
+        return self._engine._client
+
+    def body(self, name):
+        return self._engine._bodies[name]
+
+    def spawn_urdf(self, name, text, pose, fixed_base=False):
+        assembly = lump_fixed_joints(parse_urdf(text))
+        return self.spawn(name, assembly, pose, fixed_base)
+
+    def put(self, name, pose, twist, frame=""):
+        model = self.model(name)
+        self.set_model_state(model, pose, twist, self.entities.frame(frame))
+
+    def model_state(self, name, frame=""):
+        entity = Entity("model", name, name, self.model(name))
+        return seen_from(self.entities.frame(frame), entity)
+
+    def link_state(self, name, frame=""):
+        return seen_from(self.entities.frame(frame), self.entities.link(name))
+
+    def run(self, seconds):
+        for _ in range(round(seconds / self.properties.time_step)):
+            self.step()
