@@ -28,3 +28,19 @@ def g1(g1_file):
     from g1_description.core.resources import with_absolute_uris
 
     return with_absolute_uris(g1_file.read_text(), g1_file.parent)
+
+
+@pytest.fixture
+def make_world():
+    """Give what makes worlds, which end with the test."""
+    from worlds import Bench
+
+    worlds = []
+
+    def make(*args, **kwargs):
+        worlds.append(Bench(*args, **kwargs))
+        return worlds[-1]
+
+    yield make
+    for world in worlds:
+        world.close()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from g1_description.core.description import parse_urdf
 from g1_description.core.lumping import lump_fixed_joints
 from g1_description.sim.entities import Entity, seen_from
@@ -12,11 +14,13 @@ from g1_description.sim.world import World
 class Bench(World):
     """A world, with URDF text, names of frames, and a look behind it."""
 
-    def __init__(self, physics="kinematic", gravity=(0.0, 0.0, -9.8), **numbers):
+    def __init__(
+        self, physics="kinematic", gravity=(0.0, 0.0, -9.8), content=None, **numbers
+    ):
         properties = PhysicsProperties(
             **dict(zip(("gravity_x", "gravity_y", "gravity_z"), gravity)), **numbers
         )
-        super().__init__(physics, properties)
+        super().__init__(physics, properties, content=content)
 
     @property
     def client(self):
@@ -39,6 +43,9 @@ class Bench(World):
 
     def link_state(self, name, frame=""):
         return seen_from(self.entities.frame(frame), self.entities.link(name))
+
+    def change(self, **numbers):
+        self.set_properties(replace(self.properties, **numbers))
 
     def run(self, seconds):
         for _ in range(round(seconds / self.properties.time_step)):

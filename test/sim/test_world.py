@@ -40,19 +40,6 @@ ARM = """<robot name="arm"><link name="base"><inertial><mass value="5"/>
 </robot>"""
 
 
-@pytest.fixture
-def make_world():
-    worlds = []
-
-    def make(*args, **kwargs):
-        worlds.append(Bench(*args, **kwargs))
-        return worlds[-1]
-
-    yield make
-    for world in worlds:
-        world.close()
-
-
 def random_positions(model, random):
     low = np.maximum(model.lower, -3.1)
     high = np.minimum(model.upper, 3.1)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from pybullet_utils.bullet_client import BulletClient
 
+from ..core.errors import LARGEST
 from ..core.transform import compose, inverse
 from .model import Model
 from .urdf_import import ROOT, links_of
@@ -188,12 +189,13 @@ class Body:
         if row < 0:
             return
         numbers = self._model.ode_joints[joint]
-        known = {
-            "jointDamping": numbers.get("damping"),
-            "jointLowerLimit": numbers.get("loStop"),
-            "jointUpperLimit": numbers.get("hiStop"),
-        }
-        given = {name: value for name, value in known.items() if value is not None}
+        given = {}
+        if "damping" in numbers:
+            given["jointDamping"] = numbers["damping"]
+        if "loStop" in numbers or "hiStop" in numbers:  # PyBullet wants both
+            lower, upper = self._model.lower[row], self._model.upper[row]
+            given["jointLowerLimit"] = max(numbers.get("loStop", lower), -LARGEST)
+            given["jointUpperLimit"] = min(numbers.get("hiStop", upper), LARGEST)
         if given:
             self._client.changeDynamics(self.number, self._joints[row], **given)
 

@@ -1,0 +1,183 @@
+"""Wrenches, efforts and gravity against mechanics."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from robots import world_poses
+from scipy.spatial.transform import Rotation
+from worlds import Bench
+
+from g1_description.core.description import Inertial
+from g1_description.core.errors import DescriptionError
+from g1_description.sim.jobs import Effort, Span, Wrench
+
+BODY = """<robot name="body"><link name="body"><inertial>
+<origin xyz="0.1 0.02 -0.03"/><mass value="2"/>
+<inertia ixx="0.03" iyy="0.03" izz="0.03" ixy="0" ixz="0" iyz="0"/></inertial>
+</link></robot>"""
+PENDULUM = """<robot name="pendulum"><link name="world"/><link name="mount"><inertial>
+<mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+</link><link name="bob"><inertial><origin xyz="0 0 -0.5"/><mass value="1"/>
+<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="anchor" type="fixed"><parent link="world"/><child link="mount"/>
+<origin xyz="0 0 2"/></joint>
+<joint name="swing" type="revolute"><parent link="mount"/><child link="bob"/>
+<axis xyz="0 1 0"/><limit lower="-3" upper="3" effort="3" velocity="50"/></joint>
+</robot>"""
+MS = 1_000_000
+NOWHERE = (0.0, 0.0, 0.0)
+VECTOR = st.tuples(*[st.floats(-3.0, 3.0)] * 3).map(np.array)
+
+
+def push(world, model, force, torque=NOWHERE, span=(0, None)):
+    vectors = np.array(force), np.array(torque)
+    world.jobs.add(Wrench(world.model(model), "body", Span(*span), *vectors))
+
+
+@settings(max_examples=25, deadline=None)
+@given(pose=world_poses(), force=VECTOR, torque=VECTOR)
+def test_a_wrench_acts_at_the_center_of_mass_along_the_worlds_axes(pose, force, torque):
+    """Newton and Euler, for a body that any axis is a principal axis of."""
+    world = Bench("limp", gravity=NOWHERE)
+    world.spawn_urdf("body", BODY, pose)
+    push(world, "body", force, torque, (0, 10 * MS))
+    world.run(0.02)
+    model = world.model("body")
+    angular = 0.01 * torque / 0.03
+    np.testing.assert_allclose(model.twist[3:], angular, atol=1e-3)
+    turn = Rotation.from_quat(model.pose[3:])
+    lever = turn.apply([0.1, 0.02, -0.03])
+    at_center = model.twist[:3] + np.cross(model.twist[3:], lever)
+    np.testing.assert_allclose(at_center, 0.01 * force / 2.0, atol=1e-9)
+    world.close()
+
+
+@pytest.mark.parametrize(
+    ("start", "end", "steps"),
+    [(0, 10, 10), (5, 15, 10), (0, 0, 0), (0, None, 30), (40, 50, 0), (25, None, 5)],
+)
+def test_a_wrench_acts_for_its_span_to_the_step(make_world, start, end, steps):
+    world = make_world("limp", gravity=NOWHERE)
+    world.spawn_urdf("body", BODY, np.array([0, 0, 1.0, 0, 0, 0, 1]))
+    end = None if end is None else end * MS
+    push(world, "body", [2.0, 0, 0], span=(start * MS, end))
+    world.run(0.03)
+    assert world.model("body").twist[0] == pytest.approx(steps * 1e-3, abs=1e-12)
+
+
+def test_of_two_wrenches_the_newest_acts_and_then_the_other_again(make_world):
+    """gazebo_ros sets a link's force anew with each job, each step."""
+    world = make_world("limp", gravity=NOWHERE)
+    world.spawn_urdf("body", BODY, np.array([0, 0, 1.0, 0, 0, 0, 1]))
+    push(world, "body", [2.0, 0, 0])
+    push(world, "body", [0, 2.0, 0], span=(10 * MS, 20 * MS))
+    world.run(0.03)
+    at_center = world.model("body").twist[:2]
+    np.testing.assert_allclose(at_center, [0.02, 0.01], atol=1e-12)
+
+
+def test_efforts_add_up_each_within_the_limit(make_world):
+    """The bob's inertia about the joint is 0.01 + 1 * 0.5^2."""
+    world = make_world("limp", gravity=NOWHERE)
+    world.spawn_urdf("pendulum", PENDULUM, np.array([0, 0, 0, 0, 0, 0, 1.0]))
+    model = world.model("pendulum")
+    for effort in (0.5, 300.0, -1.0):
+        world.jobs.add(Effort(model, "swing", Span(0, 10 * MS), effort))
+    world.jobs.add(Effort(model, "anchor", Span(0, 10 * MS), 1.0))
+    world.run(0.02)
+    expected = 0.01 * (0.5 + 3.0 - 1.0) / 0.26
+    assert model.velocity[0] == pytest.approx(expected, rel=1e-3)
+
+
+def test_jobs_end_with_their_model_and_with_a_reset(make_world):
+    world = make_world("limp", gravity=NOWHERE)
+    for name in ("one", "two"):
+        world.spawn_urdf(name, BODY, np.array([0, 0, 1.0, 0, 0, 0, 1]))
+        push(world, name, [2.0, 0, 0])
+    world.delete("one")
+    world.spawn_urdf("one", BODY, np.array([0, 0, 1.0, 0, 0, 0, 1]))
+    world.run(0.01)
+    assert not world.model("one").twist.any()
+    assert world.model("two").twist[0] == pytest.approx(0.01)
+    world.reset()
+    world.run(0.01)
+    assert not world.model("two").twist.any()
+
+
+def test_a_link_without_gravity_stays_where_it_is_while_others_fall(make_world):
+    world = make_world("limp")
+    for name in ("floats", "falls"):
+        world.spawn_urdf(name, BODY, np.array([0, 0, 5.0, 0.1, 0.7, -0.1, 0.7]))
+    entity = world.entities.link("floats::body")
+    world.set_link_properties(entity, entity.link.inertial, False)
+    world.run(0.5)
+    np.testing.assert_allclose(world.model("floats").pose[:3], [0, 0, 5.0], atol=1e-9)
+    assert world.model("falls").pose[2] < 4.0
+
+
+def test_a_new_mass_moves_as_such_and_changes_nothing_else(make_world):
+    world = make_world("limp", gravity=NOWHERE)
+    world.spawn_urdf("pendulum", PENDULUM, np.array([0, 0, 0, 0, 0, 0, 1.0]))
+    world.spawn_urdf("body", BODY, np.array([3.0, 0, 1.0, 0, 0, 0, 1]))
+    world.set_joint_positions("pendulum", {"swing": 0.7})
+    world.put("body", np.array([3.0, 0, 1.0, 0, 0, 0, 1]), np.array([1.0, *[0] * 5]))
+    before = [part.copy() for part in world.link_states()]
+    inertial = Inertial(20.0, np.array([0.0, 0.3, 0.0]), np.diag([0.4, 0.5, 0.6]))
+    world.set_link_properties(world.entities.link("body::body"), inertial, True)
+    for part, old in zip(world.link_states(), before):
+        np.testing.assert_array_equal(part, old)
+    push(world, "body", [0, 0, 2.0], span=(0, 100 * MS))
+    world.run(0.1)
+    assert world.model("body").twist[2] == pytest.approx(0.1 * 2.0 / 20.0, abs=1e-9)
+    assert world.model("pendulum").position[0] == pytest.approx(0.7, abs=1e-9)
+
+
+def test_a_mass_that_cannot_be_loaded_changes_nothing(make_world, monkeypatch):
+    world = make_world("limp", gravity=NOWHERE)
+    world.spawn_urdf("body", BODY, np.array([3.0, 0, 1.0, 0, 0, 0, 1]))
+
+    def spoiled(*arguments):
+        raise DescriptionError("too late")
+
+    monkeypatch.setattr("g1_description.sim.urdf_import._check_mass", spoiled)
+    inertial = Inertial(20.0, np.zeros(3), np.eye(3))
+    with pytest.raises(DescriptionError, match="too late"):
+        world.set_link_properties(world.entities.link("body::body"), inertial, True)
+    monkeypatch.undo()
+    assert world.entities.link("body::body").link.inertial.mass == 2.0
+    assert world.client.getNumBodies() == 2
+    push(world, "body", [2.0, 0, 0])
+    world.run(0.01)
+    assert world.model("body").twist[0] == pytest.approx(0.01)
+
+
+def test_damping_and_stops_of_a_joint_take_effect(make_world):
+    world = make_world("limp", gravity=NOWHERE)
+    world.spawn_urdf("pendulum", PENDULUM, np.array([0, 0, 0, 0, 0, 0, 1.0]))
+    model, entity = world.model("pendulum"), world.entities.joint("swing")
+    world.set_joint_properties(entity, {"damping": 0.26})
+    world.jobs.add(Effort(model, "swing", Span(0, 100 * MS), 1.0))
+    world.run(0.1)
+    start = model.velocity[0]
+    world.run(1.0)
+    assert model.velocity[0] == pytest.approx(start * np.exp(-1.0), rel=2e-3)
+    world.reset()
+    world.run(0.001)
+    world.set_joint_properties(entity, {"damping": 0.0, "hiStop": 0.1})
+    world.jobs.add(Effort(model, "swing", Span(0, None), 1.0))
+    world.run(1.0)
+    assert model.position[0] == pytest.approx(0.1, abs=0.01)
+    world.set_joint_positions("pendulum", {"swing": 1.0})
+    assert model.position[0] == 1.0
+
+
+def test_gravity_and_the_time_step_change_at_once(make_world):
+    world = make_world("limp")
+    world.spawn_urdf("body", BODY, np.array([0, 0, 50.0, 0, 0, 0, 1]))
+    world.change(gravity_z=4.0, gravity_x=1.0, time_step=0.004)
+    world.step()
+    assert world.time_ns == 4 * MS
+    np.testing.assert_allclose(
+        world.model("body").twist[:3], [0.004, 0, 0.016], atol=1e-9
+    )

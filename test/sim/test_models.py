@@ -1,0 +1,205 @@
+"""Models of any kind: anchored, static, from SDF, found by name as Gazebo does."""
+
+import numpy as np
+import pytest
+from oracle import assert_poses_close
+from scipy.spatial.transform import Rotation
+
+from g1_description.core.errors import DescriptionError, UnknownNameError
+from g1_description.core.sdf import read_sdf
+
+MASS = (
+    '<inertial><origin xyz="{}"/><mass value="1"/><inertia ixx="0.02" iyy="0.03" '
+    'izz="0.04" ixy="0.001" ixz="0" iyz="0"/></inertial>'
+)
+HERE = np.array([1.0, -2.0, 3.0, *Rotation.from_rotvec([0.4, -0.5, 0.6]).as_quat()])
+UP = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])
+GANTRY = f"""<robot name="gantry"><link name="world"/>
+<link name="post">{MASS.format("0 0 0.1")}</link>
+<link name="cart">{MASS.format("0.1 0 0")}</link>
+<link name="hook">{MASS.format("0 0 -0.2")}</link>
+<joint name="weld" type="fixed"><parent link="world"/><child link="post"/>
+<origin xyz="0 2 0"/></joint>
+<joint name="rail" type="prismatic"><parent link="world"/><child link="cart"/>
+<origin xyz="0 0 2" rpy="0 0 0.5"/><axis xyz="1 0 0"/>
+<limit lower="-1" upper="1" effort="100" velocity="5"/></joint>
+<joint name="rope" type="continuous"><parent link="cart"/><child link="hook"/>
+<axis xyz="0 1 0"/></joint></robot>"""
+OFFSET = """<sdf version="1.6"><model name="crank"><pose>0 0 0.5 0 0 0.3</pose>
+<link name="base"><pose>0.1 0 0 0 0 0</pose><inertial><mass>3</mass></inertial></link>
+<link name="arm"><pose>0.5 0.2 0 0.1 0 0.7</pose>
+<inertial><pose>0.1 0.2 0.3 0 0 0</pose><mass>2</mass></inertial>
+<collision name="tip"><pose>0.3 0 0 0 0 0</pose>
+<geometry><sphere><radius>0.1</radius></sphere></geometry></collision></link>
+<link name="rod"><pose>0.9 0.2 0.1 0 0.4 0.7</pose></link>
+<joint name="turn" type="revolute"><parent>base</parent><child>arm</child>
+<pose>-0.3 0.05 0.02 0 0.2 0</pose><axis><xyz>0 0.6 0.8</xyz></axis></joint>
+<joint name="slide" type="prismatic"><parent>arm</parent><child>rod</child>
+<pose>0.1 0 0 0 0 0</pose><axis><xyz>1 0 0</xyz><limit><lower>-1</lower>
+<upper>1</upper></limit></axis></joint></model></sdf>"""
+SHELF = """<sdf version="1.6"><model name="shelf"><static>true</static>
+<link name="left"><pose>0 0.5 0.5 0 0 0</pose><collision name="c"><geometry>
+<box><size>0.1 0.1 1</size></box></geometry></collision></link>
+<link name="right"><pose>0 -0.5 0.5 0 0 0</pose></link>
+<link name="board"><pose>0 0 1 0 0 0</pose><collision name="c"><geometry>
+<box><size>0.4 1.2 0.02</size></box></geometry></collision></link></model></sdf>"""
+CUBE = """<robot name="cube"><link name="body"><inertial><mass value="1"/>
+<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>
+<collision><geometry><box size="0.2 0.2 0.2"/></geometry></collision></link></robot>"""
+
+
+def spawn_sdf(world, name, text, pose):
+    (model,) = read_sdf(text).models
+    return world.spawn(name, model.assembly, pose)
+
+
+def pybullet_centers(world, name):
+    """Give each link's center of mass in the world, as PyBullet has it."""
+    body = world.body(name)
+    return {
+        link: np.array(body._center(index)) for index, link in body._link_names.items()
+    }
+
+
+def our_centers(world, name):
+    model = world.model(name)
+    return dict(zip(model.link_names, model.poses[:, :3] + model._levers()))
+
+
+@pytest.mark.parametrize("name", ["gantry", "crank"])
+def test_links_are_where_pybullet_has_them_while_they_move(make_world, name):
+    """Anchored to the world, or joints beside their links' origins."""
+    world, random = make_world("limp"), np.random.default_rng(5)
+    if name == "gantry":
+        world.spawn_urdf("gantry", GANTRY, HERE)
+    else:
+        spawn_sdf(world, "crank", OFFSET, HERE)
+    model = world.model(name)
+    for _ in range(20):
+        wanted = random.uniform(-1.0, 1.0, len(model.joint_names))
+        world.set_joint_positions(name, dict(zip(model.joint_names, wanted)))
+        np.testing.assert_array_equal(model.position, wanted)
+        world.put(name, HERE, np.array([0, 0, 0, 1.0, 2.0, -3.0]))
+        for _ in range(2):
+            theirs = pybullet_centers(world, name)
+            for link, center in our_centers(world, name).items():
+                np.testing.assert_allclose(center, theirs[link], atol=2e-6)
+            world.run(0.01)
+    assert np.abs(model.velocity).min() > 1e-3
+
+
+def test_what_hangs_on_the_world_does_not_fall(make_world):
+    world = make_world("limp")
+    world.spawn_urdf("gantry", GANTRY, HERE)
+    model = world.model("gantry")
+    assert model.link_names == ("post", "cart", "hook")
+    assert model.joint_names == ("rail", "rope")
+    assert model.listed_joints == ("weld", "rail", "rope")
+    before = model.poses.copy()
+    world.run(0.3)
+    np.testing.assert_array_equal(model.poses[0], before[0])
+    np.testing.assert_array_equal(model.pose, HERE)
+    assert np.abs(model.poses[1] - before[1]).max() > 1e-3
+    assert world.entities.joint("weld").row == -1
+
+
+def test_a_static_model_of_loose_links_stays_and_bears_others(make_world):
+    world = make_world("limp")
+    spawn_sdf(world, "shelf", SHELF, np.array([0, 0, 0.0, 0, 0, 0, 1]))
+    world.spawn_urdf("cube", CUBE, np.array([0, 0, 1.5, 0, 0, 0, 1]))
+    shelf = world.model("shelf")
+    assert shelf.link_names == ("left", "right", "board")
+    assert shelf.listed_joints == ()
+    before = shelf.poses.copy()
+    np.testing.assert_allclose(
+        before[:, :3], [[0, 0.5, 0.5], [0, -0.5, 0.5], [0, 0, 1]]
+    )
+    world.run(2.0)
+    assert world.model("cube").pose[2] == pytest.approx(1.11, abs=0.002)
+    np.testing.assert_array_equal(shelf.poses, before)
+    world.set_model_state(shelf, HERE, np.ones(6), world.entities.frame("world"))
+    assert not shelf.twists.any()
+    world.step()
+    assert_poses_close(shelf.pose, HERE, 1e-12)
+
+
+def test_the_first_thing_of_a_name_is_found_and_may_be_of_the_wrong_kind(make_world):
+    world = make_world()
+    spawn_sdf(world, "crank", OFFSET, HERE)
+    world.spawn_urdf("arm", CUBE.replace("body", "rod"), UP)
+    entities = world.entities
+    assert entities.link("rod").scoped == "crank::rod"
+    assert entities.link("arm").scoped == "crank::arm"
+    assert entities.link("arm::rod").model is world.model("arm")
+    assert entities.frame("arm").kind == "link"
+    assert entities.frame("tip").kind == "collision"
+    expected = world.model("crank").poses[1][:3] + Rotation.from_quat(
+        world.model("crank").poses[1][3:]
+    ).apply([0.3, 0, 0])
+    np.testing.assert_allclose(entities.frame("tip").pose[:3], expected, atol=1e-12)
+    assert entities.frame("sun").pose[2] == 10.0
+    for name in ("turn", "tip", "crank", ""):
+        with pytest.raises(UnknownNameError):
+            entities.link(name)
+    for name in ("default", "/world", "turn", "crank/arm"):
+        with pytest.raises(UnknownNameError):
+            entities.frame(name)
+    world.delete("crank")
+    assert world.entities.link("rod").scoped == "arm::rod"
+    assert world.entities.frame("arm").kind == "model"
+
+
+def test_a_model_called_map_is_the_frame_of_that_name(make_world):
+    world = make_world()
+    assert not world.entities.frame("map").pose[:6].any()
+    world.spawn_urdf("map", CUBE, HERE)
+    np.testing.assert_array_equal(world.entities.frame("map").pose, HERE)
+    assert not world.entities.frame("/map").pose[:6].any()
+
+
+def test_a_root_link_moves_its_model_as_one(make_world):
+    world = make_world("limp", gravity=(0.0, 0.0, 0.0))
+    spawn_sdf(world, "crank", OFFSET, UP)
+    model = world.model("crank")
+    world.set_joint_positions("crank", {"turn": 0.5})
+    twist = np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
+    world.set_root_state(model, HERE, twist)
+    assert_poses_close(model.poses[0], HERE, 1e-12)
+    np.testing.assert_allclose(model.twists[0], twist, atol=1e-12)
+    np.testing.assert_allclose(model.twists[:, 3:], np.tile(twist[3:], (3, 1)))
+    assert model.position[0] == 0.5
+    before = model.poses[0].copy()
+    world.run(0.001)
+    np.testing.assert_allclose(
+        model.poses[0, :3] - before[:3], 1e-3 * twist[:3], atol=1e-5
+    )
+
+
+def test_a_world_of_another_file_has_no_ground(make_world):
+    text = """<sdf version="1.6"><world name="w"><gravity>0 0 -1</gravity>
+    <light type="point" name="lamp"/><model name="ball"><pose>0 0 5 0 0 0</pose>
+    <link name="l"><collision name="c"><geometry><sphere><radius>1</radius></sphere>
+    </geometry></collision></link></model></world></sdf>"""
+    world = make_world("limp", content=read_sdf(text))
+    assert list(world.models) == ["ball"]
+    assert list(world.lights) == ["lamp"]
+    world.run(2.0)
+    assert world.model("ball").pose[2] < -10.0
+
+
+def test_too_many_links_are_refused_before_anything_is_made(make_world):
+    links = "".join(
+        f'<link name="l{n}">{MASS.format("0 0 0")}</link>' for n in range(1001)
+    )
+    joints = "".join(
+        f'<joint name="j{n}" type="continuous"><parent link="l{n - 1}"/>'
+        f'<child link="l{n}"/></joint>'
+        for n in range(1, 1001)
+    )
+    text = f'<robot name="long">{links}{joints}</robot>'
+    with pytest.raises(DescriptionError, match="has 1001 links"):
+        make_world().spawn_urdf("long", text, UP)
+    fixed = text.replace("continuous", "fixed")
+    world = make_world("limp")
+    world.spawn_urdf("long", fixed, UP)
+    assert world.model("long").link_names == ("l0",)
