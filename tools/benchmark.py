@@ -20,6 +20,7 @@ import numpy as np
 import rosgraph
 import rosnode
 import rospy
+import rosservice
 from processes import end_processes, marked_environment, new_mark
 from sensor_msgs.msg import JointState
 
@@ -121,6 +122,46 @@ def measure_cpu(master, seconds=10.0):
     }
 
 
+def service(name):
+    """Give what calls a service of the simulator, on one connection."""
+    kind = rosservice.get_service_class_by_name(f"/gazebo/{name}")
+    return rospy.ServiceProxy(f"/gazebo/{name}", kind, persistent=True)
+
+
+def measure_real_time_factor(seconds=5.0):
+    """Compare simulated time with wall time."""
+    world = service("get_world_properties")
+    begin, start = world().sim_time, time.monotonic()
+    time.sleep(seconds)
+    return (world().sim_time - begin) / (time.monotonic() - start)
+
+
+def measure_highest_real_time_factor():
+    """Let time run as fast as can be, and as on the wall again."""
+    set_factor = service("set_real_time_factor")
+    set_factor(0.0)
+    highest = measure_real_time_factor()
+    set_factor(1.0)
+    return highest
+
+
+def measure_calls(count=2000):
+    """Time calls on one connection while physics runs; give [us] per call."""
+    state, configure = service("get_model_state"), service("set_model_configuration")
+    wanted = [["left_elbow_joint"], [0.5]]
+    calls = {
+        "get_model_state": lambda: state("g1_robot", ""),
+        "set_model_configuration": lambda: configure("g1_robot", "", *wanted),
+    }
+    costs = {}
+    for name, call in calls.items():
+        start = time.monotonic()
+        for _ in range(count):
+            call()
+        costs[name] = 1e6 * (time.monotonic() - start) / count
+    return costs
+
+
 def limits():
     """Read the limits of the loaded robot's joints, by name."""
     urdf = ElementTree.fromstring(rospy.get_param("/robot_description"))
@@ -184,6 +225,14 @@ def run(arguments, port):
         display = Display(port, *model, f"physics:={physics}")
         share = measure_cpu(master)
         rows += [(f"{physics}: CPU of {node}", share[node], "%") for node in NODES]
+        factor = measure_real_time_factor()
+        rows.append((f"{physics}: real-time factor at the defaults", factor, ""))
+        highest = measure_highest_real_time_factor()
+        rows.append((f"{physics}: highest real-time factor", highest, ""))
+        rows += [
+            (f"{physics}: a call of {name}", cost, "us")
+            for name, cost in measure_calls().items()
+        ]
         if physics == "kinematic":
             times, error = measure_commands(display, 300)
             rows.append(

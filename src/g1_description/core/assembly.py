@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from .description import Description
+from .description import Description, Link
 from .transform import IDENTITY
 
 WORLD = "world"
@@ -41,3 +41,10 @@ class Assembly:
         if self.description.root != WORLD:
             return names
         return tuple(name for name in names if name != WORLD)
+
+    def with_link(self, link: Link) -> Assembly:
+        """Give the same with one link in the place of that of its name."""
+        links = tuple(
+            link if old.name == link.name else old for old in self.description.links
+        )
+        return replace(self, description=replace(self.description, links=links))

@@ -27,9 +27,9 @@ from ..core.description import Inertial
 from ..core.errors import DescriptionError, InvalidValueError, UnknownNameError
 from ..core.rotation import rotate
 from ..core.transform import IDENTITY, compose, inverse
-from ..sim.entities import WORLD_ENTITY, seen_from
+from ..sim.entities import WORLD_ENTITY, Entity, seen_from
 from ..sim.jobs import Wrench
-from ..sim.model import SCOPE
+from ..sim.model import SCOPE, Model
 from ..sim.world import World
 from .messages import (
     pose_from_array,
@@ -102,30 +102,12 @@ class LinkServices:
         The twist is for the center of mass, along the world's axes whatever the
         frame is, and the frame's own twist is subtracted: so does Gazebo.
         """
-        entities = self._world.entities
         try:
-            link = entities.link(state.link_name)
-        except UnknownNameError:
-            rospy.logerr(
-                "Updating LinkState: link [%s] does not exist", state.link_name
-            )
-            return False, "SetLinkState: link does not exist"
-        try:
-            frame = entities.link_frame(state.reference_frame)
-        except UnknownNameError:
-            rospy.logerr(
-                "Updating LinkState: reference_frame is not a valid entity name"
-            )
-            return False, "SetLinkState: failed"
-        model = link.model
-        if link.row != model.root_row:
-            root = model.link_names[model.root_row]
-            return False, (
-                f"SetLinkState: refused, it would tear {model.name} apart; what can be "
-                f"set is {model.name}{SCOPE}{root}"
-            )
-        try:
+            model = self._model_of_root(state.link_name)
+            frame = self._link_frame(state.reference_frame)
             pose, twist = checked_pose(state.pose), checked_twist(state.twist)
+        except UnknownNameError as error:
+            return False, f"SetLinkState: {error}"
         except InvalidValueError as error:
             return False, f"SetLinkState: refused, {error}"
         if frame is WORLD_ENTITY:
@@ -139,6 +121,32 @@ class LinkServices:
         if twist.any() and not self._world.is_dynamic:
             clause = "the twist is ignored, physics is kinematic"
         return True, self._wording.say("SetLinkState: success", [clause])
+
+    def _link_frame(self, name: str) -> Entity:
+        """Find a frame for set_link_state; a refusal is in Gazebo's words."""
+        try:
+            return self._world.entities.link_frame(name)
+        except UnknownNameError:
+            rospy.logerr(
+                "Updating LinkState: reference_frame is not a valid entity name"
+            )
+            raise UnknownNameError("failed") from None
+
+    def _model_of_root(self, name: str) -> Model:
+        """Find the model whose root link it is; a refusal is in Gazebo's words."""
+        try:
+            link = self._world.entities.link(name)
+        except UnknownNameError:
+            rospy.logerr("Updating LinkState: link [%s] does not exist", name)
+            raise UnknownNameError("link does not exist") from None
+        model = link.model
+        if link.row != model.root_row:
+            root = model.link_names[model.root_row]
+            raise InvalidValueError(
+                f"it would tear {model.name} apart; what can be set is "
+                f"{model.name}{SCOPE}{root}"
+            )
+        return model
 
     def get_properties(self, request):
         """Tell a link's mass; what is static has none."""

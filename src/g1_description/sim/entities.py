@@ -7,8 +7,9 @@ is found may then be of the wrong kind: a model hides a later link of its name.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import TypeVar
 
 import numpy as np
 
@@ -18,6 +19,8 @@ from ..core.rotation import conjugate, rotate
 from ..core.sdf import Light
 from ..core.transform import IDENTITY, compose, inverse
 from .model import SCOPE, Model
+
+_Thing = TypeVar("_Thing")
 
 WORLD_FRAMES = ("", "world", "map", "/map")
 """Names of the world's own frame, where nothing has one of them."""
@@ -183,3 +186,16 @@ def seen_from(frame: Entity, entity: Entity) -> tuple[np.ndarray, np.ndarray]:
     difference = (entity.twist - frame.twist).reshape(2, 3)
     twist = rotate(conjugate(T_world_frame[3:]), difference).reshape(6)
     return compose(inverse(T_world_frame), entity.pose), twist
+
+
+def named(kind: str, things: Mapping[str, _Thing], name: str) -> _Thing:
+    """Find a thing by its name.
+
+    Raises:
+        UnknownNameError: If there is none.
+    """
+    if name not in things:
+        raise UnknownNameError(
+            f"There is no {kind} '{name}'; there are {', '.join(things) or 'none'}."
+        )
+    return things[name]

@@ -8,24 +8,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import TypeVar
 
 import numpy as np
 
 from ..core.assembly import Assembly
 from ..core.description import Inertial
-from ..core.errors import DescriptionError, UnknownNameError
+from ..core.errors import DescriptionError
 from ..core.rotation import rotate
 from ..core.sdf import EMPTY_WORLD, Light, Sdf, read_sdf
 from ..core.transform import compose
 from .engine import Engine
-from .entities import Entities, Entity
+from .entities import Entities, Entity, named
 from .jobs import Jobs
 from .model import SCOPE, Model, Report
 from .physics import PhysicsProperties
 from .urdf_import import check_size
-
-_Thing = TypeVar("_Thing")
 
 
 class World:
@@ -162,7 +159,7 @@ class World:
         Raises:
             UnknownNameError: If there is none of this name.
         """
-        return _named("model", self.models, name)
+        return named("model", self.models, name)
 
     def light(self, name: str) -> Light:
         """Find a light.
@@ -170,7 +167,7 @@ class World:
         Raises:
             UnknownNameError: If there is none of this name.
         """
-        return _named("light", self.lights, name)
+        return named("light", self.lights, name)
 
     def link_names(self) -> list[str]:
         """List all links as ``model::link``, in the order of ``link_states``."""
@@ -258,13 +255,8 @@ class World:
         model = entity.model
         assert model is not None
         before = model.assembly
-        changed = replace(entity.link, inertial=inertial, has_gravity=has_gravity)
-        links = tuple(
-            changed if link.name == entity.name else link
-            for link in before.description.links
-        )
-        description = replace(before.description, links=links)
-        model.assembly = replace(before, description=description)
+        link = replace(entity.link, inertial=inertial, has_gravity=has_gravity)
+        model.assembly = before.with_link(link)
         try:
             self._engine.replace(model)
         except DescriptionError:
@@ -308,12 +300,3 @@ class World:
             Pairs of ``model::link``, each pair once, in alphabetical order.
         """
         return self._engine.contacts()
-
-
-def _named(kind: str, things: Mapping[str, _Thing], name: str) -> _Thing:
-    """Find a thing by its name."""
-    if name not in things:
-        raise UnknownNameError(
-            f"There is no {kind} '{name}'; there are {', '.join(things) or 'none'}."
-        )
-    return things[name]
