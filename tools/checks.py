@@ -311,7 +311,9 @@ def parts():
     """
     ruff = BIN / "ruff"
     package = WORKSPACE / "src" / "g1_description"
-    lint = ["catkin_lint", "-W2", "--strict", "--offline", package]
+    # It looks for no package inside a package.
+    packages = [package, *sorted(package.glob("interfaces/*"))]
+    lint = ["catkin_lint", "-W2", "--strict", "--offline", *packages]
     found = {
         "ruff": lambda runner: runner.check([ruff, "check"]),
         "format": lambda runner: runner.check([ruff, "format", "--check"]),
