@@ -179,7 +179,6 @@ class Services:
         response = rospy.ServiceProxy(f"{self._namespace}/{name}", kind)(*arguments)
         if not getattr(response, "success", True):
             raise rospy.ServiceException(response.status_message)
-        rospy.loginfo("%s", getattr(response, "status_message", f"{name}: done"))
         return response
 
     def wait_for_model(self, name: str) -> None:
@@ -188,6 +187,27 @@ class Services:
         world = "get_world_properties", GetWorldProperties
         while name not in self.wait_and_call(*world).model_names:
             time.sleep(POLL)
+
+
+def calls(asked: argparse.Namespace, text: str):
+    """List what Gazebo is asked for, in order: service, type, arguments."""
+    rotation = from_rpy(np.array([asked.R, asked.P, asked.Y]))
+    namespace = asked.robot_namespace
+    yield (
+        "spawn_sdf_model" if asked.sdf else "spawn_urdf_model",
+        SpawnModel,
+        asked.model,
+        text,
+        rospy.get_namespace() if namespace is None else namespace,
+        pose_from_array(np.array([asked.x, asked.y, asked.z, *rotation])),
+        asked.reference_frame,
+    )
+    if asked.joints:
+        names, positions = list(asked.joints), list(asked.joints.values())
+        service = "set_model_configuration"
+        yield service, SetModelConfiguration, asked.model, "", names, positions
+    if asked.unpause:
+        yield "unpause_physics", Empty
 
 
 def spawn(asked: argparse.Namespace, services: Services) -> None:
@@ -201,39 +221,16 @@ def spawn(asked: argparse.Namespace, services: Services) -> None:
     text = read_text(asked)
     if asked.wait:
         services.wait_for_model(asked.wait)
-    rotation = from_rpy(np.array([asked.R, asked.P, asked.Y]))
-    services.wait_and_call(
-        "spawn_sdf_model" if asked.sdf else "spawn_urdf_model",
-        SpawnModel,
-        asked.model,
-        text,
-        _robot_namespace(asked),
-        pose_from_array(np.array([asked.x, asked.y, asked.z, *rotation])),
-        asked.reference_frame,
-    )
-    if asked.joints:
-        services.wait_and_call(
-            "set_model_configuration",
-            SetModelConfiguration,
-            asked.model,
-            "",
-            list(asked.joints),
-            list(asked.joints.values()),
-        )
-    if asked.unpause:
-        services.wait_and_call("unpause_physics", Empty)
-
-
-def _robot_namespace(asked: argparse.Namespace) -> str:
-    """Give the namespace asked for; by default this node's."""
-    given = asked.robot_namespace
-    return rospy.get_namespace() if given is None else given
+    for call in calls(asked, text):
+        response = services.wait_and_call(*call)
+        rospy.loginfo("%s", getattr(response, "status_message", f"{call[0]}: done"))
 
 
 def delete(name: str, services: Services) -> None:
     """Delete a model. When everything ends at once, Gazebo may be gone first."""
     try:
-        services.call("delete_model", DeleteModel, name)
+        response = services.call("delete_model", DeleteModel, name)
+        rospy.loginfo("%s", response.status_message)
     except (rospy.ROSException, rospy.ServiceException) as error:
         rospy.logwarn("The model %s was not deleted: %s", name, error)
 
