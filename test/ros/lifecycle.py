@@ -26,6 +26,12 @@ def has_ended(pid):
         return True
 
 
+def cpu_time(task):
+    """Give the processor time in [s] that a process or one of its threads took."""
+    words = Path(f"/proc/{task}/stat").read_text().rsplit(")", 1)[1].split()
+    return (int(words[11]) + int(words[12])) / os.sysconf("SC_CLK_TCK")
+
+
 class TestLifecycle(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
@@ -121,7 +127,14 @@ class TestLifecycle(unittest.TestCase):
             return False
         return True
 
-    def test_6_an_interrupt_ends_the_simulator_at_once(self):
+    def test_6_the_loop_runs_in_a_thread_of_its_own(self):
+        """A signal is handled in the main thread, and waits for publish() to end."""
+        pid = wait_for(lambda: process_of("/gazebo"), "the simulator")
+        main, all_threads = cpu_time(f"{pid}/task/{pid}"), cpu_time(pid)
+        wait_for(lambda: cpu_time(pid) > all_threads + 0.5, "the loop at work")
+        self.assertLess(cpu_time(f"{pid}/task/{pid}"), main + 0.1)
+
+    def test_7_an_interrupt_ends_the_simulator_at_once(self):
         pid = wait_for(lambda: process_of("/gazebo"), "the simulator")
         os.kill(pid, signal.SIGINT)
         wait_for(lambda: has_ended(pid), "its end", deadline=10.0)
