@@ -202,21 +202,23 @@ class TestSpawnModel(unittest.TestCase):
         self.assertEqual((code, len(recorder.requests)), (1, 1))
         self.assertIn("There is no ball/model.sdf below GAZEBO_MODEL_PATH", output)
 
+    def elbow(self, model):
+        """Give how a model's elbow is turned against its pelvis."""
+        return self.model_state(model, f"{model}::left_elbow_link").pose.orientation
+
     def test_the_robot_stands_where_it_was_asked_while_time_stands_still(self):
-        self.delete_later("g1")
-        wanted = ("-urdf", "-param", "/robot", "-model", "g1", "-x", "-1", "-z", "0.79")
-        code, output = run(*wanted, "-J", "left_elbow_joint", "0.5")
+        self.delete_later("g1", "straight")
+        wanted = ("-urdf", "-param", "/robot", "-x", "-1", "-z", "0.79", "-model")
+        code, output = run(*wanted, "g1", "-J", "left_elbow_joint", "0.5")
         self.assertEqual(code, 0, output)
         self.assertIn("SpawnModel: Successfully spawned entity", output)
         state = self.model_state("g1", "")
         self.assertEqual((state.pose.position.x, state.pose.position.z), (-1.0, 0.79))
-        elbow = self.model_state("g1", "g1::left_elbow_link").pose.orientation
-        code, output = run(*wanted)
+        self.assertEqual(run(*wanted, "straight")[0], 0)
+        self.assertNotEqual(self.elbow("g1"), self.elbow("straight"))
+        code, output = run(*wanted, "g1")
         self.assertEqual(code, 1)
         self.assertIn("SpawnModel: Failure - entity already exists.", output)
-        self.assertEqual(
-            self.model_state("g1", "g1::left_elbow_link").pose.orientation, elbow
-        )
 
     def test_unpause_lets_time_run_and_the_clock_keeps_its_rate(self):
         self.delete_later("runner")
