@@ -23,6 +23,7 @@ from gazebo_msgs.msg import ModelStates
 from gazebo_msgs.srv import GetModelState, GetWorldProperties
 from ros_testing import REPOSITORY, SHARED, Listener, process_of, wait_for
 from sensor_msgs.msg import JointState
+from virtual_screen import VirtualScreen
 
 sys.path.insert(0, str(REPOSITORY / "tools"))
 from processes import end_processes, marked_environment, marked_processes, wait_for_end
@@ -62,10 +63,10 @@ class TestDropIn(unittest.TestCase):
         tree.write(self.folder / "display_and_gazebo.launch")
         return self.folder / "display_and_gazebo.launch"
 
-    def launch(self, *arguments):
+    def launch(self, *arguments, **environment):
         """Launch in this master, with a mark on every process."""
         self.mark = f"DROP_IN_RUN={uuid.uuid4().hex}"
-        environment = marked_environment(self.mark)
+        environment = {**marked_environment(self.mark), **environment}
         environment["ROS_PACKAGE_PATH"] += f":{self.folder}"
         self.log = self.folder / "roslaunch.txt"
         with self.log.open("w") as output:
@@ -115,7 +116,7 @@ class TestDropIn(unittest.TestCase):
         return state("g1_robot", "").pose.position.z
 
     def check_that_it_ends(self):
-        """On Ctrl-C, within seconds, with every process gone."""
+        """On Ctrl-C, within seconds, with every process gone and none killed."""
         start = time.monotonic()
         self.roslaunch.send_signal(signal.SIGINT)
         wait_for_end(self.mark, FEW_SECONDS)
@@ -166,6 +167,30 @@ class TestDropIn(unittest.TestCase):
         wait_for_end(self.mark, 30.0)
         self.assertEqual(marked_processes(self.mark), {})
         self.assertIn("invalid choice: 'magic'", self.log.read_text())
+
+    def test_the_parameter_server_wins_over_the_command_line(self):
+        rospy.set_param("/gazebo/physics", "magic")
+        self.addCleanup(rospy.delete_param, "/gazebo/physics")
+        options = ("gui:=false", "server_required:=true", "physics:=hold")
+        self.launch("gazebo_ros", "empty_world.launch", *options)
+        wait_for_end(self.mark, 30.0)
+        self.assertEqual(marked_processes(self.mark), {})
+        self.assertRegex(self.log.read_text(), r"\[FATAL\].*magic")
+
+    def test_the_window_is_rviz_and_what_means_nothing_is_told_once(self):
+        screen = VirtualScreen(640, 480)
+        self.addCleanup(screen.stop)
+        options = ("recording:=true", "headless:=true", "extra_gazebo_args:=--seed 3")
+        launch = ("gazebo_ros", "empty_world.launch", *options)
+        self.launch(*launch, DISPLAY=screen.display)
+        pid = wait_for(lambda: process_of("/gazebo_gui"), "the window")
+        command = Path(f"/proc/{pid}/cmdline").read_text().split("\0")
+        self.assertEqual(command[:2], ["rviz", "-d"])
+        self.assertTrue(command[2].endswith("/rviz/g1.rviz"), command[2])
+        rospy.wait_for_service("/gazebo/get_world_properties", 30.0)
+        self.check_that_it_ends()
+        told = "Without meaning for the stand-in: -r, --headless, --seed."
+        self.assertEqual(self.log.read_text().count(told), 1)
 
 
 if __name__ == "__main__":
