@@ -12,6 +12,7 @@ import sys
 import unittest
 from pathlib import Path
 
+import rospkg
 import rospy
 import rostest
 from gazebo_msgs.srv import (
@@ -191,7 +192,7 @@ class TestSpawnModel(unittest.TestCase):
 
     def test_a_model_of_the_database_is_a_folder_of_the_model_path(self):
         recorder = self.recorder("/shelf")
-        folder = Path(os.environ["ROS_HOME"], "models")
+        folder = Path(rospkg.get_ros_home(), "models")
         (folder / "box").mkdir(parents=True)
         (folder / "box" / "model.sdf").write_text(BOX)
         wanted = ("-sdf", "-model", "b", "-gazebo_namespace", "/shelf", "-database")

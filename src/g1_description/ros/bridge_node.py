@@ -34,7 +34,7 @@ from .command_sender import CommandSender
 from .link_states import LinkStatesArrays, LinkStatesDecoder
 from .messages import joint_state, transform
 from .parameters import BridgeParameters, read_parameters
-from .shutdown import quiet_when_closing
+from .shutdown import quiet_when_closing, start_node
 
 QUEUE = 100
 BUFFER = 1 << 20
@@ -273,7 +273,7 @@ def wait_for_description(name: str) -> Description | None:
 
 def main() -> None:
     """Run the node ``link_states_bridge``."""
-    rospy.init_node("link_states_bridge")
+    start_node("link_states_bridge")
     try:
         parameters = read_parameters(BridgeParameters)
         description = wait_for_description(parameters.robot_description)

@@ -30,7 +30,7 @@ from .gazebo_world_services import UNSETTABLE, WorldServices
 from .parameters import GazeboParameters, read_parameters
 from .reconfigure import offer_physics
 from .rosout import publish_log
-from .shutdown import quiet_when_closing
+from .shutdown import quiet_when_closing, start_node
 from .tcpros import serve_as_roscpp
 from .wording import Wording
 
@@ -56,7 +56,7 @@ class GazeboNode:
         self._calls: queue.Queue = queue.Queue()
         network = parameters.enable_ros_network
         rospy.set_param("~enable_ros_network", network)
-        self._topics = StateTopics(world, parameters.link_states_rate, network)
+        self._topics = StateTopics(world, parameters)
         if not network:
             return
         models = ModelServices(world, wording)
@@ -171,16 +171,18 @@ def _told(act):
     return callback
 
 
-def main(given=None) -> None:
+def main(given=None, greet=lambda: None) -> None:
     """Run the node ``gazebo``.
 
     Args:
         given: Parameters by name that win over the defaults, not over those on the
             parameter server.
+        greet: Called when the node can log.
     """
     serve_as_roscpp()
-    rospy.init_node("gazebo", disable_rosout=True)
+    start_node("gazebo", disable_rosout=True)
     publish_log()
+    greet()
     try:
         parameters = read_parameters(GazeboParameters, given)
         world, parameters = make_world(parameters)

@@ -17,6 +17,7 @@ from .messages import (
     PreparedWorldState,
     stamp_from_ns,
 )
+from .parameters import GazeboParameters
 
 QUEUE = 100
 """Messages kept for a slow subscriber; a tenth of a second of steps."""
@@ -25,24 +26,22 @@ QUEUE = 100
 class StateTopics:
     """First the time, then the states of that time, to whom listens."""
 
-    def __init__(self, world: World, least_rate: float, network: bool) -> None:
+    def __init__(self, world: World, parameters: GazeboParameters) -> None:
         """Advertise the topics.
 
         Args:
             world: What the messages tell of.
-            least_rate: Least rate of the states per simulated second in [Hz]; each
-                n-th step is published, 0: every step.
-            network: Whether anything but /clock is published.
+            parameters: Which steps are published, and whether more than /clock is.
         """
         self._world = world
-        self._least_rate = least_rate
+        self._parameters = parameters
         self._steps = 0
         self._seq = 0
         self._links, self._models = LinkStatesEncoder(), LinkStatesEncoder()
         self._clock = rospy.Publisher("/clock", Clock, queue_size=QUEUE)
         self._topics = (
             []
-            if not network
+            if not parameters.enable_ros_network
             else [
                 (rospy.Publisher(f"~{name}", kind, queue_size=QUEUE), message)
                 for name, kind, message in (
@@ -55,21 +54,20 @@ class StateTopics:
 
     def publish(self) -> None:
         """Publish the time, then the states of that time."""
-        self._clock.publish(Clock(stamp_from_ns(self._world.time_ns)))
         self._steps += 1
-        if self._steps % self._every:
-            return
-        for topic, message in self._topics:
-            if topic.get_num_connections():
-                topic.publish(message())
+        if self._is_due(self._parameters.pub_clock_frequency):
+            self._clock.publish(Clock(stamp_from_ns(self._world.time_ns)))
+        if self._is_due(self._parameters.link_states_rate):
+            for topic, message in self._topics:
+                if topic.get_num_connections():
+                    topic.publish(message())
 
-    @property
-    def _every(self) -> int:
-        """Which of the steps are published."""
-        step = self._world.properties.time_step
-        if not self._least_rate:
-            return 1
-        return max(1, int(1.0 / (step * self._least_rate) + 1e-9))
+    def _is_due(self, rate: float) -> bool:
+        """Tell whether this step is one of those that keep a rate; 0: all are."""
+        if not rate:
+            return True
+        every = int(1.0 / (self._world.properties.time_step * rate) + 1e-9)
+        return self._steps % max(1, every) == 0
 
     def _link_states(self) -> PreparedLinkStates:
         """Tell the states of all links."""

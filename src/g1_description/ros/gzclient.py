@@ -10,6 +10,7 @@ import rospkg
 import rospy
 
 from .command_line import Ignored, OneSentenceParser, own_arguments
+from .shutdown import start_node
 
 NODE = "gazebo_gui"
 
@@ -55,7 +56,7 @@ def main() -> None:
             os.execvp("rviz", [*rviz(), f"__name:={NODE}", *remappings])
         except OSError as error:
             sys.exit(f"gzclient: rviz cannot be started: {error.strerror}.")
-    rospy.init_node(NODE)
+    start_node(NODE)
     told = f" Without meaning here: {', '.join(ignored)}." if ignored else ""
     rospy.loginfo("There is no screen: no window opens.%s", told)
     rospy.spin()

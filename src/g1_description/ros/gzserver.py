@@ -29,8 +29,7 @@ WITHOUT_MEANING = (
     ("-r", "--record"),
     ("--record_resources",),
     ("--minimal_comms",),
-    ("--headless",),  # this and the next are said by our empty_world.launch
-    ("--disable_ros_network",),
+    ("--headless",),  # said by our empty_world.launch
 )
 WITHOUT_MEANING_WITH_VALUE = (
     ("-p", "--play"),
@@ -60,6 +59,9 @@ def parser() -> OneSentenceParser:
     made.add_argument("-v", "--version", action="version", version=_version())
     made.add_argument("-u", "--pause", action="store_true", help="start paused")
     made.add_argument("--verbose", action="store_true", help="accepted")
+    made.add_argument(
+        "--disable_ros_network", action="store_true", help="offer only /clock"
+    )
     made.add_argument(
         "-e",
         "--physics",
@@ -124,6 +126,8 @@ def parse(arguments: list[str]) -> tuple[dict, list[str]]:
         reader.error(str(error))
     if asked.pause:
         given["paused"] = True
+    if asked.disable_ros_network:
+        given["enable_ros_network"] = False
     return given, asked.ignored + others
 
 
@@ -138,11 +142,12 @@ def main(client: bool = False, debug: bool = False) -> None:
     # Only now: PyBullet takes its time and prints a line, also before a mere --help.
     from .gazebo_node import main as run
 
-    rospy.init_node("gazebo")
-    if debug:
-        logging.getLogger("rosout").setLevel(logging.DEBUG)
-    if ignored:
-        rospy.loginfo("Without meaning for the stand-in: %s.", ", ".join(ignored))
-    if client:
-        gzclient.open_beside()
-    run(given)
+    def greet():
+        if debug:
+            logging.getLogger("rosout").setLevel(logging.DEBUG)
+        if ignored:
+            rospy.loginfo("Without meaning for the stand-in: %s.", ", ".join(ignored))
+        if client:
+            gzclient.open_beside()
+
+    run(given, greet)

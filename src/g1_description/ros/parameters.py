@@ -29,6 +29,10 @@ class GazeboParameters(PhysicsProperties):
     """Least rate of link_states and model_states per simulated second in [Hz]; each
     n-th step is published, 0: every step."""
 
+    pub_clock_frequency: float = 0.0
+    """Least rate of /clock per simulated second in [Hz]; each n-th step is published,
+    0: every step."""
+
     paused: bool = False
     """Whether time stands still at first."""
 
@@ -58,6 +62,7 @@ class GazeboParameters(PhysicsProperties):
         """Check ranges."""
         super().__post_init__()
         _check_range(self, "link_states_rate", 0.0, 1e6)
+        _check_range(self, "pub_clock_frequency", 0.0, 1e6)
 
     @property
     def properties(self) -> PhysicsProperties:

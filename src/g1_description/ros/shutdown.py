@@ -1,10 +1,57 @@
-"""How a node ends quietly."""
+"""How a node begins and ends, so that a signal ends it always, at once and quietly."""
 
 from __future__ import annotations
 
+import atexit
+import signal
+import socket
+import sys
+import threading
 from contextlib import contextmanager
 
 import rospy
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+PATIENCE = 2.0
+"""How long the program's end waits for the node's, in [s]."""
+
+
+def start_node(name: str, **options) -> None:
+    """Start the node; a signal ends it from a thread of its own.
+
+    rospy handles signals in the main thread. Where one meets that thread inside a
+    call of rospy, such as publish(), rospy's handler waits for ever for a lock that
+    the interrupted call holds. Here the system writes the signal's number into a
+    socket, and a thread that reads it shuts the node down.
+
+    Args:
+        name: The node's name.
+        options: More for ``rospy.init_node``.
+    """
+    reader, writer = socket.socketpair()
+    writer.setblocking(False)
+    for number in SIGNALS:
+        signal.signal(number, lambda *_: None)
+    signal.set_wakeup_fd(writer.fileno(), warn_on_full_buffer=False)
+    ending = threading.Event()
+
+    def end():
+        number = reader.recv(1)
+        if number:  # else the program has ended by itself
+            ending.set()
+            rospy.signal_shutdown(f"signal {number[0]}")
+
+    thread = threading.Thread(target=end, daemon=True)
+    thread.start()
+    # Keeps both sockets, and lets the node be unregistered before the program ends.
+    atexit.register(lambda: ending.is_set() and writer and thread.join(PATIENCE))
+    try:
+        rospy.init_node(name, disable_signals=True, **options)
+    except rospy.ROSInitException:
+        if ending.is_set():
+            sys.exit(1)
+        raise
 
 
 @contextmanager

@@ -31,6 +31,7 @@ from ..core.errors import DescriptionError
 from ..core.rotation import from_rpy
 from .command_line import OneSentenceParser, number, own_arguments
 from .messages import pose_from_array
+from .shutdown import start_node
 
 MODEL_PATH = "GAZEBO_MODEL_PATH"
 
@@ -238,7 +239,7 @@ def delete(name: str, services: Services) -> None:
 def main() -> None:
     """Spawn a model, or say why not."""
     asked = parse(own_arguments())
-    rospy.init_node("spawn_model", anonymous=True)
+    start_node("spawn_model", anonymous=True)
     services = Services(asked.gazebo_namespace)
     try:
         spawn(asked, services)
