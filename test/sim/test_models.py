@@ -176,13 +176,14 @@ def test_a_root_link_moves_its_model_as_one(make_world):
 
 
 def test_a_world_of_another_file_has_no_ground(make_world):
-    text = """<sdf version="1.6"><world name="w"><gravity>0 0 -1</gravity>
+    text = """<sdf version="1.6"><world name="w"><gravity>0 0 -1</gravity><scene/>
     <light type="point" name="lamp"/><model name="ball"><pose>0 0 5 0 0 0</pose>
-    <link name="l"><collision name="c"><geometry><sphere><radius>1</radius></sphere>
+    <link name="l"><sensor name="eye" type="camera"/><collision name="c"><geometry><sphere><radius>1</radius></sphere>
     </geometry></collision></link></model></world></sdf>"""
     world = make_world("limp", content=read_sdf(text))
     assert list(world.models) == ["ball"]
     assert list(world.lights) == ["lamp"]
+    assert world.left_out == ("scene of the world", "ball: sensor of link l")
     world.run(2.0)
     assert world.model("ball").pose[2] < -10.0
 

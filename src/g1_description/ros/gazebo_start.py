@@ -34,7 +34,7 @@ def make_world(parameters: GazeboParameters) -> tuple[World, GazeboParameters]:
     content = _content(parameters.world)
     parameters = replace(parameters, **_physics(content))
     world = World(parameters.physics, parameters.properties, find_folder, content)
-    for clause in content.left_out:
+    for clause in world.left_out:
         rospy.logwarn("%s: %s", parameters.world, clause)
     return world, parameters
 

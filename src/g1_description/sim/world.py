@@ -63,8 +63,12 @@ class World:
         content = content or read_sdf(EMPTY_WORLD)
         for light in content.lights:
             self.add_light(light)
+        left_out = list(content.left_out)
         for model in content.models:
-            self.spawn(model.name, model.assembly, model.pose)
+            clauses = self.spawn(model.name, model.assembly, model.pose)
+            left_out += [f"{model.name}: {clause}" for clause in clauses]
+        self.left_out = tuple(left_out)
+        """A clause for each thing of the content that was left out."""
 
     def close(self) -> None:
         """Let PyBullet go."""
