@@ -208,6 +208,25 @@ def test_a_held_arm_stays_and_a_limp_one_sags(make_world, fixed_base):
         assert angles["limp"] > -0.2
 
 
+def test_commands_to_one_joint_let_no_other_creep(make_world):
+    """A sagging joint is held where it was set, not where it has sagged to."""
+    world = make_world("hold")
+    arm = ARM.replace('xyz="0 1 1"', 'xyz="0 1 0"')
+    arm = arm.replace('rpy="0.2 0 0.4"', 'rpy="0 1.57 0"')
+    world.spawn_urdf("arm", arm, np.array([0, 0, 1, 0, 0, 0, 1]), True)
+    world.set_joint_positions("arm", {"hinge": -0.5})
+    world.run(0.3)
+    held = world.models["arm"].position[0]
+    for step in range(500):
+        world.set_joint_positions("arm", {"turn": 0.001 * step})
+        world.run(0.002)
+    assert world.models["arm"].position[0] == pytest.approx(held, abs=1e-4)
+    entity = world.entities.link("arm::tip")
+    world.set_link_properties(entity, entity.link.inertial, True)
+    world.run(0.3)
+    assert world.models["arm"].position[0] == pytest.approx(held, abs=1e-4)
+
+
 def test_the_hold_is_no_stronger_than_the_effort(make_world):
     world = make_world("hold")
     arm = ARM.replace('xyz="0 1 1"', 'xyz="0 1 0"').replace('effort="10"', 'effort="1"')

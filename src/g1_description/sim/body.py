@@ -200,13 +200,13 @@ class Body:
             self._client.changeDynamics(self.number, self._joints[row], **given)
 
     def hold(self) -> None:
-        """Let motors hold the joints where they are, within the URDF's efforts."""
+        """Let motors hold the joints where they were set, within their efforts."""
         if self._joints:
             self._client.setJointMotorControlArray(
                 self.number,
                 self._joints,
                 self._client.POSITION_CONTROL,
-                targetPositions=self._model.position,
+                targetPositions=self._model.target,
                 forces=self._efforts,
             )
 

@@ -89,6 +89,8 @@ class Model:
         self.root_twist = np.zeros(6)
         self.position = np.zeros(len(self.joint_names))
         self.velocity = np.zeros(len(self.joint_names))
+        self.target = np.zeros(len(self.joint_names))
+        """Where the joints were last set: what motors hold, shape (n_joints,)."""
         self.update()
 
     @property
@@ -151,6 +153,7 @@ class Model:
         """Set joints, given as indices, and stop the links below them."""
         assert self._kinematics is not None
         self.position[joints] = positions
+        self.target[joints] = positions
         self.velocity[joints] = 0.0
         self.poses = self._kinematics.link_poses(self.root_pose, self.position)
         self.twists[self._kinematics.links_below(joints)] = 0.0
