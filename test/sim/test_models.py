@@ -178,8 +178,8 @@ def test_a_root_link_moves_its_model_as_one(make_world):
 def test_a_world_of_another_file_has_no_ground(make_world):
     text = """<sdf version="1.6"><world name="w"><gravity>0 0 -1</gravity><scene/>
     <light type="point" name="lamp"/><model name="ball"><pose>0 0 5 0 0 0</pose>
-    <link name="l"><sensor name="eye" type="camera"/><collision name="c"><geometry><sphere><radius>1</radius></sphere>
-    </geometry></collision></link></model></world></sdf>"""
+    <link name="l"><sensor name="eye" type="camera"/><collision name="c"><geometry>
+    <sphere><radius>1</radius></sphere></geometry></collision></link></model></world></sdf>"""
     world = make_world("limp", content=read_sdf(text))
     assert list(world.models) == ["ball"]
     assert list(world.lights) == ["lamp"]
