@@ -19,9 +19,10 @@ BOX = """<sdf version="1.6"><model name="in_file">
 SWING = """<robot name="swing"><link name="world"/><link name="mount"><inertial>
 <mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
 </link><link name="bob"><inertial><mass value="1"/>
-<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="anchor" type="fixed">
-<parent link="world"/><child link="mount"/></joint>
-<joint name="hinge" type="continuous"><parent link="mount"/><child link="bob"/><axis xyz="0 1 0"/></joint></robot>"""
+<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="anchor" type="fixed"><parent link="world"/><child link="mount"/></joint>
+<joint name="hinge" type="continuous"><parent link="mount"/><child link="bob"/>
+<axis xyz="0 1 0"/></joint></robot>"""
 FOREVER = {"secs": -1}
 
 

@@ -24,9 +24,8 @@ from gazebo_msgs.srv import (
 from ..core.errors import InvalidValueError, UnknownNameError
 from ..sim.jobs import Effort
 from ..sim.model import SCOPE, Report
-from ..sim.world import World
 from .spans import span_of
-from .wording import Wording, checked
+from .wording import Services, checked
 
 KINDS = {
     "revolute": GetJointPropertiesResponse.REVOLUTE,
@@ -36,18 +35,8 @@ KINDS = {
 }
 
 
-class JointServices:
+class JointServices(Services):
     """Teleport joints, look at them, strain them, change their properties."""
-
-    def __init__(self, world: World, wording: Wording) -> None:
-        """Serve a world.
-
-        Args:
-            world: What the services act on.
-            wording: How much they say.
-        """
-        self._world = world
-        self._wording = wording
 
     def table(self):
         """List the services: name under the node, type, and what answers."""

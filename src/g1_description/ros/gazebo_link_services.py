@@ -30,7 +30,6 @@ from ..core.transform import IDENTITY, compose, inverse
 from ..sim.entities import WORLD_ENTITY, Entity, seen_from
 from ..sim.jobs import Wrench
 from ..sim.model import SCOPE, Model
-from ..sim.world import World
 from .messages import (
     pose_from_array,
     twist_from_array,
@@ -38,21 +37,17 @@ from .messages import (
     wrench_to_array,
 )
 from .spans import span_of
-from .wording import LINK_NOT_FOUND, Wording, checked, checked_pose, checked_twist
+from .wording import (
+    LINK_NOT_FOUND,
+    Services,
+    checked,
+    checked_pose,
+    checked_twist,
+)
 
 
-class LinkServices:
+class LinkServices(Services):
     """Look at links, move them, push them, change their mass."""
-
-    def __init__(self, world: World, wording: Wording) -> None:
-        """Serve a world.
-
-        Args:
-            world: What the services act on.
-            wording: How much they say.
-        """
-        self._world = world
-        self._wording = wording
 
     def table(self):
         """List the services: name under the node, type, and what answers."""

@@ -42,7 +42,7 @@ from ..sim.entities import Entity, seen_from
 from ..sim.world import World
 from .messages import pose_from_array, stamp_from_ns, twist_from_array
 from .model_files import find_model
-from .wording import LINK_NOT_FOUND, Wording, checked_pose, checked_twist
+from .wording import LINK_NOT_FOUND, Services, Wording, checked_pose, checked_twist
 
 NOT_A_MODEL = (
     "GazeboRosApiPlugin SpawnModel Failure: input model_xml not SDF or URDF, or cannot "
@@ -66,7 +66,7 @@ class Prepared:
     """Gazebo's words and ours for why there is no content."""
 
 
-class ModelServices:
+class ModelServices(Services):
     """Spawn, delete, look at and move models."""
 
     def __init__(self, world: World, wording: Wording) -> None:
@@ -76,8 +76,7 @@ class ModelServices:
             world: What the services act on.
             wording: How much they say.
         """
-        self._world = world
-        self._wording = wording
+        super().__init__(world, wording)
         self._state_calls: Counter = Counter()
 
     def table(self):

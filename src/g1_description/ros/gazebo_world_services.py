@@ -36,7 +36,7 @@ from ..core.errors import InvalidValueError, UnknownNameError
 from ..sim.physics import PhysicsProperties
 from ..sim.world import World
 from .messages import vector_to_array
-from .wording import Wording, checked, checked_pose
+from .wording import Services, Wording, checked, checked_pose
 
 UNSETTABLE = ("auto_disable_bodies", "sor_pgs_rms_error_tol")
 """Numbers that Gazebo reads and never sets."""
@@ -44,7 +44,7 @@ UNSETTABLE = ("auto_disable_bodies", "sor_pgs_rms_error_tol")
 ODE = tuple(ODEPhysics.__slots__)
 
 
-class WorldServices:
+class WorldServices(Services):
     """Pause and go on, begin again, change physics and lights."""
 
     def __init__(self, world: World, wording: Wording, paused: bool) -> None:
@@ -55,8 +55,7 @@ class WorldServices:
             wording: How much they say.
             paused: Whether time stands still at first.
         """
-        self._world = world
-        self._wording = wording
+        super().__init__(world, wording)
         self.paused = paused
         self._steps_asked: list[list] = []
 

@@ -1,4 +1,4 @@
-"""What the services say, and the numbers they take."""
+"""What all services share: what they say, and the numbers they take."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 
 from ..core.errors import LARGEST, InvalidValueError
 from ..core.rotation import normalized
+from ..sim.world import World
 from .messages import pose_to_array, twist_to_array
 
 LINK_NOT_FOUND = "link not found, did you forget to scope the link by model name?"
@@ -28,6 +29,20 @@ class Wording:
         """Put what we add behind Gazebo's words, after "; "."""
         added = [] if self._strict else [clause for clause in clauses if clause]
         return "; ".join([words, *added]) if words else "; ".join(added)
+
+
+class Services:
+    """Some of the services of a world."""
+
+    def __init__(self, world: World, wording: Wording) -> None:
+        """Serve a world.
+
+        Args:
+            world: What the services act on.
+            wording: How much they say.
+        """
+        self._world = world
+        self._wording = wording
 
 
 def checked_pose(message) -> np.ndarray:
