@@ -64,6 +64,8 @@ def test_a_wrench_acts_for_its_span_to_the_step(make_world, start, end, steps):
     push(world, "body", [2.0, 0, 0], span=(start * MS, end))
     world.run(0.03)
     assert world.model("body").twist[0] == pytest.approx(steps * 1e-3, abs=1e-12)
+    over = end is not None and end <= 30 * MS
+    assert len(world.jobs._jobs) == (0 if over else 1)
 
 
 def test_of_two_wrenches_the_newest_acts_and_then_the_other_again(make_world):
@@ -162,8 +164,11 @@ def test_damping_and_stops_of_a_joint_take_effect(make_world):
     start = model.velocity[0]
     world.run(1.0)
     assert model.velocity[0] == pytest.approx(start * np.exp(-1.0), rel=2e-3)
+    world.reset()  # the joint keeps its damping
+    world.jobs.add(Effort(model, "swing", Span(0, 100 * MS), 1.0))
+    world.run(0.1)
+    assert model.velocity[0] == start
     world.reset()
-    world.run(0.001)
     world.set_joint_properties(entity, {"damping": 0.0, "hiStop": 0.1})
     world.jobs.add(Effort(model, "swing", Span(0, None), 1.0))
     world.run(1.0)

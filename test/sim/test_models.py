@@ -26,7 +26,8 @@ GANTRY = f"""<robot name="gantry"><link name="world"/>
 <joint name="rope" type="continuous"><parent link="cart"/><child link="hook"/>
 <axis xyz="0 1 0"/></joint></robot>"""
 OFFSET = """<sdf version="1.6"><model name="crank"><pose>0 0 0.5 0 0 0.3</pose>
-<link name="base"><pose>0.1 0 0 0 0 0</pose><inertial><mass>3</mass></inertial></link>
+<link name="base"><pose>0.1 0 0 0 0 0</pose><inertial>
+<pose>0 0.2 0.1 0 0 0</pose><mass>3</mass></inertial></link>
 <link name="arm"><pose>0.5 0.2 0 0.1 0 0.7</pose>
 <inertial><pose>0.1 0.2 0.3 0 0 0</pose><mass>2</mass></inertial>
 <collision name="tip"><pose>0.3 0 0 0 0 0</pose>
@@ -165,14 +166,14 @@ def test_a_root_link_moves_its_model_as_one(make_world):
     twist = np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
     world.set_root_state(model, HERE, twist)
     assert_poses_close(model.poses[0], HERE, 1e-12)
-    np.testing.assert_allclose(model.twists[0], twist, atol=1e-12)
+    lever = Rotation.from_quat(HERE[3:]).apply([0, 0.2, 0.1])
+    at_center = model.twists[0, :3] + np.cross(twist[3:], lever)
+    np.testing.assert_allclose(at_center, twist[:3], atol=1e-12)
     np.testing.assert_allclose(model.twists[:, 3:], np.tile(twist[3:], (3, 1)))
     assert model.position[0] == 0.5
-    before = model.poses[0].copy()
+    before, speed = model.poses[0].copy(), model.twists[0, :3].copy()
     world.run(0.001)
-    np.testing.assert_allclose(
-        model.poses[0, :3] - before[:3], 1e-3 * twist[:3], atol=1e-5
-    )
+    np.testing.assert_allclose(model.poses[0, :3] - before[:3], 1e-3 * speed, atol=1e-5)
 
 
 def test_a_world_of_another_file_has_no_ground(make_world):
