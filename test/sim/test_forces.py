@@ -129,6 +129,7 @@ def test_a_new_mass_moves_as_such_and_changes_nothing_else(make_world):
     world.set_link_properties(world.entities.link("body::body"), inertial, True)
     for part, old in zip(world.link_states(), before):
         np.testing.assert_array_equal(part, old)
+    assert world.client.getNumBodies() == len(world.models)
     push(world, "body", [0, 0, 2.0], span=(0, 100 * MS))
     world.run(0.1)
     assert world.model("body").twist[2] == pytest.approx(0.1 * 2.0 / 20.0, abs=1e-9)

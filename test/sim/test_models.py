@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from g1_description.core.errors import DescriptionError, UnknownNameError
 from g1_description.core.sdf import read_sdf
+from g1_description.core.transform import compose
 
 MASS = (
     '<inertial><origin xyz="{}"/><mass value="1"/><inertia ixx="0.02" iyy="0.03" '
@@ -49,6 +50,11 @@ CUBE = """<robot name="cube"><link name="body"><inertial><mass value="1"/>
 <collision><geometry><box size="0.2 0.2 0.2"/></geometry></collision></link></robot>"""
 
 
+def thing(shape):
+    return f"""<sdf version="1.6"><model name="thing"><link name="body">
+    <collision name="c"><geometry>{shape}</geometry></collision></link></model></sdf>"""
+
+
 def spawn_sdf(world, name, text, pose):
     (model,) = read_sdf(text).models
     return world.spawn(name, model.assembly, pose)
@@ -60,6 +66,24 @@ def pybullet_centers(world, name):
     return {
         link: np.array(body._center(index)) for index, link in body._link_names.items()
     }
+
+
+def pybullet_velocities(world, name):
+    """Give the velocity of each link's center of mass but the root's."""
+    body = world.body(name)
+    states = {
+        link: world.client.getLinkState(body.number, index, 1, 1)
+        for index, link in body._link_names.items()
+        if index >= 0
+    }
+    return {link: np.concatenate(state[6:8]) for link, state in states.items()}
+
+
+def our_velocities(world, name):
+    model = world.model(name)
+    twists = model.twists.copy()
+    twists[:, :3] += np.cross(twists[:, 3:], model._levers())
+    return dict(zip(model.link_names, twists))
 
 
 def our_centers(world, name):
@@ -86,6 +110,9 @@ def test_links_are_where_pybullet_has_them_while_they_move(make_world, name):
             for link, center in our_centers(world, name).items():
                 np.testing.assert_allclose(center, theirs[link], atol=2e-6)
             world.run(0.01)
+        ours = our_velocities(world, name)
+        for link, velocity in pybullet_velocities(world, name).items():
+            np.testing.assert_allclose(velocity, ours[link], atol=1e-5)
     assert np.abs(model.velocity).min() > 1e-3
 
 
@@ -148,6 +175,21 @@ def test_the_first_thing_of_a_name_is_found_and_may_be_of_the_wrong_kind(make_wo
     world.delete("crank")
     assert world.entities.link("rod").scoped == "arm::rod"
     assert world.entities.frame("arm").kind == "model"
+
+
+def test_shapes_are_where_their_links_are_though_their_joint_is_beside(make_world):
+    """A small ball that touches only what is at the tip of the arm."""
+    world = make_world("kinematic")
+    spawn_sdf(world, "crank", OFFSET, HERE)
+    ball = thing("<sphere><radius>0.01</radius></sphere>")
+    spawn_sdf(world, "ball", ball, UP)
+    for position in (0.0, 1.0, -2.0):
+        world.set_joint_positions("crank", {"turn": position})
+        tip = world.entities.frame("tip").pose
+        for distance, touches in ((0.105, True), (0.115, False)):
+            pose = compose(tip, np.array([0, 0, distance, 0, 0, 0, 1]))
+            world.put("ball", pose, np.zeros(6))
+            assert (("ball::body", "crank::arm") in world.contacts()) is touches
 
 
 def test_a_model_called_map_is_the_frame_of_that_name(make_world):

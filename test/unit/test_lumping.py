@@ -126,3 +126,29 @@ def test_a_robot_without_any_mass_has_no_bodies():
 def test_joints_that_cannot_be_simulated_are_named(kind):
     with pytest.raises(DescriptionError, match=f"Joint free is {kind}"):
         lump(link("a"), link("b"), joint("free", kind, "a", "b"))
+
+
+def test_collisions_are_named_as_gazebo_names_them_when_it_lumps():
+    """Joints in the order of their names; the first of all keeps a plain name."""
+    named = BOX.replace("<collision>", '<collision name="hull">')
+    parts = [
+        link("b", MASS + BOX),
+        link("a", MASS + BOX + BOX),
+        link("deep", MASS + named),
+        joint("z", "fixed", "base", "a"),
+        joint("y", "fixed", "base", "b"),
+        joint("x", "fixed", "b", "deep"),
+    ]
+    (body,) = lump(link("base", MASS + BOX), *parts).description.links
+    assert [shape.name for shape in body.collisions] == [
+        "base_collision",
+        "base_fixed_joint_lump__b_collision_1",
+        "base_fixed_joint_lump__hull_collision_2",
+        "base_fixed_joint_lump__a_collision_3",
+        "base_fixed_joint_lump__a_collision_4",
+    ]
+    (body,) = lump(link("base"), *parts).description.links
+    assert [shape.name for shape in body.collisions][:2] == [
+        "b_collision",
+        "base_fixed_joint_lump__hull_collision_1",
+    ]
