@@ -110,7 +110,10 @@ class GazeboNode:
             if not self._is_running:
                 self._answer_one(PATIENCE)
                 due = time.monotonic()
-            elif now < due and not self._time.is_stepping:
+                continue
+            # The period may have become shorter since the last step.
+            due = min(due, now + self._world.properties.period)
+            if now < due and not self._time.is_stepping:
                 self._answer_one(min(due - now, PATIENCE))
             else:
                 self._answer_all()
