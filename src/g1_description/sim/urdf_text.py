@@ -14,6 +14,7 @@ from ..core.description import Joint, Link, Shape
 from ..core.errors import DescriptionError
 from ..core.resources import local_path
 from ..core.rotation import axes_to_rpy, to_axes
+from .meshes import is_safe
 
 LONGEST_NAME = 1000
 """PyBullet cuts names at 1023 bytes."""
@@ -42,7 +43,8 @@ def prepared_urdf(
     """
     description = assembly.description
     anchors = {joint.child: joint.anchor for joint in description.joints}
-    robot = ElementTree.Element("robot", name=description.name)
+    # The robot's own name is not needed, and one of a megabyte ends PyBullet.
+    robot = ElementTree.Element("robot", name="robot")
     left_out: list[str] = []
     names = (*description.link_names, *(joint.name for joint in description.joints))
     too_long = [name for name in names if len(name.encode()) > LONGEST_NAME]
@@ -61,6 +63,9 @@ def prepared_urdf(
                 path = local_path(shape.filename, package_folder)
                 if path is None or path.suffix.lower() not in MESHES:
                     left_out.append(_why_not(shape.filename, path))
+                    continue
+                if not is_safe(path):
+                    left_out.append(f"mesh {shape.filename} cannot be read")
                     continue
             _write_collision(element, shape, anchor, path)
     for joint in description.joints:
