@@ -30,6 +30,8 @@ def one_root(name: str, links: tuple[Link, ...], joints: tuple[Joint, ...]) -> s
     names = {link.name for link in links}
     for kind, listed in (("link", links), ("joint", joints)):
         counts = Counter(entry.name for entry in listed)
+        if not all(counts):
+            raise DescriptionError(f"Robot '{name}' has a {kind} without a name.")
         twice = [entry for entry, count in counts.items() if count > 1]
         if twice:
             raise DescriptionError(f"Robot '{name}' has the {kind} {twice[0]} twice.")
@@ -49,7 +51,8 @@ def one_root(name: str, links: tuple[Link, ...], joints: tuple[Joint, ...]) -> s
         carrier[joint.child] = joint.name
     roots = [link.name for link in links if link.name not in carrier]
     if len(roots) != 1:
-        found = " and ".join(roots) if roots else "none (its joints make a loop)"
+        found = " and ".join(roots[:3]) if roots else "none (its joints make a loop)"
+        found += f" and {len(roots) - 3} more" if len(roots) > 3 else ""
         raise DescriptionError(f"Robot '{name}' needs one root link, it has {found}.")
     reached = {joint.child for joint in below(roots[0], joints)}
     loose = [link.name for link in links if link.name not in {roots[0], *reached}]
