@@ -64,4 +64,7 @@ def local_path(uri: str, package_folder: Callable[[str], str | None]) -> Path | 
         path = Path(unquote(rest))
     elif os.path.isabs(uri):
         path = Path(uri)
-    return path if path is not None and path.is_file() else None
+    try:
+        return path if path is not None and path.is_file() else None
+    except OSError:  # such as a name that is too long
+        return None
