@@ -259,6 +259,9 @@ def _joint(joint: urdf.Joint) -> Joint:
     if limit is not None:
         bounds = [limit.effort, limit.velocity]
         checked(f"the limit of joint {joint.name}", bounds, least=0.0)
+    if dynamics is not None:
+        numbers = [dynamics.damping or 0.0, dynamics.friction or 0.0]
+        checked(f"the dynamics of joint {joint.name}", numbers)
     bounded = limit is not None and joint.type in ("revolute", "prismatic")
     lower = float(limit.lower or 0.0) if bounded else -np.inf
     upper = float(limit.upper or 0.0) if bounded else np.inf
