@@ -28,6 +28,9 @@ MOST_JOINTS = 127
 MOST_LINKS = 1000
 """Links of one model: more could not be published a thousand times a second."""
 
+MOST_SHAPES = 1000
+"""Collision shapes of one model: a step with ten thousand takes minutes."""
+
 MASS_TOLERANCE = 1e-3
 """How far the loaded mass may be from the file's, in [kg]."""
 
@@ -133,7 +136,7 @@ def check_size(description: Description, is_dynamic: bool) -> None:
     """Refuse what PyBullet loads but cannot step: its own calls fail then.
 
     Raises:
-        DescriptionError: If the model has too many links or joints.
+        DescriptionError: If the model has too many links, joints or shapes.
     """
     links, joints = len(description.links), len(description.movable_joints)
     if links > MOST_LINKS:
@@ -145,6 +148,12 @@ def check_size(description: Description, is_dynamic: bool) -> None:
         raise DescriptionError(
             f"Robot '{description.name}' has {joints} movable joints; only kinematic "
             f"physics has room for more than {MOST_JOINTS}."
+        )
+    shapes = sum(len(link.collisions) for link in description.links)
+    if shapes > MOST_SHAPES:
+        raise DescriptionError(
+            f"Robot '{description.name}' has {shapes} collision shapes; there is room "
+            f"for {MOST_SHAPES}."
         )
 
 
