@@ -1,0 +1,259 @@
+#!/usr/bin/env python3
+"""Nothing from outside hurts the simulator: any request, any XML, any bytes."""
+
+import os
+import random
+import socket
+import struct
+import sys
+import tempfile
+import time
+import unittest
+from pathlib import Path
+from urllib.parse import urlparse
+
+import rosgraph
+import rosnode
+import rospy
+import rostest
+from fuzz_node import Node
+from fuzz_requests import any_request
+from fuzz_wire import Hangup, ServiceError, header_of, packed
+from fuzz_world import ROBOT, Observer
+from fuzz_xml import SECRET, sdf_attacks, urdf_attacks
+from gazebo_msgs.msg import LinkState, ModelState
+from hypothesis import HealthCheck, Phase, given, seed, settings
+from hypothesis.errors import HypothesisException
+from ros_testing import wait_for
+
+REQUESTS = int(os.environ.get("FUZZ_REQUESTS", "10000"))
+SEED = int(os.environ.get("FUZZ_SEED", "0")) or random.randrange(1, 2**32)
+BATCH = 250
+"""Requests between two times that the world is put in order."""
+AT_ONCE = 1.0
+"""Longest time to an answer in [s]."""
+GROWTH = 30e6
+"""Most memory that the second half of all requests may cost in [bytes]."""
+ALWAYS = ("pause_physics", "unpause_physics", "reset_simulation", "reset_world")
+"""Services that cannot refuse."""
+SLOW = ("10 000 collisions", "999 revolute", "900 static links")
+"""What is valid, and much."""
+
+
+class TestFuzz(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.node = Node()
+        cls.addClassCleanup(cls.node.kill)
+        cls.services = cls.node.services
+        cls.defaults = cls.services.call("get_physics_properties")
+        cls.observer = Observer(cls.services)
+
+    def setUp(self):
+        self.observer.restore(self.defaults)
+
+    def tearDown(self):
+        self.assertTrue(self.node.is_alive(), self.node.output()[-3000:])
+        self.observer.restore(self.defaults)
+        self.services.call("unpause_physics")
+        self.assertAlmostEqual(self.node.real_time_factor(), 1.0, delta=0.1)
+        self.assertEqual(self.node.trouble(), b"")
+
+    def send(self, service, body):
+        """Send a request; give success (None: it has no such field), and its time."""
+        connection = self.services[service]
+        begin = time.monotonic()
+        try:
+            answer = connection.send(body)
+        except (ServiceError, Hangup):
+            return False, time.monotonic() - begin
+        elapsed = time.monotonic() - begin
+        self.assertNotIn(SECRET.encode(), answer)
+        response = connection.kind._response_class().deserialize(answer)
+        return getattr(response, "success", None), elapsed
+
+    def test_1_any_request(self):
+        counts = {True: 0, False: 0, None: 0}
+        memory, slowest = [], (0.0, "")
+        before = self.observer.look()
+        full = self.observer.look(every_link=True)
+
+        classes = {name: self.services[name].request_class for name in self.services.names}
+
+        def check(request):
+            nonlocal before, full, slowest
+            service, body = request
+            success, elapsed = self.send(service, body)
+            counts[success] += 1
+            slowest = max(slowest, (elapsed, service))
+            count = sum(counts.values())
+            told = f"{service} {body[:200]!r}, seed {SEED}, request {count}"
+            self.assertLess(elapsed, AT_ONCE, told)
+            self.assertTrue(self.node.is_alive(), told)
+            if service == "unpause_physics":
+                self.services.call("pause_physics")
+            after = self.observer.look()
+            if success is False:
+                self.assertEqual(before, after, told)
+            else:
+                full = None
+            before = after
+            if count % BATCH == 0:
+                if full is not None:
+                    self.assertEqual(full, self.observer.look(every_link=True))
+                self.run_on()
+                self.observer.restore(self.defaults)
+                before = self.observer.look()
+                full = self.observer.look(every_link=True)
+                memory.append(self.node.memory())
+
+        begin = time.monotonic()
+        run = seed(SEED)(
+            settings(
+                max_examples=REQUESTS,
+                database=None,
+                deadline=None,
+                phases=[Phase.generate],
+                suppress_health_check=list(HealthCheck),
+            )(given(any_request(classes))(check))
+        )
+        run()
+        elapsed = time.monotonic() - begin
+        growth = memory[-1] - memory[len(memory) // 2]
+        print(
+            f"fuzz: seed {SEED}, {sum(counts.values())} requests in {elapsed:.0f} s, "
+            f"{counts[False]} refused, {counts[True]} accepted, {counts[None]} cannot "
+            f"refuse, slowest {slowest[0]:.2f} s ({slowest[1]}), memory "
+            f"{memory[-1] / 1e6:.0f} MB, {growth / 1e6:+.1f} MB in the second half",
+            file=sys.stderr,
+        )
+        self.assertLess(growth, GROWTH)
+        self.assertGreater(counts[False], REQUESTS // 5)
+        self.assertGreater(counts[True], REQUESTS // 10)
+
+    def run_on(self):
+        """Let the world that was made run for a moment."""
+        self.services.call("unpause_physics")
+        self.services.call("get_world_properties")
+        self.services.call("pause_physics")
+
+    def spawn(self, service, name, xml):
+        """Send a document to be spawned."""
+        text = xml.encode("utf-8", "surrogatepass")
+        fields = (packed(name.encode()), packed(text), packed(b""), bytes(56))
+        return self.send(service, b"".join([*fields, packed(b"")]))
+
+    def test_2_any_document(self):
+        with tempfile.TemporaryDirectory() as folder:
+            os.mkfifo(f"{folder}/pipe.stl")
+            for service, attacks in (
+                ("spawn_urdf_model", urdf_attacks(Path(folder))),
+                ("spawn_sdf_model", sdf_attacks(folder)),
+            ):
+                for name, xml in attacks.items():
+                    with self.subTest(f"{service}: {name}"):
+                        self.attack(service, name, xml)
+
+    def attack(self, service, name, xml):
+        """Send a document; what is refused leaves no trace."""
+        before = self.observer.look()
+        success, elapsed = self.spawn(service, name, xml)
+        self.assertTrue(self.node.is_alive(), self.node.output()[-2000:])
+        if len(xml) < 100_000:
+            self.assertLess(elapsed, AT_ONCE)
+        if success:
+            self.services.call("delete_model", name)
+            self.services.call("delete_light", name)
+        self.assertEqual(before, self.observer.look())
+        self.assertEqual(self.node.trouble(), b"")
+
+    def test_3_any_bytes(self):
+        place = self.services["get_world_properties"].place
+        whole = header_of(
+            service="/gazebo/get_world_properties",
+            md5sum=self.services["get_world_properties"].kind._md5sum,
+            callerid="/fuzz",
+        )
+        starts = {
+            "nothing": b"",
+            "noise": bytes(range(256)) * 10,
+            "http": b"GET / HTTP/1.1\r\n\r\n",
+            "half a handshake": whole[: len(whole) // 2],
+            "a gigabyte": struct.pack("<I", 1 << 30) + b"x" * 100,
+            "no fields": packed(b""),
+            "no equal sign": packed(packed(b"nonsense")),
+            "no text": packed(packed(b"\xff=\xff")),
+            "a field of 4 GB": packed(struct.pack("<I", 2**32 - 1) + b"a=b"),
+            "nobody's topic": header_of(topic="/nobody", md5sum="*", type="*", callerid="x"),
+            "nobody's service": header_of(service="/nobody", md5sum="*", callerid="x"),
+            "no md5sum": header_of(service="/gazebo/step"),
+            "a request of 4 GB": whole + struct.pack("<I", 2**32 - 1) + b"x" * 1000,
+            "half a request": whole + struct.pack("<I", 100) + b"x" * 10,
+            "too much": whole + packed(b"x" * 100),
+        }
+        uri = rosnode.get_api_uri(rosgraph.Master("/fuzz"), "/gazebo")
+        api = urlparse(uri).hostname, urlparse(uri).port
+        posted = b"POST / HTTP/1.1\r\nContent-Type: text/xml\r\nContent-Length: %d\r\n\r\n"
+        posts = (b"\xff" * 50, b"<methodCall/>", b"<methodCall><methodName>getPid", b"")
+        held = []
+        for start in starts.values():
+            for name, where in (("tcpros", place), ("xmlrpc", api)):
+                sock = socket.create_connection(where, 5.0)
+                sock.sendall(start)
+                held.append((name, sock))
+                self.is_served()
+        for post in posts:
+            for length in (len(post), 1 << 40, -1):
+                sock = socket.create_connection(api, 5.0)
+                sock.sendall(posted % length + post)
+                held.append(("post", sock))
+                self.is_served()
+        for _ in range(200):
+            held.append(("silent", socket.create_connection(place, 5.0)))
+        self.is_served()
+        for _, sock in held:
+            sock.close()
+        self.is_served()
+        wait_for(lambda: self.node.threads() < 50, "the threads to end")
+
+    def is_served(self):
+        """Check that a new client is answered at once."""
+        begin = time.monotonic()
+        self.services["get_world_properties"].close()
+        self.services.call("get_world_properties")
+        self.assertLess(time.monotonic() - begin, AT_ONCE)
+
+    def test_4_any_bytes_for_an_answer(self):
+        """What is no request gets an error or the end of the connection, no silence."""
+        for body in (b"", b"\xff" * 7, packed(b"\xff" * 9), b"\xff" * 1_000_000):
+            for name in self.services.names:
+                if name != "step" and self.services[name].request_class._slot_types:
+                    with self.subTest(f"{name} {body[:20]!r}"):
+                        self.send(name, body)
+
+    def test_5_topics(self):
+        for topic, kind in (("model", ModelState), ("link", LinkState)):
+            publisher = rospy.Publisher(
+                f"/gazebo/set_{topic}_state", kind, queue_size=1000
+            )
+            wait_for(publisher.get_num_connections, "the simulator to listen")
+            for number in (float("nan"), float("inf"), 1e308, 1e10):
+                for name in (ROBOT, f"{ROBOT}::pelvis", "", "n" * 100_000, "\n"):
+                    state = kind()
+                    setattr(state, f"{topic}_name", name)
+                    state.pose.position.x = number
+                    publisher.publish(state)
+            before = self.observer.look(every_link=True)
+            state = kind()
+            setattr(state, f"{topic}_name", {"model": ROBOT, "link": "pelvis"}[topic])
+            state.pose.position.x = 7.0
+            publisher.publish(state)
+            wait_for(lambda: self.observer.look() != before, "the last one to count")
+            x = self.services.call("get_model_state", ROBOT, "").pose.position.x
+            self.assertAlmostEqual(x, 7.0, delta=0.5)
+            publisher.unregister()
+
+
+if __name__ == "__main__":
+    rospy.init_node("fuzz_test")
+    rostest.rosrun("g1_description", "fuzz", TestFuzz, sys.argv)
