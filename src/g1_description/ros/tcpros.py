@@ -5,8 +5,11 @@ says nothing holds up all that come after it. Here each shakes hands in a thread
 its own, and has a few seconds for it. roscpp also names the types of a service's
 request and response in its handshake; rospy does not.
 
-rospy offers no way to set either, so two of its classes are changed, for the
-process of the node that asks for it.
+A client whose request makes no sense is let go; rospy would let it wait for ever.
+Many clients may come at the same time; rospy lets five wait for their turn.
+
+rospy offers no way to set any of it, so its classes are changed, for the process of
+the node that asks for it.
 """
 
 from __future__ import annotations
@@ -16,11 +19,16 @@ import socket
 import struct
 import threading
 
-from rospy.impl.tcpros_base import TCPROSServer
-from rospy.impl.tcpros_service import TCPService
+import rospy
+from rospy.exceptions import TransportException
+from rospy.impl.tcpros_base import TCPROSServer, TCPServer
+from rospy.impl.tcpros_service import ServiceImpl, TCPService
 
 PATIENCE = 5
 """How long a client may take for its handshake, in [s]."""
+
+WAITING = 1024
+"""Clients that may wait for their turn."""
 
 LONGEST_HEADER = 65536
 """Longest handshake header in bytes."""
@@ -32,6 +40,7 @@ def serve_as_roscpp() -> None:
     """Change rospy's server; to be called before ``rospy.init_node``."""
     shake_hands = TCPROSServer._tcp_server_callback
     header_fields = TCPService.get_header_fields
+    handle, make_socket = ServiceImpl.handle, TCPServer._create_server_sock
 
     def wait_and_shake_hands(server, sock, address):
         if _header_has_come(sock):
@@ -49,7 +58,21 @@ def serve_as_roscpp() -> None:
         types = {"request_type": f"{kind}Request", "response_type": f"{kind}Response"}
         return {**header_fields(protocol), **types}
 
+    def handle_and_let_go(service, transport, header):
+        try:
+            handle(service, transport, header)
+        except TransportException as error:
+            rospy.logwarn("%s: %s", service.resolved_name, error)
+            transport.close()
+
+    def with_room(server):
+        sock = make_socket(server)
+        sock.listen(WAITING)
+        return sock
+
     TCPROSServer._tcp_server_callback = in_a_thread
+    TCPServer._create_server_sock = with_room
+    ServiceImpl.handle = handle_and_let_go
     TCPService.get_header_fields = with_types
 
 
