@@ -117,7 +117,7 @@ def _float(code, value):
 @lru_cache(maxsize=None)
 def of_type(kind, field=""):
     """Give the bytes of any value of a type of ROS."""
-    base, is_array, length = genpy.msgs.parse_type(kind)
+    base, is_array = kind.split("[")[0], kind.endswith("]")
     if is_array:
         items = st.lists(of_type(base, field), max_size=5)
         return items.map(lambda parts: LENGTH.pack(len(parts)) + b"".join(parts))
