@@ -57,7 +57,8 @@ class TestFuzz(unittest.TestCase):
         self.observer.restore(self.defaults)
         self.services.call("unpause_physics")
         self.assertAlmostEqual(self.node.real_time_factor(), 1.0, delta=0.1)
-        self.assertEqual(self.node.trouble(), b"")
+        trouble = self.node.trouble()
+        self.assertEqual(trouble, [], f"{len(trouble)} lines")
 
     def send(self, service, body):
         """Send a request; give success (None: it has no such field), and its time."""
@@ -129,7 +130,7 @@ class TestFuzz(unittest.TestCase):
         )
         self.assertLess(growth, GROWTH)
         self.assertGreater(counts[False], REQUESTS // 5)
-        self.assertGreater(counts[True], REQUESTS // 10)
+        self.assertGreater(counts[True], REQUESTS // 20)
 
     def run_on(self):
         """Let the world that was made run for a moment."""
@@ -165,7 +166,7 @@ class TestFuzz(unittest.TestCase):
             self.services.call("delete_model", name)
             self.services.call("delete_light", name)
         self.assertEqual(before, self.observer.look())
-        self.assertEqual(self.node.trouble(), b"")
+        self.assertEqual(self.node.trouble(), [])
 
     def test_3_any_bytes(self):
         place = self.services["get_world_properties"].place

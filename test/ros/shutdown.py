@@ -38,7 +38,7 @@ class TestShutdown(unittest.TestCase):
                 print(f"{self.id()} {number.name}: {elapsed:.2f} s", file=sys.stderr)
                 self.assertLess(elapsed, AT_MOST)
                 self.assertEqual(node.process.returncode, 0)
-                self.assertEqual(node.trouble(), b"")
+                self.assertEqual(node.trouble(), [])
                 if wait:
                     wait()
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import fields
 
+from dynamic_reconfigure.encoding import encode_config
 from dynamic_reconfigure.server import Server
 
 from ..sim.physics import PhysicsProperties
@@ -77,6 +78,22 @@ class PhysicsConfig:
         }
 
 
+class _Server(Server):
+    """A server that reads numbers; the library's own stumbles over odd groups."""
+
+    def _set_callback(self, request):
+        """Change what is known and of its kind; the rest means nothing."""
+        config = request.config
+        kinds = (("bool", config.bools), ("int", config.ints))
+        given = {
+            entry.name: entry.value
+            for kind, entries in (*kinds, ("double", config.doubles))
+            for entry in entries
+            if self.type.type.get(entry.name) == kind
+        }
+        return encode_config(self.update_configuration(given))
+
+
 def offer_physics(properties: PhysicsProperties, change) -> Server:
     """Offer the numbers under the node's own name.
 
@@ -100,5 +117,5 @@ def offer_physics(properties: PhysicsProperties, change) -> Server:
         values.update(change(numbers))
         return values
 
-    server = Server(config, changed)
+    server = _Server(config, changed)
     return server
