@@ -18,12 +18,11 @@ import rospy
 import rostest
 from fuzz_node import Node
 from fuzz_requests import any_request
-from fuzz_wire import Hangup, ServiceError, header_of, packed
+from fuzz_wire import HangupError, ServiceError, header_of, packed
 from fuzz_world import ROBOT, Observer
 from fuzz_xml import SECRET, sdf_attacks, urdf_attacks
 from gazebo_msgs.msg import LinkState, ModelState
 from hypothesis import HealthCheck, Phase, given, seed, settings
-from hypothesis.errors import HypothesisException
 from ros_testing import wait_for
 
 REQUESTS = int(os.environ.get("FUZZ_REQUESTS", "10000"))
@@ -66,7 +65,7 @@ class TestFuzz(unittest.TestCase):
         begin = time.monotonic()
         try:
             answer = connection.send(body)
-        except (ServiceError, Hangup):
+        except (ServiceError, HangupError):
             return False, time.monotonic() - begin
         elapsed = time.monotonic() - begin
         self.assertNotIn(SECRET.encode(), answer)
@@ -74,63 +73,58 @@ class TestFuzz(unittest.TestCase):
         return getattr(response, "success", None), elapsed
 
     def test_1_any_request(self):
-        counts = {True: 0, False: 0, None: 0}
-        memory, slowest = [], (0.0, "")
-        before = self.observer.look()
-        full = self.observer.look(every_link=True)
-
-        classes = {name: self.services[name].request_class for name in self.services.names}
-
-        def check(request):
-            nonlocal before, full, slowest
-            service, body = request
-            success, elapsed = self.send(service, body)
-            counts[success] += 1
-            slowest = max(slowest, (elapsed, service))
-            count = sum(counts.values())
-            told = f"{service} {body[:200]!r}, seed {SEED}, request {count}"
-            self.assertLess(elapsed, AT_ONCE, told)
-            self.assertTrue(self.node.is_alive(), told)
-            if service == "unpause_physics":
-                self.services.call("pause_physics")
-            after = self.observer.look()
-            if success is False:
-                self.assertEqual(before, after, told)
-            else:
-                full = None
-            before = after
-            if count % BATCH == 0:
-                if full is not None:
-                    self.assertEqual(full, self.observer.look(every_link=True))
-                self.run_on()
-                self.observer.restore(self.defaults)
-                before = self.observer.look()
-                full = self.observer.look(every_link=True)
-                memory.append(self.node.memory())
-
+        self.counts, self.memory, self.slowest = {True: 0, False: 0, None: 0}, [], (0,)
+        self.note()
+        names = self.services.names
+        classes = {name: self.services[name].request_class for name in names}
+        options = {"max_examples": REQUESTS, "database": None, "deadline": None}
+        options["suppress_health_check"] = list(HealthCheck)
+        run = given(any_request(classes))(self.check)
         begin = time.monotonic()
-        run = seed(SEED)(
-            settings(
-                max_examples=REQUESTS,
-                database=None,
-                deadline=None,
-                phases=[Phase.generate],
-                suppress_health_check=list(HealthCheck),
-            )(given(any_request(classes))(check))
-        )
-        run()
+        seed(SEED)(settings(phases=[Phase.generate], **options)(run))()
         elapsed = time.monotonic() - begin
-        growth = memory[-1] - memory[len(memory) // 2]
+        growth = self.memory[-1] - self.memory[len(self.memory) // 2]
         print(
-            f"fuzz: seed {SEED}, {sum(counts.values())} requests in {elapsed:.0f} s, "
-            f"{counts[False]} refused, {counts[True]} accepted, {counts[None]} cannot "
-            f"refuse, slowest {slowest[0]:.2f} s ({slowest[1]}), memory "
-            f"{memory[-1] / 1e6:.0f} MB, {growth / 1e6:+.1f} MB in the second half",
+            f"fuzz: seed {SEED}, {REQUESTS} requests in {elapsed:.0f} s: "
+            f"{self.counts[False]} refused, {self.counts[True]} accepted, "
+            f"{self.counts[None]} that cannot refuse, slowest {self.slowest}, memory "
+            f"{self.memory[-1] / 1e6:.0f} MB, {growth / 1e6:+.1f} MB in 2nd half",
             file=sys.stderr,
         )
         self.assertLess(growth, GROWTH)
-        self.assertGreater(counts[False], REQUESTS // 5)
-        self.assertGreater(counts[True], REQUESTS // 20)
+        self.assertGreater(self.counts[False], REQUESTS // 5)
+        self.assertGreater(self.counts[True], REQUESTS // 20)
+
+    def note(self):
+        """Remember what can be seen."""
+        self.before = self.observer.look()
+        self.full = self.observer.look(every_link=True)
+
+    def check(self, request):
+        """Send a request; what is refused changes nothing."""
+        service, body = request
+        success, elapsed = self.send(service, body)
+        self.counts[success] += 1
+        self.slowest = max(self.slowest, (elapsed, service))
+        count = sum(self.counts.values())
+        told = f"{service} {body[:200]!r}, seed {SEED}, request {count}"
+        self.assertTrue(self.node.is_alive(), told)
+        self.assertLess(elapsed, AT_ONCE, told)
+        if service == "unpause_physics":
+            self.services.call("pause_physics")
+        after = self.observer.look()
+        if success is False:
+            self.assertEqual(self.before, after, told)
+        else:
+            self.full = None
+        self.before = after
+        if count % BATCH == 0:
+            if self.full is not None:
+                self.assertEqual(self.full, self.observer.look(every_link=True))
+            self.run_on()
+            self.observer.restore(self.defaults)
+            self.note()
+            self.memory.append(self.node.memory())
 
     def run_on(self):
         """Let the world that was made run for a moment."""
@@ -185,7 +179,9 @@ class TestFuzz(unittest.TestCase):
             "no equal sign": packed(packed(b"nonsense")),
             "no text": packed(packed(b"\xff=\xff")),
             "a field of 4 GB": packed(struct.pack("<I", 2**32 - 1) + b"a=b"),
-            "nobody's topic": header_of(topic="/nobody", md5sum="*", type="*", callerid="x"),
+            "nobody's topic": header_of(
+                topic="/nobody", md5sum="*", type="*", callerid="x"
+            ),
             "nobody's service": header_of(service="/nobody", md5sum="*", callerid="x"),
             "no md5sum": header_of(service="/gazebo/step"),
             "a request of 4 GB": whole + struct.pack("<I", 2**32 - 1) + b"x" * 1000,
@@ -194,7 +190,9 @@ class TestFuzz(unittest.TestCase):
         }
         uri = rosnode.get_api_uri(rosgraph.Master("/fuzz"), "/gazebo")
         api = urlparse(uri).hostname, urlparse(uri).port
-        posted = b"POST / HTTP/1.1\r\nContent-Type: text/xml\r\nContent-Length: %d\r\n\r\n"
+        posted = (
+            b"POST / HTTP/1.1\r\nContent-Type: text/xml\r\nContent-Length: %d\r\n\r\n"
+        )
         posts = (b"\xff" * 50, b"<methodCall/>", b"<methodCall><methodName>getPid", b"")
         held = []
         for start in starts.values():
@@ -249,7 +247,9 @@ class TestFuzz(unittest.TestCase):
             setattr(state, f"{topic}_name", {"model": ROBOT, "link": "pelvis"}[topic])
             state.pose.position.x = 7.0
             publisher.publish(state)
-            wait_for(lambda: self.observer.look() != before, "the last one to count")
+            wait_for(
+                lambda before=before: self.observer.look() != before, "the last one"
+            )
             x = self.services.call("get_model_state", ROBOT, "").pose.position.x
             self.assertAlmostEqual(x, 7.0, delta=0.5)
             publisher.unregister()

@@ -16,7 +16,7 @@ class Node:
 
     def __init__(self):
         """Start it, and wait for the service that comes last."""
-        self._output = tempfile.TemporaryFile()
+        self._output = tempfile.TemporaryFile()  # noqa: SIM115  (kept until kill)
         self.process = subprocess.Popen(
             ["rosrun", "g1_description", "gazebo_stand_in.py", "__name:=gazebo"],
             stdout=self._output,
@@ -29,7 +29,9 @@ class Node:
 
     def _is_up(self):
         assert self.process.poll() is None, self.output()
-        return process_of("/gazebo") == self.pid and "set_parameters" in Services().names
+        return (
+            process_of("/gazebo") == self.pid and "set_parameters" in Services().names
+        )
 
     def is_alive(self):
         return self.process.poll() is None

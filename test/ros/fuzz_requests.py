@@ -44,7 +44,17 @@ SCOPED = tuple(
     )
 )
 ODD = (
-    *(b"map", b"/map", b"::", b"\0", b"\n", b"%s%n", b"../..", b"\xff\xfe", b"\xed\xa0"),
+    *(
+        b"map",
+        b"/map",
+        b"::",
+        b"\0",
+        b"\n",
+        b"%s%n",
+        b"../..",
+        b"\xff\xfe",
+        b"\xed\xa0",
+    ),
     *("\u4e2d\U0001f916".encode(), b"n" * 1001, b"n" * 100_000, b"\xc3" * 1_000_000),
 )
 LEVELS = (b"debug", b"info", b"warn", b"error", b"fatal", b"rosout", b"rospy", b"ros")

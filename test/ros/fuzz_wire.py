@@ -16,7 +16,7 @@ class ServiceError(Exception):
     """The node answered with an error in place of a response."""
 
 
-class Hangup(Exception):
+class HangupError(Exception):
     """The node closed the connection."""
 
 
@@ -42,16 +42,16 @@ def received(sock, count):
     """Read so many bytes.
 
     Raises:
-        Hangup: If the connection ends before.
+        HangupError: If the connection ends before.
     """
     parts = []
     while count:
         try:
             part = sock.recv(min(count, 1 << 20))
         except ConnectionError as error:
-            raise Hangup from error
+            raise HangupError from error
         if not part:
-            raise Hangup
+            raise HangupError
         parts.append(part)
         count -= len(part)
     return b"".join(parts)
@@ -89,7 +89,7 @@ class Service:
 
         Raises:
             ServiceError: If the node answered with an error.
-            Hangup: If the node closed the connection.
+            HangupError: If the node closed the connection.
             socket.timeout: If it did not answer in time.
         """
         self._socket = self._socket or self.connect()
@@ -97,7 +97,7 @@ class Service:
             self._socket.sendall(packed(body))
             ok, length = ANSWER.unpack(received(self._socket, ANSWER.size))
             answer = received(self._socket, length)
-        except (OSError, Hangup):
+        except (OSError, HangupError):
             self.close()
             raise
         if not ok:
@@ -126,6 +126,7 @@ class Services:
         self._services = {name: Service(scope + name) for name in self.names}
 
     def __getitem__(self, name):
+        """Give the connection to a service."""
         return self._services[name]
 
     def call(self, name, *args, **fields):

@@ -202,9 +202,7 @@ def urdf_attacks(folder):
         "joint of no kind": robot("".join(ends) + joint(1, "a", "b", "nonsense")),
         "link without name": robot(f"<link>{SOLID}</link>"),
         "robot without name": f"<robot>{link()}</robot>",
-        "no axis": robot(
-            "".join(ends) + joint(1, "a", "b").replace("0 1 0", "0 0 0")
-        ),
+        "no axis": robot("".join(ends) + joint(1, "a", "b").replace("0 1 0", "0 0 0")),
         "axis of NaN": robot(
             "".join(ends) + joint(1, "a", "b").replace("0 1 0", "nan 0 0")
         ),
@@ -223,7 +221,9 @@ def urdf_attacks(folder):
         ),
         "damping of NaN": robot(
             "".join(ends)
-            + joint(1, "a", "b").replace("</joint>", '<dynamics damping="nan"/></joint>')
+            + joint(1, "a", "b").replace(
+                "</joint>", '<dynamics damping="nan"/></joint>'
+            )
         ),
         "damping of -1e300": robot(
             "".join(ends)
@@ -299,7 +299,9 @@ def sdf_attacks(folder):
     """List SDF documents by the name of what is wrong with them."""
     uris = {name: f"file://{folder}/{name}" for name in ("random.stl", "header.stl")}
     uris.update((uri, uri) for uri in ("/etc/passwd", "/dev/zero", "/", "file:///"))
-    uris.update((uri, uri) for uri in ("model://../../etc/passwd", "model://", "x:" * 9))
+    uris.update(
+        (uri, uri) for uri in ("model://../../etc/passwd", "model://", "x:" * 9)
+    )
     shape = (
         '<link name="l"><inertial><mass>1</mass></inertial><collision name="c">'
         "<geometry>{}</geometry></collision></link>"
@@ -322,17 +324,17 @@ def sdf_attacks(folder):
         "10 000 nested models": nested(10_000),
         "5000 links": sdf_model("".join(SDF_BOX.format(f"l{n}") for n in range(5000))),
         "5000 static links": sdf_model(
-            "<static>1</static>"
-            + "".join(SDF_BOX.format(f"l{n}") for n in range(5000))
+            "<static>1</static>" + "".join(SDF_BOX.format(f"l{n}") for n in range(5000))
         ),
         "900 static links": sdf_model(
             "<static>1</static>" + "".join(SDF_BOX.format(f"l{n}") for n in range(900))
         ),
-        "two models": sdf(f'<model name="a">{box}</model><model name="b">{box}</model>'),
+        "two models": sdf(
+            f'<model name="a">{box}</model><model name="b">{box}</model>'
+        ),
         "world": sdf(f'<world name="w"><model name="a">{box}</model></world>'),
         "frames in a ring": sdf_model(
-            box
-            + '<frame name="a" attached_to="b"/><frame name="b" attached_to="a"/>'
+            box + '<frame name="a" attached_to="b"/><frame name="b" attached_to="a"/>'
         ),
         "pose in a ring": sdf_model(
             '<link name="a"><pose relative_to="b"/></link>'
@@ -385,8 +387,7 @@ def sdf_attacks(folder):
         "light": sdf('<light name="l" type="nonsense"><diffuse>x</diffuse></light>'),
         "light of NaN": sdf('<light name="l"><diffuse>nan 0 0 1</diffuse></light>'),
         "joint to itself": sdf_model(
-            box
-            + '<joint name="j" type="revolute"><parent>l</parent><child>l</child>'
+            box + '<joint name="j" type="revolute"><parent>l</parent><child>l</child>'
             "<axis><xyz>0 0 1</xyz></axis></joint>"
         ),
         "joint of no kind": sdf_model(

@@ -10,7 +10,7 @@ import unittest
 import rospy
 import rostest
 from fuzz_node import Node
-from fuzz_wire import Hangup, Service, ServiceError
+from fuzz_wire import HangupError, Service, ServiceError
 from gazebo_msgs.msg import LinkStates
 from ros_testing import Listener
 from rosgraph_msgs.msg import Clock
@@ -52,7 +52,11 @@ class TestShutdown(unittest.TestCase):
         def prepare(node):
             defaults = node.services.call("get_physics_properties")
             node.services.call(
-                "set_physics_properties", 0.0, 1e3, defaults.gravity, defaults.ode_config
+                "set_physics_properties",
+                0.0,
+                1e3,
+                defaults.gravity,
+                defaults.ode_config,
             )
 
         self.end(prepare)
@@ -91,7 +95,7 @@ class TestShutdown(unittest.TestCase):
             while True:
                 try:
                     service.call(*args)
-                except (ServiceError, Hangup, ConnectionError):
+                except (ServiceError, HangupError, ConnectionError):
                     return
 
         threads = [threading.Thread(target=call, daemon=True) for _ in range(count)]

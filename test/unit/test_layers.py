@@ -10,7 +10,9 @@ STANDARD = {"__future__", "argparse", "collections", "dataclasses", "logging", "
 STANDARD |= {"os", "pathlib", "re", "sys", "tempfile", "typing", "urllib", "xml"}
 ALLOWED = {
     "core": STANDARD | {"lxml", "numpy", "urdf_parser_py", ".core"},
-    "sim": STANDARD | {"functools", "struct", "subprocess"} | {"numpy", "pybullet", "pybullet_utils", ".core", ".sim"},
+    "sim": STANDARD
+    | {"functools", "struct", "subprocess"}
+    | {"numpy", "pybullet", "pybullet_utils", ".core", ".sim"},
 }
 FORBIDDEN = {"ros": {"pybullet", "pybullet_utils", "scipy", "urdf_parser_py"}}
 
