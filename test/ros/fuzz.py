@@ -31,8 +31,9 @@ BATCH = 250
 """Requests between two times that the world is put in order."""
 AT_ONCE = 1.0
 """Longest time to an answer in [s]."""
-GROWTH = 30e6
-"""Most memory that the second half of all requests may cost in [bytes]."""
+GROWTH = 100e6
+"""Most memory that the second half of all requests may cost in [bytes]. rospy keeps for
+each of 32 connections a buffer as long as its longest request, some megabytes."""
 ALWAYS = ("pause_physics", "unpause_physics", "reset_simulation", "reset_world")
 """Services that cannot refuse."""
 SLOW = ("10 000 collisions", "999 revolute", "900 static links")

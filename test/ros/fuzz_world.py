@@ -63,7 +63,9 @@ class Observer:
             call("set_logger_level", logger, "info")
         call("pause_physics")
         physics = defaults.time_step, defaults.max_update_rate
-        call("set_physics_properties", *physics, defaults.gravity, defaults.ode_config)
+        numbers = *physics, defaults.gravity, defaults.ode_config
+        answer = call("set_physics_properties", *numbers)
+        assert answer.success, answer
         for name in call("get_world_properties").model_names:
             call("delete_model", name)
         call("delete_light", "sun")
