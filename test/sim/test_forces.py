@@ -10,7 +10,8 @@ from worlds import Bench
 
 from g1_description.core.description import Inertial
 from g1_description.core.errors import DescriptionError
-from g1_description.sim.jobs import Effort, Span, Wrench
+from g1_description.core.sdf import read_sdf
+from g1_description.sim.jobs import Span
 
 BODY = """<robot name="body"><link name="body"><inertial>
 <origin xyz="0.1 0.02 -0.03"/><mass value="2"/>
@@ -31,8 +32,12 @@ VECTOR = st.tuples(*[st.floats(-3.0, 3.0)] * 3).map(np.array)
 
 
 def push(world, model, force, torque=NOWHERE, span=(0, None)):
-    vectors = np.array(force), np.array(torque)
-    world.jobs.add(Wrench(world.model(model), "body", Span(*span), *vectors))
+    link = world.entities.link(f"{model}::body")
+    world.push(link, Span(*span), np.array([*force, *torque]))
+
+
+def strain(world, joint, effort, end=100):
+    world.strain(world.entities.joint(joint), Span(world.time_ns, end * MS), effort)
 
 
 @settings(max_examples=25, deadline=None)
@@ -65,7 +70,7 @@ def test_a_wrench_acts_for_its_span_to_the_step(make_world, start, end, steps):
     world.run(0.03)
     assert world.model("body").twist[0] == pytest.approx(steps * 1e-3, abs=1e-12)
     over = end is not None and end <= 30 * MS
-    assert len(world.jobs._jobs) == (0 if over else 1)
+    assert len(world.jobs) == (0 if over else 1)
 
 
 def test_of_two_wrenches_the_newest_acts_and_then_the_other_again(make_world):
@@ -85,8 +90,8 @@ def test_efforts_add_up_each_within_the_limit(make_world):
     world.spawn_urdf("pendulum", PENDULUM, np.array([0, 0, 0, 0, 0, 0, 1.0]))
     model = world.model("pendulum")
     for effort in (0.5, 300.0, -1.0):
-        world.jobs.add(Effort(model, "swing", Span(0, 10 * MS), effort))
-    world.jobs.add(Effort(model, "anchor", Span(0, 10 * MS), 1.0))
+        strain(world, "swing", effort, 10)
+    strain(world, "anchor", 1.0, 10)
     world.run(0.02)
     expected = 0.01 * (0.5 + 3.0 - 1.0) / 0.26
     assert model.velocity[0] == pytest.approx(expected, rel=1e-3)
@@ -160,18 +165,18 @@ def test_damping_and_stops_of_a_joint_take_effect(make_world):
     world.spawn_urdf("pendulum", PENDULUM, np.array([0, 0, 0, 0, 0, 0, 1.0]))
     model, entity = world.model("pendulum"), world.entities.joint("swing")
     world.set_joint_properties(entity, {"damping": 0.26})
-    world.jobs.add(Effort(model, "swing", Span(0, 100 * MS), 1.0))
+    strain(world, "swing", 1.0)
     world.run(0.1)
     start = model.velocity[0]
     world.run(1.0)
     assert model.velocity[0] == pytest.approx(start * np.exp(-1.0), rel=2e-3)
     world.reset()  # the joint keeps its damping
-    world.jobs.add(Effort(model, "swing", Span(0, 100 * MS), 1.0))
+    strain(world, "swing", 1.0)
     world.run(0.1)
     assert model.velocity[0] == start
     world.reset()
     world.set_joint_properties(entity, {"damping": 0.0, "hiStop": 0.1})
-    world.jobs.add(Effort(model, "swing", Span(0, None), 1.0))
+    strain(world, "swing", 1.0, 10_000)
     world.run(1.0)
     assert model.position[0] == pytest.approx(0.1, abs=0.01)
     world.set_joint_positions("pendulum", {"swing": 1.0})
@@ -187,3 +192,86 @@ def test_gravity_and_the_time_step_change_at_once(make_world):
     np.testing.assert_allclose(
         world.model("body").twist[:3], [0.004, 0, 0.016], atol=1e-9
     )
+
+
+def test_jobs_that_cannot_act_any_more_are_forgotten(make_world):
+    world = make_world("limp", gravity=NOWHERE)
+    world.spawn_urdf("pendulum", PENDULUM, np.array([5, 0, 0, 0, 0, 0, 1.0]))
+    world.spawn_urdf("body", BODY, np.array([0, 0, 1.0, 0, 0, 0, 1]))
+    for _ in range(100):
+        push(world, "body", [2.0, 0, 0])
+        world.strain(world.entities.joint("swing"), Span(0, None), 0.001)
+    assert len(world.jobs) == 2
+    push(world, "body", [0, 2.0, 0], span=(0, 10 * MS))
+    push(world, "body", [0, 0, 2.0], span=(5 * MS, 10 * MS))
+    assert len(world.jobs) == 4
+    world.run(0.02)
+    at_center = world.model("body").twist[:3]
+    np.testing.assert_allclose(at_center, [0.01, 0.005, 0.005], atol=1e-12)
+    still = make_world("kinematic")
+    still.spawn_urdf("body", BODY, np.array([0, 0, 1.0, 0, 0, 0, 1]))
+    push(still, "body", [2.0, 0, 0])
+    assert not len(still.jobs)
+
+
+@pytest.mark.parametrize("damping", [0.5, 50.0, 1e4, 1e9])
+def test_damping_slows_down_however_strong_it_is(make_world, damping):
+    """A link of 0.26 kg m^2: at most as fast as effort and damping balance."""
+    world = make_world("limp", gravity=NOWHERE)
+    damped = PENDULUM.replace("<limit", f'<dynamics damping="{damping}"/><limit')
+    world.spawn_urdf("pendulum", damped, np.array([0, 0, 0, 0, 0, 0, 1.0]))
+    model = world.model("pendulum")
+    strain(world, "swing", 1.0)
+    for _ in range(100):
+        world.step()
+        assert 0.0 <= model.velocity[0] <= 1.01 / damping + 4e-3
+    world.run(0.2)
+    assert 0.0 <= model.velocity[0] < 2.5
+
+
+def test_a_joint_with_friction_holds_what_is_weaker(make_world):
+    world = make_world("limp", gravity=NOWHERE)
+    stiff = PENDULUM.replace("<limit", '<dynamics friction="0.5"/><limit')
+    world.spawn_urdf("pendulum", stiff, np.array([0, 0, 0, 0, 0, 0, 1.0]))
+    model = world.model("pendulum")
+    strain(world, "swing", 0.4)
+    world.run(0.1)
+    assert abs(model.velocity[0]) < 1e-6
+    strain(world, "swing", 1.0, 200)
+    world.run(0.1)
+    assert model.velocity[0] == pytest.approx(0.5 * 0.1 / 0.26, rel=0.02)
+
+
+def test_things_move_as_fast_as_they_are_told(make_world):
+    world = make_world("limp", gravity=NOWHERE)
+    world.spawn_urdf("body", BODY, np.array([0, 0, 1.0, 0, 0, 0, 1]))
+    twist = np.array([300.0, 0, 0, 0, 0, 500.0])
+    world.put("body", np.array([0, 0, 1.0, 0, 0, 0, 1]), twist)
+    world.run(0.1)
+    told = world.model("body").twist
+    assert np.linalg.norm(told[3:]) == pytest.approx(500.0, rel=1e-3)
+    assert world.model("body").pose[0] == pytest.approx(30.0, abs=0.3)
+
+
+@pytest.mark.parametrize(("lower", "upper"), [("", 1.0), (-1.0, "")])
+def test_a_limit_on_one_side_leaves_the_other_free(make_world, lower, upper):
+    text = f"""<sdf version="1.6"><model name="m"><link name="a"/><link name="b"/>
+    <joint name="w" type="fixed"><parent>world</parent><child>a</child></joint>
+    <joint name="j" type="revolute"><parent>a</parent><child>b</child><axis>
+    <xyz>0 0 1</xyz><limit>{(lower != "" and f"<lower>{lower}</lower>") or ""}
+    {(upper != "" and f"<upper>{upper}</upper>") or ""}</limit></axis></joint>
+    </model></sdf>"""
+    world = make_world("limp", gravity=NOWHERE)
+    (model,) = read_sdf(text).models
+    world.spawn("m", model.assembly, np.array([0, 0, 1.0, 0, 0, 0, 1]))
+    free = -1.0 if lower == "" else 1.0
+    position = {}
+    for direction in (free, -free):
+        world.set_joint_positions("m", {"j": 0.0})
+        joint = world.entities.joint("j")
+        now = world.time_ns
+        world.strain(joint, Span(now, now + 1000 * MS), 4.0 * direction)
+        world.run(1.0)
+        position[direction] = abs(world.model("m").position[0])
+    assert position[free] > 1.5
+    assert position[-free] == pytest.approx(1.0, abs=0.05)

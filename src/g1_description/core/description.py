@@ -54,7 +54,7 @@ class Shape:
     """Coefficient of restitution; None where the file gives none."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Inertial:
     """Mass properties of a link."""
 
@@ -66,6 +66,17 @@ class Inertial:
 
     inertia: np.ndarray
     """About the center of mass, along the link's axes, in [kg m^2], shape (3, 3)."""
+
+    def __eq__(self, other: object) -> bool:
+        """Compare all numbers to the last bit."""
+        return (
+            isinstance(other, Inertial)
+            and self.mass == other.mass
+            and np.array_equal(self.center_of_mass, other.center_of_mass)
+            and np.array_equal(self.inertia, other.inertia)
+        )
+
+    __hash__ = None  # type: ignore[assignment]
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,6 @@ from gazebo_msgs.srv import (
 )
 
 from ..core.errors import InvalidValueError, UnknownNameError
-from ..sim.jobs import Effort
 from ..sim.model import SCOPE, Report
 from .spans import span_of
 from .wording import Services, checked
@@ -127,16 +126,14 @@ class JointServices(Services):
                 False, f"ApplyJointEffort: refused, {error}"
             )
         span = span_of(request.start_time, request.duration, self._world.time_ns)
-        self._world.jobs.add(Effort(entity.model, entity.joint.name, span, effort))
+        self._world.strain(entity, span, float(effort))
         clause = "" if self._world.is_dynamic else "nothing moves, physics is kinematic"
         words = "ApplyJointEffort: effort set"
         return ApplyJointEffortResponse(True, self._wording.say(words, [clause]))
 
     def clear_efforts(self, request):
         """Let joints go; only the plain name is known here."""
-        self._world.jobs.drop(
-            lambda job: isinstance(job, Effort) and job.joint == request.joint_name
-        )
+        self._world.jobs.clear_efforts(request.joint_name)
         return JointRequestResponse()
 
 

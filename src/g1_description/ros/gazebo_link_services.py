@@ -28,7 +28,6 @@ from ..core.errors import DescriptionError, InvalidValueError, UnknownNameError
 from ..core.rotation import rotate
 from ..core.transform import IDENTITY, compose, inverse
 from ..sim.entities import WORLD_ENTITY, Entity, seen_from
-from ..sim.jobs import Wrench
 from ..sim.model import SCOPE, Model
 from .messages import (
     pose_from_array,
@@ -214,7 +213,7 @@ class LinkServices(Services):
             force, torque = rotate(T_link_frame[3:], np.array([force, torque]))
             torque = torque + np.cross(T_link_frame[:3], force)
         span = span_of(request.start_time, request.duration, self._world.time_ns)
-        self._world.jobs.add(Wrench(link.model, link.name, span, force, torque))
+        self._world.push(link, span, np.concatenate([force, torque]))
         return ApplyBodyWrenchResponse(True, self._wording.say("", [self._idle()]))
 
     def _idle(self) -> str:
@@ -223,12 +222,7 @@ class LinkServices(Services):
 
     def clear_wrenches(self, request):
         """Stop pushing a link; only its scoped name is known here."""
-        self._world.jobs.drop(
-            lambda job: (
-                isinstance(job, Wrench)
-                and f"{job.model.name}{SCOPE}{job.link}" == request.body_name
-            )
-        )
+        self._world.jobs.clear_wrenches(request.body_name)
         return BodyRequestResponse()
 
 

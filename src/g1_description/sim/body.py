@@ -13,6 +13,9 @@ from .urdf_import import ROOT, links_of
 NO_LIMIT = 1e6
 """Effort of a joint without an effort limit, in [N m] or [N]."""
 
+FASTEST = 1e5
+"""No joint or body moves faster, in [m/s] or [rad/s]; PyBullet's own bound is 100."""
+
 FRICTION = 1.0
 """Coefficient of friction where a file gives none: Gazebo's."""
 
@@ -44,7 +47,8 @@ class Body:
         inertial = client.getDynamicsInfo(number, ROOT)[3:5]
         self._T_root_center = np.concatenate(inertial)
         self._T_center_root = inverse(self._T_root_center)
-        self._weightless: list[tuple[int, float]] = []
+        self._damping = np.array([joint.damping for joint in joints])
+        self._friction = np.array([joint.friction for joint in joints])
         self._set_dynamics()
         self.write()
         self._go_limp()
@@ -68,12 +72,24 @@ class Body:
                 restitution=max(restitutions, default=0.0),
                 linearDamping=0.0,
                 angularDamping=0.0,
+                maxJointVelocity=FASTEST,
             )
-            inertial = links[name].inertial
-            if inertial is not None and not links[name].has_gravity:
-                self._weightless.append((index, inertial.mass))
+        self.weigh()
         for name in self._model.ode_joints:
             self.tune(name)
+
+    def weigh(self) -> None:
+        """Find the links that gravity does not pull."""
+        masses = {
+            link.name: link.inertial.mass
+            for link in self._model.assembly.description.links
+            if link.inertial is not None and not link.has_gravity
+        }
+        self._weightless = [
+            (index, masses[name])
+            for index, name in self._link_names.items()
+            if name in masses
+        ]
 
     @property
     def moves(self) -> bool:
@@ -145,21 +161,30 @@ class Body:
         self._client.applyExternalTorque(self.number, index, torque, world)
 
     def strain(self, joint: str, effort: float) -> None:
-        """Let a joint's effort act during the next step, within its limit.
+        """Let a movable joint's effort act during the next step.
 
         Args:
-            joint: The joint's name; a fixed joint bears any effort.
+            joint: The joint's name.
             effort: In [N m] or [N].
         """
-        row = self._model.joint_row(joint)
-        if row < 0:
+        index = self._joints[self._model.joint_row(joint)]
+        torque = self._client.TORQUE_CONTROL
+        self._client.setJointMotorControl2(self.number, index, torque, force=effort)
+
+    def drag(self) -> None:
+        """Let friction and damping slow the joints down during the next step.
+
+        Motors that want to stand still, none stronger than what slows its joint:
+        PyBullet's own damping overshoots where it is strong for the step, and it
+        has no friction. Joints that are held need neither.
+        """
+        if not (self._damping.any() or self._friction.any()):
             return
-        limit = self._efforts[row]
-        self._client.setJointMotorControl2(
+        self._client.setJointMotorControlArray(
             self.number,
-            self._joints[row],
-            self._client.TORQUE_CONTROL,
-            force=min(max(effort, -limit), limit),
+            self._joints,
+            self._client.VELOCITY_CONTROL,
+            forces=self._friction + self._damping * np.abs(self._model.velocity),
         )
 
     def float_weightless(self, gravity: tuple[float, float, float]) -> None:
@@ -191,7 +216,7 @@ class Body:
         numbers = self._model.ode_joints[joint]
         given = {}
         if "damping" in numbers:
-            given["jointDamping"] = numbers["damping"]
+            self._damping[row] = numbers["damping"]
         if "loStop" in numbers or "hiStop" in numbers:  # PyBullet wants both
             lower, upper = self._model.lower[row], self._model.upper[row]
             given["jointLowerLimit"] = max(numbers.get("loStop", lower), -LARGEST)

@@ -134,6 +134,11 @@ class Engine:
             if self.physics == "hold":
                 body.hold()
 
+    def weigh(self, model: Model) -> None:
+        """Take over which links of a model gravity pulls."""
+        if model.name in self._bodies:
+            self._bodies[model.name].weigh()
+
     def tune(self, model: Model, joint: str) -> None:
         """Take over the numbers of ``ode_joints`` of a joint."""
         if model.name in self._bodies:
@@ -153,6 +158,8 @@ class Engine:
         """Let one time step pass, and give the models their new states."""
         for body in self._bodies.values():
             body.float_weightless(self._properties.gravity)
+            if self.physics == "limp":
+                body.drag()
         self._client.stepSimulation()
         for body in self._bodies.values():
             if body.moves:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from .engine import Engine
-from .model import Model
+from .model import SCOPE, Model
 
 
 @dataclass(frozen=True)
@@ -27,6 +26,11 @@ class Span:
         """Tell whether it acts no more after a time."""
         return self.end is not None and self.end <= time_ns
 
+    def covers(self, other: Span, now: int) -> bool:
+        """Tell whether another acts, from now on, only while this one does."""
+        outlasts = self.end is None or (other.end is not None and other.end <= self.end)
+        return outlasts and self.start <= max(other.start, now)
+
 
 @dataclass(frozen=True)
 class Wrench:
@@ -44,7 +48,7 @@ class Wrench:
 
 @dataclass(frozen=True)
 class Effort:
-    """An effort of a joint; a fixed joint bears any."""
+    """An effort of a movable joint."""
 
     model: Model
     joint: str
@@ -58,33 +62,75 @@ class Jobs:
 
     def __init__(self) -> None:
         """Begin with nothing."""
-        self._jobs: list[Wrench | Effort] = []
+        self._wrenches: list[Wrench] = []
+        self._efforts: list[Effort] = []
 
-    def add(self, job: Wrench | Effort) -> None:
-        """Plan a job."""
-        self._jobs.append(job)
+    def __len__(self) -> int:
+        """Count what acts and will act."""
+        return len(self._wrenches) + len(self._efforts)
 
-    def drop(self, unwanted: Callable[[Wrench | Effort], bool]) -> None:
-        """Forget all jobs that are not wanted any more."""
-        self._jobs = [job for job in self._jobs if not unwanted(job)]
+    def push(self, wrench: Wrench, now: int) -> None:
+        """Plan a wrench. Where several act on a link the newest alone does.
+
+        Gazebo sets a link's force anew with each of its jobs. What the new one
+        leaves no time for is forgotten.
+
+        Args:
+            wrench: The wrench.
+            now: The time in [ns].
+        """
+        self._wrenches = [
+            old
+            for old in self._wrenches
+            if (old.model, old.link) != (wrench.model, wrench.link)
+            or not wrench.span.covers(old.span, now)
+        ]
+        self._wrenches.append(wrench)
+
+    def strain(self, effort: Effort) -> None:
+        """Plan an effort. Where several act on a joint, they add up."""
+        same = [
+            old
+            for old in self._efforts
+            if (old.model, old.joint, old.span)
+            == (effort.model, effort.joint, effort.span)
+        ]
+        for old in same:
+            self._efforts.remove(old)
+            effort = replace(effort, effort=effort.effort + old.effort)
+        self._efforts.append(effort)
+
+    def clear_wrenches(self, scoped_link: str) -> None:
+        """Forget the wrenches on a link, by its scoped name."""
+        self._wrenches = [
+            job
+            for job in self._wrenches
+            if f"{job.model.name}{SCOPE}{job.link}" != scoped_link
+        ]
+
+    def clear_efforts(self, joint: str) -> None:
+        """Forget the efforts of all joints of this plain name."""
+        self._efforts = [job for job in self._efforts if job.joint != joint]
+
+    def forget(self, model: Model) -> None:
+        """Forget what acts on a model."""
+        self._wrenches = [job for job in self._wrenches if job.model is not model]
+        self._efforts = [job for job in self._efforts if job.model is not model]
 
     def act(self, engine: Engine, time_ns: int) -> None:
         """Let everything act during the next step, and forget what is over then.
-
-        Of several wrenches on a link the newest alone acts, as Gazebo sets a
-        link's force; efforts of a joint add up.
 
         Args:
             engine: What moves the models.
             time_ns: The time at which the step ends, in [ns].
         """
-        if not self._jobs:
-            return
-        active = [job for job in self._jobs if job.span.holds(time_ns)]
-        wrenches = [job for job in active if isinstance(job, Wrench)]
-        for job in {(job.model.name, job.link): job for job in wrenches}.values():
+        active = [job for job in self._wrenches if job.span.holds(time_ns)]
+        for job in {(job.model.name, job.link): job for job in active}.values():
             engine.push(job.model, job.link, job.force, job.torque)
-        for effort in active:
-            if isinstance(effort, Effort):
+        for effort in self._efforts:
+            if effort.span.holds(time_ns):
                 engine.strain(effort.model, effort.joint, effort.effort)
-        self.drop(lambda job: job.span.is_over(time_ns))
+        if any(job.span.is_over(time_ns) for job in self._wrenches):
+            self._wrenches = [j for j in self._wrenches if not j.span.is_over(time_ns)]
+        if any(job.span.is_over(time_ns) for job in self._efforts):
+            self._efforts = [j for j in self._efforts if not j.span.is_over(time_ns)]

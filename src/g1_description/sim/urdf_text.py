@@ -11,7 +11,7 @@ import numpy as np
 
 from ..core.assembly import WORLD, Assembly
 from ..core.description import Joint, Link, Shape
-from ..core.errors import DescriptionError
+from ..core.errors import LARGEST, DescriptionError
 from ..core.resources import local_path
 from ..core.rotation import axes_to_rpy, to_axes
 from .meshes import is_safe
@@ -159,9 +159,12 @@ def _write_joint(
     if joint.kind == "fixed":
         return
     ElementTree.SubElement(element, "axis", xyz=_numbers(joint.axis))
+    lower, upper = joint.lower, joint.upper
+    if math.isfinite(lower) != math.isfinite(upper):  # PyBullet wants both or none
+        lower, upper = max(lower, -LARGEST), min(upper, LARGEST)
     limit = {
-        "lower": joint.lower,
-        "upper": joint.upper,
+        "lower": lower,
+        "upper": upper,
         "effort": joint.effort,
         "velocity": joint.velocity,
     }
@@ -169,6 +172,3 @@ def _write_joint(
         name: repr(value) for name, value in limit.items() if math.isfinite(value)
     }
     ElementTree.SubElement(element, "limit", finite)
-    ElementTree.SubElement(
-        element, "dynamics", damping=repr(joint.damping), friction=repr(joint.friction)
-    )

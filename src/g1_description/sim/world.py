@@ -17,9 +17,10 @@ from ..core.errors import DescriptionError
 from ..core.rotation import rotate
 from ..core.sdf import EMPTY_WORLD, Light, Sdf, read_sdf
 from ..core.transform import compose
+from .body import NO_LIMIT
 from .engine import Engine
 from .entities import Entities, Entity, named
-from .jobs import Jobs
+from .jobs import Effort, Jobs, Span, Wrench
 from .model import SCOPE, Model, Report
 from .physics import PhysicsProperties
 from .urdf_import import check_size
@@ -124,6 +125,35 @@ class World:
         self._entities = None
         return assembly.left_out + left_out
 
+    def push(self, entity: Entity, span: Span, wrench: np.ndarray) -> None:
+        """Let a wrench act on a link for a while; in ``kinematic`` it moves nothing.
+
+        Args:
+            entity: The link.
+            span: From when to when.
+            wrench: Force at the center of mass in [N] and torque in [N m], along
+                the world's axes, shape (6,).
+        """
+        assert entity.model is not None
+        if self.is_dynamic:
+            force, torque = wrench.reshape(2, 3)
+            job = Wrench(entity.model, entity.name, span, force, torque)
+            self.jobs.push(job, self.time_ns)
+
+    def strain(self, entity: Entity, span: Span, effort: float) -> None:
+        """Let an effort act on a joint for a while, within the joint's limit.
+
+        Args:
+            entity: The joint; a fixed one bears any effort.
+            span: From when to when.
+            effort: In [N m] or [N].
+        """
+        assert entity.model is not None
+        if self.is_dynamic and entity.row >= 0:
+            limit = min(entity.joint.effort, NO_LIMIT)
+            bounded = min(max(effort, -limit), limit)
+            self.jobs.strain(Effort(entity.model, entity.name, span, bounded))
+
     def delete(self, name: str) -> None:
         """Remove a model.
 
@@ -131,7 +161,7 @@ class World:
             UnknownNameError: If there is no such model.
         """
         model = self.model(name)
-        self.jobs.drop(lambda job: job.model is model)
+        self.jobs.forget(model)
         self._engine.remove(name)
         del self.models[name]
         self._entities = None
@@ -258,9 +288,12 @@ class World:
         """
         model = entity.model
         assert model is not None
-        before = model.assembly
-        link = replace(entity.link, inertial=inertial, has_gravity=has_gravity)
+        before, old = model.assembly, entity.link
+        link = replace(old, inertial=inertial, has_gravity=has_gravity)
         model.assembly = before.with_link(link)
+        if inertial == old.inertial:
+            self._engine.weigh(model)
+            return
         try:
             self._engine.replace(model)
         except DescriptionError:
