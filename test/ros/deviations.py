@@ -8,6 +8,7 @@ import math
 import sys
 import time
 import unittest
+from concurrent.futures import ThreadPoolExecutor
 
 import rospy
 import rostest
@@ -103,6 +104,8 @@ class TestDeviations(unittest.TestCase):
         config = {"damping": [bad]}
         fields = {"joint_name": "hinge", "ode_joint_config": config}
         self.assert_refused("set_joint_properties", **fields)
+        fields = {"joint_names": ["turn"], "joint_positions": [bad]}
+        self.assert_refused("set_model_configuration", model_name="arm", **fields)
         for numbers in ({"time_step": bad}, {"gravity": vector}):
             self.assert_refused("set_physics_properties", **numbers)
         self.assert_refused("set_light_properties", light_name="sun", direction=vector)
@@ -226,6 +229,20 @@ class TestDeviations(unittest.TestCase):
         answer = self.call("step", steps=1)
         self.assertIn("Step: refused, time is running", answer["status_message"])
 
+    def test_7_steps_end_when_somebody_pauses(self):
+        for service in ("pause_physics", "reset_world", "reset_simulation"):
+            with ThreadPoolExecutor(1) as pool:
+                stepping = pool.submit(self.simulator.proxy("step", False), 10**9)
+                start = self.simulator.time()
+                wait_for(lambda start=start: self.simulator.time() > start, "a step")
+                self.call(service)
+                answer = stepping.result(5.0)
+            self.assertFalse(answer.success)
+            self.assertRegex(
+                answer.status_message, f"ended by {service} after [0-9]+ of"
+            )
+            self.assertTrue(self.simulator.is_paused())
+
     def test_7_the_real_time_factor_is_set(self):
         self.assertTrue(
             self.call("set_real_time_factor", real_time_factor=0.25)["success"]
@@ -273,8 +290,10 @@ class TestDeviations(unittest.TestCase):
         client.close()
 
     def test_lights_are_kept_as_data(self):
-        answer = self.spawn("lamp", LAMP, "spawn_sdf_model")
+        answer = self.spawn("lamp", LAMP, "spawn_sdf_model", (10, 0, 0, *UP))
         self.assertTrue(answer["success"], answer)
+        seen = self.simulator.state("arm", "lamp")
+        self.assertEqual(seen["pose"][:3], [-11.0, -2.0, -2.0])
         self.assertNotIn("lamp", self.simulator.models())
         again = self.spawn("lamp", LAMP, "spawn_sdf_model")
         self.assertIn("entity already exists", again["status_message"])

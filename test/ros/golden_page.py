@@ -18,7 +18,7 @@ def table(outcomes):
     """Count outcomes by what they are about.
 
     Args:
-        outcomes: "agrees", "deviates: number N" or "differs: ..." by case.
+        outcomes: "agrees", "in part", "deviates: number N" or "differs: ..." by case.
 
     Returns:
         Markdown.
@@ -28,7 +28,10 @@ def table(outcomes):
         groups.setdefault(name.split(".")[0], []).append(outcome)
     rows = [row(GROUPS.get(name, f"`{name}`"), groups[name]) for name in sorted(groups)]
     rows.append(row("all", list(outcomes.values())))
-    head = ["| observed | cases | agree | deviate | differ |", "| --- " * 5 + "|"]
+    head = [
+        "| observed | cases | agree | in part | deviate | differ |",
+        "| --- " * 6 + "|",
+    ]
     return "\n".join([*head, *rows])
 
 
@@ -38,7 +41,7 @@ def row(name, outcomes):
     numbers = sorted({o.split()[-1] for o in outcomes if o.startswith("deviates")})
     which = f" (number {', '.join(numbers)})" if numbers else ""
     return (
-        f"| {name} | {len(outcomes)} | {counts['agrees']} | "
+        f"| {name} | {len(outcomes)} | {counts['agrees']} | {counts['in part']} | "
         f"{counts['deviates']}{which} | {counts['differs']} |"
     )
 

@@ -106,6 +106,8 @@ class JointServices(Services):
         try:
             for name, number in numbers.items():
                 checked(name, [number])
+            if numbers.get("damping", 0.0) < 0.0:
+                raise InvalidValueError(f"the damping {numbers['damping']} is negative")
         except InvalidValueError as error:
             return SetJointPropertiesResponse(
                 False, f"SetJointProperties: refused, {error}"

@@ -37,12 +37,16 @@ from .messages import (
 )
 from .spans import span_of
 from .wording import (
+    FRAME_NOT_FOUND,
     LINK_NOT_FOUND,
     Services,
     checked,
     checked_pose,
     checked_twist,
 )
+
+LIGHTEST = 1e-9
+"""Least mass that a link can be given, in [kg]."""
 
 
 class LinkServices(Services):
@@ -70,10 +74,7 @@ class LinkServices(Services):
         try:
             frame = self._world.entities.frame(request.reference_frame)
         except UnknownNameError:
-            sentence = LINK_NOT_FOUND.replace(
-                "link not", "reference reference_frame not"
-            )
-            response.status_message = f"GetLinkState: {sentence}"
+            response.status_message = f"GetLinkState: {FRAME_NOT_FOUND}"
             return response
         pose, twist = seen_from(frame, link)
         response.link_state = LinkState(
@@ -88,22 +89,30 @@ class LinkServices(Services):
 
     def set_state(self, request):
         """Put a link somewhere, and its model with it."""
-        return SetLinkStateResponse(*self.apply_state(request.link_state))
+        try:
+            return SetLinkStateResponse(*self.apply_state(request.link_state))
+        except InvalidValueError as error:
+            return SetLinkStateResponse(False, f"SetLinkState: refused, {error}")
 
     def apply_state(self, state: LinkState) -> tuple[bool, str]:
-        """Put a link somewhere; give success and status message.
+        """Put a link somewhere, and its model with it.
 
         The twist is for the center of mass, along the world's axes whatever the
         frame is, and the frame's own twist is subtracted: so does Gazebo.
+
+        Returns:
+            Success and status message.
+
+        Raises:
+            InvalidValueError: If the link is not its model's root, or a number is
+                none that a link can have.
         """
         try:
             model = self._model_of_root(state.link_name)
             frame = self._link_frame(state.reference_frame)
-            pose, twist = checked_pose(state.pose), checked_twist(state.twist)
         except UnknownNameError as error:
             return False, f"SetLinkState: {error}"
-        except InvalidValueError as error:
-            return False, f"SetLinkState: refused, {error}"
+        pose, twist = checked_pose(state.pose), checked_twist(state.twist)
         if frame is WORLD_ENTITY:
             rospy.loginfo(
                 "Updating LinkState: reference_frame is empty/world/map, "
@@ -208,7 +217,12 @@ class LinkServices(Services):
             return ApplyBodyWrenchResponse(False, f"ApplyBodyWrench: refused, {error}")
         force, torque = wrench.reshape(2, 3)
         torque = torque + np.cross(point, force)
-        if frame is not WORLD_ENTITY:
+        if frame is WORLD_ENTITY:
+            rospy.loginfo(
+                "ApplyBodyWrench: reference_frame is empty/world/map, using inertial "
+                "frame, transferring from body relative to inertial frame"
+            )
+        else:
             T_link_frame = compose(inverse(link.pose), frame.pose)
             force, torque = rotate(T_link_frame[3:], np.array([force, torque]))
             torque = torque + np.cross(T_link_frame[:3], force)
@@ -239,9 +253,9 @@ def _inertial(request) -> Inertial:
         "inertia",
         [[r.ixx, r.ixy, r.ixz], [r.ixy, r.iyy, r.iyz], [r.ixz, r.iyz, r.izz]],
     )
-    if mass <= 0.0 or np.linalg.eigvalsh(tensor)[0] <= 0.0:
+    if mass < LIGHTEST or np.linalg.eigvalsh(tensor)[0] <= 0.0:
         raise InvalidValueError(
             f"mass {mass} and inertia {tensor.tolist()} are not those of a body, both "
-            "must be positive"
+            f"must be positive and the mass at least {LIGHTEST:g}"
         )
     return Inertial(float(mass), center, tensor)

@@ -42,7 +42,7 @@ from ..sim.entities import Entity, seen_from
 from ..sim.world import World
 from .messages import pose_from_array, stamp_from_ns, twist_from_array
 from .model_files import find_model
-from .wording import LINK_NOT_FOUND, Services, Wording, checked_pose, checked_twist
+from .wording import FRAME_NOT_FOUND, Services, Wording, checked_pose, checked_twist
 
 NOT_A_MODEL = (
     "GazeboRosApiPlugin SpawnModel Failure: input model_xml not SDF or URDF, or cannot "
@@ -102,15 +102,17 @@ class ModelServices(Services):
         try:
             frame = self._world.entities.frame(request.reference_frame)
         except UnknownNameError:
-            sentence = LINK_NOT_FOUND.replace(
-                "link not", "reference reference_frame not"
-            )
-            return SpawnModelResponse(False, f"SpawnModel: {sentence}")
+            return SpawnModelResponse(False, f"SpawnModel: {FRAME_NOT_FOUND}")
         if prepared.content is None:
             words, *clauses = prepared.refusal
+            if words == NOT_A_MODEL:
+                rospy.logerr(
+                    "GazeboRosApiPlugin SpawnModel Failure: input xml format not "
+                    "recognized"
+                )
             return SpawnModelResponse(False, self._wording.say(words, clauses))
         is_light = isinstance(prepared.content, Light)
-        if name in (self._world.lights if is_light else self._world.models):
+        if name in self._world.models or (is_light and name in self._world.lights):
             rospy.logerr("SpawnModel: Failure - model name %s already exist.", name)
             words = "SpawnModel: Failure - entity already exists."
             return SpawnModelResponse(False, words)
@@ -132,10 +134,11 @@ class ModelServices(Services):
         """Add what was read under the name asked for; tell what was left out."""
         request, content = prepared.request, prepared.content
         pose = compose(frame.pose, checked_pose(request.initial_pose))
-        if isinstance(content, Light):
-            self._world.add_light(replace(content, name=request.model_name))
-            return ()
         pose = compose(pose, content.pose)
+        if isinstance(content, Light):
+            light = replace(content, name=request.model_name, pose=pose)
+            self._world.add_light(light)
+            return ()
         left_out = self._world.spawn(request.model_name, content.assembly, pose)
         model = self._world.models[request.model_name]
         model.robot_namespace = request.robot_namespace
@@ -156,6 +159,8 @@ class ModelServices(Services):
         try:
             model = self._world.model(request.model_name)
         except UnknownNameError:
+            name = request.model_name
+            rospy.logerr("GetModelProperties: model [%s] does not exist", name)
             response.status_message = "GetModelProperties: model does not exist"
             return response
         response.body_names = list(model.link_names)
@@ -185,6 +190,7 @@ class ModelServices(Services):
         name, frame = request.model_name, request.relative_entity_name
         response = _ModelStateResponse()
         if name not in self._world.models:
+            rospy.logerr("GetModelState: model [%s] does not exist", name)
             response.status_message = "GetModelState: model does not exist"
             return response
         self._state_calls[name] += 1
@@ -208,17 +214,26 @@ class ModelServices(Services):
 
     def set_state(self, request):
         """Put a model somewhere."""
-        return SetModelStateResponse(*self.apply_state(request.model_state))
+        try:
+            return SetModelStateResponse(*self.apply_state(request.model_state))
+        except InvalidValueError as error:
+            return SetModelStateResponse(False, f"SetModelState: refused, {error}")
 
     def apply_state(self, state: ModelState) -> tuple[bool, str]:
-        """Put a model somewhere; give success and status message."""
+        """Put a model somewhere.
+
+        Returns:
+            Success and status message.
+
+        Raises:
+            InvalidValueError: If a number is none that a model can have.
+        """
         name, frame = state.model_name, state.reference_frame
         if name not in self._world.models:
             rospy.logerr("Updating ModelState: model [%s] does not exist", name)
             return False, "SetModelState: model does not exist"
         try:
             seen = self._world.entities.frame(frame)
-            pose, twist = checked_pose(state.pose), checked_twist(state.twist)
         except UnknownNameError:
             rospy.logerr(
                 "Updating ModelState: for model[%s], specified reference frame entity "
@@ -228,8 +243,7 @@ class ModelServices(Services):
             )
             words = "SetModelState: specified reference frame entity does not exist"
             return False, words
-        except InvalidValueError as error:
-            return False, f"SetModelState: refused, {error}"
+        pose, twist = checked_pose(state.pose), checked_twist(state.twist)
         self._world.set_model_state(self._world.models[name], pose, twist, seen)
         clause = ""
         if twist.any() and not self._world.is_dynamic:

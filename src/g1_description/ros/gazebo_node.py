@@ -81,6 +81,8 @@ class GazeboNode:
             rospy.logerr("set_parameters: refused, %s", error)
             properties = self._world.properties
             return {n: getattr(properties, n) for n in numbers if n not in UNSETTABLE}
+        rospy.loginfo("physics dynamics reconfigure update complete")
+        rospy.loginfo("physics dynamics reconfigure complete")
         return {}
 
     def _in_the_loop(self, answer, prepare=lambda request: request):
@@ -164,12 +166,13 @@ class GazeboNode:
 
 
 def _told(act):
-    """Make what acts on a topic's message tell why it refused, if it did."""
+    """Make what acts on a topic's message tell why it refuses, if it does."""
 
     def callback(message):
-        success, words = act(message)
-        if not success and "refused" in words:
-            rospy.logwarn_throttle_identical(1.0, words)
+        try:
+            act(message)
+        except InvalidValueError as error:
+            rospy.logwarn_throttle_identical(1.0, f"refused, {error}")
 
     return callback
 

@@ -76,8 +76,9 @@ class WorldServices(Services):
         )
 
     def pause(self, _):
-        """Let time stand still."""
+        """Let time stand still, also where steps were asked for."""
         self.paused = True
+        self._end_steps("pause_physics")
         return EmptyResponse()
 
     def unpause(self, _):
@@ -88,11 +89,13 @@ class WorldServices(Services):
     def reset_simulation(self, _):
         """Begin again: time zero, models as spawned, joints at zero."""
         self._world.reset()
+        self._end_steps("reset_simulation")
         return EmptyResponse()
 
     def reset_world(self, _):
         """Put the models back where they were spawned, joints as they are."""
         self._world.reset_models()
+        self._end_steps("reset_world")
         return EmptyResponse()
 
     def get_physics(self, _):
@@ -139,6 +142,8 @@ class WorldServices(Services):
         known = {field.name for field in fields(PhysicsProperties)} - {*UNSETTABLE}
         settable = {name: value for name, value in numbers.items() if name in known}
         self._world.set_properties(replace(self._world.properties, **settable))
+        if not self._world.properties.step_ns:
+            self._end_steps("a time_step of 0")
 
     def get_light(self, request):
         """Tell a light's color and how it fades."""
@@ -223,6 +228,13 @@ class WorldServices(Services):
         if not asked[0]:
             _, steps, answer = self._steps_asked.pop(0)
             answer.set_result(StepResponse(True, f"Step: {steps} steps done"))
+
+    def _end_steps(self, what: str) -> None:
+        """Answer those who wait for steps that will not be done."""
+        for left, steps, answer in self._steps_asked:
+            words = f"Step: ended by {what} after {steps - left} of {steps} steps"
+            answer.set_result(StepResponse(False, words))
+        self._steps_asked.clear()
 
     def cancel_steps(self) -> None:
         """Let nobody wait for steps that will not be done."""

@@ -94,13 +94,15 @@ def find_world(name: str) -> str:
     Raises:
         argparse.ArgumentTypeError: If there is no such file.
     """
-    if name in ("", EMPTY_WORLD):
+    if not name:
         return ""
     resources = os.environ.get(RESOURCE_PATH, "")
     for folder in ["", *resources.split(os.pathsep)]:
         path = Path(folder, name)
         if path.is_file():
             return str(path.resolve())
+    if name == EMPTY_WORLD:
+        return ""
     raise argparse.ArgumentTypeError(
         f"there is no world file {name} in {Path.cwd()} "
         f"nor below {RESOURCE_PATH} ({resources or 'empty'})"

@@ -3,9 +3,16 @@
 from __future__ import annotations
 
 import os
+from functools import lru_cache
 from pathlib import Path
 
 import rospkg
+
+
+@lru_cache(maxsize=None)
+def _packages() -> rospkg.RosPack:
+    """Keep one list of packages: making it walks through all folders."""
+    return rospkg.RosPack()
 
 
 def find_folder(name: str) -> str | None:
@@ -21,7 +28,7 @@ def find_folder(name: str) -> str | None:
         Its folder, or None where there is none.
     """
     try:
-        return rospkg.RosPack().get_path(name)
+        return _packages().get_path(name)
     except rospkg.ResourceNotFound:
         pass
     listed = os.environ.get("GAZEBO_MODEL_PATH", "").split(os.pathsep)

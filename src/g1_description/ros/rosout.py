@@ -27,7 +27,6 @@ class RosoutHandler(logging.Handler):
         """Advertise the topic."""
         super().__init__()
         self._topic = rospy.Publisher("/rosout", Log, queue_size=100)
-        self._topics = rospy.get_param("/rosout_disable_topics_generation", False)
 
     def emit(self, record: logging.LogRecord) -> None:
         """Publish a line; while the node ends there is nowhere to publish it."""
@@ -43,7 +42,8 @@ class RosoutHandler(logging.Handler):
         try:
             self._topic.publish(message)
         except rospy.ROSException:
-            self.handleError(record) if not rospy.is_shutdown() else None
+            if not rospy.is_shutdown():
+                self.handleError(record)
 
 
 def publish_log() -> None:

@@ -11,7 +11,9 @@ from ..core.rotation import normalized
 from ..sim.world import World
 from .messages import pose_to_array, twist_to_array
 
-LINK_NOT_FOUND = "link not found, did you forget to scope the link by model name?"
+_SCOPE = "did you forget to scope the link by model name?"
+LINK_NOT_FOUND = f"link not found, {_SCOPE}"
+FRAME_NOT_FOUND = f"reference reference_frame not found, {_SCOPE}"
 
 
 class Wording:

@@ -13,7 +13,7 @@ from .urdf_import import ROOT, links_of
 NO_LIMIT = 1e6
 """Effort of a joint without an effort limit, in [N m] or [N]."""
 
-FASTEST = 1e5
+FASTEST = 1000.0
 """No joint or body moves faster, in [m/s] or [rad/s]; PyBullet's own bound is 100."""
 
 FRICTION = 1.0

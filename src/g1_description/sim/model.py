@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..core.assembly import WORLD, Assembly
-from ..core.errors import InvalidValueError
+from ..core.errors import LARGEST, InvalidValueError
 from ..core.kinematics import Kinematics
 from ..core.rotation import rotate
 from ..core.transform import compose, inverse
@@ -135,9 +135,10 @@ class Model:
             if name not in self.joint_names:
                 report.unknown.append(name)
                 continue
-            if not np.isfinite(position):
+            if not abs(position) <= LARGEST:
                 raise InvalidValueError(
-                    f"joint {name} cannot be set to {position}, only to a finite number"
+                    f"joint {name} cannot be set to {position}, only to a number "
+                    f"within +-{LARGEST:g}"
                 )
             index = self.joint_names.index(name)
             wanted[index] = float(
