@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from g1_description.core.errors import DescriptionError, UnknownNameError
 from g1_description.core.sdf import read_sdf
-from g1_description.core.transform import compose
+from g1_description.core.transform import compose, inverse
 
 MASS = (
     '<inertial><origin xyz="{}"/><mass value="1"/><inertia ixx="0.02" iyy="0.03" '
@@ -216,6 +216,30 @@ def test_a_root_link_moves_its_model_as_one(make_world):
     before, speed = model.poses[0].copy(), model.twists[0, :3].copy()
     world.run(0.001)
     np.testing.assert_allclose(model.poses[0, :3] - before[:3], 1e-3 * speed, atol=1e-5)
+
+
+def test_the_pose_of_a_model_is_that_of_its_first_link(make_world):
+    """The arm comes first in the file, and hangs on the base."""
+    base = OFFSET.index('<link name="base">')
+    arm, end = OFFSET.index('<link name="arm">'), OFFSET.index('<link name="rod">')
+    text = OFFSET[:base] + OFFSET[arm:end] + OFFSET[base:arm] + OFFSET[end:]
+    world = make_world("limp", gravity=(0.0, 0.0, 0.0))
+    spawn_sdf(world, "crank", text, HERE)
+    model = world.model("crank")
+    assert model.link_names == ("arm", "base", "rod")
+    assert_poses_close(model.pose, HERE, 1e-12)
+    T_arm_model = inverse(compose(inverse(HERE), model.poses[0]))
+    world.set_joint_positions("crank", {"turn": 1.0})
+    assert_poses_close(model.pose, compose(model.poses[0], T_arm_model), 1e-12)
+    assert np.abs(model.pose - HERE).max() > 0.1
+    before = compose(inverse(model.pose), model.poses[1])
+    twist = np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
+    world.put("crank", UP, twist)
+    assert_poses_close(model.pose, UP, 1e-12)
+    assert_poses_close(compose(UP, before), model.poses[1], 1e-12)
+    np.testing.assert_array_equal(model.twist, model.twists[0])
+    world.reset()
+    assert_poses_close(model.pose, HERE, 1e-12)
 
 
 def test_a_world_of_another_file_has_no_ground(make_world):

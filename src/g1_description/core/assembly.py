@@ -24,6 +24,9 @@ class Assembly:
     root_pose: np.ndarray = field(default_factory=lambda: np.array(IDENTITY))
     """Pose of the root link in the model frame, shape (7,)."""
 
+    canonical: str = ""
+    """Link whose pose and twist are the model's; empty: the root, wherever it is."""
+
     static: bool = False
     """Whether it never moves by itself, nor its joints."""
 

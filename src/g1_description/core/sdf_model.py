@@ -63,12 +63,14 @@ def read_model(element: etree._Element, pose: np.ndarray) -> SdfModel:
     elif any(joint.parent == WORLD for joint in joints):
         links = (Link(WORLD), *links)
     root = _root(name, links, joints, static)
+    first = next(link.name for link in links if link.name != WORLD)
     return SdfModel(
         name=name,
         pose=pose,
         assembly=Assembly(
             description=Description(name, root, links, joints),
             root_pose=frames.pose(MODEL if root == WORLD else root),
+            canonical=first if first != root else "",
             static=static,
             frames={link.name: (link.name, IDENTITY) for link in links},
             left_out=(*unread(element), *_static_inside(scopes, static)),

@@ -11,7 +11,7 @@ from ..core.assembly import WORLD, Assembly
 from ..core.errors import LARGEST, InvalidValueError
 from ..core.kinematics import Kinematics
 from ..core.rotation import rotate
-from ..core.transform import compose, inverse
+from ..core.transform import IDENTITY, compose, inverse
 
 SCOPE = "::"
 """What stands between a model's name and a link's or joint's."""
@@ -61,6 +61,7 @@ class Model:
         self.upper = np.array([joint.upper for joint in joints])
         self._kinematics = Kinematics(description) if self.link_names else None
         self._n_links = len(self.link_names)
+        self._T_canonical_model = self._find_model_frame()
         self.robot_namespace = ""
         """Namespace that its spawner gave it; kept as data."""
         self.ode_joints: dict[str, dict[str, float]] = {}
@@ -74,8 +75,14 @@ class Model:
         return tuple(joint.name for joint in joints if joint.listed)
 
     @property
-    def root_row(self) -> int:
+    def canonical_row(self) -> int:
         """Which link the model's pose and twist are those of."""
+        canonical = self.assembly.canonical
+        return self.link_names.index(canonical) if canonical else self.root_row
+
+    @property
+    def root_row(self) -> int:
+        """Which link is the root; the first where the world is."""
         root = self.assembly.description.root
         return self.link_names.index(root) if root in self.link_names else 0
 
@@ -96,12 +103,22 @@ class Model:
     @property
     def pose(self) -> np.ndarray:
         """Pose of the model frame in the world, shape (7,)."""
+        if self.assembly.canonical:
+            return compose(self.poses[self.canonical_row], self._T_canonical_model)
         return compose(self.root_pose, inverse(self.assembly.root_pose))
 
     @property
     def twist(self) -> np.ndarray:
-        """Twist of the root link's frame, along the world's axes, shape (6,)."""
-        return self.twists[self.root_row] if self._n_links else np.zeros(6)
+        """Twist of the canonical link's frame, along the world's axes, shape (6,)."""
+        return self.twists[self.canonical_row] if self._n_links else np.zeros(6)
+
+    def _find_model_frame(self) -> np.ndarray:
+        """Find the model frame in the canonical link, joints at zero, shape (7,)."""
+        if self._kinematics is None:
+            return np.array(IDENTITY)
+        still = np.zeros(len(self.joint_names))
+        poses = self._kinematics.link_poses(self.assembly.root_pose, still)
+        return inverse(poses[self.canonical_row])
 
     def update(self) -> None:
         """Compute all links' poses and twists from the root and the joints."""
@@ -168,14 +185,17 @@ class Model:
                 velocity given to each link, along the world's axes, shape (6,).
                 A fixed model takes none.
         """
-        self.root_pose = compose(pose, self.assembly.root_pose)
+        T_model_root = self.assembly.root_pose
+        if self.assembly.canonical:
+            T_model_root = compose(inverse(self.pose), self.root_pose)
+        self.root_pose = compose(pose, T_model_root)
         self.velocity[:] = 0.0
         self.root_twist = np.zeros(6)
         self.update()
         if twist.any() and self._n_links and not self.fixed:
             self.twists[:, 3:] = twist[3:]
             self.twists[:, :3] = twist[:3] - np.cross(twist[3:], self._levers())
-            self.root_twist = np.array(self.twist)
+            self.root_twist = np.array(self.twists[self.root_row])
 
     def set_root_state(self, pose: np.ndarray, twist: np.ndarray) -> None:
         """Put the model somewhere by its root link, joints as they are and at rest.
