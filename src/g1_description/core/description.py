@@ -171,7 +171,12 @@ def parse_urdf(text: str) -> Description:
     checked = etree.tostring(parse_xml("robot description", text), encoding="utf-8")
     try:
         robot = urdf.URDF.from_xml_string(checked)
-    except (xml_reflection.ParseError, AssertionError, ValueError) as error:
+    except (
+        xml_reflection.ParseError,
+        AssertionError,
+        SyntaxError,  # its reader takes fewer characters than ours
+        ValueError,
+    ) as error:
         sentence = " ".join(str(error).split())
         raise DescriptionError(f"The robot description is not URDF: {sentence}.") from (
             error

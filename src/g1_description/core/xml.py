@@ -34,8 +34,9 @@ def parse_xml(what: str, text: str) -> etree._Element:
         encoding="utf-8",
     )
     try:
-        root = etree.fromstring(text.encode("utf-8", "surrogatepass"), parser)
-    except SyntaxError as error:  # what every XML reader's ParseError is
+        root = etree.fromstring(text.encode("utf-8"), parser)
+    # A reader's ParseError is a SyntaxError, a character that is none a ValueError.
+    except (SyntaxError, ValueError) as error:
         raise DescriptionError(f"The {what} is not XML: {error}.") from error
     if root.getroottree().docinfo.doctype:
         raise DescriptionError(f"The {what} has a DOCTYPE; no entities are read.")
