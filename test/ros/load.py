@@ -13,7 +13,7 @@ import rostest
 from fuzz_node import Node
 from fuzz_wire import ANSWER, Service, body_of, packed, received
 from gazebo_msgs.msg import LinkStates
-from ros_testing import Listener
+from ros_testing import Listener, wait_for
 
 CLIENTS = 50
 PROCESSES = 2
@@ -94,7 +94,8 @@ class TestLoad(unittest.TestCase):
         )
         self.assertGreater(len(latencies) / SECONDS, LEAST)
         self.assertLess(late, 1000.0)
-        self.assertAlmostEqual(node.real_time_factor(), 1.0, delta=0.1)
+        # What was lost is caught up for a moment, then time runs as on the wall.
+        wait_for(lambda: abs(node.real_time_factor() - 1.0) < 0.05, "the full rate")
         self.assertEqual(node.trouble(), [])
 
 

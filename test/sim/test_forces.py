@@ -33,11 +33,14 @@ VECTOR = st.tuples(*[st.floats(-3.0, 3.0)] * 3).map(np.array)
 
 def push(world, model, force, torque=NOWHERE, span=(0, None)):
     link = world.entities.link(f"{model}::body")
-    world.push(link, Span(*span), np.array([*force, *torque]))
+    wrench = np.array([*force, *torque])
+    world.jobs.push(link, Span(*span), wrench, world.time_ns)
 
 
 def strain(world, joint, effort, end=100):
-    world.strain(world.entities.joint(joint), Span(world.time_ns, end * MS), effort)
+    world.jobs.strain(
+        world.entities.joint(joint), Span(world.time_ns, end * MS), effort
+    )
 
 
 @settings(max_examples=25, deadline=None)
@@ -200,7 +203,7 @@ def test_jobs_that_cannot_act_any_more_are_forgotten(make_world):
     world.spawn_urdf("body", BODY, np.array([0, 0, 1.0, 0, 0, 0, 1]))
     for _ in range(100):
         push(world, "body", [2.0, 0, 0])
-        world.strain(world.entities.joint("swing"), Span(0, None), 0.001)
+        world.jobs.strain(world.entities.joint("swing"), Span(0, None), 0.001)
     assert len(world.jobs) == 2
     push(world, "body", [0, 2.0, 0], span=(0, 10 * MS))
     push(world, "body", [0, 0, 2.0], span=(5 * MS, 10 * MS))
@@ -270,7 +273,7 @@ def test_a_limit_on_one_side_leaves_the_other_free(make_world, lower, upper):
         world.set_joint_positions("m", {"j": 0.0})
         joint = world.entities.joint("j")
         now = world.time_ns
-        world.strain(joint, Span(now, now + 1000 * MS), 4.0 * direction)
+        world.jobs.strain(joint, Span(now, now + 1000 * MS), 4.0 * direction)
         world.run(1.0)
         position[direction] = abs(world.model("m").position[0])
     assert position[free] > 1.5

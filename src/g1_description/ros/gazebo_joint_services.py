@@ -128,7 +128,7 @@ class JointServices(Services):
                 False, f"ApplyJointEffort: refused, {error}"
             )
         span = span_of(request.start_time, request.duration, self._world.time_ns)
-        self._world.strain(entity, span, float(effort))
+        self._world.jobs.strain(entity, span, float(effort))
         clause = "" if self._world.is_dynamic else "nothing moves, physics is kinematic"
         words = "ApplyJointEffort: effort set"
         return ApplyJointEffortResponse(True, self._wording.say(words, [clause]))

@@ -227,7 +227,8 @@ class LinkServices(Services):
             force, torque = rotate(T_link_frame[3:], np.array([force, torque]))
             torque = torque + np.cross(T_link_frame[:3], force)
         span = span_of(request.start_time, request.duration, self._world.time_ns)
-        self._world.push(link, span, np.concatenate([force, torque]))
+        applied = np.concatenate([force, torque])
+        self._world.jobs.push(link, span, applied, self._world.time_ns)
         return ApplyBodyWrenchResponse(True, self._wording.say("", [self._idle()]))
 
     def _idle(self) -> str:

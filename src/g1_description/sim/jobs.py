@@ -6,7 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from .body import NO_LIMIT
 from .engine import Engine
+from .entities import Entity
 from .model import SCOPE, Model
 
 
@@ -60,8 +62,13 @@ class Effort:
 class Jobs:
     """What acts and will act, in the order it was asked for."""
 
-    def __init__(self) -> None:
-        """Begin with nothing."""
+    def __init__(self, is_dynamic: bool) -> None:
+        """Begin with nothing.
+
+        Args:
+            is_dynamic: Whether things move; where not, nothing is planned.
+        """
+        self._is_dynamic = is_dynamic
         self._wrenches: list[Wrench] = []
         self._efforts: list[Effort] = []
 
@@ -69,36 +76,51 @@ class Jobs:
         """Count what acts and will act."""
         return len(self._wrenches) + len(self._efforts)
 
-    def push(self, wrench: Wrench, now: int) -> None:
-        """Plan a wrench. Where several act on a link the newest alone does.
+    def push(self, entity: Entity, span: Span, wrench: np.ndarray, now: int) -> None:
+        """Plan a wrench on a link. Where several act the newest alone does.
 
         Gazebo sets a link's force anew with each of its jobs. What the new one
         leaves no time for is forgotten.
 
         Args:
-            wrench: The wrench.
+            entity: The link.
+            span: From when to when.
+            wrench: Force at the center of mass in [N] and torque in [N m], along
+                the world's axes, shape (6,).
             now: The time in [ns].
         """
+        if not self._is_dynamic:
+            return
+        assert entity.model is not None
+        new = Wrench(entity.model, entity.name, span, *wrench.reshape(2, 3))
         self._wrenches = [
             old
             for old in self._wrenches
-            if (old.model, old.link) != (wrench.model, wrench.link)
-            or not wrench.span.covers(old.span, now)
+            if (old.model, old.link) != (new.model, new.link)
+            or not span.covers(old.span, now)
         ]
-        self._wrenches.append(wrench)
+        self._wrenches.append(new)
 
-    def strain(self, effort: Effort) -> None:
-        """Plan an effort. Where several act on a joint, they add up."""
-        same = [
-            old
-            for old in self._efforts
-            if (old.model, old.joint, old.span)
-            == (effort.model, effort.joint, effort.span)
-        ]
-        for old in same:
-            self._efforts.remove(old)
-            effort = replace(effort, effort=effort.effort + old.effort)
-        self._efforts.append(effort)
+    def strain(self, entity: Entity, span: Span, effort: float) -> None:
+        """Plan an effort of a joint, within its limit. Where several act, they add up.
+
+        Args:
+            entity: The joint; a fixed one bears any effort.
+            span: From when to when.
+            effort: In [N m] or [N].
+        """
+        if not self._is_dynamic or entity.row < 0:
+            return
+        assert entity.model is not None
+        limit = min(entity.joint.effort, NO_LIMIT)
+        bounded = min(max(effort, -limit), limit)
+        new = Effort(entity.model, entity.name, span, bounded)
+        for old in self._efforts:
+            if (old.model, old.joint, old.span) == (new.model, new.joint, span):
+                self._efforts.remove(old)
+                new = replace(new, effort=bounded + old.effort)
+                break
+        self._efforts.append(new)
 
     def clear_wrenches(self, scoped_link: str) -> None:
         """Forget the wrenches on a link, by its scoped name."""

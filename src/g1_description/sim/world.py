@@ -17,10 +17,9 @@ from ..core.errors import DescriptionError
 from ..core.rotation import rotate
 from ..core.sdf import EMPTY_WORLD, Light, Sdf, read_sdf
 from ..core.transform import compose
-from .body import NO_LIMIT
 from .engine import Engine
 from .entities import Entities, Entity, named
-from .jobs import Effort, Jobs, Span, Wrench
+from .jobs import Jobs
 from .model import SCOPE, Model, Report
 from .physics import PhysicsProperties
 from .urdf_import import check_size
@@ -59,7 +58,7 @@ class World:
         """Simulated time in [ns]."""
         self.models: dict[str, Model] = {}
         self.lights: dict[str, Light] = {}
-        self.jobs = Jobs()
+        self.jobs = Jobs(self.is_dynamic)
         self._entities: Entities | None = None
         content = content or read_sdf(EMPTY_WORLD)
         for light in content.lights:
@@ -124,35 +123,6 @@ class World:
         self.models[name] = model
         self._entities = None
         return assembly.left_out + left_out
-
-    def push(self, entity: Entity, span: Span, wrench: np.ndarray) -> None:
-        """Let a wrench act on a link for a while; in ``kinematic`` it moves nothing.
-
-        Args:
-            entity: The link.
-            span: From when to when.
-            wrench: Force at the center of mass in [N] and torque in [N m], along
-                the world's axes, shape (6,).
-        """
-        assert entity.model is not None
-        if self.is_dynamic:
-            force, torque = wrench.reshape(2, 3)
-            job = Wrench(entity.model, entity.name, span, force, torque)
-            self.jobs.push(job, self.time_ns)
-
-    def strain(self, entity: Entity, span: Span, effort: float) -> None:
-        """Let an effort act on a joint for a while, within the joint's limit.
-
-        Args:
-            entity: The joint; a fixed one bears any effort.
-            span: From when to when.
-            effort: In [N m] or [N].
-        """
-        assert entity.model is not None
-        if self.is_dynamic and entity.row >= 0:
-            limit = min(entity.joint.effort, NO_LIMIT)
-            bounded = min(max(effort, -limit), limit)
-            self.jobs.strain(Effort(entity.model, entity.name, span, bounded))
 
     def delete(self, name: str) -> None:
         """Remove a model.
@@ -325,7 +295,7 @@ class World:
         the last bit.
         """
         self.time_ns = 0
-        self.jobs = Jobs()
+        self.jobs = Jobs(self.is_dynamic)
         for model in self.models.values():
             model.rewind()
         self._engine.rebuild(self.models.values())
