@@ -164,7 +164,7 @@ class TestDeviations(unittest.TestCase):
         answer = self.spawn("eye", GUI, "spawn_sdf_model")
         self.assertEqual(
             answer["status_message"],
-            "SpawnModel: Successfully spawned entity; plugin of model m; "
+            "SpawnModel: Successfully spawned entity; left out: plugin of model m, "
             "sensor of link l",
         )
 

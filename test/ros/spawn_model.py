@@ -6,13 +6,14 @@ services of this test that keep what they are asked.
 """
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import unittest
 from pathlib import Path
 
-import rospkg
 import rospy
 import rostest
 from gazebo_msgs.srv import (
@@ -192,7 +193,8 @@ class TestSpawnModel(unittest.TestCase):
 
     def test_a_model_of_the_database_is_a_folder_of_the_model_path(self):
         recorder = self.recorder("/shelf")
-        folder = Path(rospkg.get_ros_home(), "models")
+        folder = Path(tempfile.mkdtemp())
+        self.addCleanup(shutil.rmtree, folder)
         (folder / "box").mkdir(parents=True)
         (folder / "box" / "model.sdf").write_text(BOX)
         wanted = ("-sdf", "-model", "b", "-gazebo_namespace", "/shelf", "-database")

@@ -168,7 +168,12 @@ def parse_urdf(text: str) -> Description:
     Raises:
         DescriptionError: If the text is not XML, not URDF, or not one tree.
     """
-    checked = etree.tostring(parse_xml("robot description", text), encoding="utf-8")
+    element = parse_xml("robot description", text)
+    if element.tag != "robot":
+        raise DescriptionError(
+            f"The robot description is not URDF, its root is <{element.tag}>."
+        )
+    checked = etree.tostring(element, encoding="utf-8")
     try:
         robot = urdf.URDF.from_xml_string(checked)
     except (

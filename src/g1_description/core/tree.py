@@ -51,7 +51,8 @@ def one_root(name: str, links: tuple[Link, ...], joints: tuple[Joint, ...]) -> s
         carrier[joint.child] = joint.name
     roots = [link.name for link in links if link.name not in carrier]
     if len(roots) != 1:
-        found = " and ".join(roots[:3]) if roots else "none (its joints make a loop)"
+        why = "its joints make a loop" if links else "it has no links"
+        found = " and ".join(roots[:3]) if roots else f"none ({why})"
         found += f" and {len(roots) - 3} more" if len(roots) > 3 else ""
         raise DescriptionError(f"Robot '{name}' needs one root link, it has {found}.")
     reached = {joint.child for joint in below(roots[0], joints)}

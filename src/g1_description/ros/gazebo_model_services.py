@@ -142,7 +142,7 @@ class ModelServices(Services):
         left_out = self._world.spawn(request.model_name, content.assembly, pose)
         model = self._world.models[request.model_name]
         model.robot_namespace = request.robot_namespace
-        return left_out
+        return (f"left out: {', '.join(left_out)}",) if left_out else ()
 
     def delete_model(self, request):
         """Remove a model; it is gone when this answers."""

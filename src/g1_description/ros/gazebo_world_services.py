@@ -128,7 +128,9 @@ class WorldServices(Services):
         except InvalidValueError as error:
             words = f"SetPhysicsProperties: refused, {error}"
             return SetPhysicsPropertiesResponse(False, words)
-        return SetPhysicsPropertiesResponse(True, "physics engine updated")
+        frozen = "" if request.time_step else "time stands still, time_step is 0"
+        words = self._wording.say("physics engine updated", [frozen])
+        return SetPhysicsPropertiesResponse(True, words)
 
     def change_physics(self, numbers) -> None:
         """Change the physics' numbers that Gazebo sets.

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import atexit
+import os
 import signal
 import socket
 import sys
 import threading
 from contextlib import contextmanager
 
+import rosgraph
 import rospy
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
-PATIENCE = 2.0
-"""How long the program's end waits for the node's, in [s]."""
+PATIENCE = 1.8
+"""Longest time from a signal to the program's end, in [s]."""
 
 
 def start_node(name: str, **options) -> None:
@@ -40,6 +42,10 @@ def start_node(name: str, **options) -> None:
         number = reader.recv(1)
         if number:  # else the program has ended by itself
             ending.set()
+            # rospy may wait for ever for a master that is not there.
+            last = threading.Timer(PATIENCE, os._exit, (128 + number[0],))
+            last.daemon = True
+            last.start()
             rospy.signal_shutdown(f"signal {number[0]}")
 
     thread = threading.Thread(target=end, daemon=True)
@@ -48,10 +54,10 @@ def start_node(name: str, **options) -> None:
     atexit.register(lambda: ending.is_set() and writer and thread.join(PATIENCE))
     try:
         rospy.init_node(name, disable_signals=True, **options)
-    except rospy.ROSInitException:
-        if ending.is_set():
-            sys.exit(1)
-        raise
+    except rospy.ROSInitException as error:
+        master = rosgraph.get_master_uri()
+        told = f"{name}: rospy cannot start, is there a master at {master}? {error}"
+        sys.exit(1 if ending.is_set() else told)
 
 
 @contextmanager

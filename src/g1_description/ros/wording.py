@@ -76,6 +76,6 @@ def checked(what: str, numbers) -> np.ndarray:
     array = np.array(numbers, dtype=float)
     if not (np.abs(array) <= LARGEST).all():
         raise InvalidValueError(
-            f"the {what} {array.tolist()} has a number beyond +-{LARGEST:g}"
+            f"the {what} {array.tolist()} has a number that is not within +-{LARGEST:g}"
         )
     return array

@@ -101,12 +101,14 @@ def _write_inertial(
     """Add a link's inertial, seen from the anchor of its joint."""
     if link.inertial is None:
         raise DescriptionError(f"Link {link.name} has no mass.")
+    # PyBullet reads only round bodies without a warning; it is given the moments later.
     moments, axes = principal_axes(link.inertial.inertia)
     inertial = ElementTree.SubElement(element, "inertial")
     _write_origin(inertial, link.inertial.center_of_mass - anchor, axes)
     ElementTree.SubElement(inertial, "mass", value=repr(link.inertial.mass))
     zero = dict.fromkeys(("ixy", "ixz", "iyz"), "0")
-    diagonal = dict(zip(("ixx", "iyy", "izz"), _numbers(moments).split()))
+    largest = repr(float(moments.max()))
+    diagonal = dict.fromkeys(("ixx", "iyy", "izz"), largest)
     ElementTree.SubElement(inertial, "inertia", {**diagonal, **zero})
 
 
