@@ -31,8 +31,8 @@ class Assembly:
     """Whether it never moves by itself, nor its joints."""
 
     frames: dict[str, tuple[str, np.ndarray]] = field(default_factory=dict)
-    """Each link of the file that is there or became part of another: the body that
-    holds it and its pose in that body, shape (7,)."""
+    """Where links are lumped: each link of the file that is there or became part of
+    another, with the body that holds it and its pose in that body, shape (7,)."""
 
     left_out: tuple[str, ...] = ()
     """A clause for each thing in the file that is not simulated."""

@@ -7,7 +7,6 @@ reading. No joint or link name is known here or anywhere else in code.
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -15,7 +14,8 @@ from lxml import etree
 from urdf_parser_py import urdf
 from urdf_parser_py.xml_reflection import core as xml_reflection
 
-from .errors import LARGEST, DescriptionError
+from .bounds import checked
+from .errors import DescriptionError
 from .rotation import from_rpy, to_axes
 from .tree import one_root
 from .xml import parse_xml
@@ -197,21 +197,6 @@ def _pose(owner: str, origin: urdf.Pose | None) -> np.ndarray:
     rpy = (origin.rpy if origin is not None else None) or [0.0, 0.0, 0.0]
     numbers = checked(f"an origin of {owner}", [*xyz, *rpy])
     return np.concatenate([numbers[:3], from_rpy(numbers[3:])])
-
-
-def checked(what: str, numbers: Sequence[float], least: float = -LARGEST) -> np.ndarray:
-    """Check that numbers are some that a robot can have.
-
-    Raises:
-        DescriptionError: If one is NaN, or out of bounds.
-    """
-    array = np.array(numbers, dtype=float)
-    if not ((array >= least) & (array <= LARGEST)).all():
-        raise DescriptionError(
-            f"{what[0].upper()}{what[1:]} has the numbers {array.tolist()}, "
-            f"not all are from {least:g} to {LARGEST:g}."
-        )
-    return array
 
 
 def _link(link: urdf.Link) -> Link:

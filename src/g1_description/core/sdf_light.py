@@ -8,7 +8,7 @@ import numpy as np
 from lxml import etree
 
 from .assembly import WORLD
-from .description import checked
+from .bounds import checked
 from .errors import DescriptionError
 from .sdf_frames import Scope
 from .sdf_text import flag, name_of, number, numbers, text_of, vector

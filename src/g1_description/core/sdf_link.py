@@ -7,7 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 from lxml import etree
 
-from .description import Inertial, Link, Shape, checked
+from .bounds import checked
+from .description import Inertial, Link, Shape
 from .errors import DescriptionError
 from .rotation import to_axes
 from .sdf_frames import Scope

@@ -19,7 +19,6 @@ from .sdf_joint import carried_by, fixed_joint, read_joint
 from .sdf_link import read_link
 from .sdf_text import flag, name_of, text_of
 from .sdf_unread import unread
-from .transform import IDENTITY
 from .tree import one_root
 
 
@@ -72,7 +71,6 @@ def read_model(element: etree._Element, pose: np.ndarray) -> SdfModel:
             root_pose=frames.pose(MODEL if root == WORLD else root),
             canonical=first if first != root else "",
             static=static,
-            frames={link.name: (link.name, IDENTITY) for link in links},
             left_out=(*unread(element), *_static_inside(scopes, static)),
         ),
     )

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from lxml import etree
 
-from .description import checked
+from .bounds import checked
 from .errors import LARGEST, DescriptionError
 from .rotation import from_rpy
 from .transform import IDENTITY
