@@ -129,9 +129,9 @@ class JointServices(Services):
             )
         span = span_of(request.start_time, request.duration, self._world.time_ns)
         self._world.jobs.strain(entity, span, float(effort))
-        clause = "" if self._world.is_dynamic else "nothing moves, physics is kinematic"
-        words = "ApplyJointEffort: effort set"
-        return ApplyJointEffortResponse(True, self._wording.say(words, [clause]))
+        clauses = [self._in_vain("nothing moves")]
+        words = self._wording.say("ApplyJointEffort: effort set", clauses)
+        return ApplyJointEffortResponse(True, words)
 
     def clear_efforts(self, request):
         """Let joints go; only the plain name is known here."""

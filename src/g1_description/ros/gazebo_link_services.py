@@ -120,15 +120,13 @@ class LinkServices(Services):
             )
         target = compose(frame.pose, pose)
         self._world.set_root_state(model, target, twist - frame.twist)
-        clause = ""
-        if twist.any() and not self._world.is_dynamic:
-            clause = "the twist is ignored, physics is kinematic"
+        clause = self._in_vain("the twist is ignored") if twist.any() else ""
         return True, self._wording.say("SetLinkState: success", [clause])
 
     def _link_frame(self, name: str) -> Entity:
         """Find a frame for set_link_state; a refusal is in Gazebo's words."""
         try:
-            return self._world.entities.link_frame(name)
+            return self._world.entities.frame(name, ("link",))
         except UnknownNameError:
             rospy.logerr(
                 "Updating LinkState: reference_frame is not a valid entity name"
@@ -229,11 +227,8 @@ class LinkServices(Services):
         span = span_of(request.start_time, request.duration, self._world.time_ns)
         applied = np.concatenate([force, torque])
         self._world.jobs.push(link, span, applied, self._world.time_ns)
-        return ApplyBodyWrenchResponse(True, self._wording.say("", [self._idle()]))
-
-    def _idle(self) -> str:
-        """Tell that nothing will move, where that is so."""
-        return "" if self._world.is_dynamic else "nothing moves, physics is kinematic"
+        words = self._wording.say("", [self._in_vain("nothing moves")])
+        return ApplyBodyWrenchResponse(True, words)
 
     def clear_wrenches(self, request):
         """Stop pushing a link; only its scoped name is known here."""

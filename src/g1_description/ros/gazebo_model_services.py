@@ -245,9 +245,7 @@ class ModelServices(Services):
             return False, words
         pose, twist = checked_pose(state.pose), checked_twist(state.twist)
         self._world.set_model_state(self._world.models[name], pose, twist, seen)
-        clause = ""
-        if twist.any() and not self._world.is_dynamic:
-            clause = "the twist is ignored, physics is kinematic"
+        clause = self._in_vain("the twist is ignored") if twist.any() else ""
         words = "SetModelState: set model state done"
         return True, self._wording.say(words, [clause])
 

@@ -13,6 +13,7 @@ from ..core.errors import DescriptionError
 from ..core.lumping import lump_fixed_joints
 from ..core.rotation import from_rpy
 from ..core.sdf import EMPTY_WORLD, Sdf, read_sdf
+from ..sim.physics import GRAVITY
 from ..sim.world import World
 from .model_files import find_folder, find_model
 from .parameters import GazeboParameters
@@ -58,7 +59,7 @@ def _physics(content: Sdf) -> dict[str, float]:
     told = {
         "time_step": content.time_step,
         "max_update_rate": content.max_update_rate,
-        **dict(zip(("gravity_x", "gravity_y", "gravity_z"), gravity)),
+        **dict(zip(GRAVITY, gravity)),
     }
     return {
         name: value

@@ -72,8 +72,7 @@ class StateTopics:
     def _link_states(self) -> PreparedLinkStates:
         """Tell the states of all links."""
         message = PreparedLinkStates()
-        names = self._world.link_names()
-        message.data = self._links.encode(names, *self._world.link_states())
+        message.data = self._encoded_links()
         return message
 
     def _model_states(self) -> PreparedModelStates:
@@ -94,7 +93,10 @@ class StateTopics:
         message.header.seq = self._seq
         message.header.stamp = stamp_from_ns(self._world.time_ns)
         message.header.frame_id = "world"
-        names = self._world.link_names()
-        states = self._links.encode(names, *self._world.link_states())
-        message.data = states + struct.pack("<I", 0)
+        message.data = self._encoded_links() + struct.pack("<I", 0)
         return message
+
+    def _encoded_links(self) -> bytes:
+        """Write the states of all links."""
+        names = self._world.link_names()
+        return self._links.encode(names, *self._world.link_states())

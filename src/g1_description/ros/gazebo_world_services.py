@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from concurrent.futures import Future
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 
 from gazebo_msgs.msg import ODEPhysics
 from gazebo_msgs.srv import (
@@ -33,7 +33,7 @@ from g1_description.srv import (
 )
 
 from ..core.errors import InvalidValueError, UnknownNameError
-from ..sim.physics import PhysicsProperties
+from ..sim.physics import GRAVITY, PhysicsProperties
 from ..sim.world import World
 from .messages import vector_to_array
 from .wording import Services, Wording, checked, checked_pose
@@ -41,7 +41,19 @@ from .wording import Services, Wording, checked, checked_pose
 UNSETTABLE = ("auto_disable_bodies", "sor_pgs_rms_error_tol")
 """Numbers that Gazebo reads and never sets."""
 
+FADING = ("constant", "linear", "quadratic")
+"""How a light fades with the distance."""
+
 ODE = tuple(ODEPhysics.__slots__)
+
+
+@dataclass
+class Waiting:
+    """Somebody who waits for steps to pass."""
+
+    answer: Future
+    steps: int
+    done: int = 0
 
 
 class WorldServices(Services):
@@ -57,7 +69,7 @@ class WorldServices(Services):
         """
         super().__init__(world, wording)
         self.paused = paused
-        self._steps_asked: list[list] = []
+        self._waiting: list[Waiting] = []
 
     def table(self):
         """List the services: name under the node, type, and what answers."""
@@ -120,7 +132,7 @@ class WorldServices(Services):
         numbers = {
             "time_step": request.time_step,
             "max_update_rate": request.max_update_rate,
-            **dict(zip(("gravity_x", "gravity_y", "gravity_z"), gravity)),
+            **dict(zip(GRAVITY, gravity)),
             **{name: getattr(request.ode_config, name) for name in ODE},
         }
         try:
@@ -156,7 +168,7 @@ class WorldServices(Services):
             response.status_message = _no_light("getLight", request)
             return response
         response.diffuse = ColorRGBA(*light.diffuse)
-        for name in ("constant", "linear", "quadratic"):
+        for name in FADING:
             attenuation = f"attenuation_{name}"
             setattr(response, attenuation, getattr(light, attenuation))
         response.success = True
@@ -176,7 +188,7 @@ class WorldServices(Services):
                 f"attenuation_{name}": float(
                     checked(name, [getattr(request, f"attenuation_{name}")])[0]
                 )
-                for name in ("constant", "linear", "quadratic")
+                for name in FADING
             }
         except InvalidValueError as error:
             words = f"setLightProperties: refused, {error}"
@@ -213,35 +225,36 @@ class WorldServices(Services):
         if not request.steps:
             return StepResponse(True, "Step: 0 steps done")
         answer: Future = Future()
-        self._steps_asked.append([request.steps, request.steps, answer])
+        self._waiting.append(Waiting(answer, request.steps))
         return answer
 
     @property
     def is_stepping(self) -> bool:
         """Whether steps were asked for that have not passed yet."""
-        return bool(self._steps_asked)
+        return bool(self._waiting)
 
     def count_step(self) -> None:
         """Note that a step has passed, and answer who has waited for it."""
-        if not self._steps_asked:
+        if not self._waiting:
             return
-        asked = self._steps_asked[0]
-        asked[0] -= 1
-        if not asked[0]:
-            _, steps, answer = self._steps_asked.pop(0)
-            answer.set_result(StepResponse(True, f"Step: {steps} steps done"))
+        first = self._waiting[0]
+        first.done += 1
+        if first.done == first.steps:
+            self._waiting.pop(0)
+            words = f"Step: {first.steps} steps done"
+            first.answer.set_result(StepResponse(True, words))
 
     def _end_steps(self, what: str) -> None:
         """Answer those who wait for steps that will not be done."""
-        for left, steps, answer in self._steps_asked:
-            words = f"Step: ended by {what} after {steps - left} of {steps} steps"
-            answer.set_result(StepResponse(False, words))
-        self._steps_asked.clear()
+        for one in self._waiting:
+            words = f"Step: ended by {what} after {one.done} of {one.steps} steps"
+            one.answer.set_result(StepResponse(False, words))
+        self._waiting.clear()
 
     def cancel_steps(self) -> None:
         """Let nobody wait for steps that will not be done."""
-        for _, _, answer in self._steps_asked:
-            answer.cancel()
+        for one in self._waiting:
+            one.answer.cancel()
 
     def set_real_time_factor(self, request):
         """Set how fast simulated time runs, by max_update_rate."""

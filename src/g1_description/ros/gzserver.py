@@ -12,6 +12,7 @@ import rospy
 
 from . import gzclient
 from .command_line import Ignored, OneSentenceParser, own_arguments
+from .model_files import listed_folders
 
 PHYSICS = {
     **dict.fromkeys(("ode", "bullet", "dart", "simbody"), "limp"),
@@ -96,8 +97,7 @@ def find_world(name: str) -> str:
     """
     if not name:
         return ""
-    resources = os.environ.get(RESOURCE_PATH, "")
-    for folder in ["", *resources.split(os.pathsep)]:
+    for folder in ["", *listed_folders(RESOURCE_PATH)]:
         path = Path(folder, name)
         if path.is_file():
             return str(path.resolve())
@@ -105,7 +105,7 @@ def find_world(name: str) -> str:
         return ""
     raise argparse.ArgumentTypeError(
         f"there is no world file {name} in {Path.cwd()} "
-        f"nor below {RESOURCE_PATH} ({resources or 'empty'})"
+        f"nor below {RESOURCE_PATH} ({os.environ.get(RESOURCE_PATH) or 'empty'})"
     )
 
 

@@ -56,11 +56,6 @@ def stamp_from_ns(time_ns: int) -> genpy.Time:
     return genpy.Time(time_ns // 1_000_000_000, time_ns % 1_000_000_000)
 
 
-def time_to_ns(time: genpy.Time | genpy.Duration) -> int:
-    """Convert a time or duration to [ns]."""
-    return time.to_nsec()
-
-
 def vector_to_array(vector: Vector3 | Point) -> np.ndarray:
     """Give the coordinates, shape (3,)."""
     return np.array([vector.x, vector.y, vector.z])

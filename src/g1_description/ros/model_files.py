@@ -8,6 +8,14 @@ from pathlib import Path
 
 import rospkg
 
+MODEL_PATH = "GAZEBO_MODEL_PATH"
+"""Environment variable with the folders that models lie in."""
+
+
+def listed_folders(variable: str) -> list[str]:
+    """Give the folders that an environment variable lists."""
+    return [*filter(None, os.environ.get(variable, "").split(os.pathsep))]
+
 
 @lru_cache(maxsize=None)
 def _packages() -> rospkg.RosPack:
@@ -31,8 +39,7 @@ def find_folder(name: str) -> str | None:
         return _packages().get_path(name)
     except rospkg.ResourceNotFound:
         pass
-    listed = os.environ.get("GAZEBO_MODEL_PATH", "").split(os.pathsep)
-    for place in (*filter(None, listed), Path.home() / ".gazebo" / "models"):
+    for place in (*listed_folders(MODEL_PATH), Path.home() / ".gazebo" / "models"):
         if (Path(place) / name).is_dir() and os.sep not in name and name != "..":
             return str(Path(place) / name)
     return None

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
-
 from dynamic_reconfigure.encoding import encode_config
 from dynamic_reconfigure.server import Server
 
@@ -38,21 +36,15 @@ _MEANINGS = {
 class PhysicsConfig:
     """What dynamic_reconfigure's server asks of a generated configuration."""
 
-    all_level = 1
-
     def __init__(self, properties: PhysicsProperties) -> None:
         """Describe the numbers.
 
         Args:
             properties: The numbers to begin with.
         """
-        values = {
-            field.name: getattr(properties, field.name) for field in fields(properties)
-        }
-        self.defaults = {name: values[name] for name in RANGES}
+        self.defaults = {name: getattr(properties, name) for name in RANGES}
         self.min = {name: low for name, (low, _) in RANGES.items()}
         self.max = {name: high for name, (_, high) in RANGES.items()}
-        self.level = dict.fromkeys(RANGES, 1)
         self.type = {name: _KINDS[type(low)] for name, (low, _) in RANGES.items()}
         self.config_description = {
             "name": "Default",

@@ -31,9 +31,8 @@ from ..core.errors import DescriptionError
 from ..core.rotation import from_rpy
 from .command_line import OneSentenceParser, number, own_arguments
 from .messages import pose_from_array
+from .model_files import MODEL_PATH, listed_folders
 from .shutdown import start_node
-
-MODEL_PATH = "GAZEBO_MODEL_PATH"
 
 PATIENCE = 1.0
 """Wait for a service before telling that it is waited for, in [s]."""
@@ -131,13 +130,13 @@ def _read_file(path: str) -> str:
 
 def find_in_database(model: str) -> str:
     """Find a model's SDF file below the folders of GAZEBO_MODEL_PATH."""
-    folders = os.environ.get(MODEL_PATH, "")
-    for folder in filter(None, folders.split(os.pathsep)):
+    for folder in listed_folders(MODEL_PATH):
         path = Path(folder, model, "model.sdf")
         if path.is_file():
             return str(path)
     raise DescriptionError(
-        f"There is no {model}/model.sdf below {MODEL_PATH} ({folders or 'empty'}), "
+        f"There is no {model}/model.sdf below {MODEL_PATH} "
+        f"({os.environ.get(MODEL_PATH) or 'empty'}), "
         "and no other database is asked."
     )
 

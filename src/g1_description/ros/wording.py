@@ -46,6 +46,10 @@ class Services:
         self._world = world
         self._wording = wording
 
+    def _in_vain(self, clause: str) -> str:
+        """Tell what has no effect where nothing moves by itself."""
+        return "" if self._world.is_dynamic else f"{clause}, physics is kinematic"
+
 
 def checked_pose(message) -> np.ndarray:
     """Read a pose as Gazebo does: a zero quaternion is the identity.

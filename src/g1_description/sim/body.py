@@ -40,9 +40,9 @@ class Body:
         self._model = model
         description = model.assembly.description
         self._link_names = dict(links_of(client, number, description))
-        place = {name: index for index, name in self._link_names.items()}
+        self._index = {name: index for index, name in self._link_names.items()}
         joints = description.movable_joints
-        self._joints = [place[joint.child] for joint in joints]
+        self._joints = [self._index[joint.child] for joint in joints]
         self._efforts = [min(joint.effort, NO_LIMIT) for joint in joints]
         inertial = client.getDynamicsInfo(number, ROOT)[3:5]
         self._T_root_center = np.concatenate(inertial)
@@ -154,10 +154,8 @@ class Body:
                 shape (3,).
             torque: Along the world's axes, in [N m], shape (3,).
         """
-        (index,) = (i for i, name in self._link_names.items() if name == link)
-        center = self._center(index)
-        world = self._client.WORLD_FRAME
-        self._client.applyExternalForce(self.number, index, force, center, world)
+        index, world = self._index[link], self._client.WORLD_FRAME
+        self._pull(index, force)
         self._client.applyExternalTorque(self.number, index, torque, world)
 
     def strain(self, joint: str, effort: float) -> None:
@@ -190,13 +188,12 @@ class Body:
     def float_weightless(self, gravity: tuple[float, float, float]) -> None:
         """Cancel gravity during the next step where a link has none."""
         for index, mass in self._weightless:
-            self._client.applyExternalForce(
-                self.number,
-                index,
-                -mass * np.array(gravity),
-                self._center(index),
-                self._client.WORLD_FRAME,
-            )
+            self._pull(index, -mass * np.array(gravity))
+
+    def _pull(self, index: int, force: np.ndarray) -> None:
+        """Let a force act at a link's center of mass during the next step."""
+        center, world = self._center(index), self._client.WORLD_FRAME
+        self._client.applyExternalForce(self.number, index, force, center, world)
 
     def _center(self, index: int) -> np.ndarray:
         """Find a link's center of mass in the world, in [m], shape (3,)."""
@@ -214,15 +211,16 @@ class Body:
         if row < 0:
             return
         numbers = self._model.ode_joints[joint]
-        given = {}
         if "damping" in numbers:
             self._damping[row] = numbers["damping"]
         if "loStop" in numbers or "hiStop" in numbers:  # PyBullet wants both
             lower, upper = self._model.lower[row], self._model.upper[row]
-            given["jointLowerLimit"] = max(numbers.get("loStop", lower), -LARGEST)
-            given["jointUpperLimit"] = min(numbers.get("hiStop", upper), LARGEST)
-        if given:
-            self._client.changeDynamics(self.number, self._joints[row], **given)
+            self._client.changeDynamics(
+                self.number,
+                self._joints[row],
+                jointLowerLimit=max(numbers.get("loStop", lower), -LARGEST),
+                jointUpperLimit=min(numbers.get("hiStop", upper), LARGEST),
+            )
 
     def hold(self) -> None:
         """Let motors hold the joints where they were set, within their efforts."""

@@ -25,6 +25,9 @@ _Thing = TypeVar("_Thing")
 WORLD_FRAMES = ("", "world", "map", "/map")
 """Names of the world's own frame, where nothing has one of them."""
 
+FRAMES = ("model", "link", "collision", "light")
+"""Kinds of things that have a pose."""
+
 
 @dataclass(frozen=True)
 class Entity:
@@ -127,25 +130,19 @@ class Entities:
         """
         return self._found(self._joints, name, ("joint",))
 
-    def frame(self, name: str) -> Entity:
-        """Find a reference frame: a model, link, collision, light, or the world.
+    def frame(self, name: str, kinds: tuple[str, ...] = FRAMES) -> Entity:
+        """Find a reference frame: the world, or a thing that has a pose.
+
+        Args:
+            name: Plain or scoped.
+            kinds: What may be one besides the world.
 
         Raises:
             UnknownNameError: If there is none.
         """
         if name not in self._first and name in WORLD_FRAMES:
             return WORLD_ENTITY
-        return self._found(self._first, name, ("model", "link", "collision", "light"))
-
-    def link_frame(self, name: str) -> Entity:
-        """Find a reference frame that is a link or the world.
-
-        Raises:
-            UnknownNameError: If there is none.
-        """
-        if name not in self._first and name in WORLD_FRAMES:
-            return WORLD_ENTITY
-        return self.link(name)
+        return self._found(self._first, name, kinds)
 
     @staticmethod
     def _found(names: dict[str, Entity], name: str, kinds: tuple[str, ...]) -> Entity:

@@ -188,10 +188,7 @@ class Model:
         T_model_root = self.assembly.root_pose
         if self.assembly.canonical:
             T_model_root = compose(inverse(self.pose), self.root_pose)
-        self.root_pose = compose(pose, T_model_root)
-        self.velocity[:] = 0.0
-        self.root_twist = np.zeros(6)
-        self.update()
+        self._place_root(compose(pose, T_model_root))
         if twist.any() and self._n_links and not self.fixed:
             self.twists[:, 3:] = twist[3:]
             self.twists[:, :3] = twist[:3] - np.cross(twist[3:], self._levers())
@@ -209,15 +206,19 @@ class Model:
         if self.assembly.description.root == WORLD:
             T_root_link = compose(inverse(self.root_pose), self.poses[self.root_row])
             pose = compose(pose, inverse(T_root_link))
-        self.root_pose = np.array(pose)
-        self.velocity[:] = 0.0
-        self.root_twist = np.zeros(6)
-        self.update()
+        self._place_root(np.array(pose))
         if not self.fixed:
             lever = self._levers()[self.root_row]
             self.root_twist = np.array(twist)
             self.root_twist[:3] -= np.cross(twist[3:], lever)
             self.update()
+
+    def _place_root(self, pose: np.ndarray) -> None:
+        """Put the root link somewhere in the world, with all at rest."""
+        self.root_pose = pose
+        self.velocity[:] = 0.0
+        self.root_twist = np.zeros(6)
+        self.update()
 
     def _levers(self) -> np.ndarray:
         """Find the way from each link frame's origin to its center of mass.

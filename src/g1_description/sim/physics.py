@@ -11,6 +11,9 @@ from ..core.errors import LARGEST, InvalidValueError
 LONGEST_STEP = 10.0
 """Longest time step in [s]: what Gazebo's dynamic_reconfigure allows."""
 
+GRAVITY = ("gravity_x", "gravity_y", "gravity_z")
+"""Names of gravity's numbers."""
+
 _WHOLE_NUMBERS = ("sor_pgs_precon_iters", "sor_pgs_iters", "max_contacts")
 
 
@@ -89,7 +92,7 @@ class PhysicsProperties:
 
 _RANGES = {
     "time_step": (0.0, LONGEST_STEP),
-    **dict.fromkeys(("gravity_x", "gravity_y", "gravity_z"), (-LARGEST, LARGEST)),
+    **dict.fromkeys(GRAVITY, (-LARGEST, LARGEST)),
     "sor_pgs_rms_error_tol": (-1.0, LARGEST),
     **dict.fromkeys(_WHOLE_NUMBERS, (0, 2**32 - 1)),
     "sor_pgs_iters": (0, 10_000),

@@ -75,11 +75,6 @@ class World:
         self._engine.close()
 
     @property
-    def physics(self) -> str:
-        """Which physics it is, one of ``engine.PHYSICS``."""
-        return self._engine.physics
-
-    @property
     def is_dynamic(self) -> bool:
         """Whether things move by themselves."""
         return self._engine.is_dynamic
@@ -301,9 +296,5 @@ class World:
         self._engine.rebuild(self.models.values())
 
     def contacts(self) -> set[tuple[str, str]]:
-        """Find which links touch or overlap now.
-
-        Returns:
-            Pairs of ``model::link``, each pair once, in alphabetical order.
-        """
+        """Find which links touch or overlap now, as ``contacts.contacts``."""
         return self._engine.contacts()
