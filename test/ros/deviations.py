@@ -15,7 +15,7 @@ import rostest
 from dynamic_reconfigure.client import Client
 from gazebo_msgs.msg import LinkStates, WorldState
 from golden_simulator import UP, Simulator, pose_fields
-from ros_testing import Listener, wait_for
+from ros_testing import Connected, wait_for
 from rosgraph_msgs.msg import Clock
 
 MASS = (
@@ -196,10 +196,8 @@ class TestDeviations(unittest.TestCase):
         self.simulator.put("arm", [0, 0, 1, *UP], [1.0, *[0.0] * 5])
         begin = self.simulator.time()
         order = []
-        clock = Listener("/clock", Clock)
-        states = Listener("/gazebo/world_state", WorldState)
-        for listener in (clock, states):
-            wait_for(listener._subscriber.get_num_connections, "a connection")
+        clock = Connected("/clock", Clock)
+        states = Connected("/gazebo/world_state", WorldState)
         self.simulator.run(0.05)
         last = states.wait(lambda m: m.header.stamp.to_sec() > begin + 0.0495)
         for message in states.messages:
@@ -213,8 +211,7 @@ class TestDeviations(unittest.TestCase):
         states.close()
 
     def test_7_steps_pass_while_time_stands_still(self):
-        states = Listener("/gazebo/link_states", LinkStates)
-        wait_for(states._subscriber.get_num_connections, "a connection")
+        states = Connected("/gazebo/link_states", LinkStates)
         begin = self.simulator.time()
         answer = self.call("step", steps=25)
         self.assertEqual(
@@ -258,10 +255,8 @@ class TestDeviations(unittest.TestCase):
         self.assertAlmostEqual(sorted(factors)[5], 0.25, delta=0.02)
 
     def test_7_world_state_is_link_states_with_a_stamp(self):
-        links = Listener("/gazebo/link_states", LinkStates)
-        world = Listener("/gazebo/world_state", WorldState)
-        for listener in (links, world):
-            wait_for(listener._subscriber.get_num_connections, "a connection")
+        links = Connected("/gazebo/link_states", LinkStates)
+        world = Connected("/gazebo/world_state", WorldState)
         self.simulator.put("arm", [0, 0, 1, *UP], [1.0, 2.0, 3.0, 0.4, 0.5, 0.6])
         self.simulator.run(0.01)
         for listener in (links, world):

@@ -12,8 +12,8 @@ import numpy as np
 from golden_cases import plain
 from golden_effects import SHORT
 from golden_simulator import UP, text_of
-from golden_topics import Connected
-from ros_testing import Listener, wait_for
+from golden_topics import TOPICS
+from ros_testing import Connected, Listener, wait_for
 from rosgraph_msgs.msg import Clock
 
 ENDS = ("lower", "upper")
@@ -138,7 +138,7 @@ def reset_while_running(simulator, case):
 
 def seen_on_first_message(simulator, case):
     """Command a joint while paused, then let time run."""
-    listener = Connected("link_states")
+    listener = Connected(*TOPICS["link_states"])
     response = simulator.send(case["request"][0])
     simulator.is_paused()
     silent = len(listener.messages)

@@ -12,7 +12,7 @@ from gazebo_msgs.msg import LinkState, LinkStates, ModelState, ModelStates
 from genpy.message import fill_message_args
 from golden_cases import plain
 from golden_simulator import QUARTER, UP, pose_fields, twist_fields
-from ros_testing import Listener, wait_for
+from ros_testing import Connected, wait_for
 from rosgraph.network import encode_ros_handshake_header, read_ros_handshake_header
 from rosgraph_msgs.msg import Clock
 
@@ -77,17 +77,9 @@ def parameters(simulator, _):
     return {"use_sim_time": rospy.get_param("/use_sim_time"), "values": values}
 
 
-class Connected(Listener):
-    """A listener that the simulator knows of."""
-
-    def __init__(self, name):
-        super().__init__(*TOPICS[name])
-        wait_for(self._subscriber.get_num_connections, f"a connection to {name}")
-
-
 def silent_while_paused(simulator, name):
     """Listen for a second of wall time."""
-    listener = Connected(name)
+    listener = Connected(*TOPICS[name])
     before = simulator.time()
     with contextlib.suppress(AssertionError):
         listener.wait(deadline=1.0)
@@ -100,7 +92,7 @@ def silent_while_paused(simulator, name):
 def one_per_step(simulator, name):
     """Count messages and steps; a reader that stalls loses some, so try again."""
     for _ in range(10):
-        listener = Connected(name)
+        listener = Connected(*TOPICS[name])
         before = simulator.time()
         simulator.call("unpause_physics")
         wait_for(lambda before=before: simulator.time() > before + 0.05, "50 steps")
@@ -122,7 +114,7 @@ def one_per_step(simulator, name):
 
 def first_message(simulator, name):
     """Let time run until there is a message; give it as a dict by names."""
-    listener = Connected(name)
+    listener = Connected(*TOPICS[name])
     simulator.call("unpause_physics")
     message = listener.wait()
     simulator.call("pause_physics")
@@ -187,7 +179,7 @@ def resubscribe(simulator, _):
     simulator.call("unpause_physics")
     got = 0
     for _ in range(20):
-        listener = Connected("link_states")
+        listener = Connected(*TOPICS["link_states"])
         got += bool(listener.wait())
         listener.close()
     return {"got_data": got}

@@ -75,6 +75,14 @@ class Listener:
         self._subscriber.unregister()
 
 
+class Connected(Listener):
+    """A listener that a publisher knows of: what it sends from now on comes."""
+
+    def __init__(self, topic, kind, **options):
+        super().__init__(topic, kind, **options)
+        wait_for(self._subscriber.get_num_connections, f"a connection to {topic}")
+
+
 class Launch:
     """A launch file of this package, run in this master until it is stopped."""
 

@@ -12,7 +12,7 @@ import rostest
 from fuzz_node import Node
 from fuzz_wire import HangupError, Service, ServiceError
 from gazebo_msgs.msg import LinkStates
-from ros_testing import Listener
+from ros_testing import Listener, wait_for
 from rosgraph_msgs.msg import Clock
 
 AT_MOST = 2.0
@@ -102,8 +102,8 @@ class TestShutdown(unittest.TestCase):
         for thread in threads:
             thread.start()
         started.wait()
-        while until is not None and node.time() == until:
-            pass
+        if until is not None:
+            wait_for(lambda: node.time() != until, "a step")
 
         def wait():
             for thread in threads:

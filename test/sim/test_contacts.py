@@ -78,27 +78,28 @@ def test_a_ball_bounces_higher_the_more_restitution_it_has(make_world):
     assert rebounds[0] + 0.02 < rebounds[1] < rebounds[2] - 0.1 < 0.9
 
 
-def test_the_vendors_g1_collapses_as_in_gazebo(make_world):
+@pytest.fixture()
+def collapse(make_world):
+    """Give a world in which the vendor's G1 begins to fall."""
     if not VENDOR.exists():
         pytest.skip("the vendor's g1_29dof.urdf is not beside the repository")
     world = make_world("limp")
     text = with_absolute_uris(VENDOR.read_text(), VENDOR.parent)
     world.spawn_urdf("g1", text, np.array([0, 0, 0.79, 0, 0, 0, 1]))
+    return world
+
+
+def test_the_vendors_g1_collapses_as_in_gazebo(collapse):
     for time, height in GAZEBO_COLLAPSE.items():
-        world.run(time - world.time_ns * 1e-9)
-        assert world.model("g1").pose[2] == pytest.approx(height, rel=0.15), time
+        collapse.run(time - collapse.time_ns * 1e-9)
+        assert collapse.model("g1").pose[2] == pytest.approx(height, rel=0.15), time
 
 
 @pytest.mark.xfail(strict=True, reason="0.12 m, where Gazebo still has 0.288 m")
-def test_the_vendors_g1_is_as_high_as_in_gazebo_after_a_second(make_world):
+def test_the_vendors_g1_is_as_high_as_in_gazebo_after_a_second(collapse):
     """The one time of nine at which the collapse is not Gazebo's."""
-    if not VENDOR.exists():
-        pytest.skip("the vendor's g1_29dof.urdf is not beside the repository")
-    world = make_world("limp")
-    text = with_absolute_uris(VENDOR.read_text(), VENDOR.parent)
-    world.spawn_urdf("g1", text, np.array([0, 0, 0.79, 0, 0, 0, 1]))
-    world.run(1.0)
-    assert world.model("g1").pose[2] == pytest.approx(0.288, rel=0.15)
+    collapse.run(1.0)
+    assert collapse.model("g1").pose[2] == pytest.approx(0.288, rel=0.15)
 
 
 def test_five_thousand_steps_with_contacts_are_the_same_to_the_bit(make_world, g1):
