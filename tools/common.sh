@@ -19,6 +19,15 @@ fail() {
     exit 1
 }
 
+# source_workspace: what ROS and the package need, in this shell. Their setup files
+# read variables that may not be set.
+source_workspace() {
+    set +u
+    . "$root/.ws/devel/setup.bash"
+    set -u
+    export PATH=/usr/bin:$PATH
+}
+
 # help: print the comment at the head of the tool.
 help() {
     sed -n '2,/^[^#]/s/^# \{0,1\}//p' "$0"
