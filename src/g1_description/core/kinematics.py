@@ -10,17 +10,18 @@ import numpy as np
 
 from .assembly import WORLD
 from .description import Description
-from .rotation import from_axis_angle, rotate
-from .transform import IDENTITY, compose
+from .rotation import cross, multiply, rotate, to_axes
+from .transform import IDENTITY
 from .tree import below
 
 
 class Kinematics:
     """The chain of joints of one robot, as arrays.
 
-    Links and joints keep the order of the description. Each link's transform is
-    found by doubling: after k rounds every link knows its pose in its ancestor
-    2^k links up, so a chain of n links takes log2(n) products over the batch.
+    Links and joints keep the order of the description. Each link's rotation is
+    found by doubling: after k rounds every link knows its rotation in its ancestor
+    2^k links up, so a chain of n links takes log2(n) products over the batch. Its
+    position is the sum of the offsets above it, which is one product more.
     """
 
     def __init__(self, description: Description) -> None:
@@ -35,20 +36,26 @@ class Kinematics:
             links = (*(link for link in links if link != WORLD), WORLD)
         node = {link: row for row, link in enumerate(links)}
         self._n_links = len(links) - (description.root == WORLD)
-        root = node[description.root]
-        parent = np.full(len(links), root)
+        self._root = node[description.root]
+        self._parent = np.full(len(links), self._root)
         self._rest = np.tile(IDENTITY, (len(links), 1))
         for joint in joints:
-            parent[node[joint.child]] = node[joint.parent]
+            self._parent[node[joint.child]] = node[joint.parent]
             self._rest[node[joint.child]] = joint.pose
         movable = description.movable_joints
         self._child = np.array([node[j.child] for j in movable], dtype=int)
-        self._zero = self._rest[self._child]
         self._axis = np.array([j.axis for j in movable]).reshape(-1, 3)
         self._anchor = np.array([j.anchor for j in movable]).reshape(-1, 3)
-        self._turns = np.array([j.kind != "prismatic" for j in movable], dtype=bool)
-        self._rounds = self._doubling(parent, root)
+        self._turns = np.array([j.kind != "prismatic" for j in movable], dtype=float)
+        self._slides = bool((self._turns == 0.0).any())
+        self._half_turn = multiply(
+            self._rest[self._child, 3:], np.pad(self._axis, ((0, 0), (0, 1)))
+        )
+        self._rest_axis = rotate(self._rest[self._child, 3:], self._axis)
+        self._rest_anchor = rotate(self._rest[self._child, 3:], self._anchor)
+        self._rounds = self._doubling()
         self._above = _joints_above(description, node)[: self._n_links]
+        self._chain = _links_above(description, node)[: self._n_links]
 
     def link_poses(self, T_world_root: np.ndarray, position: np.ndarray) -> np.ndarray:
         """Place all links.
@@ -61,16 +68,32 @@ class Kinematics:
         Returns:
             Poses of the link frames in the world, shape (n_links, 7).
         """
-        motion = np.zeros((len(position), 7))
-        motion[:, 3:] = from_axis_angle(self._axis, np.where(self._turns, position, 0))
-        motion[:, :3] = np.where(self._turns, 0.0, position)[:, np.newaxis] * self._axis
-        if self._anchor.any():
-            motion[:, :3] += self._anchor - rotate(motion[:, 3:], self._anchor)
-        poses = self._rest.copy()
-        poses[self._child] = compose(self._zero, motion)
+        rotations = self._rest[:, 3:].copy()
+        half = 0.5 * self._turns * position
+        rotations[self._child] = (
+            np.cos(half)[:, np.newaxis] * rotations[self._child]
+            + np.sin(half)[:, np.newaxis] * self._half_turn
+        )
+        rotations[self._root] = T_world_root[3:]
         for link, ancestor in self._rounds:
-            poses[link] = compose(poses[ancestor], poses[link])
-        return compose(T_world_root, poses[: self._n_links])
+            rotations[link] = multiply(rotations[ancestor], rotations[link])
+        offsets = rotate(rotations[self._parent], self._offsets(position))
+        offsets[self._root] = T_world_root[:3]
+        if self._anchor.any():
+            offsets[self._child] -= rotate(rotations[self._child], self._anchor)
+        places = self._chain @ offsets
+        return np.concatenate([places, rotations[: self._n_links]], axis=1)
+
+    def _offsets(self, position: np.ndarray) -> np.ndarray:
+        """Find where links are in their parents; where an anchor is, the anchor."""
+        offsets = self._rest[:, :3]
+        if self._slides or self._anchor.any():
+            offsets = offsets.copy()
+            slid = (1.0 - self._turns) * position
+            offsets[self._child] += (
+                self._rest_anchor + slid[:, np.newaxis] * self._rest_axis
+            )
+        return offsets
 
     def link_twists(
         self,
@@ -97,17 +120,18 @@ class Kinematics:
             Twists of the link frames' origins, linear then angular, along the
             world's axes, shape (n_links, 6).
         """
-        child = poses[self._child]
-        origin = child[:, :3]
+        axes = to_axes(poses[self._child, 3:])
+        origin = poses[self._child, :3]
         if self._anchor.any():
-            origin = origin + rotate(child[:, 3:], self._anchor)
-        speed = rotate(child[:, 3:], self._axis) * velocity[:, np.newaxis]
-        turning = np.where(self._turns[:, np.newaxis], speed, 0.0)
-        sliding = np.where(self._turns[:, np.newaxis], 0.0, speed)
-        at_origin = np.hstack([_cross(origin, turning) + sliding, turning])
+            origin = origin + (axes @ self._anchor[..., np.newaxis])[..., 0]
+        speed = (axes @ self._axis[..., np.newaxis])[..., 0] * velocity[:, np.newaxis]
+        turning = speed * self._turns[:, np.newaxis] if self._slides else speed
+        at_origin = np.concatenate([cross(origin, turning), turning], axis=1)
+        if self._slides:
+            at_origin[:, :3] += speed - turning
         twists = self._above @ at_origin + root_twist
-        root_at_origin = _cross(T_world_root[:3], root_twist[3:])
-        twists[:, :3] += root_at_origin - _cross(poses[:, :3], twists[:, 3:])
+        root_at_origin = cross(T_world_root[:3], root_twist[3:])
+        twists[:, :3] += root_at_origin - cross(poses[:, :3], twists[:, 3:])
         return twists
 
     def links_below(self, joints: np.ndarray) -> np.ndarray:
@@ -121,16 +145,24 @@ class Kinematics:
         """
         return self._above[:, joints].any(axis=1)
 
-    @staticmethod
-    def _doubling(parent: np.ndarray, root: int) -> list[tuple[np.ndarray, np.ndarray]]:
+    def _doubling(self) -> list[tuple[np.ndarray, np.ndarray]]:
         """List, per round, the links not yet placed and the ancestor to use."""
         rounds = []
-        ancestor = parent
-        while (ancestor != root).any():
-            link = np.flatnonzero(ancestor != root)
+        ancestor = self._parent.copy()
+        ancestor[self._root] = -1
+        while (ancestor >= 0).any():
+            link = np.flatnonzero(ancestor >= 0)
             rounds.append((link, ancestor[link]))
-            ancestor = ancestor[ancestor]
+            ancestor[link] = ancestor[ancestor[link]]
         return rounds
+
+
+def _links_above(description: Description, node: dict[str, int]) -> np.ndarray:
+    """Mark each link and the links between it and the root, a row per node."""
+    chain = np.eye(len(node))
+    for joint in below(description.root, description.joints):
+        chain[node[joint.child]] += chain[node[joint.parent]]
+    return chain
 
 
 def _joints_above(description: Description, node: dict[str, int]) -> np.ndarray:
@@ -142,12 +174,3 @@ def _joints_above(description: Description, node: dict[str, int]) -> np.ndarray:
         if joint.name in movable:
             above[node[joint.child], movable[joint.name]] = 1.0
     return above
-
-
-def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Cross product over the last axis, several times faster than numpy's."""
-    result = np.empty(np.broadcast(a, b).shape)
-    result[..., 0] = a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1]
-    result[..., 1] = a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2]
-    result[..., 2] = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
-    return result

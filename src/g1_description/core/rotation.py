@@ -35,6 +35,11 @@ def _hamilton_product() -> np.ndarray:
 
 _HAMILTON = _hamilton_product()
 _CONJUGATE = np.array([-1.0, -1.0, -1.0, 1.0])
+# Turning the j-th axis, q e_j q*, is linear in the products of q's parts.
+_TENSOR = _HAMILTON.reshape(4, 4, 4)
+_AXES = np.einsum("ljm,mri,r->lrij", _TENSOR[:, :3], _TENSOR[..., :3], _CONJUGATE)
+_AXES = _AXES.reshape(16, 9)
+_CROSS = np.array([np.cross(i, j) for i in np.eye(3) for j in np.eye(3)])
 
 
 def multiply(q_a_b: np.ndarray, q_b_c: np.ndarray) -> np.ndarray:
@@ -66,6 +71,21 @@ def conjugate(q_a_b: np.ndarray) -> np.ndarray:
     return q_a_b * _CONJUGATE
 
 
+def to_axes(q_a_b: np.ndarray) -> np.ndarray:
+    """Convert quaternions to rotation matrices.
+
+    Args:
+        q_a_b: Unit quaternions (x, y, z, w), shape (..., 4).
+
+    Returns:
+        Matrices that take b coordinates to a; their columns are the axes x, y, z of
+        b in a, shape (..., 3, 3).
+    """
+    outer = q_a_b[..., :, np.newaxis] * q_a_b[..., np.newaxis, :]
+    shape = outer.shape[:-2]
+    return (outer.reshape((*shape, 16)) @ _AXES).reshape((*shape, 3, 3))
+
+
 def rotate(q_a_b: np.ndarray, vector_b: np.ndarray) -> np.ndarray:
     """Write vectors of frame b in frame a.
 
@@ -76,9 +96,21 @@ def rotate(q_a_b: np.ndarray, vector_b: np.ndarray) -> np.ndarray:
     Returns:
         The same vectors in a coordinates, shape (..., 3).
     """
-    pure = np.zeros((*vector_b.shape[:-1], 4))
-    pure[..., :3] = vector_b
-    return multiply(multiply(q_a_b, pure), conjugate(q_a_b))[..., :3]
+    return (to_axes(q_a_b) @ vector_b[..., np.newaxis])[..., 0]
+
+
+def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Multiply vectors, several times faster than numpy's ``cross``.
+
+    Args:
+        a: Vectors, shape (..., 3).
+        b: Vectors, shape (..., 3).
+
+    Returns:
+        a x b, shape (..., 3).
+    """
+    outer = a[..., :, np.newaxis] * b[..., np.newaxis, :]
+    return outer.reshape((*outer.shape[:-2], 9)) @ _CROSS
 
 
 def from_axis_angle(axis: np.ndarray, angle: np.ndarray) -> np.ndarray:
@@ -129,18 +161,6 @@ def axes_to_rpy(axes: np.ndarray) -> np.ndarray:
         return np.array([0.0, pitch, np.arctan2(-y_axis[0], y_axis[1])])
     roll = np.arctan2(y_axis[2], z_axis[2])
     return np.array([roll, pitch, np.arctan2(x_axis[1], x_axis[0])])
-
-
-def to_axes(q: np.ndarray) -> np.ndarray:
-    """Convert one quaternion to a rotation matrix.
-
-    Args:
-        q: Unit quaternion (x, y, z, w), shape (4,).
-
-    Returns:
-        The turned axes x, y, z as columns, shape (3, 3).
-    """
-    return rotate(q, np.eye(3)).T
 
 
 def twist_angle(q: np.ndarray, axis: np.ndarray) -> np.ndarray:

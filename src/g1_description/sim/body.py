@@ -6,6 +6,7 @@ import numpy as np
 from pybullet_utils.bullet_client import BulletClient
 
 from ..core.errors import LARGEST
+from ..core.rotation import cross
 from ..core.transform import compose, inverse
 from .model import Model
 from .urdf_import import ROOT, links_of
@@ -109,7 +110,7 @@ class Body:
         )
         lever = T_world_center[:3] - model.root_pose[:3]
         angular = model.root_twist[3:]
-        linear = model.root_twist[:3] + np.cross(angular, lever)
+        linear = model.root_twist[:3] + cross(angular, lever)
         self._client.resetBaseVelocity(self.number, linear, angular)
         self.write_joints()
 
@@ -128,8 +129,7 @@ class Body:
             self._read_root()
         if self._joints:
             states = self._client.getJointStates(self.number, self._joints)
-            model.position = np.array([state[0] for state in states])
-            model.velocity = np.array([state[1] for state in states])
+            model.position, model.velocity = np.array([s[:2] for s in states]).T
         model.update()
 
     def _read_root(self) -> None:
@@ -143,7 +143,7 @@ class Body:
             np.array(part) for part in self._client.getBaseVelocity(self.number)
         )
         lever = model.root_pose[:3] - T_world_center[:3]
-        model.root_twist = np.concatenate([linear + np.cross(angular, lever), angular])
+        model.root_twist = np.concatenate([linear + cross(angular, lever), angular])
 
     def push(self, link: str, force: np.ndarray, torque: np.ndarray) -> None:
         """Let a wrench act on a link during the next step.

@@ -10,7 +10,7 @@ import numpy as np
 from ..core.assembly import WORLD, Assembly
 from ..core.errors import LARGEST, InvalidValueError
 from ..core.kinematics import Kinematics
-from ..core.rotation import rotate
+from ..core.rotation import cross, rotate
 from ..core.transform import IDENTITY, compose, inverse
 
 SCOPE = "::"
@@ -191,7 +191,7 @@ class Model:
         self._place_root(compose(pose, T_model_root))
         if twist.any() and self._n_links and not self.fixed:
             self.twists[:, 3:] = twist[3:]
-            self.twists[:, :3] = twist[:3] - np.cross(twist[3:], self._levers())
+            self.twists[:, :3] = twist[:3] - cross(twist[3:], self._levers())
             self.root_twist = np.array(self.twists[self.root_row])
 
     def set_root_state(self, pose: np.ndarray, twist: np.ndarray) -> None:
@@ -210,7 +210,7 @@ class Model:
         if not self.fixed:
             lever = self._levers()[self.root_row]
             self.root_twist = np.array(twist)
-            self.root_twist[:3] -= np.cross(twist[3:], lever)
+            self.root_twist[:3] -= cross(twist[3:], lever)
             self.update()
 
     def _place_root(self, pose: np.ndarray) -> None:

@@ -14,6 +14,10 @@ LONGEST_STEP = 10.0
 GRAVITY = ("gravity_x", "gravity_y", "gravity_z")
 """Names of gravity's numbers."""
 
+SETTLED = 0.01
+"""The solver stops before ``sor_pgs_iters`` when no constraint's speed, squared, is
+further off than this, in [m^2/s^2] or [rad^2/s^2]."""
+
 _WHOLE_NUMBERS = ("sor_pgs_precon_iters", "sor_pgs_iters", "max_contacts")
 
 
@@ -86,6 +90,7 @@ class PhysicsProperties:
             erp=self.erp,
             contactERP=self.erp,
             globalCFM=self.cfm,
+            solverResidualThreshold=SETTLED,
             deterministicOverlappingPairs=1,
         )
 
