@@ -110,6 +110,7 @@ class GazeboNode:
         while not rospy.is_shutdown():
             now = time.monotonic()
             if not self._is_running:
+                self._topics.flush()
                 self._answer_one(PATIENCE)
                 due = time.monotonic()
                 continue

@@ -5,11 +5,11 @@ from __future__ import annotations
 import struct
 
 import numpy as np
-import rospy
 from gazebo_msgs.msg import LinkStates, ModelStates, WorldState
 from rosgraph_msgs.msg import Clock
 
 from ..sim.world import World
+from .direct_publisher import DirectPublisher
 from .link_states import LinkStatesEncoder
 from .messages import (
     PreparedLinkStates,
@@ -38,12 +38,12 @@ class StateTopics:
         self._steps = 0
         self._seq = 0
         self._links, self._models = LinkStatesEncoder(), LinkStatesEncoder()
-        self._clock = rospy.Publisher("/clock", Clock, queue_size=QUEUE)
+        self._clock = DirectPublisher("/clock", Clock, QUEUE)
         self._topics = (
             []
             if not parameters.enable_ros_network
             else [
-                (rospy.Publisher(f"~{name}", kind, queue_size=QUEUE), message)
+                (DirectPublisher(f"~{name}", kind, QUEUE), message)
                 for name, kind, message in (
                     ("link_states", LinkStates, self._link_states),
                     ("model_states", ModelStates, self._model_states),
@@ -61,6 +61,11 @@ class StateTopics:
             for topic, message in self._topics:
                 if topic.get_num_connections():
                     topic.publish(message())
+
+    def flush(self) -> None:
+        """Send slow subscribers what is kept for them, while nothing is published."""
+        for topic in (self._clock, *(topic for topic, _ in self._topics)):
+            topic.flush()
 
     def _is_due(self, rate: float) -> bool:
         """Tell whether this step is one of those that keep a rate; 0: all are."""

@@ -42,9 +42,12 @@ def serve_as_roscpp() -> None:
     header_fields = TCPService.get_header_fields
     handle, make_socket = ServiceImpl.handle, TCPServer._create_server_sock
 
+    one_at_a_time = threading.Lock()
+
     def wait_and_shake_hands(server, sock, address):
         if _header_has_come(sock):
-            shake_hands(server, sock, address)
+            with one_at_a_time:
+                shake_hands(server, sock, address)
         else:
             sock.close()
 
