@@ -206,7 +206,9 @@ class TestDeviations(unittest.TestCase):
             self.assertAlmostEqual(x, stamp - begin, 9)
             order.append(stamp)
         clock.wait(lambda m: m.clock == last.header.stamp)
-        self.assertEqual(order, [m.clock.to_sec() for m in clock.messages])
+        self.assertEqual(order, sorted(set(order)))
+        # rospy keeps but the newest of the times that come together.
+        self.assertLessEqual({m.clock.to_sec() for m in clock.messages}, set(order))
         clock.close()
         states.close()
 

@@ -1,6 +1,5 @@
 """What the bridge decides without a master: frames, and its robot's rows."""
 
-import numpy as np
 import pytest
 
 for module in ("rospy", "tf2_ros", "gazebo_msgs.msg"):
@@ -8,8 +7,7 @@ for module in ("rospy", "tf2_ros", "gazebo_msgs.msg"):
 
 from g1_description.core.description import parse_urdf  # noqa: E402
 from g1_description.core.errors import InvalidValueError  # noqa: E402
-from g1_description.ros.bridge_node import Robot, base_child, static_edges  # noqa: E402
-from g1_description.ros.link_states import LinkStatesArrays  # noqa: E402
+from g1_description.ros.frames import base_child, static_edges  # noqa: E402
 from g1_description.ros.parameters import (  # noqa: E402
     BridgeParameters,
     GazeboParameters,
@@ -60,51 +58,37 @@ def test_no_frame_gets_two_parents(links, child):
     assert base_child(BridgeParameters(), robot(*links)) == child
 
 
-def states(*names):
-    poses = np.zeros((len(names), 7))
-    poses[:, 6] = 1.0
-    return LinkStatesArrays(names, poses, np.zeros((len(names), 6)))
+def test_frames_of_a_robot_with_a_prefix_keep_world_and_map():
+    edges = static_edges(BridgeParameters(), robot("pelvis", "imu_in_torso"), "a/")
+    assert edges == [
+        ("world", "map"),
+        ("a/base_link", "a/pelvis"),
+        ("a/imu_in_torso", "a/body_imu"),
+    ]
 
 
-def test_a_robot_is_found_among_others_wherever_it_stands_in_the_list():
-    mine = Robot("g1", robot("a", "b", "c"))
-    for names in (
-        ("ground_plane::link", "g1::a", "g1::b", "g1::c"),
-        ("g1::c", "g10::a", "other::b", "g1::b", "g1::a"),
-    ):
-        message = states(*names)
-        mine.find(message.names)
-        assert names[mine.root] == "g1::a"
-        assert mine.joints.names == ("to_b", "to_c")
-        assert not mine.joints.missing
-        assert mine.measure(message)[0].tolist() == [0.0, 0.0]
+def test_robots_get_their_namespace_and_prefix_from_their_name():
+    parameters = BridgeParameters(robots=({"name": "g1::left"}, {"name": "b"}))
+    one, other = parameters.each_robot
+    assert (one.namespace, one.frame_prefix) == ("g1__left", "g1__left/")
+    assert (other.name, other.description) == ("b", "robot_description")
 
 
-def test_nan_in_a_link_of_the_robot_is_seen_and_of_another_is_not():
-    mine = Robot("g1", robot("a", "b"))
-    message = states("other::a", "g1::a", "g1::b")
-    mine.find(message.names)
-    message.poses[0, 0] = np.nan
-    assert mine.is_finite(message)
-    message.poses[2, 4] = np.inf
-    assert not mine.is_finite(message)
-
-
-def test_the_base_is_the_root_wherever_the_file_has_it():
-    text = (
-        '<robot name="r"><link name="hand"/><link name="base"/>'
-        '<joint name="j" type="continuous"><parent link="base"/>'
-        '<child link="hand"/></joint></robot>'
-    )
-    mine = Robot("g1", parse_urdf(text))
-    mine.find(("g1::hand", "g1::base"))
-    assert mine.root == 1
-
-
-def test_a_robot_that_is_not_there_has_no_root():
-    mine = Robot("g1", robot("a", "b"))
-    mine.find(("ground_plane::link", "g2::a"))
-    assert mine.root is None
+@pytest.mark.parametrize(
+    ("robots", "words"),
+    [
+        (("a",), "robots.0. is 'a', it must be a dictionary with a name"),
+        (({"namespace": "a"},), "a dictionary with a name"),
+        (({"name": 3},), "a dictionary with a name"),
+        (({"name": "a", "colour": "red"},), "has colour: 'red'; it may have"),
+        (({"name": "a", "frame_prefix": 1},), "has frame_prefix: 1"),
+        (({"name": "a"}, {"name": "a", "namespace": "b"}), "the name 'a' twice"),
+        (({"name": "a"}, {"name": "b", "namespace": "/a/"}), "namespace 'a' twice"),
+    ],
+)
+def test_robots_that_make_no_sense_are_refused_by_their_number(robots, words):
+    with pytest.raises(InvalidValueError, match=words):
+        BridgeParameters(robots=robots)
 
 
 @pytest.mark.parametrize(

@@ -8,11 +8,8 @@ from oracle import forward_kinematics
 from robots import chains, world_poses
 
 from g1_description.core.description import parse_urdf
-from g1_description.core.joints import (
-    joint_positions,
-    joint_velocities,
-    measured_joints,
-)
+from g1_description.core.joints import measured_joints
+from g1_description.core.measurement import measure
 
 SIGNS = st.lists(st.sampled_from([1.0, -1.0]), min_size=9, max_size=9)
 TURNING = st.sampled_from(["revolute", "continuous", "fixed"])
@@ -24,7 +21,7 @@ def signed(poses, signs):
     return poses
 
 
-def measure(text, positions, root_pose, lumped, signs):
+def measure_placed(text, positions, root_pose, lumped, signs):
     """Place the links by scipy, publish some of them, measure the joints."""
     robot = parse_urdf(text)
     placed = forward_kinematics(text, root_pose, positions)
@@ -33,14 +30,15 @@ def measure(text, positions, root_pose, lumped, signs):
     joints = measured_joints(robot, links)
     poses = signed(np.array([placed[link] for link in links]), signs)
     assert not joints.missing
-    return dict(zip(joints.names, joint_positions(poses, joints)))
+    twists = np.zeros((len(links), 6))
+    return dict(zip(joints.names, measure(poses, twists, joints).position))
 
 
 @settings(max_examples=300, deadline=None)
 @given(chains(), world_poses(), st.booleans(), SIGNS)
 def test_recovers_the_position_that_placed_the_links(chain, root_pose, lumped, signs):
     text, positions = chain
-    measured = measure(text, positions, root_pose, lumped, signs)
+    measured = measure_placed(text, positions, root_pose, lumped, signs)
     assert measured.keys() == positions.keys()
     # A limit span beyond a whole turn leaves the turn open: allow whole turns there.
     for name, expected in positions.items():
@@ -60,8 +58,9 @@ def test_continuous_joints_go_on_from_their_last_position(chain, root_pose, turn
     joints = measured_joints(robot, robot.link_names)
     poses = np.array([placed[link] for link in robot.link_names])
     last = np.array([positions[name] for name in joints.names]) + turns * 2 * np.pi
-    measured = joint_positions(poses, joints, last + 0.01)
-    free = np.isnan(joints.reference)
+    twists = np.zeros((len(poses), 6))
+    measured = measure(poses, twists, joints, last + 0.01).position
+    free = np.isinf(joints.upper)
     np.testing.assert_allclose(measured[free], last[free], atol=1e-9)
 
 
@@ -89,8 +88,9 @@ def test_velocities_are_the_slopes_of_positions(chain, root_pose, random):
     twists = np.hstack([linear, turn.as_rotvec() / (2 * dt)])
     joints = measured_joints(robot, robot.link_names)
     expected = [speed[name] for name in joints.names]
-    measured = joint_velocities(now, twists, joints)
-    np.testing.assert_allclose(measured, expected, atol=1e-6)
+    measured = measure(now, twists, joints)
+    np.testing.assert_allclose(measured.velocity, expected, atol=1e-6)
+    np.testing.assert_allclose(measured.alignment, 1.0, atol=1e-12)
 
 
 def test_a_joint_whose_link_is_missing_is_left_out_by_name():
@@ -108,4 +108,4 @@ def test_a_joint_whose_link_is_missing_is_left_out_by_name():
 def test_poses_of_the_wrong_width_are_refused():
     robot = parse_urdf('<robot name="r"><link name="a"/></robot>')
     with pytest.raises(ValueError, match="7 wide"):
-        joint_positions(np.zeros((1, 6)), measured_joints(robot, ["a"]))
+        measure(np.zeros((1, 6)), np.zeros((1, 6)), measured_joints(robot, ["a"]))

@@ -17,8 +17,9 @@ import numpy as np
 from .assembly import WORLD, Assembly
 from .description import MOVABLE, Description, Inertial, Joint, Link, Shape
 from .errors import DescriptionError
+from .rigid import rigid_frames
 from .rotation import to_axes
-from .transform import IDENTITY, compose
+from .transform import compose
 from .tree import below, depth_first
 
 
@@ -41,7 +42,7 @@ def lump_fixed_joints(description: Description) -> Assembly:
                 f"can be simulated: {', '.join(MOVABLE)}, fixed."
             )
     root = description.root
-    frames = _frames(description)
+    frames = rigid_frames(description, WORLD if root == WORLD else None)
     bodies = {
         name: _merge(name, parts) for name, parts in _parts(description, frames).items()
     }
@@ -67,19 +68,6 @@ def lump_fixed_joints(description: Description) -> Assembly:
             if frames[name][0] not in kept
         ),
     )
-
-
-def _frames(description: Description) -> dict[str, tuple[str, np.ndarray]]:
-    """Find for each link the body that holds it and its pose in that body."""
-    root = description.root
-    frames: dict[str, tuple[str, np.ndarray]] = {root: (root, IDENTITY)}
-    for joint in below(root, description.joints):
-        if joint.kind == "fixed" and not joint.parent == root == WORLD:
-            body, pose = frames[joint.parent]
-            frames[joint.child] = (body, compose(pose, joint.pose))
-        else:
-            frames[joint.child] = (joint.child, IDENTITY)
-    return frames
 
 
 def _parts(

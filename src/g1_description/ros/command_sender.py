@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Mapping
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 import rospy
 from gazebo_msgs.srv import SetModelConfiguration
@@ -20,28 +22,47 @@ RETRY = 0.2
 """Wait before a failed call is tried again, in [s] of wall time."""
 
 
+@dataclass
+class CommandCount:
+    """What became of one robot's commands."""
+
+    sent: int = 0
+    """Calls that the simulator answered with success."""
+
+    refused: int = 0
+    """Calls that it refused."""
+
+    reason: str = ""
+    """The reason of the last refusal."""
+
+
 class CommandSender:
-    """One thread and one connection between commands and the service.
+    """One thread and one connection between all robots' commands and the service.
 
     Commands that come while a call is under way add up per joint; the newest
     position of each wins. A call that fails goes back under what came since.
     """
 
-    def __init__(self, service: str, model_name: str, robot_description: str) -> None:
+    def __init__(
+        self, service: str, descriptions: Mapping[str, str], complain: Callable
+    ) -> None:
         """Prepare; nothing is sent before ``start``.
 
         Args:
             service: Name of the simulator's set_model_configuration.
-            model_name: The robot in the simulated world.
-            robot_description: The parameter the request names; Gazebo ignores it.
+            descriptions: The parameter that a request names, by model; Gazebo
+                ignores it.
+            complain: Tells what went wrong, as ``Complaints.tell``.
         """
         self._service = service
-        self._model_name = model_name
-        self._robot_description = robot_description
-        self._pending: dict[str, float] = {}
+        self._descriptions = descriptions
+        self._complain = complain
+        self.counts = {model: CommandCount() for model in descriptions}
+        self._pending: dict[str, dict[str, float]] = {}
         self._changed = threading.Condition()
         self._stopped = threading.Event()
         self._proxy = None
+        self._waiting_since: float | None = None
         self._thread = threading.Thread(target=self._run, name="commands", daemon=True)
 
     def start(self) -> None:
@@ -49,15 +70,24 @@ class CommandSender:
         rospy.on_shutdown(self._stop)
         self._thread.start()
 
-    def put(self, positions: Mapping[str, float]) -> None:
+    def put(self, model: str, positions: Mapping[str, float]) -> None:
         """Take a command; it is sent as soon as the call under way is over.
 
         Args:
+            model: The robot in the simulated world.
             positions: Finite positions in [rad] or [m] by joint name.
         """
         with self._changed:
-            self._pending.update(positions)
+            if self._waiting_since is None:
+                self._waiting_since = time.monotonic()
+            self._pending.setdefault(model, {}).update(positions)
             self._changed.notify()
+
+    @property
+    def waiting(self) -> float:
+        """How long a command has been waiting for the simulator's answer, in [s]."""
+        since = self._waiting_since
+        return 0.0 if since is None else time.monotonic() - since
 
     def _stop(self) -> None:
         """Let the thread end."""
@@ -65,10 +95,11 @@ class CommandSender:
         with self._changed:
             self._changed.notify()
 
-    def _take(self) -> dict[str, float]:
+    def _take(self) -> dict[str, dict[str, float]]:
         """Wait for commands and take all there are."""
         with self._changed:
             while not self._pending and not self._stopped.is_set():
+                self._waiting_since = None
                 self._changed.wait()
             taken, self._pending = self._pending, {}
             return taken
@@ -76,46 +107,45 @@ class CommandSender:
     def _run(self) -> None:
         """Send what comes until the node is shut down."""
         while not self._stopped.is_set():
-            positions = self._take()
-            if positions and not self._stopped.is_set():
-                self._send(positions)
+            for model, positions in self._take().items():
+                if not self._stopped.is_set():
+                    self._send(model, positions)
 
-    def _send(self, positions: dict[str, float]) -> None:
+    def _send(self, model: str, positions: dict[str, float]) -> None:
         """Call the service once; on failure put the command back."""
         if self._proxy is None:
             self._proxy = rospy.ServiceProxy(
                 self._service, SetModelConfiguration, persistent=True
             )
+        names, values = list(positions), list(positions.values())
         try:
-            response = self._proxy(
-                self._model_name,
-                self._robot_description,
-                list(positions),
-                list(positions.values()),
-            )
+            answer = self._proxy(model, self._descriptions[model], names, values)
         except FAILURES as error:
-            self._put_back(positions, error)
+            self._put_back(model, positions, error)
             return
-        if not response.success:
-            rospy.logerr_throttle_identical(
-                1.0,
-                f"The simulator refused a command for {', '.join(positions)}: "
-                f"{response.status_message}",
-            )
-        elif response.status_message != SUCCESS:
-            rospy.logwarn_throttle_identical(
-                1.0, f"The simulator answered a command: {response.status_message}."
-            )
+        self._waiting_since = time.monotonic() if self._pending else None
+        count, words = self.counts[model], answer.status_message
+        if answer.success:
+            count.sent += 1
+        else:
+            count.refused += 1
+            count.reason = words
+            told = f"The simulator refused a command to {model} for {', '.join(names)}"
+            self._complain(f"refused {model}", f"{told}: {words}", 1.0)
+        if answer.success and words != SUCCESS:
+            told = f"The simulator answered a command to {model}: {words}."
+            self._complain(f"answered {model}", told, 1.0)
 
-    def _put_back(self, positions: dict[str, float], error: Exception) -> None:
+    def _put_back(
+        self, model: str, positions: dict[str, float], error: Exception
+    ) -> None:
         """Keep a command that did not arrive for the next try."""
         if self._stopped.is_set():
             return
-        rospy.logwarn_throttle_identical(
-            10.0, f"A command waits for the simulator: {error}"
-        )
+        self._complain("service", f"A command waits for the simulator: {error}.")
         self._proxy.close()
         self._proxy = None
         with self._changed:
-            self._pending = {**positions, **self._pending}
+            since = self._pending.get(model, {})
+            self._pending[model] = {**positions, **since}
         self._stopped.wait(RETRY)

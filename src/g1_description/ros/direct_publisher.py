@@ -18,23 +18,31 @@ import select
 import socket
 import struct
 import threading
+import time
 import warnings
 from collections import deque
 from dataclasses import dataclass
 from xmlrpc.client import ServerProxy
 
+import rosgraph
 import rospy
 
 STALLED = struct.pack("ll", 0, 500_000)
 """How long a subscriber may leave a message half taken, as a struct timeval: 0.5 s.
 Then rospy lets it go."""
 
+LOOK = 0.5
+"""Who is there is asked for no more often than this, in [s]."""
+
+CALLS = 5
+"""How often a node that was turned away is called again."""
+
 OWN = 10
 """A node that listens to itself, as one does that publishes /clock, gets each message
 of so many; the last one too, when it flushes."""
 
 _SOCKET = re.compile(r"on socket (\d+)")
-_OTHER, _TOPIC, _INFO = 1, 4, 6  # where they are in a row of getBusInfo
+_OTHER, _DIRECTION, _TOPIC, _INFO = 1, 2, 4, 6  # where they are in a row of getBusInfo
 
 
 @dataclass
@@ -66,17 +74,22 @@ class DirectPublisher(rospy.SubscribeListener):
                 ``header.seq``; a class that counts itself has ``_has_header = False``.
             queue_size: Messages kept for a subscriber that is slow.
         """
-        self._name = rospy.resolve_name(name)
+        self.name = rospy.resolve_name(name)
         self._queue_size = queue_size
-        self._changing, self._sending = threading.Lock(), threading.Lock()
+        self._changing, self._sending = threading.RLock(), threading.Lock()
         self._peers: dict[int, Peer] = {}
-        self._coming = self._left = False
+        self._strangers: set[int] = set()
+        self._dismissed: dict[int, int] = {}
+        self._looked = 0.0
         self._count = 0
         self._poll = select.poll()
         with warnings.catch_warnings():
             # rospy warns of a publisher that has no queue.
             warnings.simplefilter("ignore", SyntaxWarning)
             self._publisher = rospy.Publisher(name, kind, subscriber_listener=self)
+        # rospy takes up subscribers before it takes up the listener.
+        self._look_who_is_there()
+        self._turn_away(self._strangers)
 
     def get_num_connections(self) -> int:
         """Count the subscribers."""
@@ -84,13 +97,8 @@ class DirectPublisher(rospy.SubscribeListener):
 
     def publish(self, message) -> None:
         """Send a message to all subscribers that have room, keep it for the others."""
-        if self._left:
-            self._left = False
-            self._look_who_is_there()
-        unknown = self.get_num_connections() > len(self._peers)
-        if unknown and not self._coming:
-            self._publisher.publish(message)
-        elif self._peers:
+        self._look_again()
+        if self._peers:
             with self._sending:
                 self._send(message)
 
@@ -109,6 +117,7 @@ class DirectPublisher(rospy.SubscribeListener):
 
     def flush(self) -> None:
         """Send what is kept to those who have room by now."""
+        self._look_again()
         if any(peer.waiting for peer in self._peers.values()):
             with self._sending:
                 ready = self._ready()
@@ -130,42 +139,76 @@ class DirectPublisher(rospy.SubscribeListener):
 
     def peer_subscribe(self, topic_name, topic_publish, peer_publish) -> None:
         """Take up a subscriber; rospy calls this, for one at a time."""
-        self._coming = True
-        self._look_who_is_there(peer_publish)
-        self._coming = False
+        with self._changing:
+            self._look_who_is_there()
+            if self._strangers:
+                newest = max(self._strangers)
+                self._strangers.remove(newest)
+                self._take_up(newest, peer_publish)
 
     def peer_unsubscribe(self, topic_name, num_peers) -> None:
-        """Note that a subscriber left; rospy calls this and does not say which."""
-        self._left = True
+        """Look who left, the next time; rospy calls this and does not say who."""
+        self._looked = 0.0
 
-    def _look_who_is_there(self, send=None) -> None:
-        """Take up a new subscriber and forget those who left.
-
-        Args:
-            send: What publishes to the new one, if there is one.
-        """
-        try:
-            connections = self._connections()
-        except OSError as error:
-            rospy.logwarn("This node cannot be reached at its address: %s", error)
+    def _look_again(self) -> None:
+        """Forget who left, and turn away who has not been taken up for a while."""
+        known = len(self._peers) + list(self._dismissed.values()).count(0)
+        now = time.monotonic()
+        if self.get_num_connections() == known or now - self._looked < LOOK:
             return
-        with self._changing:
-            peers = {n: peer for n, peer in self._peers.items() if n in connections}
-            for number in set(self._peers) - set(peers):
-                with contextlib.suppress(KeyError):
-                    self._poll.unregister(self._peers[number].descriptor)
-            for number in set(connections) - set(peers) if send else ():
-                peers[number] = self._peer(send, *connections[number])
-            self._peers = peers
+        if self._changing.acquire(blocking=False):
+            self._looked = now
+            before = self._strangers
+            self._look_who_is_there()
+            self._turn_away(before & self._strangers)
+            self._changing.release()
 
-    def _peer(self, send, descriptor: int, is_own: bool) -> Peer:
-        """Make what is kept of a new subscriber."""
-        _bound_patience(descriptor)
+    def _look_who_is_there(self) -> None:
+        """Compare the subscribers with the node's connections."""
+        try:
+            self._connections = self._ask()
+        except OSError as error:
+            rospy.logwarn_once(
+                "This node cannot reach itself at its address: %s", error
+            )
+            return
+        here = set(self._connections)
+        for number in set(self._peers) - here:
+            with contextlib.suppress(KeyError):
+                self._poll.unregister(self._peers[number].descriptor)
+        self._peers = {n: peer for n, peer in self._peers.items() if n in here}
+        self._dismissed = {n: k for n, k in self._dismissed.items() if n in here}
+        self._strangers = here - set(self._peers) - set(self._dismissed)
+
+    def _take_up(self, number: int, send) -> None:
+        """Make a connection one of the subscribers."""
+        descriptor, is_own = self._connections[number]
+        with _borrowed(descriptor) as sock:
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, STALLED)
         self._poll.register(descriptor, select.POLLOUT)
         waiting = deque(maxlen=1 if is_own else self._queue_size)
-        return Peer(send, descriptor, waiting, is_own)
+        peer = Peer(send, descriptor, waiting, is_own)
+        self._peers = {**self._peers, number: peer}
 
-    def _connections(self) -> dict[int, tuple[int, bool]]:
+    def _turn_away(self, strangers: set[int]) -> None:
+        """Let connections go, and let the master call their nodes again.
+
+        A node that has not noticed yet does not listen to the master, so it is called
+        several times.
+        """
+        for number in strangers:
+            descriptor, _ = self._connections[number]
+            with contextlib.suppress(OSError), _borrowed(descriptor) as sock:
+                sock.shutdown(socket.SHUT_RDWR)
+            self._dismissed[number] = CALLS
+        if any(self._dismissed.values()):
+            self._dismissed = {n: max(0, k - 1) for n, k in self._dismissed.items()}
+            with contextlib.suppress(OSError, rosgraph.MasterException):
+                rosgraph.Master(rospy.get_name()).registerPublisher(
+                    self.name, self._publisher.type, rospy.get_node_uri()
+                )
+
+    def _ask(self) -> dict[int, tuple[int, bool]]:
         """Ask the node for the topic's connections.
 
         Returns:
@@ -177,12 +220,13 @@ class DirectPublisher(rospy.SubscribeListener):
         found = (
             (row[0], _SOCKET.search(row[_INFO]), row[_OTHER] == own)
             for row in rows
-            if row[_TOPIC] == self._name and row[2] == "o"
+            if row[_TOPIC] == self.name and row[_DIRECTION] == "o"
         )
         return {n: (int(match.group(1)), is_own) for n, match, is_own in found if match}
 
 
-def _bound_patience(descriptor: int) -> None:
-    """Set how long the system lets a write to a socket wait."""
-    with contextlib.suppress(OSError), socket.socket(fileno=os.dup(descriptor)) as sock:
-        sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, STALLED)
+@contextlib.contextmanager
+def _borrowed(descriptor: int):
+    """Give a socket by its number, which stays open."""
+    with socket.socket(fileno=os.dup(descriptor)) as sock:
+        yield sock

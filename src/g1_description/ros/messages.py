@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Sequence
 
 import genpy
@@ -17,6 +18,9 @@ from geometry_msgs.msg import (
     Wrench,
 )
 from sensor_msgs.msg import JointState
+
+_COUNT = struct.Struct("<I")
+_STAMP = struct.Struct("<III")
 
 
 class PreparedLinkStates(LinkStates):
@@ -49,6 +53,65 @@ class PreparedWorldState(WorldState):
         """Write header and prepared bytes, as rospy asks of a message."""
         self.header.serialize(buff)
         buff.write(self.data)
+
+
+class PreparedJointState(JointState):
+    """A JointState message whose bytes are ready."""
+
+    _has_header = False  # rospy would put its own count and time into it
+    data = b""
+
+    def serialize(self, buff):
+        """Write the prepared bytes, as rospy asks of a message."""
+        buff.write(self.data)
+
+
+class JointStateEncoder:
+    """Write JointState messages; the names are only written when they change.
+
+    Effort is left empty because it is not known.
+    """
+
+    def __init__(self) -> None:
+        """Begin without names."""
+        self._names: Sequence[str] | None = None
+        self._seq = 0
+
+    def encode(
+        self,
+        stamp: genpy.Time,
+        names: Sequence[str],
+        position: np.ndarray,
+        velocity: np.ndarray,
+    ) -> PreparedJointState:
+        """Write one message.
+
+        Args:
+            stamp: When the joints were so.
+            names: Joint names. The same object as last time costs nothing.
+            position: In [rad] or [m], shape (n_joints,).
+            velocity: In [rad/s] or [m/s], shape (n_joints,).
+        """
+        if names is not self._names:
+            encoded = [name.encode("utf-8") for name in names]
+            self._count = _COUNT.pack(len(encoded))
+            strings = b"".join(_COUNT.pack(len(name)) + name for name in encoded)
+            # Between stamp and names stands the empty frame_id.
+            self._head = _COUNT.pack(0) + self._count + strings + self._count
+            self._names = names
+        self._seq += 1
+        message = PreparedJointState()
+        message.data = b"".join(
+            (
+                _STAMP.pack(self._seq, stamp.secs, stamp.nsecs),
+                self._head,
+                position.astype("<f8").tobytes(),
+                self._count,
+                velocity.astype("<f8").tobytes(),
+                _COUNT.pack(0),
+            )
+        )
+        return message
 
 
 def stamp_from_ns(time_ns: int) -> genpy.Time:
@@ -96,31 +159,14 @@ def twist_from_array(array: np.ndarray) -> Twist:
     return twist
 
 
-def joint_state(
-    stamp: genpy.Time, names: Sequence[str], position: np.ndarray, velocity: np.ndarray
-) -> JointState:
-    """Make a JointState; effort is left empty because it is not known.
-
-    Args:
-        stamp: When the joints were so.
-        names: Joint names.
-        position: In [rad] or [m], shape (n_joints,).
-        velocity: In [rad/s] or [m/s], shape (n_joints,).
-    """
-    message = JointState(name=names, position=position.tolist())
-    message.velocity = velocity.tolist()
-    message.header.stamp = stamp
-    return message
-
-
 def transform(
-    stamp: genpy.Time, parent: str, child: str, T_parent_child: np.ndarray
+    stamp: genpy.Time, parent: str, child: str, T_parent_child: Sequence[float]
 ) -> TransformStamped:
-    """Make an edge of the TF tree from a pose, shape (7,)."""
+    """Make an edge of the TF tree from a pose, seven numbers."""
     message = TransformStamped(child_frame_id=child, transform=Transform())
     message.header.stamp = stamp
     message.header.frame_id = parent
     t, q = message.transform.translation, message.transform.rotation
-    t.x, t.y, t.z = T_parent_child[:3].tolist()
-    q.x, q.y, q.z, q.w = T_parent_child[3:].tolist()
+    t.x, t.y, t.z = T_parent_child[:3]
+    q.x, q.y, q.z, q.w = T_parent_child[3:]
     return message

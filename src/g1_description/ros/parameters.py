@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass, fields
 
 import rospy
@@ -82,7 +83,14 @@ class BridgeParameters:
     """Name of the robot in the simulated world."""
 
     robot_description: str = "robot_description"
-    """Parameter that holds the robot's URDF."""
+    """Parameter that holds the robot's URDF; searched for upward from the namespace."""
+
+    frame_prefix: str = ""
+    """What stands before the names of the robot's frames."""
+
+    robots: tuple[dict, ...] = ()
+    """Several robots in place of the one above: a list of dictionaries as
+    ``RobotParameters``."""
 
     position_threshold: float = 0.005
     """map -> base_link is sent when the robot moved this far, in [m]."""
@@ -111,6 +119,60 @@ class BridgeParameters:
             _check_range(self, name, 0.0, 1e3)
         for name in ("max_interval", "min_interval"):
             _check_range(self, name, 0.0, 3600.0)
+        names = [robot.name for robot in self.each_robot]
+        spaces = [robot.namespace for robot in self.each_robot]
+        for key, values in (("name", names), ("namespace", spaces)):
+            twice = sorted({value for value in values if values.count(value) > 1})
+            if twice:
+                raise InvalidValueError(f"~robots has the {key} '{twice[0]}' twice.")
+
+    @property
+    def each_robot(self) -> tuple[RobotParameters, ...]:
+        """The robots to bridge: those of ``robots``, else the one."""
+        if self.robots:
+            return tuple(
+                _robot(number, told) for number, told in enumerate(self.robots)
+            )
+        one = RobotParameters(
+            self.model_name, "", self.robot_description, self.frame_prefix
+        )
+        return (one,)
+
+
+@dataclass(frozen=True)
+class RobotParameters:
+    """One robot of several that a bridge serves."""
+
+    name: str
+    """Name of its model in the simulated world."""
+
+    namespace: str
+    """Where its joint_states and joint_commands are; by default its name."""
+
+    description: str = "robot_description"
+    """Parameter that holds its URDF; searched for upward from the namespace."""
+
+    frame_prefix: str = ""
+    """What stands before the names of its frames; by default the namespace and a
+    slash."""
+
+
+def _robot(number: int, told) -> RobotParameters:
+    """Read one entry of ``~robots``."""
+    known = [field.name for field in fields(RobotParameters)]
+    if not isinstance(told, dict) or not isinstance(told.get("name"), str):
+        raise InvalidValueError(
+            f"~robots[{number}] is {told!r}, it must be a dictionary with a name."
+        )
+    for key, value in told.items():
+        if key not in known or not isinstance(value, str):
+            raise InvalidValueError(
+                f"~robots[{number}] has {key}: {value!r}; it may have strings for "
+                f"{', '.join(known)}."
+            )
+    namespace = told.get("namespace", re.sub(r"\W", "_", told["name"])).strip("/")
+    defaults = {"namespace": namespace, "frame_prefix": f"{namespace}/"}
+    return RobotParameters(**{**defaults, **told, "namespace": namespace})
 
 
 def _check_range(parameters, name, low, high):
@@ -146,6 +208,8 @@ def _converted(name, value, default):
     if isinstance(default, float) and type(value) in (int, float):
         if math.isfinite(value):
             return float(value)
+    elif isinstance(default, tuple) and isinstance(value, (list, tuple)):
+        return tuple(value)
     elif type(value) is type(default):
         return value
     raise InvalidValueError(

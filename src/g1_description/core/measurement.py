@@ -1,0 +1,127 @@
+"""The measurement: link poses and twists in, joint positions and velocities out."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .joints import OVERSHOOT, MeasuredJoints
+from .rotation import conjugate, cross, multiply, rotate
+
+TURN = 2.0 * np.pi
+JUMP = 0.25 * TURN
+"""A joint that is further than this from where its speed would have taken it was put
+there, in [rad]: its turns are counted anew."""
+
+
+class Measured(NamedTuple):
+    """What the link states tell of joints, a row per joint."""
+
+    position: np.ndarray
+    """In [rad] or [m], shape (n_joints,)."""
+
+    velocity: np.ndarray
+    """In [rad/s] or [m/s], shape (n_joints,)."""
+
+    alignment: np.ndarray
+    """Squared cosine of half the rotation that is left over off the axis: 1 where
+    there is none, shape (n_joints,)."""
+
+
+def measure(
+    poses: np.ndarray,
+    twists: np.ndarray,
+    joints: MeasuredJoints,
+    last: np.ndarray | None = None,
+    passed: float = 0.0,
+) -> Measured:
+    """Measure joints from link poses and twists.
+
+    A joint turns its child link about one axis, or slides it along one. We undo
+    the transform the child has at position zero, and read the turn about the
+    axis, or the way along it, of what remains. Of the turns that are whole turns
+    apart the one inside the limits is taken; where several are or there are no
+    limits, the one that goes on from the last position.
+
+    Args:
+        poses: Poses of the links in the world, unit quaternions, shape (n_links, 7).
+            The sign of a quaternion does not matter.
+        twists: Velocity of each link frame's origin and angular velocity, along
+            the world's axes, in [m/s] and [rad/s], shape (n_links, 6).
+        joints: Joints to measure; ``parent`` and ``child`` index the links.
+        last: Positions measured last, NaN where there are none, shape (n_joints,).
+        passed: Time since then in [s].
+
+    Returns:
+        Positions, velocities and how well each joint keeps to its axis.
+
+    Raises:
+        ValueError: If ``poses`` is not 7 wide.
+    """
+    if poses.shape[-1] != 7:
+        raise ValueError(f"poses must be 7 wide, got the shape {poses.shape}")
+    parent, child = poses[joints.parent], poses[joints.child]
+    q_world_zero = multiply(parent[:, 3:], joints.T_parent_zero[:, 3:])
+    q_zero_child = multiply(conjugate(q_world_zero), child[:, 3:])
+    axis_world = rotate(child[:, 3:], joints.axis)
+    half_sin = np.sum(q_zero_child[:, :3] * joints.axis, axis=1)
+    half_cos = q_zero_child[:, 3]
+    angle = 2.0 * np.arctan2(half_sin, half_cos)  # or a whole turn more: see below
+    velocity = _velocity(parent, child, twists, joints, axis_world)
+    if joints.turns.all():
+        position, alignment = angle, half_sin**2 + half_cos**2
+    else:
+        way = child[:, :3] - parent[:, :3]
+        way -= rotate(parent[:, 3:], joints.T_parent_zero[:, :3])
+        slid = np.sum(way * rotate(q_world_zero, joints.axis), axis=1)
+        position = np.where(joints.turns, angle, slid)
+        alignment = joints.turns * half_sin**2 + half_cos**2
+    expected = joints.middle
+    if last is not None and joints.goes_on.any():
+        known = joints.goes_on & np.isfinite(last)
+        expected = np.where(known, last + velocity * passed, joints.middle)
+    return Measured(_right_turn(position, expected, joints), velocity, alignment)
+
+
+def _velocity(
+    parent: np.ndarray,
+    child: np.ndarray,
+    twists: np.ndarray,
+    joints: MeasuredJoints,
+    axis_world: np.ndarray,
+) -> np.ndarray:
+    """Measure joint velocities from link twists.
+
+    A turning joint's velocity is the difference of the two links' angular
+    velocities along its axis; a sliding joint's is how fast the child's origin
+    moves along the axis, seen from the turning parent.
+    """
+    difference = twists[joints.child] - twists[joints.parent]
+    if joints.turns.all():
+        return np.sum(difference[:, 3:] * axis_world, axis=1)
+    lever = child[:, :3] - parent[:, :3]
+    seen = difference[:, :3] - cross(twists[joints.parent, 3:], lever)
+    moving = np.where(joints.turns[:, np.newaxis], difference[:, 3:], seen)
+    return np.sum(moving * axis_world, axis=1)
+
+
+def _right_turn(
+    position: np.ndarray, expected: np.ndarray, joints: MeasuredJoints
+) -> np.ndarray:
+    """Add the whole turns that bring turning joints to where they are expected."""
+    chosen = _near(position, expected, joints)
+    if not joints.goes_on.any():
+        return chosen
+    jumped = np.abs(chosen - expected) > JUMP
+    chosen = np.where(jumped, _near(position, joints.middle, joints), chosen)
+    over = (chosen > joints.upper + OVERSHOOT) & joints.goes_on
+    under = (chosen < joints.lower - OVERSHOOT) & joints.goes_on
+    return chosen + TURN * (under.astype(float) - over)
+
+
+def _near(
+    position: np.ndarray, place: np.ndarray, joints: MeasuredJoints
+) -> np.ndarray:
+    """Add the whole turns that bring turning joints nearest to a place."""
+    return position + TURN * joints.turns * np.round((place - position) / TURN)

@@ -1,0 +1,177 @@
+"""How the bridge fares: /diagnostics, and what no message would tell."""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+import time
+from typing import TYPE_CHECKING
+from xmlrpc.client import Error
+
+import rosgraph
+import rospy
+from diagnostic_msgs.msg import DiagnosticStatus
+from diagnostic_updater import Updater
+
+from .bridge_robot import BridgedRobot, listed
+from .complaints import Complaints
+from .registration import register_again
+from .shutdown import quiet_when_closing
+
+if TYPE_CHECKING:
+    from .bridge_node import BridgeNode
+
+OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+
+PERIOD = 1.0
+"""Time between two diagnostics in [s] of wall time."""
+
+STALE = 1.0
+"""Link states older than this are told, in [s] of wall time."""
+
+HANGING = 2.0
+"""A command that waits longer than this for the simulator is told, in [s]."""
+
+ASK_ROUND = 5
+"""The master is asked who publishes joint states each so many periods."""
+
+
+class BridgeHealth:
+    """Two threads beside the callbacks: one tells, one asks the master.
+
+    They go by wall time, as simulated time may stand still, and the master may take
+    long to answer or be gone.
+    """
+
+    def __init__(self, bridge: BridgeNode, complaints: Complaints) -> None:
+        """Prepare the diagnostics.
+
+        Args:
+            bridge: The node.
+            complaints: Where to tell what is wrong.
+        """
+        self._bridge = bridge
+        self._complaints = complaints
+        self._stopped = threading.Event()
+        self._updater = Updater()
+        self._updater.setHardwareID("none")
+        self._updater.add("link states", self._tell_link_states)
+        self._updater.add("commands", self._tell_commands)
+        for robot in bridge.robots:
+            self._updater.add(f"{robot.name} joints", self._joints_of(robot))
+
+    def start(self) -> None:
+        """Begin, until the node is shut down."""
+        rospy.on_shutdown(self._stopped.set)
+        for target in (self._tell_forever, self._ask_forever):
+            threading.Thread(target=target, daemon=True).start()
+
+    def _tell_forever(self) -> None:
+        """Tell how the bridge fares, once per period."""
+        while not self._stopped.wait(PERIOD):
+            self._tell_of_silence()
+            self._complaints.tell_kept()
+            for robot in self._bridge.robots:
+                robot.joint_states.flush()
+            with quiet_when_closing():
+                self._updater.force_update()
+
+    @property
+    def _age(self) -> float | None:
+        """How old the last good link states are in [s]; None before the first."""
+        came = self._bridge.last_came
+        return None if came is None else time.monotonic() - came
+
+    def _tell_of_silence(self) -> None:
+        """Say that link states stay away, or that a command does."""
+        age, waiting = self._age, self._bridge.sender.waiting
+        if age is None:
+            self._complaints.tell("silence", f"Nothing usable on {self._bridge.topic}.")
+        elif age > STALE:
+            self._complaints.tell(
+                "silence",
+                f"Nothing usable on {self._bridge.topic} for {age:.0f} s: is the "
+                "simulator paused, or gone?",
+            )
+        if waiting > HANGING:
+            self._complaints.tell(
+                "hanging",
+                f"A command waits for the simulator's answer since {waiting:.0f} s.",
+            )
+
+    def _tell_link_states(self, status):
+        """Report whether link states come."""
+        age = self._age
+        status.add("malformed messages", self._bridge.malformed)
+        if age is None:
+            status.summary(WARN, f"nothing usable on {self._bridge.topic}")
+            return status
+        status.add("age in s", f"{age:.3f}")
+        if age > STALE:
+            status.summary(WARN, f"nothing on {self._bridge.topic} for {age:.0f} s")
+        else:
+            status.summary(OK, "link states come")
+        return status
+
+    def _tell_commands(self, status):
+        """Report what became of the commands."""
+        counts = self._bridge.sender.counts
+        waiting = self._bridge.sender.waiting
+        refused = {name: count for name, count in counts.items() if count.refused}
+        status.add("sent", sum(count.sent for count in counts.values()))
+        status.add("refused", sum(count.refused for count in refused.values()))
+        status.summary(OK, "commands are obeyed")
+        if refused:
+            name, count = next(iter(refused.items()))
+            status.summary(WARN, f"{name} was refused: {count.reason}")
+        if waiting > HANGING:
+            status.summary(ERROR, f"the simulator has not answered for {waiting:.0f} s")
+        return status
+
+    @staticmethod
+    def _joints_of(robot: BridgedRobot):
+        """Make what reports on one robot's joints."""
+
+        def tell(status):
+            share = robot.share
+            if share is None or not share.is_there:
+                status.summary(ERROR, f"the simulator has no link of {robot.name}")
+                return status
+            status.summary(OK, f"{len(share.joints.names)} joints are measured")
+            if robot.other_publishers:
+                others = listed(robot.other_publishers)
+                status.mergeSummary(WARN, f"joint_states also come from {others}")
+            if robot.off_axis:
+                status.mergeSummary(WARN, f"off their axes: {listed(robot.off_axis)}")
+            if share.joints.missing:
+                missing = listed(share.joints.missing)
+                status.mergeSummary(ERROR, f"links are missing: {missing}")
+            return status
+
+        return tell
+
+    def _ask_forever(self) -> None:
+        """Be known to the master, and ask it who else publishes."""
+        asked = 0
+        while not self._stopped.wait(0.5 * PERIOD):
+            asked += 1
+            # The master is gone or has just come: the next time is as good.
+            with contextlib.suppress(OSError, Error, rosgraph.MasterException):
+                if register_again():
+                    rospy.logwarn("The master is new, this node registered again.")
+                if asked % (2 * ASK_ROUND) == 1:
+                    self._ask_who_publishes()
+
+    def _ask_who_publishes(self) -> None:
+        """Find other nodes that publish the robots' joint states."""
+        own = rospy.get_name()
+        publishers = dict(rosgraph.Master(own).getSystemState()[0])
+        for robot in self._bridge.robots:
+            topic = robot.joint_states.name
+            others = [node for node in publishers.get(topic, ()) if node != own]
+            robot.other_publishers = others
+            if others:
+                self._complaints.tell(
+                    f"publishers {robot.name}",
+                    f"{listed(others)} also publishes {topic}: both reach its readers.",
+                )

@@ -1,0 +1,226 @@
+"""One robot of the bridge: its topics, its frames and what is wrong with it."""
+
+from __future__ import annotations
+
+import posixpath
+import time
+
+import genpy
+import rosgraph
+import rospy
+from geometry_msgs.msg import TransformStamped
+from sensor_msgs.msg import JointState
+
+from ..core.commands import split_command
+from ..core.description import Description, parse_urdf
+from ..core.observer import Share, Sight
+from ..core.throttle import PoseThrottle
+from .command_sender import CommandSender
+from .complaints import Complaints
+from .direct_publisher import DirectPublisher
+from .frames import base_child
+from .messages import JointStateEncoder, PreparedJointState, transform
+from .parameters import BridgeParameters, RobotParameters
+
+QUEUE = 100
+
+
+class BridgedRobot:
+    """What comes in and goes out for one robot."""
+
+    def __init__(
+        self,
+        robot: RobotParameters,
+        description: Description,
+        parameters: BridgeParameters,
+        complaints: Complaints,
+    ) -> None:
+        """Advertise its joint states.
+
+        Args:
+            robot: Its names.
+            description: The robot as its file tells it.
+            parameters: The node's parameters.
+            complaints: Where to tell what is wrong.
+        """
+        self.name = robot.name
+        self.description = description
+        self.namespace = robot.namespace
+        self._map_frame = parameters.map_frame
+        self._complaints = complaints
+        base = base_child(parameters, description)
+        self._base = base and robot.frame_prefix + base
+        self._movable = frozenset(joint.name for joint in description.movable_joints)
+        self._throttle = PoseThrottle(
+            parameters.position_threshold,
+            parameters.rotation_threshold,
+            parameters.max_interval,
+            parameters.min_interval,
+        )
+        self._encoder = JointStateEncoder()
+        self.joint_states = DirectPublisher(
+            self._topic("joint_states"), PreparedJointState, QUEUE
+        )
+        self.share: Share | None = None
+        """What the last message had of it."""
+        self.off_axis: dict[str, float] = {}
+        """Rotation left over off the axis in [rad] by joint, in the last message."""
+        self.other_publishers: list[str] = []
+        """Other nodes that publish its joint states."""
+        self._tell_what_is_left_out()
+
+    def _topic(self, name: str) -> str:
+        """Name a topic of the robot."""
+        return posixpath.join(self.namespace and f"/{self.namespace}", name)
+
+    def listen(self, sender: CommandSender) -> None:
+        """Take commands from now on, and let a sender send them."""
+
+        def came(message: JointState) -> None:
+            accepted, complaints = split_command(
+                message.name, message.position, self._movable
+            )
+            if complaints:
+                told = f"Of a joint command to {self.name} is ignored"
+                self._complaints.tell(
+                    f"command {self.name}", f"{told}: {'; '.join(complaints)}.", 1.0
+                )
+            if accepted:
+                sender.put(self.name, accepted)
+
+        topic = self._topic("joint_commands")
+        rospy.Subscriber(topic, JointState, came, tcp_nodelay=True)
+
+    def publish(
+        self, stamp: genpy.Time, sight: Sight, share: Share
+    ) -> TransformStamped | None:
+        """Publish what a message tells of the robot.
+
+        Args:
+            stamp: The message's time.
+            sight: What it tells of all robots.
+            share: This robot's share of it.
+
+        Returns:
+            Its base in the map, if that is worth sending.
+        """
+        if share is not self.share:
+            self.share = share
+            self.off_axis = {}
+        if share.joints.missing or not share.is_there:
+            self._tell_what_is_missing(share)
+        if sight.off_axis or self.off_axis:
+            self._tell_what_is_off_axis(sight, share)
+        if not share.is_there:
+            return None
+        measured, span = sight.measured, share.span
+        self.joint_states.publish(
+            self._encoder.encode(
+                stamp,
+                share.joints.names,
+                measured.position[span],
+                measured.velocity[span],
+            )
+        )
+        pose = sight.base_pose(share)
+        if self._base is None or pose is None:
+            return None
+        numbers = pose.tolist()
+        if not self._throttle.passes(stamp.to_sec(), numbers):
+            return None
+        return transform(stamp, self._map_frame, self._base, numbers)
+
+    def reset(self) -> None:
+        """Take it that time began again."""
+        self._throttle.reset()
+
+    def _tell_what_is_left_out(self) -> None:
+        """Say which joints have more than one degree of freedom."""
+        joints = self.description.joints
+        found = [f"{j.name} ({j.kind})" for j in joints if j.kind in MANY_FOLD]
+        if found:
+            rospy.logwarn(
+                "Joints of %s are left out, they have no single position: %s.",
+                self.name,
+                ", ".join(found),
+            )
+
+    def _tell_what_is_missing(self, share: Share) -> None:
+        """Say which links cannot be seen."""
+        if share.broken:
+            why = f"no usable numbers for {listed(share.broken)}"
+        elif share.is_there:
+            why = f"no link {listed(share.joints.missing)}"
+        else:
+            why = "no link of it; is it spawned under this name?"
+        self._complaints.tell(
+            f"missing {self.name}",
+            f"Joints of {self.name} are left out, the simulator has {why}.",
+        )
+
+    def _tell_what_is_off_axis(self, sight: Sight, share: Share) -> None:
+        """Say which joints do not keep to their axes."""
+        self.off_axis = sight.off_axis_joints(share)
+        if self.off_axis:
+            angles = ", ".join(
+                f"{name} by {angle:.3g} rad"
+                for name, angle in list(self.off_axis.items())[:8]
+            )
+            self._complaints.tell(
+                f"off axis {self.name}",
+                f"Joints of {self.name} are turned off their axes: {angles}. Is its "
+                "robot_description the one that was spawned?",
+            )
+
+
+MANY_FOLD = ("floating", "planar")
+"""Types of joints that have no single position."""
+
+
+def listed(names) -> str:
+    """Join names for a sentence, cut short where there are very many."""
+    shown = ", ".join(list(names)[:8])
+    return shown + (f" and {len(names) - 8} more" if len(names) > 8 else "")
+
+
+def wait_for_description(robot: RobotParameters) -> Description | None:
+    """Wait for a robot on the parameter server.
+
+    Args:
+        robot: Where to look.
+
+    Returns:
+        The robot, or None if the node was shut down before it came.
+
+    Raises:
+        DescriptionError: If what came is no robot.
+    """
+    while not rospy.is_shutdown():
+        name = find_parameter(robot.description, robot.namespace)
+        if name is not None:
+            return parse_urdf(str(rospy.get_param(name)))
+        rospy.loginfo_once(
+            "Waiting for a robot on the parameter %s.", robot.description
+        )
+        time.sleep(0.1)
+    return None
+
+
+def find_parameter(name: str, namespace: str = "") -> str | None:
+    """Find a parameter in a namespace or one above it.
+
+    Args:
+        name: The parameter; one with its full name is not searched for.
+        namespace: Where to begin; by default the node's own.
+
+    Returns:
+        Its full name; None if there is none.
+    """
+    if name.startswith(("/", "~")):
+        return rospy.resolve_name(name) if rospy.has_param(name) else None
+    if not namespace:
+        return rospy.search_param(name)
+    try:
+        return rosgraph.Master(f"/{namespace}/robot").searchParam(name)
+    except rosgraph.MasterError:
+        return None
