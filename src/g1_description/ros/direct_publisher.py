@@ -227,6 +227,9 @@ class DirectPublisher(rospy.SubscribeListener):
 
 @contextlib.contextmanager
 def _borrowed(descriptor: int):
-    """Give a socket by its number, which stays open."""
+    """Give a socket by its number; it stays open, and as blocking as it was."""
+    blocking = os.get_blocking(descriptor)
     with socket.socket(fileno=os.dup(descriptor)) as sock:
+        # With a default timeout, which rospy sets, Python has unblocked it.
+        os.set_blocking(descriptor, blocking)
         yield sock
