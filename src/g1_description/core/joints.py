@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -55,6 +56,16 @@ class MeasuredJoints:
     goes_on: np.ndarray
     """True where the limits do not tell one turn from the next, so that a position
     goes on from the last one, shape (n_joints,)."""
+
+    @cached_property
+    def all_turn(self) -> bool:
+        """Whether none slides."""
+        return bool(self.turns.all())
+
+    @cached_property
+    def some_go_on(self) -> bool:
+        """Whether any goes on from its last position."""
+        return bool(self.goes_on.any())
 
     @classmethod
     def joined(

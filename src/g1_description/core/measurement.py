@@ -65,20 +65,20 @@ def measure(
     q_world_zero = multiply(parent[:, 3:], joints.T_parent_zero[:, 3:])
     q_zero_child = multiply(conjugate(q_world_zero), child[:, 3:])
     axis_world = rotate(child[:, 3:], joints.axis)
-    half_sin = np.sum(q_zero_child[:, :3] * joints.axis, axis=1)
+    half_sin = _dot(q_zero_child[:, :3], joints.axis)
     half_cos = q_zero_child[:, 3]
     angle = 2.0 * np.arctan2(half_sin, half_cos)  # or a whole turn more: see below
     velocity = _velocity(parent, child, twists, joints, axis_world)
-    if joints.turns.all():
+    if joints.all_turn:
         position, alignment = angle, half_sin**2 + half_cos**2
     else:
         way = child[:, :3] - parent[:, :3]
         way -= rotate(parent[:, 3:], joints.T_parent_zero[:, :3])
-        slid = np.sum(way * rotate(q_world_zero, joints.axis), axis=1)
+        slid = _dot(way, rotate(q_world_zero, joints.axis))
         position = np.where(joints.turns, angle, slid)
         alignment = joints.turns * half_sin**2 + half_cos**2
     expected = joints.middle
-    if last is not None and joints.goes_on.any():
+    if last is not None and joints.some_go_on:
         known = joints.goes_on & np.isfinite(last)
         expected = np.where(known, last + velocity * passed, joints.middle)
     return Measured(_right_turn(position, expected, joints), velocity, alignment)
@@ -98,12 +98,12 @@ def _velocity(
     moves along the axis, seen from the turning parent.
     """
     difference = twists[joints.child] - twists[joints.parent]
-    if joints.turns.all():
-        return np.sum(difference[:, 3:] * axis_world, axis=1)
+    if joints.all_turn:
+        return _dot(difference[:, 3:], axis_world)
     lever = child[:, :3] - parent[:, :3]
     seen = difference[:, :3] - cross(twists[joints.parent, 3:], lever)
     moving = np.where(joints.turns[:, np.newaxis], difference[:, 3:], seen)
-    return np.sum(moving * axis_world, axis=1)
+    return _dot(moving, axis_world)
 
 
 def _right_turn(
@@ -111,7 +111,7 @@ def _right_turn(
 ) -> np.ndarray:
     """Add the whole turns that bring turning joints to where they are expected."""
     chosen = _near(position, expected, joints)
-    if not joints.goes_on.any():
+    if not joints.some_go_on:
         return chosen
     jumped = np.abs(chosen - expected) > JUMP
     chosen = np.where(jumped, _near(position, joints.middle, joints), chosen)
@@ -125,3 +125,8 @@ def _near(
 ) -> np.ndarray:
     """Add the whole turns that bring turning joints nearest to a place."""
     return position + TURN * joints.turns * np.round((place - position) / TURN)
+
+
+def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Multiply vectors row by row."""
+    return np.einsum("ij,ij->i", a, b)

@@ -12,7 +12,7 @@ from .errors import LARGEST
 from .joints import MeasuredJoints, measured_joints
 from .measurement import Measured, measure
 from .rigid import seen_through
-from .transform import compose
+from .transform import IDENTITY, compose
 
 SCOPE = "::"
 """What stands between a model's name and a link's."""
@@ -71,7 +71,8 @@ class Sight:
         if share.base is None:
             return None
         row, T_link_root = share.base
-        return compose(self.poses[row], T_link_root)
+        pose = self.poses[row]
+        return pose if T_link_root is IDENTITY else compose(pose, T_link_root)
 
     @property
     def off_axis(self) -> bool:
@@ -148,22 +149,33 @@ class Observer:
         """
         if names is not self._names:
             self._find(names)
-        poses, twists = poses[self._rows], twists[self._rows]
-        usable = _usable(poses, twists)
+        poses, twists = poses[self._rows].copy(), twists[self._rows]
+        lengths = np.sqrt(np.einsum("ij,ij->i", poses[:, 3:], poses[:, 3:]))
+        usable = (
+            None
+            if _all_usable(lengths, poses, twists)
+            else _usable(lengths, poses, twists)
+        )
         key = b"" if usable is None else usable.tobytes()
         if key != self._arranged_for:
             self._arrange(usable)
             self._arranged_for = key
         if usable is not None:
-            poses, twists = poses[usable], twists[usable]
-        rotations = poses[:, 3:]
-        rotations /= np.sqrt(np.einsum("ij,ij->i", rotations, rotations))[:, np.newaxis]
+            poses, twists, lengths = poses[usable], twists[usable], lengths[usable]
+        poses[:, 3:] /= lengths[:, np.newaxis]
+        measured = self._measure(poses, twists, time)
+        return Sight(self._shares, poses, measured)
+
+    def _measure(self, poses: np.ndarray, twists: np.ndarray, time: float) -> Measured:
+        """Measure the joints, going on from the last positions where need be."""
+        if not self._joints.some_go_on:
+            return measure(poses, twists, self._joints)
         passed = 0.0 if self._time is None else time - self._time
         last = self._last[self._which]
         measured = measure(poses, twists, self._joints, last, passed)
         self._last[self._which] = measured.position
         self._time = time
-        return Sight(self._shares, poses, measured)
+        return measured
 
     def _find(self, names: Sequence[str]) -> None:
         """Find the robots' links among the names of a message."""
@@ -180,7 +192,13 @@ class Observer:
             for (model, _), links in zip(self._robots, self._present)
             for link in links
         ]
-        self._rows = np.array([index[name] for name in scoped], dtype=int)
+        rows = np.array([index[name] for name in scoped], dtype=int)
+        first = int(rows[0]) if len(rows) else 0
+        block = slice(first, first + len(rows))
+        is_block = np.array_equal(rows, np.arange(block.start, block.stop))
+        # One robot's links stand together: a slice is taken faster than rows are.
+        self._rows: slice | np.ndarray = block if is_block else rows
+        self._n_links = len(rows)
         self._arranged_for = None
         twice = len(index) < len(names)
         counts = [name for name in scoped if names.count(name) > 1] if twice else ()
@@ -189,7 +207,7 @@ class Observer:
     def _arrange(self, usable: np.ndarray | None) -> None:
         """Find what can be measured from the usable ones of the links at hand."""
         if usable is None:
-            usable = np.ones(len(self._rows), dtype=bool)
+            usable = np.ones(self._n_links, dtype=bool)
         shares = []
         row = first_link = first_joint = 0
         for (_, robot), present in zip(self._robots, self._present):
@@ -238,17 +256,19 @@ class Observer:
         return self._kept[key]
 
 
-def _usable(poses: np.ndarray, twists: np.ndarray) -> np.ndarray | None:
-    """Tell which links have numbers that a robot can have.
+def _all_usable(lengths: np.ndarray, poses: np.ndarray, twists: np.ndarray) -> bool:
+    """Tell whether all links have numbers that a robot can have; NaN is none."""
+    if not len(lengths):
+        return True
+    deviation = np.abs(lengths - 1.0).max()
+    largest = np.abs(poses).max(), np.abs(twists).max()
+    return bool(
+        deviation <= NOT_UNIT and largest[0] <= LARGEST and largest[1] <= LARGEST
+    )
 
-    Returns:
-        Whether each is such, shape (n_links,), or None if all are.
-    """
-    with np.errstate(invalid="ignore", over="ignore"):
-        squares = np.einsum("ij,ij->i", poses[:, 3:], poses[:, 3:])
-        is_unit = np.abs(np.sqrt(squares) - 1.0) <= NOT_UNIT
-        sizes = np.abs(np.concatenate([poses, twists], axis=1))
-        # NaN is not below anything.
-        if is_unit.all() and sizes.max(initial=0.0) <= LARGEST:
-            return None
-        return is_unit & (sizes.max(axis=1) <= LARGEST)
+
+def _usable(lengths: np.ndarray, poses: np.ndarray, twists: np.ndarray) -> np.ndarray:
+    """Tell which links have numbers that a robot can have, shape (n_links,)."""
+    with np.errstate(invalid="ignore"):
+        sizes = np.abs(np.concatenate([poses, twists], axis=1)).max(axis=1)
+        return (np.abs(lengths - 1.0) <= NOT_UNIT) & (sizes <= LARGEST)

@@ -52,18 +52,13 @@ class PoseThrottle:
 
     def _moved(self, before: Sequence[float], pose: Sequence[float]) -> bool:
         """Decide whether a pose is a threshold away from another."""
-        if _distance(pose[:3], before[:3]) >= self.position_threshold:
+        if math.dist(pose[:3], before[:3]) >= self.position_threshold:
             return True
         # The chord between unit quaternions; q and -q are the same rotation.
         opposite = [-part for part in before[3:]]
-        chord = min(_distance(pose[3:], before[3:]), _distance(pose[3:], opposite))
+        chord = min(math.dist(pose[3:], before[3:]), math.dist(pose[3:], opposite))
         return 4.0 * math.asin(min(1.0, 0.5 * chord)) >= self.rotation_threshold
 
     def reset(self) -> None:
         """Forget what was sent: the next pose passes."""
         self._stamp = self._pose = None
-
-
-def _distance(one: Sequence[float], other: Sequence[float]) -> float:
-    """Measure how far two points are from each other."""
-    return math.sqrt(sum((a - b) * (a - b) for a, b in zip(one, other)))

@@ -29,6 +29,9 @@ PERIOD = 1.0
 STALE = 1.0
 """Link states older than this are told, in [s] of wall time."""
 
+START = 5.0
+"""A simulator that starts with the bridge may take this long, in [s]."""
+
 HANGING = 2.0
 """A command that waits longer than this for the simulator is told, in [s]."""
 
@@ -53,6 +56,7 @@ class BridgeHealth:
         self._bridge = bridge
         self._complaints = complaints
         self._stopped = threading.Event()
+        self._began = time.monotonic()
         self._updater = Updater()
         self._updater.setHardwareID("none")
         self._updater.add("link states", self._tell_link_states)
@@ -84,14 +88,18 @@ class BridgeHealth:
 
     def _tell_of_silence(self) -> None:
         """Say that link states stay away, or that a command does."""
-        age, waiting = self._age, self._bridge.sender.waiting
-        if age is None:
-            self._complaints.tell("silence", f"Nothing usable on {self._bridge.topic}.")
-        elif age > STALE:
+        topic, waiting = self._bridge.topic, self._bridge.sender.waiting
+        age = self._age
+        if age is None and time.monotonic() - self._began > START:
+            told = f"Nothing usable has come on {topic} yet."
+            if self._bridge.timeless:
+                told = f"Nothing is published: {topic} comes, but no time on /clock."
+            self._complaints.tell("silence", told)
+        if age is not None and age > STALE:
             self._complaints.tell(
                 "silence",
-                f"Nothing usable on {self._bridge.topic} for {age:.0f} s: is the "
-                "simulator paused, or gone?",
+                f"Nothing usable on {topic} for {age:.0f} s: is the simulator paused, "
+                "or gone?",
             )
         if waiting > HANGING:
             self._complaints.tell(

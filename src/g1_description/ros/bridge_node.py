@@ -63,6 +63,8 @@ class BridgeNode:
         self._last_stamp = rospy.Time()
         self.last_came: float | None = None
         """When the last good message came, on the monotonic clock."""
+        self.timeless = 0
+        """Messages that came before any time on /clock."""
         self.malformed = 0
         """Messages that could not be read."""
         self._broadcaster = tf2_ros.TransformBroadcaster()
@@ -109,12 +111,9 @@ class BridgeNode:
     def _link_states_came(self, message: rospy.AnyMsg) -> None:
         """Turn one message into joint states and, now and then, TF."""
         stamp = rospy.Time.now()
-        if not stamp:
-            self._complaints.tell(
-                "clock",
-                "Link states come, but no time on /clock: nothing is published.",
-            )
-            return  # simulated time has not come yet, and a stamp is not invented
+        if not stamp:  # simulated time has not come yet, and a stamp is not invented
+            self.timeless += 1
+            return
         if stamp < self._last_stamp:
             self._reset()
         self._last_stamp = stamp

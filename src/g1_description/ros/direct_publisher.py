@@ -81,6 +81,7 @@ class DirectPublisher(rospy.SubscribeListener):
         self._strangers: set[int] = set()
         self._dismissed: dict[int, int] = {}
         self._looked = 0.0
+        self._n_known = 0
         self._count = 0
         self._poll = select.poll()
         with warnings.catch_warnings():
@@ -152,9 +153,10 @@ class DirectPublisher(rospy.SubscribeListener):
 
     def _look_again(self) -> None:
         """Forget who left, and turn away who has not been taken up for a while."""
-        known = len(self._peers) + list(self._dismissed.values()).count(0)
+        if self._publisher.get_num_connections() == self._n_known:
+            return
         now = time.monotonic()
-        if self.get_num_connections() == known or now - self._looked < LOOK:
+        if now - self._looked < LOOK:
             return
         if self._changing.acquire(blocking=False):
             self._looked = now
@@ -168,9 +170,8 @@ class DirectPublisher(rospy.SubscribeListener):
         try:
             self._connections = self._ask()
         except OSError as error:
-            rospy.logwarn_once(
-                "This node cannot reach itself at its address: %s", error
-            )
+            if not rospy.core.is_shutdown_requested():
+                rospy.logwarn_once("This node cannot reach itself: %s", error)
             return
         here = set(self._connections)
         for number in set(self._peers) - here:
@@ -179,6 +180,12 @@ class DirectPublisher(rospy.SubscribeListener):
         self._peers = {n: peer for n, peer in self._peers.items() if n in here}
         self._dismissed = {n: k for n, k in self._dismissed.items() if n in here}
         self._strangers = here - set(self._peers) - set(self._dismissed)
+        self._count_the_known()
+
+    def _count_the_known(self) -> None:
+        """Count the connections that nothing is to be done about."""
+        given_up = list(self._dismissed.values()).count(0)
+        self._n_known = len(self._peers) + given_up
 
     def _take_up(self, number: int, send) -> None:
         """Make a connection one of the subscribers."""
@@ -189,6 +196,7 @@ class DirectPublisher(rospy.SubscribeListener):
         waiting = deque(maxlen=1 if is_own else self._queue_size)
         peer = Peer(send, descriptor, waiting, is_own)
         self._peers = {**self._peers, number: peer}
+        self._count_the_known()
 
     def _turn_away(self, strangers: set[int]) -> None:
         """Let connections go, and let the master call their nodes again.
@@ -203,6 +211,7 @@ class DirectPublisher(rospy.SubscribeListener):
             self._dismissed[number] = CALLS
         if any(self._dismissed.values()):
             self._dismissed = {n: max(0, k - 1) for n, k in self._dismissed.items()}
+            self._count_the_known()
             with contextlib.suppress(OSError, rosgraph.MasterException):
                 rosgraph.Master(rospy.get_name()).registerPublisher(
                     self.name, self._publisher.type, rospy.get_node_uri()

@@ -105,9 +105,9 @@ class JointStateEncoder:
             (
                 _STAMP.pack(self._seq, stamp.secs, stamp.nsecs),
                 self._head,
-                position.astype("<f8").tobytes(),
+                np.asarray(position, dtype="<f8").tobytes(),
                 self._count,
-                velocity.astype("<f8").tobytes(),
+                np.asarray(velocity, dtype="<f8").tobytes(),
                 _COUNT.pack(0),
             )
         )
