@@ -48,6 +48,7 @@ class Kinematics:
         self._anchor = np.array([j.anchor for j in movable]).reshape(-1, 3)
         self._turns = np.array([j.kind != "prismatic" for j in movable], dtype=float)
         self._slides = bool((self._turns == 0.0).any())
+        self._anchored = bool(self._anchor.any())
         self._half_turn = multiply(
             self._rest[self._child, 3:], np.pad(self._axis, ((0, 0), (0, 1)))
         )
@@ -79,7 +80,7 @@ class Kinematics:
             rotations[link] = multiply(rotations[ancestor], rotations[link])
         offsets = rotate(rotations[self._parent], self._offsets(position))
         offsets[self._root] = T_world_root[:3]
-        if self._anchor.any():
+        if self._anchored:
             offsets[self._child] -= rotate(rotations[self._child], self._anchor)
         places = self._chain @ offsets
         return np.concatenate([places, rotations[: self._n_links]], axis=1)
@@ -87,7 +88,7 @@ class Kinematics:
     def _offsets(self, position: np.ndarray) -> np.ndarray:
         """Find where links are in their parents; where an anchor is, the anchor."""
         offsets = self._rest[:, :3]
-        if self._slides or self._anchor.any():
+        if self._slides or self._anchored:
             offsets = offsets.copy()
             slid = (1.0 - self._turns) * position
             offsets[self._child] += (
@@ -122,7 +123,7 @@ class Kinematics:
         """
         axes = to_axes(poses[self._child, 3:])
         origin = poses[self._child, :3]
-        if self._anchor.any():
+        if self._anchored:
             origin = origin + (axes @ self._anchor[..., np.newaxis])[..., 0]
         speed = (axes @ self._axis[..., np.newaxis])[..., 0] * velocity[:, np.newaxis]
         turning = speed * self._turns[:, np.newaxis] if self._slides else speed
