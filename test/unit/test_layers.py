@@ -6,12 +6,20 @@ from pathlib import Path
 import pytest
 
 SOURCE = Path(__file__).parents[2] / "src" / "g1_description"
-STANDARD = {"__future__", "argparse", "collections", "dataclasses", "logging", "math"}
+STANDARD = {
+    "functools",
+    "__future__",
+    "argparse",
+    "collections",
+    "dataclasses",
+    "logging",
+    "math",
+}
 STANDARD |= {"os", "pathlib", "re", "sys", "tempfile", "typing", "urllib", "xml"}
 ALLOWED = {
     "core": STANDARD | {"lxml", "numpy", "urdf_parser_py", ".core"},
     "sim": STANDARD
-    | {"functools", "struct", "subprocess"}
+    | {"struct", "subprocess"}
     | {"numpy", "pybullet", "pybullet_utils", ".core", ".sim"},
 }
 FORBIDDEN = {"ros": {"pybullet", "pybullet_utils", "scipy", "urdf_parser_py"}}
