@@ -6,7 +6,6 @@ import contextlib
 import threading
 import time
 from typing import TYPE_CHECKING
-from xmlrpc.client import Error
 
 import rosgraph
 import rospy
@@ -15,6 +14,7 @@ from diagnostic_updater import Updater
 
 from .bridge_robot import BridgedRobot, listed
 from .complaints import Complaints
+from .own_node import FAILURES
 from .registration import register_again
 from .shutdown import quiet_when_closing
 
@@ -164,7 +164,7 @@ class BridgeHealth:
         while not self._stopped.wait(0.5 * PERIOD):
             asked += 1
             # The master is gone or has just come: the next time is as good.
-            with contextlib.suppress(OSError, Error, rosgraph.MasterException):
+            with contextlib.suppress(*FAILURES, rosgraph.MasterException):
                 if register_again():
                     rospy.logwarn("The master is new, this node registered again.")
                 if asked % (2 * ASK_ROUND) == 1:

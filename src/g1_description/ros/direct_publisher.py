@@ -22,10 +22,11 @@ import time
 import warnings
 from collections import deque
 from dataclasses import dataclass
-from xmlrpc.client import ServerProxy
 
 import rosgraph
 import rospy
+
+from .own_node import FAILURES, own_node
 
 STALLED = struct.pack("ll", 0, 500_000)
 """How long a subscriber may leave a message half taken, as a struct timeval: 0.5 s.
@@ -169,7 +170,7 @@ class DirectPublisher(rospy.SubscribeListener):
         """Compare the subscribers with the node's connections."""
         try:
             self._connections = self._ask()
-        except OSError as error:
+        except FAILURES as error:
             if not rospy.core.is_shutdown_requested():
                 rospy.logwarn_once("This node cannot reach itself: %s", error)
             return
@@ -212,7 +213,7 @@ class DirectPublisher(rospy.SubscribeListener):
         if any(self._dismissed.values()):
             self._dismissed = {n: max(0, k - 1) for n, k in self._dismissed.items()}
             self._count_the_known()
-            with contextlib.suppress(OSError, rosgraph.MasterException):
+            with contextlib.suppress(*FAILURES, rosgraph.MasterException):
                 rosgraph.Master(rospy.get_name()).registerPublisher(
                     self.name, self._publisher.type, rospy.get_node_uri()
                 )
@@ -224,7 +225,7 @@ class DirectPublisher(rospy.SubscribeListener):
             By their numbers, their sockets and whether they are the node's own.
         """
         own = rospy.get_name()
-        with ServerProxy(rospy.get_node_uri()) as node:
+        with own_node() as node:
             rows = node.getBusInfo(own)[2]
         found = (
             (row[0], _SOCKET.search(row[_INFO]), row[_OTHER] == own)

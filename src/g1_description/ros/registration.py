@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import contextlib
-from xmlrpc.client import Error, ServerProxy
 
 import rosgraph
 import rospy
+
+from .own_node import FAILURES, own_node
 
 
 def register_again() -> bool:
@@ -19,7 +20,7 @@ def register_again() -> bool:
         Whether the node had to be registered.
 
     Raises:
-        OSError: If there is no master.
+        own_node.FAILURES: If there is no master.
         rosgraph.MasterException: If the master refuses.
     """
     name, uri = rospy.get_name(), rospy.get_node_uri()
@@ -27,11 +28,11 @@ def register_again() -> bool:
     with contextlib.suppress(rosgraph.MasterError):
         master.lookupNode(name)
         return False
-    with ServerProxy(uri) as node:
+    with own_node() as node:
         for topic, kind in node.getPublications(name)[2]:
             master.registerPublisher(topic, kind, uri)
         for topic, kind in node.getSubscriptions(name)[2]:
             publishers = master.registerSubscriber(topic, kind, uri)
-            with contextlib.suppress(Error):
+            with contextlib.suppress(*FAILURES):
                 node.publisherUpdate("/master", topic, publishers)
     return True
