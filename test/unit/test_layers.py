@@ -1,6 +1,9 @@
 """Each layer imports only what it may."""
 
 import ast
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -53,3 +56,12 @@ def test_only_one_module_reads_urdf():
         if "urdf_parser_py" in set(imported_packages(path))
     ]
     assert readers == ["description.py"]
+
+
+def test_the_bridge_does_without_pybullet():
+    pytest.importorskip("rospy", reason="rospy is not there")
+    node = "g1_description.ros.bridge_node"
+    code = f"import sys, {node}; sys.exit('pybullet' in sys.modules)"
+    path = os.pathsep.join([str(SOURCE.parent), *sys.path])
+    environment = {**os.environ, "PYTHONPATH": path}
+    assert subprocess.run([sys.executable, "-c", code], env=environment).returncode == 0

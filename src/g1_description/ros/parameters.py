@@ -212,6 +212,6 @@ def _converted(name, value, default):
         return tuple(value)
     elif type(value) is type(default):
         return value
-    raise InvalidValueError(
-        f"~{name} is {value!r}, it must be a {type(default).__name__} like {default!r}."
-    )
+    kind = "list" if isinstance(default, tuple) else type(default).__name__
+    example = "" if isinstance(default, tuple) else f" like {default!r}"
+    raise InvalidValueError(f"~{name} is {value!r}, it must be a {kind}{example}.")

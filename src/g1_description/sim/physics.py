@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-
-from pybullet_utils.bullet_client import BulletClient
+from typing import TYPE_CHECKING
 
 from ..core.errors import LARGEST, InvalidValueError
+
+if TYPE_CHECKING:  # nodes that only read parameters need no PyBullet
+    from pybullet_utils.bullet_client import BulletClient
 
 LONGEST_STEP = 10.0
 """Longest time step in [s]: what Gazebo's dynamic_reconfigure allows."""
