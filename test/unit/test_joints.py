@@ -9,7 +9,7 @@ from robots import chains, world_poses
 
 from g1_description.core.description import parse_urdf
 from g1_description.core.joints import measured_joints
-from g1_description.core.measurement import measure
+from g1_description.core.measurement import Before, measure
 
 SIGNS = st.lists(st.sampled_from([1.0, -1.0]), min_size=9, max_size=9)
 TURNING = st.sampled_from(["revolute", "continuous", "fixed"])
@@ -59,7 +59,8 @@ def test_continuous_joints_go_on_from_their_last_position(chain, root_pose, turn
     poses = np.array([placed[link] for link in robot.link_names])
     last = np.array([positions[name] for name in joints.names]) + turns * 2 * np.pi
     twists = np.zeros((len(poses), 6))
-    measured = measure(poses, twists, joints, last + 0.01).position
+    before = Before(last + 0.01, np.zeros(len(last)), np.zeros(len(last)))
+    measured = measure(poses, twists, joints, before).position
     free = np.isinf(joints.upper)
     np.testing.assert_allclose(measured[free], last[free], atol=1e-9)
 

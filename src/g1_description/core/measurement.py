@@ -15,6 +15,23 @@ JUMP = 0.25 * TURN
 there, in [rad]: its turns are counted anew."""
 
 
+BLUR = 1e-4
+"""How exactly a simulator keeps to stops and tells poses, in [rad]."""
+
+
+class Before(NamedTuple):
+    """What was measured last, which turns go on from; NaN where nothing was."""
+
+    position: np.ndarray
+    """In [rad] or [m], shape (n_joints,)."""
+
+    velocity: np.ndarray
+    """In [rad/s] or [m/s], shape (n_joints,)."""
+
+    passed: np.ndarray
+    """Time since then in [s], shape (n_joints,)."""
+
+
 class Measured(NamedTuple):
     """What the link states tell of joints, a row per joint."""
 
@@ -33,8 +50,7 @@ def measure(
     poses: np.ndarray,
     twists: np.ndarray,
     joints: MeasuredJoints,
-    last: np.ndarray | None = None,
-    passed: float = 0.0,
+    before: Before | None = None,
 ) -> Measured:
     """Measure joints from link poses and twists.
 
@@ -50,8 +66,7 @@ def measure(
         twists: Velocity of each link frame's origin and angular velocity, along
             the world's axes, in [m/s] and [rad/s], shape (n_links, 6).
         joints: Joints to measure; ``parent`` and ``child`` index the links.
-        last: Positions measured last, NaN where there are none, shape (n_joints,).
-        passed: Time since then in [s].
+        before: What was measured last; by default nothing.
 
     Returns:
         Positions, velocities and how well each joint keeps to its axis.
@@ -77,11 +92,10 @@ def measure(
         slid = _dot(way, rotate(q_world_zero, joints.axis))
         position = np.where(joints.turns, angle, slid)
         alignment = joints.turns * half_sin**2 + half_cos**2
-    expected = joints.middle
-    if last is not None and joints.some_go_on:
-        known = joints.goes_on & np.isfinite(last)
-        expected = np.where(known, last + velocity * passed, joints.middle)
-    return Measured(_right_turn(position, expected, joints), velocity, alignment)
+    position = _near(position, joints.middle, joints)
+    if before is not None and joints.some_go_on:
+        position = _go_on(position, velocity, before, joints)
+    return Measured(position, velocity, alignment)
 
 
 def _velocity(
@@ -106,18 +120,32 @@ def _velocity(
     return _dot(moving, axis_world)
 
 
-def _right_turn(
-    position: np.ndarray, expected: np.ndarray, joints: MeasuredJoints
+def _go_on(
+    position: np.ndarray, velocity: np.ndarray, before: Before, joints: MeasuredJoints
 ) -> np.ndarray:
-    """Add the whole turns that bring turning joints to where they are expected."""
+    """Let the positions that limits don't tell go on from the last ones.
+
+    A joint may be a little beyond its stop, but only if it came there at the speed it
+    has: one that was put elsewhere is inside its limits.
+    """
+    expected = before.position + velocity * before.passed
     chosen = _near(position, expected, joints)
-    if not joints.some_go_on:
-        return chosen
-    jumped = np.abs(chosen - expected) > JUMP
-    chosen = np.where(jumped, _near(position, joints.middle, joints), chosen)
-    over = (chosen > joints.upper + OVERSHOOT) & joints.goes_on
-    under = (chosen < joints.lower - OVERSHOOT) & joints.goes_on
-    return chosen + TURN * (under.astype(float) - over)
+    away = np.abs(chosen - expected)
+    speed = np.maximum(np.abs(velocity), np.abs(before.velocity))
+    beyond = np.where(away <= BLUR + 2.0 * speed * before.passed, OVERSHOOT, BLUR)
+    inside = _turned_inside(chosen, beyond, joints)
+    # NaN is not within a quarter turn of anything.
+    return np.where(joints.goes_on & (away <= JUMP), inside, position)
+
+
+def _turned_inside(
+    position: np.ndarray, beyond: np.ndarray, joints: MeasuredJoints
+) -> np.ndarray:
+    """Bring positions too far beyond a stop inside the limits by a turn, if it does."""
+    over, under = position - joints.upper, joints.lower - position
+    down = (over > beyond) & (under + TURN <= BLUR)
+    up = (under > beyond) & (over + TURN <= BLUR)
+    return position + TURN * (up.astype(float) - down)
 
 
 def _near(

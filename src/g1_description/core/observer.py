@@ -10,7 +10,7 @@ import numpy as np
 from .description import Description
 from .errors import LARGEST
 from .joints import MeasuredJoints, measured_joints
-from .measurement import Measured, measure
+from .measurement import Before, Measured, measure
 from .rigid import seen_through
 from .transform import IDENTITY, compose
 
@@ -22,6 +22,9 @@ NOT_UNIT = 1e-3
 
 OFF_AXIS = 1e-3
 """A rotation left over off a joint's axis that is worth telling, in [rad]."""
+
+FORGOTTEN = 1.0
+"""Turns do not go on from a position that is older than this, in [s]."""
 
 _ALIGNED = np.cos(0.5 * OFF_AXIS) ** 2
 _KEPT = 64
@@ -127,8 +130,9 @@ class Observer:
 
     def reset(self) -> None:
         """Forget the last positions, which joints go on from."""
-        self._last = np.full(int(self._first[-1]), np.nan)
-        self._time: float | None = None
+        self._position, self._velocity, self._seen = np.full(
+            (3, int(self._first[-1])), np.nan
+        )
 
     def see(
         self, names: Sequence[str], poses: np.ndarray, twists: np.ndarray, time: float
@@ -170,11 +174,15 @@ class Observer:
         """Measure the joints, going on from the last positions where need be."""
         if not self._joints.some_go_on:
             return measure(poses, twists, self._joints)
-        passed = 0.0 if self._time is None else time - self._time
-        last = self._last[self._which]
-        measured = measure(poses, twists, self._joints, last, passed)
-        self._last[self._which] = measured.position
-        self._time = time
+        which = self._which
+        with np.errstate(invalid="ignore"):  # NaN stands for what was never seen
+            self._position[time - self._seen > FORGOTTEN] = np.nan
+            before = Before(
+                self._position[which], self._velocity[which], time - self._seen[which]
+            )
+            measured = measure(poses, twists, self._joints, before)
+        self._position[which], self._velocity[which] = measured[:2]
+        self._seen[which] = time
         return measured
 
     def _find(self, names: Sequence[str]) -> None:
@@ -228,6 +236,9 @@ class Observer:
             first_link += len(links)
             first_joint += len(joints.names)
         self._shares = shares
+        for first, last, share in zip(self._first, self._first[1:], shares):
+            if not share.is_there:  # it is another one that comes under its name
+                self._position[first:last] = np.nan
         self._joints = MeasuredJoints.joined(
             [share.joints for share in shares], [share.links.start for share in shares]
         )
