@@ -1,0 +1,160 @@
+"""The stand-in, with the display around it.
+
+The display runs without RViz; states flow to the bridge, and from there to
+robot_state_publisher. Nothing else listens: the real-time factor is that of
+get_world_properties before and after a window, processor time is the system's, and
+robot_state_publisher itself is asked how many joint_states it has taken. For the
+highest real-time factor ~set_real_time_factor is 0. Lying begins five simulated
+seconds after the robot was let go. A call of a service is timed on one connection
+while physics runs.
+"""
+
+from __future__ import annotations
+
+import time
+from contextlib import closing
+from typing import NamedTuple
+
+from .nodes import Graph, wait_for
+from .tcpros import Service
+
+CALLS = 2000
+FALL = 5.0  # [s] of simulated time; it lies after one
+RATE = 1000.0  # [Hz]
+SETTLE = 1.0  # [s]
+HANGING = ("physics:=limp", "fixed_base:=true", "z:=1.5")
+
+
+class Case(NamedTuple):
+    """One way to run it."""
+
+    name: str
+    arguments: tuple
+    share: str = ""
+    """Target for the simulator's share of a core."""
+
+    highest: str = ""
+    """Target for the highest real-time factor."""
+
+    lies: bool = False
+
+
+CASES = (
+    Case("kinematic", ("physics:=kinematic",), share="<= 30"),
+    Case("hold", ("physics:=hold",), share="<= 45"),
+    Case("limp, hanging", HANGING, highest="> 3.6"),
+    Case("limp, lying", ("physics:=limp",), highest=">= 4", lies=True),
+)
+
+
+class Display:
+    """A display that was launched, and what it is doing."""
+
+    def __init__(self, graph):
+        """Wait until its states flow."""
+        self._graph = graph
+        self.simulator = graph.node("/gazebo")
+        self.bridge = graph.node("/link_states_bridge")
+        wait_for(self.taken, "the first joint_states")
+        self._world = Service("/gazebo/get_world_properties")
+
+    def taken(self):
+        """Count the joint_states that robot_state_publisher has taken."""
+        return self._graph.messages_taken("/robot_state_publisher", "/joint_states")
+
+    def time(self):
+        """Tell the simulated time in [s]."""
+        return self._world().sim_time
+
+    def watch(self, seconds):
+        """Let time pass.
+
+        Returns:
+            Simulated, wall, the simulator's and the bridge's processor time in [s],
+            and how many joint_states were taken.
+        """
+        begin, taken = self.time(), self.taken()
+        simulator, bridge = self.simulator.meter(), self.bridge.meter()
+        time.sleep(seconds)
+        spent, wall = simulator()
+        passed = self.time() - begin
+        return Watched(passed, wall, spent, bridge()[0], self.taken() - taken)
+
+
+class Watched(NamedTuple):
+    """What happened in a window, times in [s]."""
+
+    simulated: float
+    wall: float
+    simulator: float
+    bridge: float
+    joint_states: int
+
+
+def run(bench):
+    """Measure each kind of physics."""
+    peaks = []
+    for case in CASES:
+        with bench.attempt(case.name):
+            peaks.append(measure_case(bench, case))
+    for name, peak in zip(("simulator", "bridge"), zip(*peaks)):
+        bench.add(f"{name}: peak of memory, the largest of these", max(peak), "MB")
+
+
+def measure_case(bench, case):
+    """Run one; give the peaks of memory of simulator and bridge in [MB]."""
+    with Graph() as graph, graph.launch(bench.model, *case.arguments):
+        display = Display(graph)
+        measure(bench, case, display)
+        nodes = display.simulator, display.bridge
+        return [node.memory("VmHWM") for node in nodes]
+
+
+def measure(bench, case, display):
+    """Measure at the defaults, as fast as can be, and, once, calls."""
+    if case.lies:
+        wait_for(lambda: display.time() > FALL, "the robot's fall")
+    else:
+        time.sleep(SETTLE)
+    measure_defaults(bench, case, display.watch(bench.seconds(10.0)))
+    with closing(Service("/gazebo/set_real_time_factor")) as set_factor:
+        set_factor(0.0)
+        time.sleep(SETTLE)
+        fast = display.watch(bench.seconds(5.0))
+        set_factor(1.0)
+    factor = fast.simulated / fast.wall
+    bench.add(f"{case.name}: highest real-time factor", factor, "", case.highest)
+    rate = fast.joint_states / fast.simulated
+    bench.add(f"{case.name}: joint_states per simulated second then", rate, "1/s")
+    if case.name == "kinematic":
+        time.sleep(SETTLE)
+        measure_calls(bench)
+
+
+def measure_defaults(bench, case, seen):
+    """Keep the figures of a window at the defaults."""
+    share = 100.0 * seen.simulator / seen.wall
+    bench.add(f"{case.name}: simulator's share of a core", share, "%", case.share)
+    bench.add(
+        f"{case.name}: bridge's share of a core", 100.0 * seen.bridge / seen.wall, "%"
+    )
+    step = 1e6 * seen.simulator / (seen.simulated * RATE)
+    bench.add(f"{case.name}: simulator's processor time per step", step, "us")
+    factor = seen.simulated / seen.wall
+    bench.add(f"{case.name}: real-time factor at the defaults", factor)
+
+
+def measure_calls(bench):
+    """Time calls of two services."""
+    wanted = ("g1_robot", "", ["left_elbow_joint"], [0.5])
+    for name, values in (
+        ("get_model_state", ("g1_robot", "")),
+        ("set_model_configuration", wanted),
+    ):
+        with closing(Service(f"/gazebo/{name}")) as service:
+            request = service.request(*values)
+            start = time.monotonic()
+            for _ in range(CALLS):
+                service.send(request)
+            cost = 1e6 * (time.monotonic() - start) / CALLS
+            bench.add(f"kinematic: a call of {name}", cost, "us")
