@@ -128,7 +128,10 @@ def _go_on(
     A joint may be a little beyond its stop, but only if it came there at the speed it
     has: one that was put elsewhere is inside its limits.
     """
-    expected = before.position + velocity * before.passed
+    # The lesser of the two speeds: a single wrong one must not wind a joint up.
+    steady = 0.5 * (np.sign(velocity) + np.sign(before.velocity))
+    steady *= np.minimum(np.abs(velocity), np.abs(before.velocity))
+    expected = before.position + steady * before.passed
     chosen = _near(position, expected, joints)
     away = np.abs(chosen - expected)
     speed = np.maximum(np.abs(velocity), np.abs(before.velocity))

@@ -125,13 +125,13 @@ class BridgeHealth:
         """Report what became of the commands."""
         counts = self._bridge.sender.counts
         waiting = self._bridge.sender.waiting
-        refused = {name: count for name, count in counts.items() if count.refused}
         status.add("sent", sum(count.sent for count in counts.values()))
-        status.add("refused", sum(count.refused for count in refused.values()))
+        status.add("refused", sum(count.refused for count in counts.values()))
         status.summary(OK, "commands are obeyed")
+        refused = [name for name, count in counts.items() if count.reason]
         if refused:
-            name, count = next(iter(refused.items()))
-            status.summary(WARN, f"{name} was refused: {count.reason}")
+            reason = counts[refused[0]].reason
+            status.summary(WARN, f"{listed(refused)} was refused: {reason}")
         if waiting > HANGING:
             status.summary(ERROR, f"the simulator has not answered for {waiting:.0f} s")
         return status

@@ -33,7 +33,7 @@ class CommandCount:
     """Calls that it refused."""
 
     reason: str = ""
-    """The reason of the last refusal."""
+    """Why it refused the last call; empty if it did not."""
 
 
 class CommandSender:
@@ -123,10 +123,11 @@ class CommandSender:
         except FAILURES as error:
             self._put_back(model, positions, error)
             return
-        self._waiting_since = time.monotonic() if self._pending else None
+        self._waiting_since = time.monotonic()
         count, words = self.counts[model], answer.status_message
         if answer.success:
             count.sent += 1
+            count.reason = ""
         else:
             count.refused += 1
             count.reason = words

@@ -21,9 +21,19 @@ class _Kind:
     """When the last line was logged."""
 
     sentence: str = ""
-    """The last sentence since then, still to be told."""
+    """The last of those since then, still to be told."""
 
     count: int = 0
+    """How many there were."""
+
+    def take(self, now: float) -> str:
+        """Give the line that is due, if any; then it is told."""
+        if not self.count or now - self.told < self.period:
+            return ""
+        others = f" ({self.count - 1} more like it)" if self.count > 1 else ""
+        line = self.sentence + others
+        self.told, self.sentence, self.count = now, "", 0
+        return line
 
 
 class Complaints:
@@ -47,25 +57,16 @@ class Complaints:
         """
         now = time.monotonic()
         with self._lock:
-            state = self._kinds.get(kind)
-            if state is not None and now - state.told < state.period:
-                state.sentence, state.count = sentence, state.count + 1
-                return
-            self._kinds[kind] = _Kind(period, now)
-        rospy.logwarn("%s", sentence)
+            state = self._kinds.setdefault(kind, _Kind(period, -period))
+            state.sentence, state.count = sentence, state.count + 1
+            line = state.take(now)
+        if line:
+            rospy.logwarn("%s", line)
 
     def tell_kept(self) -> None:
         """Log the last warning of each kind that was kept for its period."""
         now = time.monotonic()
         with self._lock:
-            due = [
-                state
-                for state in self._kinds.values()
-                if state.count and now - state.told >= state.period
-            ]
-            lines = [(state.sentence, state.count) for state in due]
-            for state in due:
-                state.told, state.sentence, state.count = now, "", 0
-        for sentence, count in lines:
-            others = f" ({count - 1} more like it)" if count > 1 else ""
-            rospy.logwarn("%s%s", sentence, others)
+            lines = [state.take(now) for state in self._kinds.values()]
+        for line in filter(None, lines):
+            rospy.logwarn("%s", line)
