@@ -67,6 +67,16 @@ def test_frames_of_a_robot_with_a_prefix_keep_world_and_map():
     ]
 
 
+def test_a_robot_fixed_to_the_world_hangs_in_it_whatever_its_prefix():
+    edges = static_edges(BridgeParameters(), robot("world", "arm"), "a/")
+    assert edges == [("world", "map"), ("world", "a/world")]
+
+
+def test_a_robot_in_the_nodes_namespace_has_no_prefix():
+    (one,) = BridgeParameters(robots=({"name": "a", "namespace": ""},)).each_robot
+    assert (one.namespace, one.frame_prefix) == ("", "")
+
+
 def test_robots_get_their_namespace_and_prefix_from_their_name():
     parameters = BridgeParameters(robots=({"name": "g1::left"}, {"name": "b"}))
     one, other = parameters.each_robot
@@ -82,6 +92,8 @@ def test_robots_get_their_namespace_and_prefix_from_their_name():
         (({"name": 3},), "a dictionary with a name"),
         (({"name": "a", "colour": "red"},), "has colour: 'red'; it may have"),
         (({"name": "a", "frame_prefix": 1},), "has frame_prefix: 1"),
+        (({"name": "a", "frame_prefix": "b"},), "'b', it must end with a slash"),
+        (({"name": "a", "namespace": "3"},), "namespace '3', which is no ROS name"),
         (({"name": "a"}, {"name": "a", "namespace": "b"}), "the name 'a' twice"),
         (({"name": "a"}, {"name": "b", "namespace": "/a/"}), "namespace 'a' twice"),
     ],
@@ -94,6 +106,7 @@ def test_robots_that_make_no_sense_are_refused_by_their_number(robots, words):
 @pytest.mark.parametrize(
     ("kind", "values", "words"),
     [
+        (BridgeParameters, {"frame_prefix": "/a/"}, "end with a slash, not begin"),
         (BridgeParameters, {"max_interval": -1.0}, "~max_interval is -1.0"),
         (BridgeParameters, {"position_threshold": -0.1}, "must be from 0.0"),
         (GazeboParameters, {"time_step": -1.0}, "time_step is -1.0"),

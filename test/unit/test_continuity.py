@@ -181,3 +181,17 @@ def test_a_joint_that_was_not_seen_for_a_while_goes_on_where_its_speed_took_it()
         names = ("r::a", "r::b", "r::c")[:n_links]
         sight = observer.see(names, poses, twists[:n_links], step * DT)
     np.testing.assert_allclose(sight.measured.position, speed * 19 * DT)
+
+
+@pytest.mark.parametrize("limits", [(), (-HALF, HALF)])
+def test_a_clock_that_is_slower_than_the_messages_moves_no_turns(limits):
+    """A clock of 100 Hz, states of 1 kHz; a wheel, and a joint beyond its stop."""
+    joint, speed = Watched(*limits), 50.0
+    for step in range(3000):
+        joint.time = 0.01 * (step // 10) - DT
+        position = speed * 0.001 * step
+        if limits:
+            position = HALF + 0.03 * np.sin(speed * 0.001 * step)
+        slope = 0.03 * speed * np.cos(speed * 0.001 * step) if limits else speed
+        read = joint.at(position, slope)
+    assert read == pytest.approx(position, abs=1e-9)

@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from .description import Description
-from .errors import LARGEST
 from .joints import MeasuredJoints, measured_joints
 from .measurement import Before, Measured, measure
 from .rigid import seen_through
 from .transform import IDENTITY, compose
+from .usable import all_usable, usable_rows
 
 SCOPE = "::"
 """What stands between a model's name and a link's."""
-
-NOT_UNIT = 1e-3
-"""A quaternion whose length differs from 1 by more is none."""
 
 OFF_AXIS = 1e-3
 """A rotation left over off a joint's axis that is worth telling, in [rad]."""
@@ -28,7 +26,13 @@ FORGOTTEN = 1.0
 
 _ALIGNED = np.cos(0.5 * OFF_AXIS) ** 2
 _KEPT = 64
-"""Sets of links at hand whose joints are kept, for robots whose links come and go."""
+"""Sets of links at hand, for each robot at most, whose joints are kept."""
+
+_USUAL = 0.001
+"""Time between two messages while it is not known, in [s]."""
+
+_LONG = 20
+"""A gap of more than this many messages is a gap; a shorter one may be the clock's."""
 
 
 @dataclass(frozen=True)
@@ -133,6 +137,8 @@ class Observer:
         self._position, self._velocity, self._seen = np.full(
             (3, int(self._first[-1])), np.nan
         )
+        self._time = np.nan
+        self._interval = 0.0
 
     def see(
         self, names: Sequence[str], poses: np.ndarray, twists: np.ndarray, time: float
@@ -143,7 +149,7 @@ class Observer:
             names: Scoped names of the links. The same object as last time costs
                 nothing. Of equal names the first counts.
             poses: Poses in the world, shape (n, 7). A quaternion that is not of unit
-                length within ``NOT_UNIT``, and a number that no robot can have, makes
+                length within 1e-3, and a number that no robot can have, makes
                 its link count as missing.
             twists: Twists along the world's axes, shape (n, 6).
             time: When it was so, in [s].
@@ -157,8 +163,8 @@ class Observer:
         lengths = np.sqrt(np.einsum("ij,ij->i", poses[:, 3:], poses[:, 3:]))
         usable = (
             None
-            if _all_usable(lengths, poses, twists)
-            else _usable(lengths, poses, twists)
+            if all_usable(lengths, poses, twists)
+            else usable_rows(lengths, poses, twists)
         )
         key = b"" if usable is None else usable.tobytes()
         if key != self._arranged_for:
@@ -178,12 +184,32 @@ class Observer:
         with np.errstate(invalid="ignore"):  # NaN stands for what was never seen
             self._position[time - self._seen > FORGOTTEN] = np.nan
             before = Before(
-                self._position[which], self._velocity[which], time - self._seen[which]
+                self._position[which],
+                self._velocity[which],
+                self._passed(time)[which],
             )
             measured = measure(poses, twists, self._joints, before)
         self._position[which], self._velocity[which] = measured[:2]
         self._seen[which] = time
         return measured
+
+    def _passed(self, time: float) -> np.ndarray:
+        """Estimate how long ago each joint was seen, in [s], shape (n_joints,).
+
+        Where the clock is slower than the messages several have the same time, and
+        the next is late: the mean between two messages is nearer to what has passed.
+        """
+        passed = time - self._seen
+        since = time - self._time
+        self._time = time
+        if np.isnan(since):
+            return passed
+        if since > _LONG * self._interval:
+            self._interval = self._interval or since
+            return passed
+        self._interval += 0.05 * (since - self._interval)
+        passed[self._seen == time - since] = self._interval or _USUAL
+        return passed
 
     def _find(self, names: Sequence[str]) -> None:
         """Find the robots' links among the names of a message."""
@@ -209,8 +235,8 @@ class Observer:
         self._n_links = len(rows)
         self._arranged_for = None
         twice = len(index) < len(names)
-        counts = [name for name in scoped if names.count(name) > 1] if twice else ()
-        self.twice = tuple(counts)
+        counts = Counter(names) if twice else {}
+        self.twice = tuple(name for name in scoped if counts.get(name, 1) > 1)
 
     def _arrange(self, usable: np.ndarray | None) -> None:
         """Find what can be measured from the usable ones of the links at hand."""
@@ -257,7 +283,7 @@ class Observer:
         """Give a robot's joints and base for the links at hand, made only once."""
         key = (id(robot), links)
         if key not in self._kept:
-            if len(self._kept) >= _KEPT:
+            if len(self._kept) >= _KEPT * len(self._robots):
                 self._kept.clear()
             base = None
             if robot.root in (seen := seen_through(robot, links)):
@@ -265,21 +291,3 @@ class Observer:
                 base = (links.index(link), T_link_root)
             self._kept[key] = (measured_joints(robot, links), base)
         return self._kept[key]
-
-
-def _all_usable(lengths: np.ndarray, poses: np.ndarray, twists: np.ndarray) -> bool:
-    """Tell whether all links have numbers that a robot can have; NaN is none."""
-    if not len(lengths):
-        return True
-    deviation = np.abs(lengths - 1.0).max()
-    largest = np.abs(poses).max(), np.abs(twists).max()
-    return bool(
-        deviation <= NOT_UNIT and largest[0] <= LARGEST and largest[1] <= LARGEST
-    )
-
-
-def _usable(lengths: np.ndarray, poses: np.ndarray, twists: np.ndarray) -> np.ndarray:
-    """Tell which links have numbers that a robot can have, shape (n_links,)."""
-    with np.errstate(invalid="ignore"):
-        sizes = np.abs(np.concatenate([poses, twists], axis=1)).max(axis=1)
-        return (np.abs(lengths - 1.0) <= NOT_UNIT) & (sizes <= LARGEST)

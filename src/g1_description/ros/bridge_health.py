@@ -15,7 +15,7 @@ from diagnostic_updater import Updater
 from .bridge_robot import BridgedRobot, listed
 from .complaints import Complaints
 from .own_node import FAILURES
-from .registration import register_again
+from .registration import keep_in_touch
 from .shutdown import quiet_when_closing
 
 if TYPE_CHECKING:
@@ -26,6 +26,9 @@ OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.E
 PERIOD = 1.0
 """Time between two diagnostics in [s] of wall time."""
 
+ASK = 0.5
+"""Time between two questions to the master in [s] of wall time."""
+
 STALE = 1.0
 """Link states older than this are told, in [s] of wall time."""
 
@@ -35,8 +38,8 @@ START = 5.0
 HANGING = 2.0
 """A command that waits longer than this for the simulator is told, in [s]."""
 
-ASK_ROUND = 5
-"""The master is asked who publishes joint states each so many periods."""
+RECENT = 10.0
+"""What was ignored of a command is told for this long, in [s]."""
 
 
 class BridgeHealth:
@@ -75,9 +78,9 @@ class BridgeHealth:
         while not self._stopped.wait(PERIOD):
             self._tell_of_silence()
             self._complaints.tell_kept()
-            for robot in self._bridge.robots:
-                robot.joint_states.flush()
             with quiet_when_closing():
+                for robot in self._bridge.robots:
+                    robot.joint_states.flush()
                 self._updater.force_update()
 
     @property
@@ -132,17 +135,23 @@ class BridgeHealth:
         if refused:
             reason = counts[refused[0]].reason
             status.summary(WARN, f"{listed(refused)} was refused: {reason}")
+        for robot in self._bridge.robots:
+            if robot.ignored and time.monotonic() - robot.ignored[0] < RECENT:
+                why = robot.ignored[1]
+                status.mergeSummary(WARN, f"ignored in one to {robot.name}: {why}")
         if waiting > HANGING:
             status.summary(ERROR, f"the simulator has not answered for {waiting:.0f} s")
         return status
 
-    @staticmethod
-    def _joints_of(robot: BridgedRobot):
+    def _joints_of(self, robot: BridgedRobot):
         """Make what reports on one robot's joints."""
 
         def tell(status):
             share = robot.share
-            if share is None or not share.is_there:
+            if share is None or self._age is None or self._age > STALE:
+                status.summary(WARN, "no link states come")
+                return status
+            if not share.is_there:
                 status.summary(ERROR, f"the simulator has no link of {robot.name}")
                 return status
             status.summary(OK, f"{len(share.joints.names)} joints are measured")
@@ -151,8 +160,9 @@ class BridgeHealth:
                 status.mergeSummary(WARN, f"joint_states also come from {others}")
             if robot.off_axis:
                 status.mergeSummary(WARN, f"off their axes: {listed(robot.off_axis)}")
-            if share.joints.missing:
-                missing = listed(share.joints.missing)
+            missing = dict.fromkeys(share.joints.missing + share.broken)
+            if missing:
+                missing = listed(missing)
                 status.mergeSummary(ERROR, f"links are missing: {missing}")
             return status
 
@@ -160,20 +170,19 @@ class BridgeHealth:
 
     def _ask_forever(self) -> None:
         """Be known to the master, and ask it who else publishes."""
-        asked = 0
-        while not self._stopped.wait(0.5 * PERIOD):
-            asked += 1
+        while not self._stopped.wait(ASK):
             # The master is gone or has just come: the next time is as good.
             with contextlib.suppress(*FAILURES, rosgraph.MasterException):
-                if register_again():
-                    rospy.logwarn("The master is new, this node registered again.")
-                if asked % (2 * ASK_ROUND) == 1:
-                    self._ask_who_publishes()
+                state = rosgraph.Master(rospy.get_name()).getSystemState()
+                if rospy.core.is_shutdown_requested():
+                    return
+                if keep_in_touch(state):
+                    rospy.loginfo("The master did not know this node; it does now.")
+                self._find_other_publishers(dict(state[0]))
 
-    def _ask_who_publishes(self) -> None:
+    def _find_other_publishers(self, publishers: dict[str, list[str]]) -> None:
         """Find other nodes that publish the robots' joint states."""
         own = rospy.get_name()
-        publishers = dict(rosgraph.Master(own).getSystemState()[0])
         for robot in self._bridge.robots:
             topic = robot.joint_states.name
             others = [node for node in publishers.get(topic, ()) if node != own]

@@ -13,6 +13,7 @@ Parameters: those of parameters.BridgeParameters
 from __future__ import annotations
 
 import sys
+import threading
 import time
 from collections.abc import Sequence
 
@@ -24,14 +25,16 @@ from ..core.errors import G1DescriptionError, WireFormatError
 from ..core.observer import Observer, Sight
 from ..core.transform import IDENTITY
 from .bridge_health import BridgeHealth
-from .bridge_robot import BridgedRobot, wait_for_description
+from .bridge_robot import BridgedRobot
 from .command_sender import CommandSender
 from .complaints import Complaints
+from .descriptions import wait_for_descriptions
 from .frames import static_edges
 from .link_states import LinkStatesArrays, LinkStatesDecoder
 from .messages import transform
 from .parameters import BridgeParameters, RobotParameters, read_parameters
 from .shutdown import quiet_when_closing, start_node
+from .tcpros import serve_as_roscpp
 
 QUEUE = 100
 BUFFER = 1 << 16
@@ -60,6 +63,8 @@ class BridgeNode:
         ]
         self._observer = Observer({r.name: r.description for r in self.robots})
         self._decoder = LinkStatesDecoder()
+        # rospy has a thread for each publisher of link states; there may be two.
+        self._one_at_a_time = threading.Lock()
         self._last_stamp = rospy.Time()
         self.last_came: float | None = None
         """When the last good message came, on the monotonic clock."""
@@ -110,6 +115,11 @@ class BridgeNode:
 
     def _link_states_came(self, message: rospy.AnyMsg) -> None:
         """Turn one message into joint states and, now and then, TF."""
+        with self._one_at_a_time:
+            self._take(message._buff)
+
+    def _take(self, data: bytes) -> None:
+        """Take one message's bytes."""
         stamp = rospy.Time.now()
         if not stamp:  # simulated time has not come yet, and a stamp is not invented
             self.timeless += 1
@@ -118,7 +128,7 @@ class BridgeNode:
             self._reset()
         self._last_stamp = stamp
         try:
-            states = self._decoder.decode(message._buff)
+            states = self._decoder.decode(data)
         except WireFormatError as error:
             self.malformed += 1
             self._complaints.tell(
@@ -147,7 +157,9 @@ class BridgeNode:
 
     def _reset(self) -> None:
         """Take it that simulated time began again."""
-        rospy.loginfo("Time went back: starting anew.")
+        self._complaints.tell(
+            "time", "Time went back: starting anew.", 1.0, rospy.loginfo
+        )
         self._observer.reset()
         for robot in self.robots:
             robot.reset()
@@ -155,12 +167,11 @@ class BridgeNode:
 
 def main() -> None:
     """Run the node ``link_states_bridge``."""
+    serve_as_roscpp()
     start_node("link_states_bridge")
     try:
         parameters = read_parameters(BridgeParameters)
-        robots = [
-            (robot, wait_for_description(robot)) for robot in parameters.each_robot
-        ]
+        robots = wait_for_descriptions(parameters.each_robot)
     except G1DescriptionError as error:
         rospy.logfatal("%s", error)
         sys.exit(1)

@@ -6,13 +6,12 @@ import posixpath
 import time
 
 import genpy
-import rosgraph
 import rospy
 from geometry_msgs.msg import TransformStamped
 from sensor_msgs.msg import JointState
 
 from ..core.commands import split_command
-from ..core.description import Description, parse_urdf
+from ..core.description import Description
 from ..core.observer import Share, Sight
 from ..core.throttle import PoseThrottle
 from .command_sender import CommandSender
@@ -65,6 +64,9 @@ class BridgedRobot:
         """What the last message had of it."""
         self.off_axis: dict[str, float] = {}
         """Rotation left over off the axis in [rad] by joint, in the last message."""
+        self.ignored: tuple[float, str] | None = None
+        """When something of a command was last ignored, on the monotonic clock, and
+        why."""
         self.other_publishers: list[str] = []
         """Other nodes that publish its joint states."""
         self._tell_what_is_left_out()
@@ -81,9 +83,10 @@ class BridgedRobot:
                 message.name, message.position, self._movable
             )
             if complaints:
+                self.ignored = time.monotonic(), "; ".join(complaints)
                 told = f"Of a joint command to {self.name} is ignored"
                 self._complaints.tell(
-                    f"command {self.name}", f"{told}: {'; '.join(complaints)}.", 1.0
+                    f"command {self.name}", f"{told}: {self.ignored[1]}.", 1.0
                 )
             if accepted:
                 sender.put(self.name, accepted)
@@ -107,7 +110,7 @@ class BridgedRobot:
         if share is not self.share:
             self.share = share
             self.off_axis = {}
-        if share.joints.missing or not share.is_there:
+        if share.joints.missing or share.broken or not share.is_there:
             self._tell_what_is_missing(share)
         if sight.off_axis or self.off_axis:
             self._tell_what_is_off_axis(sight, share)
@@ -152,7 +155,7 @@ class BridgedRobot:
         elif share.is_there:
             why = f"no link {listed(share.joints.missing)}"
         else:
-            why = "no link of it; is it spawned under this name?"
+            why = "no link of it (is it spawned under this name?)"
         self._complaints.tell(
             f"missing {self.name}",
             f"Joints of {self.name} are left out, the simulator has {why}.",
@@ -181,46 +184,3 @@ def listed(names) -> str:
     """Join names for a sentence, cut short where there are very many."""
     shown = ", ".join(list(names)[:8])
     return shown + (f" and {len(names) - 8} more" if len(names) > 8 else "")
-
-
-def wait_for_description(robot: RobotParameters) -> Description | None:
-    """Wait for a robot on the parameter server.
-
-    Args:
-        robot: Where to look.
-
-    Returns:
-        The robot, or None if the node was shut down before it came.
-
-    Raises:
-        DescriptionError: If what came is no robot.
-    """
-    while not rospy.is_shutdown():
-        name = find_parameter(robot.description, robot.namespace)
-        if name is not None:
-            return parse_urdf(str(rospy.get_param(name)))
-        rospy.loginfo_once(
-            "Waiting for a robot on the parameter %s.", robot.description
-        )
-        time.sleep(0.1)
-    return None
-
-
-def find_parameter(name: str, namespace: str = "") -> str | None:
-    """Find a parameter in a namespace or one above it.
-
-    Args:
-        name: The parameter; one with its full name is not searched for.
-        namespace: Where to begin; by default the node's own.
-
-    Returns:
-        Its full name; None if there is none.
-    """
-    if name.startswith(("/", "~")):
-        return rospy.resolve_name(name) if rospy.has_param(name) else None
-    if not namespace:
-        return rospy.search_param(name)
-    try:
-        return rosgraph.Master(f"/{namespace}/robot").searchParam(name)
-    except rosgraph.MasterError:
-        return None

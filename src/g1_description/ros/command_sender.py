@@ -7,16 +7,20 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+import rosgraph
 import rospy
 from gazebo_msgs.srv import SetModelConfiguration
 
+from . import own_node
+
 SUCCESS = "SetModelConfiguration: success"
-# A connection that breaks while it is written to raises outside rospy's family.
+# A connection or a master that breaks in the middle raises outside rospy's family.
 FAILURES = (
     rospy.ServiceException,
     rospy.ROSException,
     rospy.exceptions.ROSInternalException,
-    OSError,
+    rosgraph.MasterException,
+    *own_node.FAILURES,
 )
 RETRY = 0.2
 """Wait before a failed call is tried again, in [s] of wall time."""

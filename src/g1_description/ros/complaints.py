@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import rospy
@@ -11,14 +13,21 @@ import rospy
 PERIOD = 10.0
 """Time between two lines of one kind in [s] of wall time."""
 
+OVER = 2.5
+"""A fault that was not repeated for this long is over, in [s]."""
+
 
 @dataclass
 class _Kind:
     """The lines of one kind of fault."""
 
     period: float
-    told: float
+    log: Callable
+    told: float = -math.inf
     """When the last line was logged."""
+
+    last: float = 0.0
+    """When it last happened."""
 
     sentence: str = ""
     """The last of those since then, still to be told."""
@@ -26,14 +35,15 @@ class _Kind:
     count: int = 0
     """How many there were."""
 
-    def take(self, now: float) -> str:
-        """Give the line that is due, if any; then it is told."""
+    def tell(self, now: float) -> None:
+        """Log the line that is due, if any."""
         if not self.count or now - self.told < self.period:
-            return ""
-        others = f" ({self.count - 1} more like it)" if self.count > 1 else ""
-        line = self.sentence + others
-        self.told, self.sentence, self.count = now, "", 0
-        return line
+            return
+        if now - self.last < OVER:
+            others = f" ({self.count - 1} more like it)" if self.count > 1 else ""
+            self.log("%s%s", self.sentence, others)
+            self.told = now
+        self.sentence, self.count = "", 0
 
 
 class Complaints:
@@ -47,26 +57,34 @@ class Complaints:
         self._lock = threading.Lock()
         self._kinds: dict[str, _Kind] = {}
 
-    def tell(self, kind: str, sentence: str, period: float = PERIOD) -> None:
-        """Log a warning, or keep it where one of its kind was logged just now.
+    def tell(
+        self,
+        kind: str,
+        sentence: str,
+        period: float = PERIOD,
+        log: Callable = rospy.logwarn,
+    ) -> None:
+        """Log a line, or keep it where one of its kind was logged just now.
 
         Args:
             kind: Which fault, and whose.
             sentence: What is wrong, with names.
             period: Time between two lines of this kind in [s].
+            log: Takes a format and what goes into it.
         """
         now = time.monotonic()
         with self._lock:
-            state = self._kinds.setdefault(kind, _Kind(period, -period))
-            state.sentence, state.count = sentence, state.count + 1
-            line = state.take(now)
-        if line:
-            rospy.logwarn("%s", line)
+            state = self._kinds.setdefault(kind, _Kind(period, log))
+            state.sentence, state.last = sentence, now
+            state.count += 1
+            state.tell(now)
 
     def tell_kept(self) -> None:
-        """Log the last warning of each kind that was kept for its period."""
+        """Log the last line of each kind that was kept for its period.
+
+        A fault that was not repeated lately is over and not told any more.
+        """
         now = time.monotonic()
         with self._lock:
-            lines = [state.take(now) for state in self._kinds.values()]
-        for line in filter(None, lines):
-            rospy.logwarn("%s", line)
+            for state in self._kinds.values():
+                state.tell(now)

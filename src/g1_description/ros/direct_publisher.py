@@ -4,9 +4,10 @@ rospy's queue has a thread for each subscriber; waking them costs several times 
 the sending does, and they wait for the interpreter while it computes. Without its
 queue rospy sends from the caller's thread, but a subscriber that stands still would
 stop the caller. Here each subscriber gets a message at once where its socket has
-room; for those that have none the newest few messages are kept. All by public means:
-a SubscribeListener gives what publishes to one subscriber, the slave API's getBusInfo
-tells its socket.
+room; for those that have none the newest few messages are kept. Room is the system's
+word, some hundred kilobytes: a message of megabytes to a slow reader takes its time,
+half a second at most. All by public means: a SubscribeListener gives what publishes
+to one subscriber, the slave API's getBusInfo tells its socket.
 """
 
 from __future__ import annotations
@@ -146,7 +147,8 @@ class DirectPublisher(rospy.SubscribeListener):
             if self._strangers:
                 newest = max(self._strangers)
                 self._strangers.remove(newest)
-                self._take_up(newest, peer_publish)
+                with contextlib.suppress(OSError):  # it is gone again
+                    self._take_up(newest, peer_publish)
 
     def peer_unsubscribe(self, topic_name, num_peers) -> None:
         """Look who left, the next time; rospy calls this and does not say who."""
@@ -160,11 +162,13 @@ class DirectPublisher(rospy.SubscribeListener):
         if now - self._looked < LOOK:
             return
         if self._changing.acquire(blocking=False):
-            self._looked = now
-            before = self._strangers
-            self._look_who_is_there()
-            self._turn_away(before & self._strangers)
-            self._changing.release()
+            try:
+                self._looked = now
+                before = self._strangers
+                self._look_who_is_there()
+                self._turn_away(before & self._strangers)
+            finally:
+                self._changing.release()
 
     def _look_who_is_there(self) -> None:
         """Compare the subscribers with the node's connections."""
@@ -213,10 +217,15 @@ class DirectPublisher(rospy.SubscribeListener):
         if any(self._dismissed.values()):
             self._dismissed = {n: max(0, k - 1) for n, k in self._dismissed.items()}
             self._count_the_known()
-            with contextlib.suppress(*FAILURES, rosgraph.MasterException):
-                rosgraph.Master(rospy.get_name()).registerPublisher(
-                    self.name, self._publisher.type, rospy.get_node_uri()
-                )
+            # A master that is far and gone may keep who asks it for a minute.
+            threading.Thread(target=self._call, daemon=True).start()
+
+    def _call(self) -> None:
+        """Let the master tell all subscribers of this publisher."""
+        with contextlib.suppress(*FAILURES, rosgraph.MasterException):
+            rosgraph.Master(rospy.get_name()).registerPublisher(
+                self.name, self._publisher.type, rospy.get_node_uri()
+            )
 
     def _ask(self) -> dict[int, tuple[int, bool]]:
         """Ask the node for the topic's connections.

@@ -36,12 +36,15 @@ def static_edges(
 
     Returns:
         Parent and child of world -> map, base_link -> root where base_link is no
-        link of the robot, and imu_in_torso -> body_imu where the robot has one.
+        link of the robot, world -> its own world where that has a prefix, and
+        imu_in_torso -> body_imu where the robot has one.
     """
     p = parameters
     edges = [(p.world_frame, p.map_frame)]
     if base_child(p, description) not in (None, description.root):
         edges.append((prefix + p.base_frame, prefix + description.root))
+    if prefix and description.root in (p.world_frame, p.map_frame):
+        edges.append((description.root, prefix + description.root))
     if p.imu_link in description.link_names:
         edges.append((prefix + p.imu_link, prefix + p.imu_frame))
     return edges

@@ -119,9 +119,9 @@ class BridgeParameters:
             _check_range(self, name, 0.0, 1e3)
         for name in ("max_interval", "min_interval"):
             _check_range(self, name, 0.0, 3600.0)
-        names = [robot.name for robot in self.each_robot]
-        spaces = [robot.namespace for robot in self.each_robot]
-        for key, values in (("name", names), ("namespace", spaces)):
+        _check_prefix("~frame_prefix", self.frame_prefix)
+        for key in ("name", "namespace", "frame_prefix"):
+            values = [getattr(robot, key) for robot in self.each_robot]
             twice = sorted({value for value in values if values.count(value) > 1})
             if twice:
                 raise InvalidValueError(f"~robots has the {key} '{twice[0]}' twice.")
@@ -160,7 +160,8 @@ class RobotParameters:
 def _robot(number: int, told) -> RobotParameters:
     """Read one entry of ``~robots``."""
     known = [field.name for field in fields(RobotParameters)]
-    if not isinstance(told, dict) or not isinstance(told.get("name"), str):
+    name = told.get("name") if isinstance(told, dict) else None
+    if not isinstance(name, str) or not name:
         raise InvalidValueError(
             f"~robots[{number}] is {told!r}, it must be a dictionary with a name."
         )
@@ -170,9 +171,23 @@ def _robot(number: int, told) -> RobotParameters:
                 f"~robots[{number}] has {key}: {value!r}; it may have strings for "
                 f"{', '.join(known)}."
             )
-    namespace = told.get("namespace", re.sub(r"\W", "_", told["name"])).strip("/")
-    defaults = {"namespace": namespace, "frame_prefix": f"{namespace}/"}
-    return RobotParameters(**{**defaults, **told, "namespace": namespace})
+    default = re.sub(r"\W", "_", name, flags=re.ASCII)
+    namespace = told.get("namespace", default).strip("/")
+    if namespace and not re.fullmatch(r"[A-Za-z][\w/]*", namespace, re.ASCII):
+        raise InvalidValueError(
+            f"~robots[{number}] has the namespace '{namespace}', which is no ROS name."
+        )
+    prefix = told.get("frame_prefix", namespace and f"{namespace}/")
+    _check_prefix(f"frame_prefix of ~robots[{number}]", prefix)
+    return RobotParameters(**{**told, "namespace": namespace, "frame_prefix": prefix})
+
+
+def _check_prefix(what: str, prefix: str) -> None:
+    """Check that robot_state_publisher's tf_prefix can be the same."""
+    if prefix and (prefix.startswith("/") or not prefix.endswith("/")):
+        raise InvalidValueError(
+            f"The {what} is '{prefix}', it must end with a slash, not begin with one."
+        )
 
 
 def _check_range(parameters, name, low, high):

@@ -1,38 +1,62 @@
-"""A node that outlives its master, and is known to the next one."""
+"""A node that outlives its master and its publishers' connections."""
 
 from __future__ import annotations
 
 import contextlib
+from collections import Counter
 
 import rosgraph
 import rospy
 
-from .own_node import FAILURES, own_node
+from .own_node import own_node
 
 
-def register_again() -> bool:
-    """Tell the master what this node publishes and listens to, if it does not know.
+def keep_in_touch(state: list) -> bool:
+    """Register what the master does not know, connect to publishers that were lost.
 
-    rospy does so once. A master that died and came back knows nothing of the nodes
-    that ran on. Connections there are stay.
+    rospy registers once: a master that died and came back knows nothing of the nodes
+    that ran on. And it connects once: a connection that breaks while its publisher
+    lives stays broken.
+
+    Args:
+        state: What the master's ``getSystemState`` tells.
 
     Returns:
-        Whether the node had to be registered.
+        Whether anything had to be registered.
 
     Raises:
         own_node.FAILURES: If there is no master.
         rosgraph.MasterException: If the master refuses.
     """
     name, uri = rospy.get_name(), rospy.get_node_uri()
+    publishers, subscribers = dict(state[0]), dict(state[1])
     master = rosgraph.Master(name)
-    with contextlib.suppress(rosgraph.MasterError):
-        master.lookupNode(name)
-        return False
+    registered = False
     with own_node() as node:
         for topic, kind in node.getPublications(name)[2]:
-            master.registerPublisher(topic, kind, uri)
+            if name not in publishers.get(topic, ()):
+                master.registerPublisher(topic, kind, uri)
+                registered = True
+        connections = Counter(
+            row[4] for row in node.getBusInfo(name)[2] if row[2] == "i"
+        )
         for topic, kind in node.getSubscriptions(name)[2]:
-            publishers = master.registerSubscriber(topic, kind, uri)
-            with contextlib.suppress(*FAILURES):
-                node.publisherUpdate("/master", topic, publishers)
-    return True
+            if name not in subscribers.get(topic, ()):
+                addresses = master.registerSubscriber(topic, kind, uri)
+                registered = True
+            elif len(publishers.get(topic, ())) > connections[topic]:
+                addresses = _addresses(master, publishers[topic])
+            else:
+                continue
+            # rospy connects to those it is not connected to.
+            node.publisherUpdate("/master", topic, addresses)
+    return registered
+
+
+def _addresses(master: rosgraph.Master, nodes: list[str]) -> list[str]:
+    """Ask the master where nodes are; one that has just gone is left out."""
+    addresses = []
+    for node in nodes:
+        with contextlib.suppress(rosgraph.MasterError):
+            addresses.append(master.lookupNode(node))
+    return addresses
