@@ -7,11 +7,11 @@ written until joint_states is read. Joint states are matched with link states by
 the positions they tell, in order, so a message that waited in a queue shows; the
 empty node tells none, so they are matched by order, and only if none is lost.
 Processor time is that of all threads of the node between the first and the last
-message, after two seconds of warm-up, per message answered. robot_state_publisher
-does not run. Gaps between messages tell how busy the machine was with other things:
-they are the sender's. The empty node is rospy's share: it takes bytes and publishes
-one and the same message. The naive node is plain rospy with a scipy Rotation per
-joint. The original is the node that this package started from.
+message, after two seconds of warm-up, per message sent, answered or not.
+robot_state_publisher does not run. Gaps between messages tell how busy the machine
+was with other things: they are the sender's. The empty node is rospy's share: it
+takes bytes and publishes one and the same message. The naive node is plain rospy with
+a scipy Rotation per joint. The original is the node that this package started from.
 """
 
 from __future__ import annotations
@@ -145,7 +145,7 @@ def report(bench, node, fed, recording):
     """Keep the figures of one node; give its cost per message in [us]."""
     if not fed.answered:
         raise MeasurementError("no joint_states came")
-    cost = 1e6 * fed.cpu_seconds / fed.answered
+    cost = 1e6 * fed.cpu_seconds / len(fed.sent)
     share = 100.0 * fed.cpu_seconds / fed.wall_seconds
     bench.add(f"{node.name}: processor time per message", cost, "us")
     bench.add(f"{node.name}: share of a core", share, "%")

@@ -155,7 +155,7 @@ def report(bench, case, times, errors):
     name = f"{case.name}: command to joint_states"
     bench.add_latencies(name, times[came], case.targets)
     bench.add(f"{case.name}: commands", len(times))
-    bench.add(f"{case.name}: commands never seen", (~came).sum())
+    bench.add(f"{case.name}: commands never seen", (~came).sum(), "", "= 0")
     if case.name == "kinematic":
         largest = errors[came].max()
         bench.add(f"{case.name}: largest error", largest, "rad", "<= 1e-9")
