@@ -206,6 +206,20 @@ class TestBridgeFuzz(unittest.TestCase):
             watched.send(body_of(glitch))
             self.check(watched)
 
+    def test_8_who_was_held_up_takes_the_newest_and_not_all_that_came(self):
+        watched = self.watch()
+        watched.bridge.stop()
+        self.addCleanup(watched.bridge.go_on)
+        data = body_of(arm_states())
+        watched.send(data, times=2500)
+        watched.states.clear()
+        watched.bridge.go_on()
+        self.check(watched)
+        self.assertLess(len(watched.states.messages), 1000)
+        watched.log.wait(
+            lambda m: "passed over for newer ones" in m.msg, "what was passed over"
+        )
+
 
 if __name__ == "__main__":
     rospy.init_node("bridge_fuzz_test")

@@ -1,6 +1,7 @@
 """The bridge as a process of a test: its output, its memory and its end."""
 
 import os
+import signal
 import subprocess
 import tempfile
 
@@ -45,6 +46,14 @@ class Bridge(Node):
             topic.endswith("/link_states") and self.name in nodes
             for topic, nodes in subscribers
         )
+
+    def stop(self):
+        """Let it stand still."""
+        os.kill(self.pid, signal.SIGSTOP)
+
+    def go_on(self):
+        """Let it go on."""
+        os.kill(self.pid, signal.SIGCONT)
 
     @property
     def uri(self):

@@ -12,7 +12,7 @@ import rospy
 from diagnostic_msgs.msg import DiagnosticStatus
 from diagnostic_updater import Updater
 
-from .bridge_robot import BridgedRobot, listed
+from .bridge_robot import START, BridgedRobot, listed
 from .complaints import Complaints
 from .own_node import FAILURES
 from .registration import keep_in_touch
@@ -31,9 +31,6 @@ ASK = 0.5
 
 STALE = 1.0
 """Link states older than this are told, in [s] of wall time."""
-
-START = 5.0
-"""A simulator that starts with the bridge may take this long, in [s]."""
 
 HANGING = 2.0
 """A command that waits longer than this for the simulator is told, in [s]."""
@@ -60,6 +57,7 @@ class BridgeHealth:
         self._complaints = complaints
         self._stopped = threading.Event()
         self._began = time.monotonic()
+        self._passed_over = 0
         self._updater = Updater()
         self._updater.setHardwareID("none")
         self._updater.add("link states", self._tell_link_states)
@@ -79,6 +77,7 @@ class BridgeHealth:
             self._tell_of_silence()
             self._complaints.tell_kept()
             with quiet_when_closing():
+                self._bridge.take_kept()
                 for robot in self._bridge.robots:
                     robot.joint_states.flush()
                 self._updater.force_update()
@@ -93,6 +92,11 @@ class BridgeHealth:
         """Say that link states stay away, or that a command does."""
         topic, waiting = self._bridge.topic, self._bridge.sender.waiting
         age = self._age
+        passed_over = self._bridge.passed_over - self._passed_over
+        if passed_over:
+            self._passed_over += passed_over
+            told = f"{passed_over} messages on {topic} were passed over for newer ones."
+            self._complaints.tell("behind", told)
         if age is None and time.monotonic() - self._began > START:
             told = f"Nothing usable has come on {topic} yet."
             if self._bridge.timeless:
@@ -101,8 +105,7 @@ class BridgeHealth:
         if age is not None and age > STALE:
             self._complaints.tell(
                 "silence",
-                f"Nothing usable on {topic} for {age:.0f} s: is the simulator paused, "
-                "or gone?",
+                f"Nothing usable on {topic} for {age:.0f} s: {self._why()}.",
             )
         if waiting > HANGING:
             self._complaints.tell(
@@ -110,16 +113,24 @@ class BridgeHealth:
                 f"A command waits for the simulator's answer since {waiting:.0f} s.",
             )
 
+    def _why(self) -> str:
+        """Guess why link states stay away."""
+        if self._bridge.subscriber.get_num_connections():
+            return "the simulator is silent, perhaps paused"
+        return "there is no simulator"
+
     def _tell_link_states(self, status):
         """Report whether link states come."""
         age = self._age
         status.add("malformed messages", self._bridge.malformed)
+        status.add("messages passed over for newer ones", self._bridge.passed_over)
         if age is None:
             status.summary(WARN, f"nothing usable on {self._bridge.topic}")
             return status
         status.add("age in s", f"{age:.3f}")
         if age > STALE:
-            status.summary(WARN, f"nothing on {self._bridge.topic} for {age:.0f} s")
+            told = f"nothing on {self._bridge.topic} for {age:.0f} s: {self._why()}"
+            status.summary(WARN, told)
         else:
             status.summary(OK, "link states come")
         return status

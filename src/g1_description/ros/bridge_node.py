@@ -24,6 +24,7 @@ from ..core.description import Description
 from ..core.errors import G1DescriptionError, WireFormatError
 from ..core.observer import Observer, Sight
 from ..core.transform import IDENTITY
+from .backlog import Backlog
 from .bridge_health import BridgeHealth
 from .bridge_robot import BridgedRobot
 from .command_sender import CommandSender
@@ -37,6 +38,8 @@ from .shutdown import quiet_when_closing, start_node
 from .tcpros import serve_as_roscpp
 
 QUEUE = 100
+"""Messages that may come at once; of more the newest count."""
+
 BUFFER = 1 << 16
 """Bytes read from link_states at once: a dozen messages of a humanoid."""
 
@@ -65,6 +68,8 @@ class BridgeNode:
         self._decoder = LinkStatesDecoder()
         # rospy has a thread for each publisher of link states; there may be two.
         self._one_at_a_time = threading.Lock()
+        self._backlog = Backlog(QUEUE)
+        self._kept: bytes | None = None
         self._last_stamp = rospy.Time()
         self.last_came: float | None = None
         """When the last good message came, on the monotonic clock."""
@@ -84,7 +89,7 @@ class BridgeNode:
         for robot in self.robots:
             robot.listen(self.sender)
         self.topic = rospy.resolve_name(f"{p.gazebo}/link_states")
-        rospy.Subscriber(
+        self.subscriber = rospy.Subscriber(
             self.topic,
             rospy.AnyMsg,
             self._link_states_came,
@@ -116,7 +121,24 @@ class BridgeNode:
     def _link_states_came(self, message: rospy.AnyMsg) -> None:
         """Turn one message into joint states and, now and then, TF."""
         with self._one_at_a_time:
-            self._take(message._buff)
+            if self._backlog.is_old():
+                self._kept = message._buff
+            else:
+                self._kept = None
+                self._take(message._buff)
+            self._backlog.end()
+
+    def take_kept(self) -> None:
+        """Take the last message that was passed over, if none came after it."""
+        with self._one_at_a_time:
+            kept, self._kept = self._kept, None
+            if kept is not None:
+                self._take(kept)
+
+    @property
+    def passed_over(self) -> int:
+        """Messages that were passed over because newer ones had come."""
+        return self._backlog.passed_over
 
     def _take(self, data: bytes) -> None:
         """Take one message's bytes."""

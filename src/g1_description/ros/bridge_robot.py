@@ -23,6 +23,9 @@ from .parameters import BridgeParameters, RobotParameters
 
 QUEUE = 100
 
+START = 5.0
+"""A robot may be spawned this long after the bridge began, in [s]."""
+
 
 class BridgedRobot:
     """What comes in and goes out for one robot."""
@@ -69,6 +72,7 @@ class BridgedRobot:
         why."""
         self.other_publishers: list[str] = []
         """Other nodes that publish its joint states."""
+        self._began, self._may_be_late = time.monotonic(), True
         self._tell_what_is_left_out()
 
     def _topic(self, name: str) -> str:
@@ -108,6 +112,7 @@ class BridgedRobot:
             Its base in the map, if that is worth sending.
         """
         if share is not self.share:
+            self._tell_that_it_came(share)
             self.share = share
             self.off_axis = {}
         if share.joints.missing or share.broken or not share.is_there:
@@ -116,6 +121,18 @@ class BridgedRobot:
             self._tell_what_is_off_axis(sight, share)
         if not share.is_there:
             return None
+        self._may_be_late = False
+        self._publish_joints(stamp, sight, share)
+        pose = sight.base_pose(share)
+        if self._base is None or pose is None:
+            return None
+        numbers = pose.tolist()
+        if not self._throttle.passes(stamp.to_sec(), numbers):
+            return None
+        return transform(stamp, self._map_frame, self._base, numbers)
+
+    def _publish_joints(self, stamp: genpy.Time, sight: Sight, share: Share) -> None:
+        """Publish the robot's joint states."""
         measured, span = sight.measured, share.span
         self.joint_states.publish(
             self._encoder.encode(
@@ -125,17 +142,18 @@ class BridgedRobot:
                 measured.velocity[span],
             )
         )
-        pose = sight.base_pose(share)
-        if self._base is None or pose is None:
-            return None
-        numbers = pose.tolist()
-        if not self._throttle.passes(stamp.to_sec(), numbers):
-            return None
-        return transform(stamp, self._map_frame, self._base, numbers)
 
     def reset(self) -> None:
         """Take it that time began again."""
         self._throttle.reset()
+
+    def _tell_that_it_came(self, share: Share) -> None:
+        """Say that the robot is there, after it was not."""
+        if share.is_there and not (self.share and self.share.is_there):
+            told = (
+                f"{self.name} is there, {len(share.joints.names)} joints are measured."
+            )
+            self._complaints.tell(f"came {self.name}", told, 1.0, rospy.loginfo)
 
     def _tell_what_is_left_out(self) -> None:
         """Say which joints have more than one degree of freedom."""
@@ -150,6 +168,8 @@ class BridgedRobot:
 
     def _tell_what_is_missing(self, share: Share) -> None:
         """Say which links cannot be seen."""
+        if self._may_be_late and time.monotonic() - self._began < START:
+            return
         if share.broken:
             why = f"no usable numbers for {listed(share.broken)}"
         elif share.is_there:
