@@ -180,8 +180,8 @@ class TestBridgeRobots(unittest.TestCase):
         self.log.clear()
         rospy.ServiceProxy("/gazebo/delete_model", DeleteModel)("a")
         self.log.wait(lambda m: "no link of it" in m.msg, "a line of the bridge")
-        self.a.states.clear()
         wait_for_status(DiagnosticStatus.ERROR, "the simulator has no link of a")
+        self.a.states.clear()
         self.b.command(**{ELBOW: 0.125})
         self.b.wait_for(**{ELBOW: 0.125})
         self.assertEqual(self.a.states.messages, [])
@@ -237,7 +237,7 @@ class TestBridgeRobots(unittest.TestCase):
         }
         for process in processes.values():
             self.addCleanup(process.kill)
-        end = time.monotonic() + 20.0
+        end = time.monotonic() + 40.0
         for robots, process in processes.items():
             with self.subTest(robots):
                 try:

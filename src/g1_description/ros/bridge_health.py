@@ -75,7 +75,6 @@ class BridgeHealth:
         """Tell how the bridge fares, once per period."""
         while not self._stopped.wait(PERIOD):
             self._tell_of_silence()
-            self._complaints.tell_kept()
             with quiet_when_closing():
                 self._bridge.take_kept()
                 for robot in self._bridge.robots:

@@ -13,6 +13,12 @@ import rospy
 PERIOD = 10.0
 """Time between two lines of one kind in [s] of wall time."""
 
+LOOK = 0.5
+"""Lines that were kept are looked for this often, in [s]."""
+
+BREATH = 0.02
+"""Time between two looks at least, in [s]."""
+
 OVER = 2.5
 """A fault that was not repeated for this long is over, in [s]."""
 
@@ -35,15 +41,16 @@ class _Kind:
     count: int = 0
     """How many there were."""
 
-    def tell(self, now: float) -> None:
-        """Log the line that is due, if any."""
+    def line(self, now: float) -> str:
+        """Give the line that is due, if any; it is told then."""
         if not self.count or now - self.told < self.period:
-            return
+            return ""
+        line = ""
         if now - self.last < OVER:
             others = f" ({self.count - 1} more like it)" if self.count > 1 else ""
-            self.log("%s%s", self.sentence, others)
-            self.told = now
+            line, self.told = self.sentence + others, now
         self.sentence, self.count = "", 0
+        return line
 
 
 class Complaints:
@@ -53,9 +60,14 @@ class Complaints:
     """
 
     def __init__(self) -> None:
-        """Begin without any."""
+        """Begin without any.
+
+        A thread of its own logs: rospy asks the master each time, which may hang.
+        """
         self._lock = threading.Lock()
         self._kinds: dict[str, _Kind] = {}
+        self._news = threading.Event()
+        threading.Thread(target=self._log_forever, daemon=True).start()
 
     def tell(
         self,
@@ -77,14 +89,22 @@ class Complaints:
             state = self._kinds.setdefault(kind, _Kind(period, log))
             state.sentence, state.last = sentence, now
             state.count += 1
-            state.tell(now)
+        self._news.set()
 
-    def tell_kept(self) -> None:
-        """Log the last line of each kind that was kept for its period.
+    def _log_forever(self) -> None:
+        """Log what is due when something is told, and what was kept for its period.
 
         A fault that was not repeated lately is over and not told any more.
         """
-        now = time.monotonic()
-        with self._lock:
-            for state in self._kinds.values():
-                state.tell(now)
+        while True:
+            self._news.wait(LOOK)
+            self._news.clear()
+            now = time.monotonic()
+            with self._lock:
+                kinds = list(self._kinds.values())
+                lines = [(kind.log, kind.line(now)) for kind in kinds]
+            for log, line in lines:
+                if line:
+                    log("%s", line)
+            # At 1 kHz one look in a while is enough.
+            time.sleep(BREATH)
