@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 
-WAIT = 0.0005
+WAIT = 0.0001
 """A message that is waited for this long, in [s], is not one of a pile."""
 
 

@@ -28,6 +28,7 @@ import rosgraph
 import rospy
 
 from .own_node import FAILURES, own_node
+from .tcpros import HANDSHAKE
 
 STALLED = struct.pack("ll", 0, 500_000)
 """How long a subscriber may leave a message half taken, as a struct timeval: 0.5 s.
@@ -141,14 +142,20 @@ class DirectPublisher(rospy.SubscribeListener):
             peer.send(peer.waiting.popleft())
 
     def peer_subscribe(self, topic_name, topic_publish, peer_publish) -> None:
-        """Take up a subscriber; rospy calls this, for one at a time."""
+        """Take up a subscriber; rospy calls this in the thread of its handshake."""
+        descriptor = getattr(HANDSHAKE, "descriptor", None)
         with self._changing:
             self._look_who_is_there()
-            if self._strangers:
-                newest = max(self._strangers)
-                self._strangers.remove(newest)
+            # Without threads of their own, handshakes come one after the other.
+            fitting = [
+                number
+                for number in sorted(self._strangers)
+                if descriptor in (None, self._connections[number][0])
+            ]
+            if fitting:
+                self._strangers.remove(fitting[-1])
                 with contextlib.suppress(OSError):  # it is gone again
-                    self._take_up(newest, peer_publish)
+                    self._take_up(fitting[-1], peer_publish)
 
     def peer_unsubscribe(self, topic_name, num_peers) -> None:
         """Look who left, the next time; rospy calls this and does not say who."""

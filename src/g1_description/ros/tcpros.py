@@ -33,6 +33,9 @@ WAITING = 1024
 LONGEST_HEADER = 65536
 """Longest handshake header in bytes."""
 
+HANDSHAKE = threading.local()
+"""In the thread of a handshake: the number of its socket, as ``descriptor``."""
+
 _LENGTH = struct.Struct("<I")
 
 
@@ -42,12 +45,10 @@ def serve_as_roscpp() -> None:
     header_fields = TCPService.get_header_fields
     handle, make_socket = ServiceImpl.handle, TCPServer._create_server_sock
 
-    one_at_a_time = threading.Lock()
-
     def wait_and_shake_hands(server, sock, address):
         if _header_has_come(sock):
-            with one_at_a_time:
-                shake_hands(server, sock, address)
+            HANDSHAKE.descriptor = sock.fileno()
+            shake_hands(server, sock, address)
         else:
             sock.close()
 
