@@ -1,10 +1,12 @@
-"""Makers of random robots."""
+"""Makers of robots."""
 
 from __future__ import annotations
 
 import numpy as np
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
+
+from g1_description.core.description import parse_urdf
 
 _NUMBER = st.floats(-3.0, 3.0).map(lambda value: round(value, 6))
 _VECTOR = st.tuples(_NUMBER, _NUMBER, _NUMBER)
@@ -14,6 +16,17 @@ _KIND = st.sampled_from(["revolute", "continuous", "prismatic", "fixed"])
 
 def _text(vector):
     return " ".join(repr(float(value)) for value in vector)
+
+
+def robot(*links):
+    """Make a chain of continuous joints."""
+    joints = "".join(
+        f'<joint name="to_{child}" type="continuous"><parent link="{parent}"/>'
+        f'<child link="{child}"/><axis xyz="0 0 1"/></joint>'
+        for parent, child in zip(links, links[1:])
+    )
+    bodies = "".join(f'<link name="{link}"/>' for link in links)
+    return parse_urdf(f'<robot name="r">{bodies}{joints}</robot>')
 
 
 @st.composite

@@ -1,28 +1,17 @@
 """What the bridge decides without a master: frames, and its robot's rows."""
 
 import pytest
+from robots import robot
 
 for module in ("rospy", "tf2_ros", "gazebo_msgs.msg"):
     pytest.importorskip(module, reason=f"{module} is not there")
 
-from g1_description.core.description import parse_urdf  # noqa: E402
 from g1_description.core.errors import InvalidValueError  # noqa: E402
 from g1_description.ros.frames import base_child, static_edges  # noqa: E402
 from g1_description.ros.parameters import (  # noqa: E402
     BridgeParameters,
     GazeboParameters,
 )
-
-
-def robot(*links):
-    """Make a chain of continuous joints."""
-    joints = "".join(
-        f'<joint name="to_{child}" type="continuous"><parent link="{parent}"/>'
-        f'<child link="{child}"/><axis xyz="0 0 1"/></joint>'
-        for parent, child in zip(links, links[1:])
-    )
-    bodies = "".join(f'<link name="{link}"/>' for link in links)
-    return parse_urdf(f'<robot name="r">{bodies}{joints}</robot>')
 
 
 @pytest.mark.parametrize(

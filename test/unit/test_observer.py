@@ -2,20 +2,10 @@
 
 import numpy as np
 import pytest
+from robots import robot
 
 from g1_description.core.description import parse_urdf
 from g1_description.core.observer import Observer
-
-
-def robot(*links):
-    """Make a chain of continuous joints."""
-    joints = "".join(
-        f'<joint name="to_{child}" type="continuous"><parent link="{parent}"/>'
-        f'<child link="{child}"/><axis xyz="0 0 1"/></joint>'
-        for parent, child in zip(links, links[1:])
-    )
-    bodies = "".join(f'<link name="{link}"/>' for link in links)
-    return parse_urdf(f'<robot name="r">{bodies}{joints}</robot>')
 
 
 def turned(angle):

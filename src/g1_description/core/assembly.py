@@ -9,6 +9,9 @@ import numpy as np
 from .description import Description, Link
 from .transform import IDENTITY
 
+SCOPE = "::"
+"""What stands between a model's name and a link's or joint's."""
+
 WORLD = "world"
 """A root link of this name is the world itself: it is no body and does not move."""
 

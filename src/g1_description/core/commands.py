@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 
 
 def split_command(
@@ -31,15 +31,15 @@ def split_command(
     if not names:
         complaints.append("it names no joint")
     if len(names) > len(positions):
-        complaints.append(f"no position for {_listed(names[len(positions) :])}")
+        complaints.append(f"no position for {listed(names[len(positions) :])}")
     if len(positions) > len(names):
         complaints.append(
             f"{len(positions)} positions for {len(names)} names, the rest is ignored"
         )
     if unknown:
-        complaints.append(f"no movable joint is called {_listed(unknown)}")
+        complaints.append(f"no movable joint is called {listed(unknown)}")
     if not_finite:
-        complaints.append(f"not a finite position: {_listed(not_finite)}")
+        complaints.append(f"not a finite position: {listed(not_finite)}")
     accepted = {
         name: float(position)
         for name, position in pairs
@@ -48,7 +48,7 @@ def split_command(
     return accepted, complaints
 
 
-def _listed(names: Sequence[str]) -> str:
+def listed(names: Iterable[str]) -> str:
     """Join names for a sentence, cut short where there are very many."""
     once = list(dict.fromkeys(names))
     shown = ", ".join(name[:80] if name else "''" for name in once[:8])

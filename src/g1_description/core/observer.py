@@ -8,15 +8,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .assembly import SCOPE
 from .description import Description
 from .joints import MeasuredJoints, measured_joints
 from .measurement import Before, Measured, measure
 from .rigid import seen_through
 from .transform import IDENTITY, compose
 from .usable import all_usable, usable_rows
-
-SCOPE = "::"
-"""What stands between a model's name and a link's."""
 
 OFF_AXIS = 1e-3
 """A rotation left over off a joint's axis that is worth telling, in [rad]."""
@@ -126,7 +124,6 @@ class Observer:
         }
         self._kept: dict = {}
         self._names: Sequence[str] | None = None
-        self._index: dict[str, int] = {}
         self._arranged_for: bytes | None = None
         self.twice: tuple[str, ...] = ()
         """Names of the robots' links that the last message had more than once."""

@@ -12,7 +12,8 @@ import rospy
 from diagnostic_msgs.msg import DiagnosticStatus
 from diagnostic_updater import Updater
 
-from .bridge_robot import START, BridgedRobot, listed
+from ..core.commands import listed
+from .bridge_robot import START, BridgedRobot
 from .complaints import Complaints
 from .own_node import FAILURES
 from .registration import keep_in_touch

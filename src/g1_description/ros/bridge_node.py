@@ -20,6 +20,7 @@ from collections.abc import Sequence
 import rospy
 import tf2_ros
 
+from ..core.commands import listed
 from ..core.description import Description
 from ..core.errors import G1DescriptionError, WireFormatError
 from ..core.observer import Observer, Sight
@@ -165,7 +166,7 @@ class BridgeNode:
         """Publish what one message tells."""
         sight: Sight = self._observer.see(*states, stamp.to_sec())
         if self._observer.twice:
-            names = ", ".join(self._observer.twice[:8])
+            names = listed(self._observer.twice)
             self._complaints.tell(
                 "twice", f"Links come more than once, the first counts: {names}."
             )

@@ -10,7 +10,7 @@ import rospy
 from geometry_msgs.msg import TransformStamped
 from sensor_msgs.msg import JointState
 
-from ..core.commands import split_command
+from ..core.commands import listed, split_command
 from ..core.description import Description
 from ..core.observer import Share, Sight
 from ..core.throttle import PoseThrottle
@@ -185,9 +185,8 @@ class BridgedRobot:
         """Say which joints do not keep to their axes."""
         self.off_axis = sight.off_axis_joints(share)
         if self.off_axis:
-            angles = ", ".join(
-                f"{name} by {angle:.3g} rad"
-                for name, angle in list(self.off_axis.items())[:8]
+            angles = listed(
+                f"{name} by {angle:.3g} rad" for name, angle in self.off_axis.items()
             )
             self._complaints.tell(
                 f"off axis {self.name}",
@@ -198,9 +197,3 @@ class BridgedRobot:
 
 MANY_FOLD = ("floating", "planar")
 """Types of joints that have no single position."""
-
-
-def listed(names) -> str:
-    """Join names for a sentence, cut short where there are very many."""
-    shown = ", ".join(list(names)[:8])
-    return shown + (f" and {len(names) - 8} more" if len(names) > 8 else "")

@@ -21,8 +21,9 @@ from gazebo_msgs.srv import (
     SetModelConfigurationResponse,
 )
 
+from ..core.assembly import SCOPE
 from ..core.errors import InvalidValueError, UnknownNameError
-from ..sim.model import SCOPE, Report
+from ..sim.model import Report
 from .spans import span_of
 from .wording import Services, checked
 

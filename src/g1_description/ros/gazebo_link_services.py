@@ -23,12 +23,13 @@ from gazebo_msgs.srv import (
     SetLinkStateResponse,
 )
 
+from ..core.assembly import SCOPE
 from ..core.description import Inertial
 from ..core.errors import DescriptionError, InvalidValueError, UnknownNameError
 from ..core.rotation import rotate
 from ..core.transform import IDENTITY, compose, inverse
 from ..sim.entities import WORLD_ENTITY, Entity, seen_from
-from ..sim.model import SCOPE, Model
+from ..sim.model import Model
 from .messages import (
     pose_from_array,
     twist_from_array,

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 from pybullet_utils.bullet_client import BulletClient
 
+from ..core.assembly import SCOPE
 from .body import Body
-from .model import SCOPE
 
 
 def contacts(client: BulletClient, bodies: Mapping[str, Body]) -> set[tuple[str, str]]:

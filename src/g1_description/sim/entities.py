@@ -13,12 +13,13 @@ from typing import TypeVar
 
 import numpy as np
 
+from ..core.assembly import SCOPE
 from ..core.description import Joint, Link
 from ..core.errors import UnknownNameError
 from ..core.rotation import conjugate, rotate
 from ..core.sdf import Light
 from ..core.transform import IDENTITY, compose, inverse
-from .model import SCOPE, Model
+from .model import Model
 
 _Thing = TypeVar("_Thing")
 

@@ -6,10 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..core.assembly import SCOPE
 from .body import NO_LIMIT
 from .engine import Engine
 from .entities import Entity
-from .model import SCOPE, Model
+from .model import Model
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,6 @@ from ..core.kinematics import Kinematics
 from ..core.rotation import cross, rotate
 from ..core.transform import IDENTITY, compose, inverse
 
-SCOPE = "::"
-"""What stands between a model's name and a link's or joint's."""
-
 
 @dataclass
 class Report:

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..core.assembly import Assembly
+from ..core.assembly import SCOPE, Assembly
 from ..core.description import Inertial
 from ..core.errors import DescriptionError
 from ..core.rotation import rotate
@@ -20,7 +20,7 @@ from ..core.transform import compose
 from .engine import Engine
 from .entities import Entities, Entity, named
 from .jobs import Jobs
-from .model import SCOPE, Model, Report
+from .model import Model, Report
 from .physics import PhysicsProperties
 from .urdf_import import check_size
 
