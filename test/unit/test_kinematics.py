@@ -50,7 +50,8 @@ def test_twists_are_the_slopes_of_poses(chain, root_pose, random):
     slopes = np.hstack(
         [(after[:, :3] - before[:, :3]) / (2 * dt), turn.as_rotvec() / (2 * dt)]
     )
-    twists = kinematics.link_twists(root_pose, placed(0.0), root_twist, velocity)
+    poses, twists = kinematics.link_states(root_pose, start, root_twist, velocity)
+    np.testing.assert_array_equal(poses, kinematics.link_poses(root_pose, start))
     np.testing.assert_allclose(twists, slopes, atol=1e-6)
 
 

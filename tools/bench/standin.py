@@ -4,9 +4,10 @@ The display runs without RViz; states flow to the bridge, and from there to
 robot_state_publisher. Nothing else listens: the real-time factor is that of
 get_world_properties before and after a window, processor time is the system's, and
 robot_state_publisher itself is asked how many joint_states it has taken. For the
-highest real-time factor ~set_real_time_factor is 0. Lying begins five simulated
-seconds after the robot was let go. A call of a service is timed on one connection
-while physics runs.
+highest real-time factor ~set_real_time_factor is 0. All but kinematic begin five
+simulated seconds after the robot was let go: in hold it stands still by then and rests;
+"hold, moved" is what it costs when a joint is set twenty times a second. A call of a
+service is timed on one connection while physics runs.
 """
 
 from __future__ import annotations
@@ -15,11 +16,14 @@ import time
 from contextlib import closing
 from typing import NamedTuple
 
+import numpy as np
+
 from .nodes import Graph, wait_for
 from .tcpros import Service
 
 CALLS = 2000
-FALL = 5.0  # [s] of simulated time; it lies after one
+FALL = 5.0  # [s] of simulated time; it lies after one, and stands still after two
+MOVES = 0.05  # [s] from one move of a joint to the next
 RATE = 1000.0  # [Hz]
 SETTLE = 1.0  # [s]
 HANGING = ("physics:=limp", "fixed_base:=true", "z:=1.5")
@@ -36,14 +40,16 @@ class Case(NamedTuple):
     highest: str = ""
     """Target for the highest real-time factor."""
 
-    lies: bool = False
+    moved: bool = False
+    """Whether a joint is set again and again, so that it never rests."""
 
 
 CASES = (
     Case("kinematic", ("physics:=kinematic",), share="<= 30"),
     Case("hold", ("physics:=hold",), share="<= 45"),
+    Case("hold, moved", ("physics:=hold",), moved=True),
     Case("limp, hanging", HANGING, highest="> 3.6"),
-    Case("limp, lying", ("physics:=limp",), highest=">= 4", lies=True),
+    Case("limp, lying", ("physics:=limp",), highest=">= 4"),
 )
 
 
@@ -62,22 +68,36 @@ class Display:
         """Count the joint_states that robot_state_publisher has taken."""
         return self._graph.messages_taken("/robot_state_publisher", "/joint_states")
 
-    def time(self):
+    def now(self):
         """Tell the simulated time in [s]."""
         return self._world().sim_time
 
-    def watch(self, seconds):
+    def move(self, seconds):
+        """Set a joint again and again for some time."""
+        names = ["left_elbow_joint"]
+        with closing(Service("/gazebo/set_model_configuration")) as service:
+            end = time.monotonic() + seconds
+            while time.monotonic() < end:
+                angle = 0.5 + 0.1 * np.sin(time.monotonic())
+                service(*("g1_robot", "", names, [angle]))
+                time.sleep(MOVES)
+
+    def watch(self, seconds, pass_time=time.sleep):
         """Let time pass.
+
+        Args:
+            seconds: How much.
+            pass_time: What to do in the meantime, for so long.
 
         Returns:
             Simulated, wall, the simulator's and the bridge's processor time in [s],
             and how many joint_states were taken.
         """
-        begin, taken = self.time(), self.taken()
+        begin, taken = self.now(), self.taken()
         simulator, bridge = self.simulator.meter(), self.bridge.meter()
-        time.sleep(seconds)
+        pass_time(seconds)
         spent, wall = simulator()
-        passed = self.time() - begin
+        passed = self.now() - begin
         return Watched(passed, wall, spent, bridge()[0], self.taken() - taken)
 
 
@@ -112,15 +132,14 @@ def measure_case(bench, case):
 
 def measure(bench, case, display):
     """Measure at the defaults, as fast as can be, and, once, calls."""
-    if case.lies:
-        wait_for(lambda: display.time() > FALL, "the robot's fall")
-    else:
-        time.sleep(SETTLE)
-    measure_defaults(bench, case, display.watch(bench.seconds(10.0)))
+    if case.name != "kinematic":
+        wait_for(lambda: display.now() > FALL, "the robot's fall")
+    pass_time = display.move if case.moved else time.sleep
+    measure_defaults(bench, case, display.watch(bench.seconds(10.0), pass_time))
     with closing(Service("/gazebo/set_real_time_factor")) as set_factor:
         set_factor(0.0)
         time.sleep(SETTLE)
-        fast = display.watch(bench.seconds(5.0))
+        fast = display.watch(bench.seconds(5.0), pass_time)
         set_factor(1.0)
     factor = fast.simulated / fast.wall
     bench.add(f"{case.name}: highest real-time factor", factor, "", case.highest)

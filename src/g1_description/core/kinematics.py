@@ -44,19 +44,21 @@ class Kinematics:
             self._rest[node[joint.child]] = joint.pose
         movable = description.movable_joints
         self._child = np.array([node[j.child] for j in movable], dtype=int)
-        self._axis = np.array([j.axis for j in movable]).reshape(-1, 3)
+        axis = np.array([j.axis for j in movable]).reshape(-1, 3)
         self._anchor = np.array([j.anchor for j in movable]).reshape(-1, 3)
         self._turns = np.array([j.kind != "prismatic" for j in movable], dtype=float)
         self._slides = bool((self._turns == 0.0).any())
         self._anchored = bool(self._anchor.any())
         self._half_turn = multiply(
-            self._rest[self._child, 3:], np.pad(self._axis, ((0, 0), (0, 1)))
+            self._rest[self._child, 3:], np.pad(axis, ((0, 0), (0, 1)))
         )
-        self._rest_axis = rotate(self._rest[self._child, 3:], self._axis)
         self._rest_anchor = rotate(self._rest[self._child, 3:], self._anchor)
+        self._columns = np.zeros((len(links), 3, 2))
+        self._columns[:, :, 0] = self._rest[:, :3]
+        self._columns[self._child, :, 1] = rotate(self._rest[self._child, 3:], axis)
         self._rounds = self._doubling()
         self._above = _joints_above(description, node)[: self._n_links]
-        self._chain = _links_above(description, node)[: self._n_links]
+        self._chain = _links_above(description, node)
 
     def link_poses(self, T_world_root: np.ndarray, position: np.ndarray) -> np.ndarray:
         """Place all links.
@@ -69,6 +71,55 @@ class Kinematics:
         Returns:
             Poses of the link frames in the world, shape (n_links, 7).
         """
+        return self._place(T_world_root, position)[0]
+
+    def link_states(
+        self,
+        T_world_root: np.ndarray,
+        position: np.ndarray,
+        root_twist: np.ndarray,
+        velocity: np.ndarray,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Place all links and find how they move.
+
+        Each joint adds its angular velocity, and its linear velocity at the
+        world's origin, to all links below it; moved to each link's own origin.
+
+        Args:
+            T_world_root: Pose of the root link in the world, shape (7,).
+            position: Positions of the movable joints in [rad] or [m], shape
+                (n_joints,).
+            root_twist: Linear velocity of the root frame's origin and angular
+                velocity of the root link, along the world's axes, in [m/s] and
+                [rad/s], shape (6,).
+            velocity: Velocities of the movable joints in [rad/s] or [m/s], shape
+                (n_joints,).
+
+        Returns:
+            Poses of the link frames in the world, shape (n_links, 7), and twists of
+            their origins, linear then angular, along the world's axes, shape
+            (n_links, 6).
+        """
+        poses, anchor, axis = self._place(T_world_root, position)
+        speed = axis * velocity[:, np.newaxis]
+        turning = speed * self._turns[:, np.newaxis] if self._slides else speed
+        at_origin = np.concatenate([cross(anchor, turning), turning], axis=1)
+        if self._slides:
+            at_origin[:, :3] += speed - turning
+        twists = self._above @ at_origin + root_twist
+        root_at_origin = cross(T_world_root[:3], root_twist[3:])
+        twists[:, :3] += root_at_origin - cross(poses[:, :3], twists[:, 3:])
+        return poses, twists
+
+    def _place(
+        self, T_world_root: np.ndarray, position: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Place links and joints.
+
+        Returns:
+            Poses of the link frames, shape (n_links, 7), anchors and axes of the
+            movable joints, shapes (n_joints, 3), all in the world.
+        """
         rotations = self._rest[:, 3:].copy()
         half = 0.5 * self._turns * position
         rotations[self._child] = (
@@ -78,62 +129,34 @@ class Kinematics:
         rotations[self._root] = T_world_root[3:]
         for link, ancestor in self._rounds:
             rotations[link] = multiply(rotations[ancestor], rotations[link])
-        offsets = rotate(rotations[self._parent], self._offsets(position))
+        turned = to_axes(rotations[self._parent]) @ self._in_parent(position)
+        offsets, axis = turned[..., 0], turned[self._child, :, 1]
         offsets[self._root] = T_world_root[:3]
         if self._anchored:
-            offsets[self._child] -= rotate(rotations[self._child], self._anchor)
+            lever = rotate(rotations[self._child], self._anchor)
+            offsets[self._child] -= lever
         places = self._chain @ offsets
-        return np.concatenate([places, rotations[: self._n_links]], axis=1)
+        anchor = places[self._child]
+        if self._anchored:
+            anchor += lever
+        poses = np.concatenate([places, rotations], axis=1)[: self._n_links]
+        return poses, anchor, axis
 
-    def _offsets(self, position: np.ndarray) -> np.ndarray:
-        """Find where links are in their parents; where an anchor is, the anchor."""
-        offsets = self._rest[:, :3]
-        if self._slides or self._anchored:
-            offsets = offsets.copy()
-            slid = (1.0 - self._turns) * position
-            offsets[self._child] += (
-                self._rest_anchor + slid[:, np.newaxis] * self._rest_axis
-            )
-        return offsets
-
-    def link_twists(
-        self,
-        T_world_root: np.ndarray,
-        poses: np.ndarray,
-        root_twist: np.ndarray,
-        velocity: np.ndarray,
-    ) -> np.ndarray:
-        """Find how all links move.
-
-        Each joint adds its angular velocity, and its linear velocity at the
-        world's origin, to all links below it; moved to each link's own origin.
-
-        Args:
-            T_world_root: Pose of the root link in the world, shape (7,).
-            poses: Poses of the link frames in the world, shape (n_links, 7).
-            root_twist: Linear velocity of the root frame's origin and angular
-                velocity of the root link, along the world's axes, in [m/s] and
-                [rad/s], shape (6,).
-            velocity: Velocities of the movable joints in [rad/s] or [m/s], shape
-                (n_joints,).
+    def _in_parent(self, position: np.ndarray) -> np.ndarray:
+        """Find where links are in their parents, and their joints' axes.
 
         Returns:
-            Twists of the link frames' origins, linear then angular, along the
-            world's axes, shape (n_links, 6).
+            Two columns per node: its origin, or its anchor where it has one, and
+            the axis of its joint, shape (n_nodes, 3, 2).
         """
-        axes = to_axes(poses[self._child, 3:])
-        origin = poses[self._child, :3]
-        if self._anchored:
-            origin = origin + (axes @ self._anchor[..., np.newaxis])[..., 0]
-        speed = (axes @ self._axis[..., np.newaxis])[..., 0] * velocity[:, np.newaxis]
-        turning = speed * self._turns[:, np.newaxis] if self._slides else speed
-        at_origin = np.concatenate([cross(origin, turning), turning], axis=1)
-        if self._slides:
-            at_origin[:, :3] += speed - turning
-        twists = self._above @ at_origin + root_twist
-        root_at_origin = cross(T_world_root[:3], root_twist[3:])
-        twists[:, :3] += root_at_origin - cross(poses[:, :3], twists[:, 3:])
-        return twists
+        if not (self._slides or self._anchored):
+            return self._columns
+        columns = self._columns.copy()
+        slid = ((1.0 - self._turns) * position)[:, np.newaxis]
+        columns[self._child, :, 0] += (
+            self._rest_anchor + slid * columns[self._child, :, 1]
+        )
+        return columns
 
     def links_below(self, joints: np.ndarray) -> np.ndarray:
         """Find the links that move with any of some joints.

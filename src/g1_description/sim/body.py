@@ -132,6 +132,22 @@ class Body:
             model.position, model.velocity = np.array([s[:2] for s in states]).T
         model.update()
 
+    def is_faster_than(self, speed: float) -> bool:
+        """Tell whether a joint or the root exceeds a speed in [m/s] or [rad/s]."""
+        model = self._model
+        velocities = model.velocity, model.root_twist
+        return any(
+            v.max(initial=0.0) > speed or v.min(initial=0.0) < -speed
+            for v in velocities
+        )
+
+    def stop(self) -> None:
+        """Take the model's velocities for zero; PyBullet keeps what it has."""
+        model = self._model
+        model.root_twist = np.zeros(6)
+        model.velocity = np.zeros(len(self._joints))
+        model.update()
+
     def _read_root(self) -> None:
         """Take the root's pose and twist from PyBullet."""
         model = self._model

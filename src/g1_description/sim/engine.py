@@ -17,12 +17,19 @@ from .urdf_import import load_model
 
 PHYSICS = ("kinematic", "hold", "limp")
 
+STILL = 1e-5
+"""What is slower stands still, in [m/s] or [rad/s]."""
+
+REST = 0.1
+"""The world rests when all in it stood still for so long, in [s] of simulated time."""
+
 
 class Engine:
     """Takes states in, moves them by physics, gives them back.
 
     In ``kinematic`` physics nothing moves by itself: the bodies are there for
-    contacts only.
+    contacts only. In the others, a world in which all stands still rests: steps
+    change nothing and cost nothing until something is written.
     """
 
     def __init__(
@@ -50,6 +57,7 @@ class Engine:
         self._client = BulletClient(pybullet.DIRECT)
         self._bodies: dict[str, Body] = {}
         self._properties = properties
+        self._still_for = 0.0
         properties.apply(self._client)
 
     def close(self) -> None:
@@ -63,6 +71,7 @@ class Engine:
 
     def set_properties(self, properties: PhysicsProperties) -> None:
         """Compute with other numbers from now on."""
+        self._wake()
         self._properties = properties
         properties.apply(self._client)
 
@@ -91,10 +100,12 @@ class Engine:
         if self.physics == "hold":
             body.hold()
         self._bodies[model.name] = body
+        self._wake()
         return left_out
 
     def remove(self, name: str) -> None:
         """Take a model's body away, if it has one."""
+        self._wake()
         if name in self._bodies:
             self._client.removeBody(self._bodies.pop(name).number)
 
@@ -123,11 +134,13 @@ class Engine:
 
     def write(self, model: Model) -> None:
         """Take over a model's pose, joints and velocities."""
+        self._wake()
         if model.name in self._bodies:
             self._bodies[model.name].write()
 
     def write_joints(self, model: Model) -> None:
         """Take over a model's joints, and hold them there in ``hold``."""
+        self._wake()
         if model.name in self._bodies:
             body = self._bodies[model.name]
             body.write_joints()
@@ -136,11 +149,13 @@ class Engine:
 
     def weigh(self, model: Model) -> None:
         """Take over which links of a model gravity pulls."""
+        self._wake()
         if model.name in self._bodies:
             self._bodies[model.name].weigh()
 
     def tune(self, model: Model, joint: str) -> None:
         """Take over the numbers of ``ode_joints`` of a joint."""
+        self._wake()
         if model.name in self._bodies:
             self._bodies[model.name].tune(joint)
 
@@ -148,14 +163,18 @@ class Engine:
         self, model: Model, link: str, force: np.ndarray, torque: np.ndarray
     ) -> None:
         """Let a wrench act on a link during the next step, as ``Body.push``."""
+        self._wake()
         self._bodies[model.name].push(link, force, torque)
 
     def strain(self, model: Model, joint: str, effort: float) -> None:
         """Let a joint's effort act during the next step, as ``Body.strain``."""
+        self._wake()
         self._bodies[model.name].strain(joint, effort)
 
     def step(self) -> None:
         """Let one time step pass, and give the models their new states."""
+        if self._still_for >= REST:
+            return
         for body in self._bodies.values():
             body.float_weightless(self._properties.gravity)
             if self.physics == "limp":
@@ -164,6 +183,21 @@ class Engine:
         for body in self._bodies.values():
             if body.moves:
                 body.read()
+        self._watch_for_rest()
+
+    def _watch_for_rest(self) -> None:
+        """Count for how long all stands still, and stop it when that is enough."""
+        if any(body.is_faster_than(STILL) for body in self._bodies.values()):
+            self._still_for = 0.0
+            return
+        self._still_for += self._properties.time_step
+        if self._still_for >= REST:
+            for body in self._bodies.values():
+                body.stop()
+
+    def _wake(self) -> None:
+        """Go on computing: something was written."""
+        self._still_for = 0.0
 
     def contacts(self) -> set[tuple[str, str]]:
         """Find which links touch or overlap now, as ``contacts.contacts``."""

@@ -122,12 +122,12 @@ class Model:
         if self._kinematics is None:
             self.poses, self.twists = np.zeros((0, 7)), np.zeros((0, 6))
             return
-        self.poses = self._kinematics.link_poses(self.root_pose, self.position)
         if self.root_twist.any() or self.velocity.any():
-            self.twists = self._kinematics.link_twists(
-                self.root_pose, self.poses, self.root_twist, self.velocity
+            self.poses, self.twists = self._kinematics.link_states(
+                self.root_pose, self.position, self.root_twist, self.velocity
             )
         else:
+            self.poses = self._kinematics.link_poses(self.root_pose, self.position)
             self.twists = np.zeros((self._n_links, 6))
 
     def set_positions(self, positions: Mapping[str, float]) -> Report:
