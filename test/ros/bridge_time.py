@@ -33,7 +33,7 @@ JUMP = SECOND // 2
 AT_ONCE = 1.0
 """Longest time to the first states after a jump in [s] of wall time."""
 TROUBLE = re.compile(r"TF_(?:REPEATED|OLD)_DATA .* for frame (\S+) at time ([\d.]+)")
-EARLY = 0.5
+EARLY = 1.5
 """Stamps up to this, in [s], may meet listeners that do not know of a jump yet."""
 BASE = "base_link"
 """The frame that the bridge itself moves."""
