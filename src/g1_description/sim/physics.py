@@ -98,7 +98,7 @@ _RANGES = {
     **dict.fromkeys(GRAVITY, (-LARGEST, LARGEST)),
     "sor_pgs_rms_error_tol": (-1.0, LARGEST),
     **dict.fromkeys(_WHOLE_NUMBERS, (0, 2**32 - 1)),
-    "sor_pgs_iters": (0, 10_000),
+    "sor_pgs_iters": (0, 1000),
     "cfm": (0.0, 10.0),
     "erp": (0.0, 10.0),
 }
