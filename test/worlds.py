@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 from g1_description.core.description import parse_urdf
 from g1_description.core.lumping import lump_fixed_joints
 from g1_description.sim.entities import Entity, seen_from
 from g1_description.sim.physics import PhysicsProperties
 from g1_description.sim.world import World
+
+REPOSITORY = Path(__file__).resolve().parents[1]
+
+
+def find_package(name):
+    """Find this package, and no other."""
+    return str(REPOSITORY) if name == "g1_description" else None
 
 
 class Bench(World):
@@ -20,7 +28,7 @@ class Bench(World):
         properties = PhysicsProperties(
             **dict(zip(("gravity_x", "gravity_y", "gravity_z"), gravity)), **numbers
         )
-        super().__init__(physics, properties, content=content)
+        super().__init__(physics, properties, find_package, content)
 
     @property
     def client(self):
