@@ -130,3 +130,23 @@ def test_the_inertia_is_turned_to_the_axes_of_the_link():
     inertial = parse_urdf(text).links[0].inertial
     np.testing.assert_allclose(inertial.inertia, np.diag([2.0, 1.0, 3.0]), atol=1e-12)
     np.testing.assert_allclose(inertial.center_of_mass, [1, 2, 3])
+
+
+@pytest.mark.parametrize(
+    ("material", "color"),
+    [
+        ("", None),
+        ('<material name="sea"/>', (0.0, 0.25, 0.5, 1.0)),
+        ('<material name="sky"/>', None),
+        ('<material name="x"><color rgba="1 0 0 0.5"/></material>', (1, 0, 0, 0.5)),
+        ('<material name="x"><color rgba="nan 0 0 1"/></material>', None),
+        ('<material name="x"><color rgba="2 -1 0 1"/></material>', (1, 0, 0, 1)),
+    ],
+)
+def test_a_shape_has_the_colour_of_its_material_or_none(material, color):
+    description = parse_urdf(
+        '<robot name="r"><material name="sea"><color rgba="0 0.25 0.5 1"/></material>'
+        '<link name="a"><visual><geometry><sphere radius="1"/></geometry>'
+        f"{material}</visual></link></robot>"
+    )
+    assert description.links[0].visuals[0].color == color

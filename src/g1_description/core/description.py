@@ -7,7 +7,7 @@ reading. No joint or link name is known here or anywhere else in code.
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from lxml import etree
@@ -15,6 +15,7 @@ from urdf_parser_py import urdf
 from urdf_parser_py.xml_reflection import core as xml_reflection
 
 from .bounds import checked
+from .colors import color_of
 from .errors import DescriptionError
 from .rotation import from_rpy, to_axes
 from .tree import one_root
@@ -52,6 +53,9 @@ class Shape:
 
     restitution: float | None = None
     """Coefficient of restitution; None where the file gives none."""
+
+    color: tuple[float, ...] | None = None
+    """Red, green, blue, opacity from 0 to 1; None where the file gives none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,7 +190,8 @@ def parse_urdf(text: str) -> Description:
         raise DescriptionError(f"The robot description is not URDF: {sentence}.") from (
             error
         )
-    links = tuple(_link(link) for link in robot.links)
+    colors = {material.name: material.color for material in robot.materials}
+    links = tuple(_link(link, colors) for link in robot.links)
     joints = tuple(_joint(joint) for joint in robot.joints)
     return Description(robot.name, one_root(robot.name, links, joints), links, joints)
 
@@ -199,12 +204,15 @@ def _pose(owner: str, origin: urdf.Pose | None) -> np.ndarray:
     return np.concatenate([numbers[:3], from_rpy(numbers[3:])])
 
 
-def _link(link: urdf.Link) -> Link:
-    """Read a link element."""
+def _link(link: urdf.Link, colors: dict[str, urdf.Color | None]) -> Link:
+    """Read a link element, with the colours of the robot's materials by name."""
     return Link(
         name=link.name,
         inertial=_inertial(link),
-        visuals=tuple(_shape(link.name, visual) for visual in link.visuals),
+        visuals=tuple(
+            replace(_shape(link.name, visual), color=color_of(visual.material, colors))
+            for visual in link.visuals
+        ),
         collisions=tuple(_shape(link.name, shape) for shape in link.collisions),
     )
 

@@ -1,12 +1,18 @@
-"""Whether PyBullet survives a mesh: its readers trust the numbers in a file."""
+"""Meshes that PyBullet survives: its readers trust the numbers in a file."""
 
 from __future__ import annotations
 
 import struct
 import subprocess
 import sys
+from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
+
+from ..core.resources import local_path
+
+MESHES = (".dae", ".obj", ".stl")
+"""What PyBullet reads; one file of another kind fails the whole load."""
 
 PATIENCE = 5.0
 """Longest time that a trial may take, in [s]."""
@@ -18,6 +24,28 @@ import sys, pybullet
 pybullet.connect(pybullet.DIRECT)
 pybullet.createCollisionShape(pybullet.GEOM_MESH, fileName=sys.argv[1])
 """
+
+
+def find_mesh(
+    uri: str, package_folder: Callable[[str], str | None]
+) -> tuple[Path | None, str]:
+    """Find a mesh that PyBullet can be given.
+
+    Args:
+        uri: Where it lies: as written in the file.
+        package_folder: Gives a package's folder, None if there is no such package.
+
+    Returns:
+        Its file; or None and a clause that says why it is left out.
+    """
+    path = local_path(uri, package_folder)
+    if path is None:
+        return None, f"mesh {uri} does not exist"
+    if path.suffix.lower() not in MESHES:
+        return None, f"mesh {uri} is none of {', '.join(MESHES)}"
+    if not is_safe(path):
+        return None, f"mesh {uri} cannot be read"
+    return path, ""
 
 
 def is_safe(path: Path) -> bool:

@@ -2,7 +2,7 @@
 
 PyBullet gives a link without inertial 1 kg, so bodies are lumped before. It fails
 the whole load for one missing mesh, so only meshes that exist are named, by
-absolute paths. It needs no visuals: nothing is drawn here.
+absolute paths. It needs no visuals: ``scene`` draws them.
 """
 
 from __future__ import annotations

@@ -12,15 +12,11 @@ import numpy as np
 from ..core.assembly import WORLD, Assembly
 from ..core.description import Joint, Link, Shape
 from ..core.errors import LARGEST, DescriptionError
-from ..core.resources import local_path
 from ..core.rotation import axes_to_rpy, to_axes
-from .meshes import is_safe
+from .meshes import find_mesh
 
 LONGEST_NAME = 1000
 """PyBullet cuts names at 1023 bytes."""
-
-MESHES = (".dae", ".obj", ".stl")
-"""What PyBullet reads; one file of another kind fails the whole load."""
 
 
 def prepared_urdf(
@@ -60,12 +56,9 @@ def prepared_urdf(
         for shape in link.collisions:
             path = None
             if shape.kind == "mesh":
-                path = local_path(shape.filename, package_folder)
-                if path is None or path.suffix.lower() not in MESHES:
-                    left_out.append(_why_not(shape.filename, path))
-                    continue
-                if not is_safe(path):
-                    left_out.append(f"mesh {shape.filename} cannot be read")
+                path, why_not = find_mesh(shape.filename, package_folder)
+                if path is None:
+                    left_out.append(why_not)
                     continue
             _write_collision(element, shape, anchor, path)
     for joint in description.joints:
@@ -73,13 +66,6 @@ def prepared_urdf(
     text = ElementTree.tostring(robot, encoding="unicode")
     # PyBullet reads lines of 1024 characters and breaks longer ones anywhere.
     return text.replace("><", ">\n<"), tuple(dict.fromkeys(left_out))
-
-
-def _why_not(filename: str, path: Path | None) -> str:
-    """Say why a mesh is left out."""
-    if path is None:
-        return f"mesh {filename} does not exist"
-    return f"mesh {filename} is none of {', '.join(MESHES)}"
 
 
 def _numbers(values: np.ndarray | tuple[float, ...]) -> str:

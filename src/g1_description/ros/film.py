@@ -1,0 +1,104 @@
+"""A film: moments of robots on ROS' clock, drawn afterwards."""
+
+from __future__ import annotations
+
+import sys
+from typing import Callable, Sequence
+
+import numpy as np
+import rospy
+from PIL import Image
+
+from ..core.errors import InvalidValueError
+from .picture_files import in_colors, palette_of
+from .robot_watch import PATIENCE, Moment, NotThereError, RobotWatch, wait_until
+
+LONGEST, FASTEST = 60.0, 30.0
+"""Of a film, in [s] and in pictures per second."""
+
+MOST_PIXELS = 500e6
+"""Of all pictures of a film together: they are kept until it is written."""
+
+
+def count(seconds: float, fps: float) -> int:
+    """Tell how many pictures a film has."""
+    return max(1, round(seconds * fps))
+
+
+def check_length(seconds: float, fps: float, size: tuple[int, int]) -> None:
+    """Check that a film can be made.
+
+    Raises:
+        InvalidValueError: If it would be too long, too fast or too large.
+    """
+    for name, value, most in (("seconds", seconds, LONGEST), ("fps", fps, FASTEST)):
+        if not 0.0 < value <= most:
+            raise InvalidValueError(
+                f"A film cannot have --{name} {value:g}, only more than 0 and at most "
+                f"{most:g}."
+            )
+    pixels = count(seconds, fps) * size[0] * size[1]
+    if pixels > MOST_PIXELS:
+        raise InvalidValueError(
+            f"A film of {count(seconds, fps)} pictures of {size[0]}x{size[1]} has "
+            f"{pixels / 1e6:.0f} million pixels; there is room for "
+            f"{MOST_PIXELS / 1e6:.0f} million."
+        )
+
+
+def record(
+    watches: Sequence[RobotWatch], seconds: float, fps: float
+) -> list[list[Moment]]:
+    """Watch robots for a while.
+
+    Args:
+        watches: The robots.
+        seconds: How long, in [s] of ROS' clock.
+        fps: Moments per second of ROS' clock.
+
+    Returns:
+        What all robots did at each moment.
+
+    Raises:
+        NotThereError: If the clock stands still.
+        KeyboardInterrupt: If the node was shut down meanwhile.
+    """
+    start, moments = rospy.get_time(), []
+    for n in range(count(seconds, fps)):
+        due = start + n / fps
+        if not wait_until(lambda due=due: rospy.get_time() >= due, PATIENCE):
+            raise NotThereError(
+                f"The clock stood still for {PATIENCE:g} s at {rospy.get_time():g} s."
+            )
+        moments.append([watch.now() for watch in watches])
+    return moments
+
+
+def film(n: int, picture: Callable[[int], np.ndarray]) -> list[Image.Image]:
+    """Draw all pictures of a film, in the same colours.
+
+    Args:
+        n: How many.
+        picture: Draws one of them as uint8, shape (height, width, 3).
+
+    Raises:
+        KeyboardInterrupt: If the node was shut down meanwhile.
+    """
+    palette = palette_of([picture(k) for k in {0, n // 2, n - 1}])
+    images = []
+    for k in range(n):
+        if rospy.is_shutdown():
+            raise KeyboardInterrupt
+        images.append(in_colors(picture(k), palette))
+        _show_progress(k + 1, n)
+    return images
+
+
+def _show_progress(done: int, n: int) -> None:
+    """Tell how far it is: in one line of a terminal, else now and then."""
+    is_last = done == n
+    if sys.stderr.isatty():
+        end = "\n" if is_last else ""
+        print(f"\rframe {done} of {n}", end=end, file=sys.stderr, flush=True)
+    elif is_last or done % 25 == 0:
+        print(f"frame {done} of {n}", file=sys.stderr, flush=True)

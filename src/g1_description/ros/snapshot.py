@@ -1,0 +1,178 @@
+"""A picture or a film of the robot as it is now, drawn without a screen.
+
+Subscribes: joint_states (sensor_msgs/JointState), /tf, /tf_static
+Reads: robot_description; with --model nothing of ROS at all.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import Sequence
+
+import numpy as np
+import rosgraph
+import rospy
+
+from ..core.absolute_urdf import read_urdf_file
+from ..core.camera import Camera, framing, view
+from ..core.description import Description, parse_urdf
+from ..core.errors import G1DescriptionError, InvalidValueError, UnknownNameError
+from ..core.transform import IDENTITY
+from ..sim.picture import draw
+from ..sim.scene import Scene
+from .command_line import own_arguments
+from .film import film, record
+from .model_files import find_folder
+from .picture_files import write_film, write_picture
+from .robot_watch import MAP, Moment, NotThereError, RobotWatch
+from .shutdown import start_node
+from .snapshot_options import parse
+from .transforms import Transforms
+
+INTERRUPTED = 130
+"""Exit code after Ctrl-C, as shells have it."""
+
+
+def tell(sentence: str) -> None:
+    """Tell something beside the result."""
+    print(f"snapshot: {sentence}", file=sys.stderr, flush=True)
+
+
+def check_joints(wanted: dict[str, float], description: Description) -> None:
+    """Check that joints are there.
+
+    Raises:
+        UnknownNameError: If one is not.
+    """
+    names = [joint.name for joint in description.movable_joints]
+    unknown = [name for name in wanted if name not in names]
+    if unknown:
+        raise UnknownNameError(
+            f"Robot '{description.name}' has no joint {', '.join(unknown)}; "
+            f"it has {', '.join(names) or 'none'}."
+        )
+
+
+def load(scene: Scene, description: Description) -> None:
+    """Add a robot to a scene and tell what is missing."""
+    _, left_out = scene.add(description, find_folder)
+    if left_out:
+        tell(f"left out of '{description.name}': {'; '.join(left_out)}.")
+
+
+def frame(
+    scene: Scene, moments: Sequence[Sequence[Moment]], asked: argparse.Namespace
+) -> tuple[Camera, float]:
+    """Find where to look from, so that the robots are seen at all moments.
+
+    Returns:
+        The camera, and the height of the floor in [m]: that of the map, or below the
+        robots where nobody tells where they are.
+
+    Raises:
+        InvalidValueError: If there is nothing to see.
+    """
+    corners = []
+    for moment in moments:
+        place(scene, moment)
+        corners.append(scene.corners())
+    points = np.concatenate(corners)
+    if not points.size:
+        raise InvalidValueError("The robot has no visual shapes that can be drawn.")
+    is_placed = any(robot.T_map_root is not None for robot in moments[0])
+    floor = 0.0 if is_placed else float(points[:, 2].min())
+    width, height = asked.size
+    return framing(points, *view(asked.view), width / height), floor
+
+
+def place(scene: Scene, moment: Sequence[Moment]) -> None:
+    """Put all robots where they are, or else their root at the origin."""
+    for robot, now in enumerate(moment):
+        pose = IDENTITY if now.T_map_root is None else now.T_map_root
+        scene.place(robot, pose, now.positions)
+
+
+def write(
+    scene: Scene, moments: Sequence[Sequence[Moment]], asked: argparse.Namespace
+) -> None:
+    """Draw and write what was asked for."""
+    camera, floor = frame(scene, moments, asked)
+
+    def picture(n: int) -> np.ndarray:
+        place(scene, moments[n])
+        return draw(scene, camera, *asked.size, floor)
+
+    if asked.gif:
+        write_film(asked.out, film(len(moments), picture), asked.fps)
+    else:
+        write_picture(asked.out, picture(0))
+    print(f"{asked.out}: {'x'.join(map(str, asked.size))}, {asked.view}")
+
+
+def draw_file(asked: argparse.Namespace) -> None:
+    """Draw a URDF file at its zero pose, or with the joints that were asked for."""
+    description = parse_urdf(read_urdf_file(asked.model))
+    check_joints(asked.joints, description)
+    with Scene() as scene:
+        load(scene, description)
+        write(scene, [[Moment(asked.joints, None)]], asked)
+
+
+def draw_now(asked: argparse.Namespace) -> None:
+    """Draw the robots that run.
+
+    Raises:
+        NotThereError: If there is no master, or nothing comes from a robot.
+    """
+    if not rosgraph.is_master_online():
+        raise NotThereError(
+            f"There is no master at {rosgraph.get_master_uri()}: launch a robot, or "
+            "draw a file with --model FILE."
+        )
+    start_node("snapshot", anonymous=True)
+    transforms = Transforms()
+    namespaces = asked.namespace or [rospy.get_namespace()]
+    watches = [RobotWatch(name.strip("/"), transforms) for name in namespaces]
+    for watch in watches:
+        check_joints(asked.joints, watch.description)
+        watch.wait()
+        tell_unknown(watch, asked.joints)
+    if asked.gif:
+        moments = record(watches, asked.seconds, asked.fps)
+    else:
+        moments = [[watch.now() for watch in watches]]
+    for listener in (transforms, *watches):  # drawing needs the processor
+        listener.close()
+    wanted = [[now.with_joints(asked.joints) for now in moment] for moment in moments]
+    with Scene() as scene:
+        for watch in watches:
+            load(scene, watch.description)
+        write(scene, wanted, asked)
+
+
+def tell_unknown(watch: RobotWatch, wanted: dict[str, float]) -> None:
+    """Tell what nobody says of a robot."""
+    name = watch.description.name
+    missing = [joint for joint in watch.missing if joint not in wanted]
+    if missing:
+        tell(f"not known of '{name}', drawn at 0: {', '.join(missing)}.")
+    if watch.now().T_map_root is None:
+        tell(
+            f"there is no transform from {MAP} to {watch.frame}: "
+            f"'{name}' is drawn with its root at the origin."
+        )
+
+
+def main() -> None:
+    """Write a picture or a film, or say why not."""
+    try:
+        asked = parse(own_arguments())
+        (draw_file if asked.model else draw_now)(asked)
+    except KeyboardInterrupt:
+        tell("interrupted, nothing is written.")
+        sys.exit(INTERRUPTED)
+    except G1DescriptionError as error:
+        sys.exit(f"snapshot: {error}")
+    except (OSError, rospy.ROSException, rosgraph.MasterException) as error:
+        sys.exit(f"snapshot: the master is gone: {error}.")

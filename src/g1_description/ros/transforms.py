@@ -1,0 +1,56 @@
+"""Frames on TF, for a program that asks where a few of them are."""
+
+from __future__ import annotations
+
+import numpy as np
+import rospy
+import tf2_ros
+from tf2_msgs.msg import TFMessage
+
+
+class Transforms:
+    """What TF tells.
+
+    tf2's own listener prints two lines for each transform that comes twice, which
+    are thousands where robot_state_publisher hears a thousand joint states a second.
+
+    Subscribes: /tf, /tf_static (tf2_msgs/TFMessage)
+    """
+
+    def __init__(self) -> None:
+        """Begin to listen."""
+        self._buffer = tf2_ros.Buffer(debug=False)
+        self._newest: dict[str, rospy.Time] = {}
+        self._subscribers = [
+            rospy.Subscriber("/tf", TFMessage, self._hear, queue_size=100),
+            rospy.Subscriber("/tf_static", TFMessage, self._hear_static),
+        ]
+
+    def close(self) -> None:
+        """Listen no more; what was heard stays known."""
+        for subscriber in self._subscribers:
+            subscriber.unregister()
+
+    def _hear(self, message: TFMessage) -> None:
+        for transform in message.transforms:
+            frame, stamp = transform.child_frame_id, transform.header.stamp
+            if self._newest.get(frame) != stamp:
+                self._newest[frame] = stamp
+                self._buffer.set_transform(transform, "tf")
+
+    def _hear_static(self, message: TFMessage) -> None:
+        for transform in message.transforms:
+            self._buffer.set_transform_static(transform, "tf_static")
+
+    def pose(self, parent: str, child: str) -> np.ndarray | None:
+        """Tell where a frame is in another, newest first.
+
+        Returns:
+            T_parent_child, shape (7,); None where nobody tells.
+        """
+        try:
+            found = self._buffer.lookup_transform(parent, child, rospy.Time())
+        except tf2_ros.TransformException:
+            return None
+        p, q = found.transform.translation, found.transform.rotation
+        return np.array([p.x, p.y, p.z, q.x, q.y, q.z, q.w])

@@ -1,0 +1,234 @@
+"""Pictures: what they show, held against projections computed otherwise."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from g1_description.core.camera import VIEWS, Camera, framing, view
+from g1_description.core.description import parse_urdf
+from g1_description.core.errors import UnknownNameError
+from g1_description.sim.picture import draw, silhouette
+from g1_description.sim.scene import NOTHING, Scene
+
+MIDDLE = np.array([0.0, 0.0, 0.66])
+SOURCE = Path(__file__).resolve().parents[2] / "src"
+
+
+def at(x=0.0, y=0.0, z=0.0):
+    return np.array([x, y, z, 0.0, 0.0, 0.0, 1.0])
+
+
+STANDING = at(z=0.793)
+
+
+def body(geometry, xyz="0 0 0", color=None, name="shape"):
+    """Write a robot of one link with one visual shape."""
+    material = f'<material name="m"><color rgba="{color}"/></material>' if color else ""
+    return parse_urdf(
+        f'<robot name="{name}"><link name="{name}"><visual><origin xyz="{xyz}"/>'
+        f"<geometry>{geometry}</geometry>{material}</visual></link></robot>"
+    )
+
+
+@pytest.fixture
+def scene():
+    with Scene() as made:
+        yield made
+
+
+def area(mask, camera):
+    """Measure what a mask covers at the target, in [m^2]."""
+    return (mask != NOTHING).sum() * (camera.width / mask.shape[1]) ** 2
+
+
+SHAPES = {
+    '<sphere radius="0.5"/>': lambda direction: np.pi * 0.25,
+    '<box size="0.4 0.6 0.8"/>': lambda direction: (
+        np.abs(direction) @ [0.6 * 0.8, 0.4 * 0.8, 0.4 * 0.6]
+    ),
+    '<cylinder radius="0.3" length="1"/>': lambda direction: (
+        0.6 * np.hypot(*direction[:2]) + np.pi * 0.09 * abs(direction[2])
+    ),
+}
+
+
+@pytest.mark.parametrize("angles", [(0.0, 0.0), (0.7, 0.4), (-2.0, -1.0)])
+@pytest.mark.parametrize("geometry", SHAPES)
+def test_an_orthographic_outline_has_the_area_of_the_projection(
+    scene, geometry, angles
+):
+    scene.add(body(geometry), lambda name: None)
+    camera = Camera(np.array([0.1, 0.0, 0.05]), *angles, width=2.0)
+    direction = Rotation.from_euler("yz", [-angles[1], angles[0]]).apply([1, 0, 0])
+    expected = SHAPES[geometry](direction)
+    mask = silhouette(scene, camera, 800, 600)
+    assert area(mask, camera) == pytest.approx(expected, rel=0.01)
+
+
+@pytest.mark.parametrize("distance", [1.5, 4.0])
+def test_a_perspective_outline_has_the_area_of_the_cone(scene, distance):
+    """The lines of sight that touch a sphere make a cone about the middle."""
+    scene.add(body('<sphere radius="0.5"/>'), lambda name: None)
+    camera = Camera(np.zeros(3), 0.3, 0.2, width=2.0, distance=distance)
+    expected = np.pi * 0.25 / (1.0 - 0.25 / distance**2)
+    mask = silhouette(scene, camera, 640, 640)
+    assert area(mask, camera) == pytest.approx(expected, rel=0.01)
+
+
+def test_the_part_that_is_drawn_changes_nothing(scene):
+    """A body on one side is seen where it is, to the pixel."""
+    scene.add(body('<box size="0.2 0.2 0.2"/>', "0 0.5 0.3"), lambda name: None)
+    mask = silhouette(scene, Camera(np.zeros(3), 0.0, 0.0, width=2.0), 400, 300)
+    rows, columns = np.nonzero(mask != NOTHING)
+    assert (columns.min(), columns.max() + 1) == (280, 320)
+    assert (rows.min(), rows.max() + 1) == (70, 110)
+
+
+def test_what_is_outside_the_picture_is_not_drawn(scene):
+    scene.add(body('<box size="0.2 0.2 0.2"/>', "0 5 0"), lambda name: None)
+    camera = Camera(np.zeros(3), 0.0, 0.0, width=2.0)
+    assert (silhouette(scene, camera, 80, 60) == NOTHING).all()
+    assert draw(scene, camera, 80, 60).shape == (60, 80, 3)
+
+
+@pytest.mark.parametrize(
+    ("name", "place", "right"),
+    [
+        ("front", "0 0.5 0", True),
+        ("back", "0 0.5 0", False),
+        ("side", "0.5 0 0", True),
+        ("iso", "0 0.5 0", True),
+    ],
+)
+def test_views_are_not_mirrored(scene, name, place, right):
+    """The robot's left hand is on the right of the picture of its front."""
+    scene.add(body('<box size="0.1 0.1 0.1"/>', place), lambda name: None)
+    mask = silhouette(scene, Camera(np.zeros(3), *view(name), width=2.0), 200, 200)
+    columns = np.nonzero(mask != NOTHING)[1]
+    assert columns.size
+    assert (columns > 100).all() if right else (columns < 100).all()
+
+
+@pytest.mark.parametrize("name", VIEWS)
+def test_up_is_up(scene, name):
+    scene.add(body('<box size="0.1 0.1 0.1"/>', "0 0 0.5"), lambda name: None)
+    mask = silhouette(scene, Camera(np.zeros(3), *view(name), width=2.0), 200, 200)
+    assert (np.nonzero(mask != NOTHING)[0] < 100).all()
+
+
+def test_an_unknown_view_is_told_which_there_are():
+    with pytest.raises(UnknownNameError, match="'top'; there are front, side"):
+        view("top")
+
+
+@pytest.mark.parametrize("angles", VIEWS.values())
+@pytest.mark.parametrize("aspect", [(640, 480), (300, 600)])
+def test_the_robot_fills_the_picture_but_for_a_margin(scene, g1, angles, aspect):
+    width, height = aspect
+    scene.add(parse_urdf(g1), lambda name: None)
+    scene.place(0, STANDING, {"left_shoulder_roll_joint": 1.0})
+    camera = framing(scene.corners(), *angles, width / height)
+    rows, columns = np.nonzero(silhouette(scene, camera, width, height) != NOTHING)
+    margins = (
+        np.array([rows.min(), height - 1 - rows.max()]) / height,
+        np.array([columns.min(), width - 1 - columns.max()]) / width,
+    )
+    assert min(margins[0].min(), margins[1].min()) > 0.05
+    assert min(margins[0].max(), margins[1].max()) < 0.2
+
+
+def test_only_what_hangs_on_a_joint_changes(scene, g1):
+    scene.add(parse_urdf(g1), lambda name: None)
+    camera = Camera(MIDDLE, 0.0, 0.0, width=2.0, distance=4.0)
+    pictures, masks = [], []
+    for position in (0.0, 1.2):
+        scene.place(0, STANDING, {"left_shoulder_roll_joint": position})
+        pictures.append(draw(scene, camera, 320, 320).astype(int))
+        masks.append(silhouette(scene, camera, 320, 320))
+    changed = np.abs(pictures[1] - pictures[0]).max(axis=2)
+    above_the_floor = slice(0, 190)  # below it is the shadow
+    assert not changed[above_the_floor, :160].any()
+    assert (changed[above_the_floor, 160:] > 20).sum() > 500
+    assert (masks[0] != masks[1])[:, 160:].any()
+    assert (masks[0] == masks[1])[:, :160].all()
+
+
+def test_the_colour_of_a_material_comes_through(scene):
+    """Also where the link only names a material of the robot."""
+    named = (
+        '<robot name="r"><material name="sea"><color rgba="0 0.25 0.5 1"/></material>'
+        '<link name="a"><visual><geometry><box size="1 1 1"/></geometry>'
+        '<material name="sea"/></visual></link></robot>'
+    )
+    camera = Camera(np.zeros(3), 0.0, 0.0, width=2.0)
+    for number, description in enumerate(
+        [parse_urdf(named), body('<sphere radius="0.6"/>', color="0.8 0.4 0.2 1")]
+    ):
+        scene.add(description, lambda name: None)
+        scene.place(number, at(x=number), {})
+        seen = draw(scene, camera, 40, 40)[20, 20] / 255.0
+        wanted = np.array([[0.0, 0.25, 0.5], [0.8, 0.4, 0.2]][number])
+        shade = seen @ wanted / (wanted @ wanted)
+        np.testing.assert_allclose(seen, shade * wanted, atol=0.05)
+        assert 0.7 < shade < 1.3
+
+
+def test_robots_are_told_apart_and_placed(scene):
+    for _ in range(2):
+        scene.add(body('<box size="0.2 0.2 0.2"/>'), lambda name: None)
+    scene.place(1, at(y=0.5), {})
+    mask = silhouette(scene, Camera(np.zeros(3), 0.0, 0.0, width=2.0), 200, 200)
+    assert (mask[100, 100], mask[100, 150], mask[100, 50]) == (0, 1, NOTHING)
+
+
+def test_the_shadow_falls_on_the_floor_and_away_from_the_lamp(scene):
+    camera = Camera(np.zeros(3), 0.0, 0.5, width=2.0)
+    empty = draw(scene, camera, 200, 200, floor=-0.3).astype(int)
+    scene.add(body('<sphere radius="0.2"/>'), lambda name: None)
+    picture = draw(scene, camera, 200, 200, floor=-0.3).astype(int)
+    darker = (empty - picture).min(axis=2) > 15
+    darker &= silhouette(scene, camera, 200, 200) == NOTHING
+    columns = np.nonzero(darker)[1]
+    assert darker.sum() > 200
+    assert columns.mean() > 110
+
+
+def test_a_mesh_that_is_missing_is_named(scene):
+    robot = body('<mesh filename="package://nowhere/a.stl"/>')
+    assert scene.add(robot, lambda name: None) == (
+        0,
+        ("mesh package://nowhere/a.stl does not exist",),
+    )
+    assert scene.corners().shape == (0, 3)
+
+
+def test_links_without_mass_and_on_fixed_joints_are_seen(scene):
+    robot = parse_urdf(
+        '<robot name="r"><link name="a"/><link name="b"><visual>'
+        '<geometry><box size="0.2 0.2 0.2"/></geometry></visual></link>'
+        '<joint name="j" type="fixed"><parent link="a"/><child link="b"/>'
+        '<origin xyz="0 0.5 0"/></joint></robot>'
+    )
+    scene.add(robot, lambda name: None)
+    mask = silhouette(scene, Camera(np.zeros(3), 0.0, 0.0, width=2.0), 200, 200)
+    assert mask[100, 150] == 0
+
+
+def test_no_screen_is_needed():
+    code = (
+        "import numpy as np\n"
+        "from g1_description.core.camera import Camera\n"
+        "from g1_description.sim.picture import draw\n"
+        "from g1_description.sim.scene import Scene\n"
+        "with Scene() as scene:\n"
+        "    draw(scene, Camera(np.zeros(3), 0.0, 0.0, 1.0), 16, 16)\n"
+    )
+    path = os.pathsep.join([str(SOURCE), *sys.path])
+    environment = {**os.environ, "PYTHONPATH": path}
+    environment.pop("DISPLAY", None)
+    subprocess.run([sys.executable, "-c", code], env=environment, check=True)

@@ -1,0 +1,156 @@
+"""What snapshot refuses, and what it writes without a master."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rospy", reason="rospy is not installed")
+Image = pytest.importorskip("PIL.Image", reason="Pillow is not installed")
+
+from g1_description.core.errors import InvalidValueError  # noqa: E402
+from g1_description.ros.film import check_length, count  # noqa: E402
+from g1_description.ros.picture_files import (  # noqa: E402
+    in_colors,
+    palette_of,
+    write_film,
+    write_picture,
+)
+
+ROOT = Path(__file__).resolve().parents[2]
+OURS = ROOT / "urdf" / "g1_29dof.urdf"
+NOBODY = "http://localhost:9"
+
+
+def snapshot(*arguments):
+    path = os.pathsep.join([str(ROOT / "src"), *sys.path])
+    environment = {**os.environ, "ROS_MASTER_URI": NOBODY, "PYTHONPATH": path}
+    environment.pop("DISPLAY", None)
+    return subprocess.run(
+        [sys.executable, ROOT / "scripts" / "snapshot", *arguments],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def last_line(run):
+    assert "Traceback" not in run.stderr
+    return run.stderr.strip().splitlines()[-1]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["a.jpg"], "does not end in .png"),
+        (["a.gif"], "does not end in .png"),
+        (["a.png", "--gif"], "does not end in .gif"),
+        (["nowhere/a.png"], "There is no folder"),
+        (["a.png", "--size", "15x100"], "'15x100' is no size such as 1280x960"),
+        (["a.png", "--size", "5000x100"], "'5000x100' is no size"),
+        (["a.png", "--size", "wide"], "'wide' is no size"),
+        (["a.png", "--view", "top"], "'front', 'side', 'back', 'iso'"),
+        (["a.gif", "--gif", "--seconds", "0"], "--seconds 0, only more than 0"),
+        (["a.gif", "--gif", "--fps", "31"], "--fps 31, only more than 0 and at most"),
+        (["a.png", "--joints", "a"], "'a' is not such as a=1.2"),
+        (["a.png", "--joints", "a=x"], "'x' is not a number"),
+        (["a.png"], "There is no master at http://localhost:9"),
+        (["a.png", "--model", "nowhere.urdf"], "nowhere.urdf cannot be read"),
+        (["a.png", "--model", __file__], "cannot be used"),
+        (["a.gif", "--gif", "--model", OURS], "--model draws a file, without --gif"),
+        (["a.png", "--model", OURS, "--joints", "wing=1"], "has no joint wing; it has"),
+        (["a.png", "--model", ROOT / "test/data/tree.urdf"], "no visual shapes"),
+    ],
+)
+def test_what_is_wrong_is_told_in_one_sentence_and_writes_nothing(
+    tmp_path, arguments, words
+):
+    run = snapshot(tmp_path / arguments[0], *arguments[1:])
+    assert run.returncode == 1
+    assert words in last_line(run)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_file_is_drawn_without_a_master_and_without_a_screen(tmp_path):
+    pictures = []
+    for joints in ("left_elbow_joint=0", "left_elbow_joint=-1.0,waist_yaw_joint=1"):
+        out = tmp_path / "robot.png"
+        wanted = ("--model", OURS, "--size", "320x240", "--view", "front")
+        run = snapshot(out, *wanted, "--joints", joints)
+        assert run.returncode == 0, run.stderr
+        assert run.stdout == f"{out}: 320x240, front\n"
+        pictures.append(np.array(Image.open(out)))
+    assert pictures[0].shape == (240, 320, 3)
+    assert (pictures[0] != pictures[1]).any(axis=2).sum() > 500
+    assert [path.name for path in tmp_path.iterdir()] == ["robot.png"]
+
+
+def frames(n):
+    """Draw a bar that grows."""
+    pictures = np.full((n, 20, 30, 3), 250, np.uint8)
+    for k in range(n):
+        pictures[k, :, : k + 1] = (40, 90, 160)
+    return pictures
+
+
+@pytest.mark.parametrize(("n", "rate"), [(45, 15.0), (7, 30.0), (1, 2.0), (10, 7.0)])
+def test_a_film_has_all_its_frames_and_the_right_length(tmp_path, n, rate):
+    pictures = frames(min(n, 29))
+    pictures = pictures[np.arange(n) % len(pictures)]
+    palette = palette_of(pictures)
+    write_film(tmp_path / "a.gif", [in_colors(p, palette) for p in pictures], rate)
+    film = Image.open(tmp_path / "a.gif")
+    lengths = []
+    for k in range(film.n_frames):
+        film.seek(k)
+        lengths.append(film.info["duration"])
+        np.testing.assert_allclose(film.convert("RGB"), pictures[k], atol=2)
+    assert film.n_frames == n
+    assert film.info.get("loop", 0) == 0
+    assert abs(sum(lengths) - 1000.0 * n / rate) <= 5.0
+    ends, wanted = np.cumsum(lengths), 1000.0 * np.arange(1, n + 1) / rate
+    np.testing.assert_allclose(ends, wanted, atol=5.01)
+
+
+def test_light_areas_keep_their_colour_and_many_colours_have_room():
+    shade = np.linspace(230, 252, 200).astype(np.uint8)
+    light = np.repeat(np.stack([shade, shade + 1, shade + 3], -1)[None], 20, axis=0)
+    seen = np.array(in_colors(light, palette_of([light])).convert("RGB"))
+    assert np.abs(seen.astype(int) - light).max() <= 1
+    noise = np.random.default_rng(1).integers(0, 256, (100, 100, 3), np.uint8)
+    seen = np.array(in_colors(noise, palette_of([noise])).convert("RGB"))
+    assert np.abs(seen.astype(int) - noise).mean() < 20
+
+
+def test_frames_that_are_equal_prolong_a_film(tmp_path):
+    pictures = frames(2)[[0, 0, 0, 1]]
+    palette = palette_of(pictures)
+    write_film(tmp_path / "a.gif", [in_colors(p, palette) for p in pictures], 10.0)
+    film = Image.open(tmp_path / "a.gif")
+    assert film.n_frames == 2
+    assert film.info["duration"] == 300
+
+
+def test_a_file_that_cannot_be_written_stays_as_it_was(tmp_path, monkeypatch):
+    out = tmp_path / "a.png"
+    out.write_text("old")
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(InvalidValueError, match="cannot be written: No space"):
+        write_picture(out, frames(1)[0])
+    assert [path.name for path in tmp_path.iterdir()] == ["a.png"]
+    assert out.read_text() == "old"
+
+
+def test_a_film_is_not_longer_than_there_is_room_for():
+    check_length(60.0, 15.0, (640, 480))
+    with pytest.raises(InvalidValueError, match="900 pictures of 1280x960"):
+        check_length(60.0, 15.0, (1280, 960))
+    assert count(5.0, 15.0) == 75
