@@ -9,21 +9,13 @@ from pathlib import Path
 import pytest
 
 SOURCE = Path(__file__).parents[2] / "src" / "g1_description"
-STANDARD = {
-    "functools",
-    "__future__",
-    "argparse",
-    "collections",
-    "dataclasses",
-    "logging",
-    "math",
-}
-STANDARD |= {"os", "pathlib", "re", "sys", "tempfile", "typing", "urllib", "xml"}
+STANDARD = {"__future__", "argparse", "collections", "dataclasses", "difflib"}
+STANDARD |= {"functools", "logging", "math", "os", "pathlib", "re", "subprocess"}
+STANDARD |= {"sys", "tempfile", "typing", "urllib", "xml"}
 ALLOWED = {
-    "core": STANDARD | {"lxml", "numpy", "urdf_parser_py", ".core"},
+    "core": STANDARD | {"lxml", "numpy", "rospkg", "urdf_parser_py", ".core"},
     "sim": STANDARD
-    | {"struct", "subprocess"}
-    | {"numpy", "pybullet", "pybullet_utils", ".core", ".sim"},
+    | {"struct", "numpy", "pybullet", "pybullet_utils", ".core", ".sim"},
 }
 FORBIDDEN = {"ros": {"pybullet", "pybullet_utils", "scipy", "urdf_parser_py"}}
 
