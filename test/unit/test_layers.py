@@ -10,10 +10,10 @@ import pytest
 
 SOURCE = Path(__file__).parents[2] / "src" / "g1_description"
 STANDARD = {"__future__", "argparse", "collections", "dataclasses", "difflib"}
-STANDARD |= {"functools", "logging", "math", "os", "pathlib", "re", "subprocess"}
-STANDARD |= {"sys", "tempfile", "typing", "urllib", "xml"}
+STANDARD |= {"functools", "logging", "math", "os", "pathlib", "re", "stat"}
+STANDARD |= {"subprocess", "sys", "tempfile", "typing", "urllib", "xml"}
 ALLOWED = {
-    "core": STANDARD | {"lxml", "numpy", "rospkg", "urdf_parser_py", ".core"},
+    "core": STANDARD | {"lxml", "numpy", "rospkg", "urdf_parser_py", "xacro", ".core"},
     "sim": STANDARD
     | {"struct", "numpy", "pybullet", "pybullet_utils", ".core", ".sim"},
 }

@@ -2,28 +2,29 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
-from pathlib import Path
 
-from .description import parse_urdf
+from .command_line import OneSentenceParser
 from .errors import G1DescriptionError
+from .model_text import read_model
 from .resources import with_absolute_uris
 
 
 def main() -> None:
     """Print a URDF file with absolute mesh URIs, or say why it is none."""
-    parser = argparse.ArgumentParser(
-        description="Print a URDF file with absolute mesh URIs, for the parameter "
+    parser = OneSentenceParser(
+        description="Print a robot with absolute mesh URIs, for the parameter "
         "robot_description. The file stays as it is."
     )
-    parser.add_argument("file", type=Path, help="URDF file; its meshes may be relative")
-    file = parser.parse_args().file
+    parser.add_argument(
+        "model",
+        help="URDF or xacro file, or package://PACKAGE/FILE; its meshes may be "
+        "relative; for xacro with arguments in the same word: 'FILE NAME=VALUE'",
+    )
+    asked = parser.parse_args().model
     try:
-        text = with_absolute_uris(file.read_text(encoding="utf-8"), file.parent)
-        parse_urdf(text)
-    except OSError as error:
-        sys.exit(f"The model {file} cannot be read: {error.strerror}.")
-    except (G1DescriptionError, UnicodeDecodeError) as error:
-        sys.exit(f"The model {file} cannot be used: {error}")
-    print(text)
+        model = read_model(asked)
+        text = with_absolute_uris(model.text, model.path.parent)
+    except G1DescriptionError as error:
+        sys.exit(f"The model {asked} cannot be used: {error}")
+    sys.stdout.buffer.write(text.encode("utf-8") + b"\n")
