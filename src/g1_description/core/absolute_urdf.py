@@ -6,6 +6,7 @@ import sys
 
 from .command_line import OneSentenceParser
 from .errors import G1DescriptionError
+from .model_files import find_folder
 from .model_text import read_model
 from .resources import with_absolute_uris
 
@@ -24,7 +25,7 @@ def main() -> None:
     asked = parser.parse_args().model
     try:
         model = read_model(asked)
-        text = with_absolute_uris(model.text, model.path.parent)
+        text = with_absolute_uris(model.text, model.path.parent, find_folder)
     except G1DescriptionError as error:
         sys.exit(f"The model {asked} cannot be used: {error}")
     sys.stdout.buffer.write(text.encode("utf-8") + b"\n")

@@ -45,7 +45,7 @@ def find_model_file(name: str) -> Path:
     Raises:
         DescriptionError: If there is none; the sentence tells what is near.
     """
-    path = _path(name)
+    path = named_path(name)
     try:
         mode = path.stat().st_mode
     except (FileNotFoundError, NotADirectoryError) as error:
@@ -54,7 +54,7 @@ def find_model_file(name: str) -> Path:
         why = getattr(error, "strerror", None) or str(error)
         raise DescriptionError(f"{path} cannot be read: {why}.") from error
     if stat.S_ISDIR(mode):
-        raise DescriptionError(f"{path} is a folder{_with_robots(path)}.")
+        raise DescriptionError(f"{path} is a folder{with_robots(path)}.")
     if not stat.S_ISREG(mode):
         raise DescriptionError(f"{path} is not a regular file.")
     return path
@@ -68,8 +68,12 @@ def _exists(path: Path) -> bool:
         return False
 
 
-def _path(name: str) -> Path:
-    """Turn what a user wrote into a path."""
+def named_path(name: str) -> Path:
+    """Turn what a user wrote into a path, whether or not it exists.
+
+    Raises:
+        DescriptionError: If it names an unknown package or another scheme.
+    """
     scheme, separator, rest = name.partition("://")
     if not separator:
         return Path(name).expanduser()
@@ -103,11 +107,11 @@ def _absent(path: Path) -> str:
     names = sorted(entry.name for entry in missing.parent.iterdir())
     near = _near(missing.name, names)
     if not near and kind == "file":
-        near = _with_robots(missing.parent)
+        near = with_robots(missing.parent)
     return f"There is no {kind} {missing}{near}."
 
 
-def _with_robots(folder: Path) -> str:
+def with_robots(folder: Path) -> str:
     """Tell which robots are in a folder, or in its folder urdf."""
     for place in (folder, folder / "urdf"):
         names = [
