@@ -17,6 +17,11 @@ ALLOWED = {
     "sim": STANDARD
     | {"struct", "numpy", "pybullet", "pybullet_utils", ".core", ".sim"},
 }
+ALLOWED["importer"] = (
+    STANDARD
+    | {"contextlib", "shutil", "signal", "time"}
+    | {"fast_simplification", "lxml", "numpy", "trimesh", ".core", ".importer"}
+)
 FORBIDDEN = {"ros": {"pybullet", "pybullet_utils", "scipy", "urdf_parser_py"}}
 
 
