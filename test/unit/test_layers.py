@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 SOURCE = Path(__file__).parents[2] / "src" / "g1_description"
-STANDARD = {"__future__", "argparse", "collections", "dataclasses", "difflib"}
+STANDARD = {"__future__", "argparse", "collections", "copy", "dataclasses", "difflib"}
 STANDARD |= {"functools", "logging", "math", "os", "pathlib", "re", "stat"}
 STANDARD |= {"subprocess", "sys", "tempfile", "typing", "urllib", "xml"}
 ALLOWED = {

@@ -131,6 +131,15 @@ def test_a_package_that_is_nearly_right_is_named(monkeypatch, tmp_path):
         ("", "not XML"),
         ("<robot>\n<link>\n</robot>", "line 3"),
         ("<sdf/>", "root is <sdf>"),
+        (
+            '<robot name="r"><link name="a"/>\n<link name="b"><inertial>'
+            '<mass value="x"/></inertial></link></robot>',
+            "<link> b, line 2: could not convert string to float: 'x'.",
+        ),
+        (
+            ROBOT.replace("/></r", "><visual><geometry/></visual></link></r"),
+            "<link> a, line 1: One element only",
+        ),
         ('<!DOCTYPE r [<!ENTITY a "aa">]><robot name="&a;"/>', "DOCTYPE"),
     ],
 )
