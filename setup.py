@@ -8,6 +8,7 @@ setup(
         packages=[
             "g1_description",
             "g1_description.core",
+            "g1_description.importer",
             "g1_description.ros",
             "g1_description.sim",
         ],

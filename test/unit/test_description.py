@@ -52,7 +52,11 @@ def robot(inside):
                 + joint(parent="c", child="d").replace('"ab"', '"cd"')
                 + joint(parent="d", child="c").replace('"ab"', '"dc"')
             ),
-            "Link c of robot 'r' is in a loop",
+            "Robot 'r' has a loop of joints, of d, c; it is not below a",
+        ),
+        (
+            robot(A_B + joint() + joint(parent="b", child="a").replace('"ab"', '"ba"')),
+            "none \\(its joints make a loop of b, a\\)",
         ),
     ],
 )

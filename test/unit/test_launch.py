@@ -56,7 +56,11 @@ def test_arguments_reach_gazebo():
     [
         (
             "model:=/nowhere.urdf",
-            "The model /nowhere.urdf cannot be read: No such file",
+            "The model /nowhere.urdf cannot be used: There is no file /nowhere.urdf",
+        ),
+        (
+            "model:=package://g1_description/urdf/g1_29dfo.urdf",
+            "like it is g1_29dof.urdf",
         ),
         ("sim:=magic", "sim_magic.launch"),
     ],
@@ -65,3 +69,16 @@ def test_a_wrong_argument_ends_the_launch_with_its_reason(argument, words):
     run = roslaunch("--nodes", argument)
     assert run.returncode != 0
     assert words in run.stdout + run.stderr
+
+
+def test_a_model_may_be_a_xacro_file_of_a_package_with_arguments(tmp_path):
+    (tmp_path / "package.xml").write_text("<package><name>my_arm</name></package>")
+    (tmp_path / "arm.xacro").write_text(
+        '<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+        '<xacro:arg name="root" default="base"/><link name="$(arg root)"/></robot>'
+    )
+    path = os.pathsep.join([str(tmp_path), os.environ["ROS_PACKAGE_PATH"]])
+    model = "model:=package://my_arm/arm.xacro root=torso"
+    run = roslaunch("--dump-params", model, ROS_PACKAGE_PATH=path)
+    assert run.returncode == 0, run.stderr
+    assert '<link name=\\"torso\\"' in run.stdout

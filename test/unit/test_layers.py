@@ -9,22 +9,19 @@ from pathlib import Path
 import pytest
 
 SOURCE = Path(__file__).parents[2] / "src" / "g1_description"
-STANDARD = {
-    "functools",
-    "__future__",
-    "argparse",
-    "collections",
-    "dataclasses",
-    "logging",
-    "math",
-}
-STANDARD |= {"os", "pathlib", "re", "sys", "tempfile", "typing", "urllib", "xml"}
+STANDARD = {"__future__", "argparse", "collections", "copy", "dataclasses", "difflib"}
+STANDARD |= {"functools", "logging", "math", "os", "pathlib", "re", "stat"}
+STANDARD |= {"subprocess", "sys", "tempfile", "typing", "urllib", "xml"}
 ALLOWED = {
-    "core": STANDARD | {"lxml", "numpy", "urdf_parser_py", ".core"},
+    "core": STANDARD | {"lxml", "numpy", "rospkg", "urdf_parser_py", "xacro", ".core"},
     "sim": STANDARD
-    | {"struct", "subprocess"}
-    | {"numpy", "pybullet", "pybullet_utils", ".core", ".sim"},
+    | {"struct", "numpy", "pybullet", "pybullet_utils", ".core", ".sim"},
 }
+ALLOWED["importer"] = (
+    STANDARD
+    | {"contextlib", "shutil", "signal", "time"}
+    | {"fast_simplification", "lxml", "numpy", "trimesh", ".core", ".importer"}
+)
 FORBIDDEN = {"ros": {"pybullet", "pybullet_utils", "scipy", "urdf_parser_py"}}
 
 

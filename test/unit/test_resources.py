@@ -57,3 +57,22 @@ def test_files_are_found_through_packages_and_paths(tmp_path):
     for absent in ("package://mine/y.stl", "package://other/x.stl", "x.stl"):
         assert local_path(absent, packages) is None
     assert local_path(f"file://{tmp_path}", packages) is None
+
+
+def test_a_package_can_be_the_folder_around_the_file(tmp_path):
+    folder = tmp_path / "robot" / "urdf"
+    folder.mkdir(parents=True)
+    (tmp_path / "robot" / "x.stl").write_text("solid")
+    elsewhere = {"robot": "/nowhere"}.get
+    text = with_absolute_uris(mesh("package://robot/x.stl"), folder, elsewhere)
+    assert f'filename="file://{tmp_path}/robot/x.stl"' in text
+    text = with_absolute_uris(mesh("package://robot/y.stl"), folder, elsewhere)
+    assert 'filename="package://robot/y.stl"' in text
+
+
+def test_a_package_that_has_the_file_is_believed(tmp_path):
+    folder = tmp_path / "robot"
+    folder.mkdir()
+    (folder / "x.stl").write_text("solid")
+    uri = "package://robot/x.stl"
+    assert uri in with_absolute_uris(mesh(uri), folder, {"robot": str(folder)}.get)

@@ -492,7 +492,7 @@ LOOP = joint("fixed", "b", "c", name="bc") + joint("fixed", "c", "b", name="cb")
         (sdf(model(A_B + joint(child="world"))), "Joint ab has the world as its child"),
         (sdf(model(A_B + joint(parent=""))), "Joint ab has no parent"),
         (sdf(model(A_B + joint() + joint(parent="b", child="a", name="ba"))), "loop"),
-        (sdf(model(A_B + link("c") + LOOP)), "Link b of robot 'm' is in a loop"),
+        (sdf(model(A_B + link("c") + LOOP)), "Robot 'm' has a loop of joints, of c, b"),
         (
             sdf(model(A_B + joint() + joint(name="also"))),
             "hangs on two joints, ab and also",

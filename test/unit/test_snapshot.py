@@ -59,7 +59,7 @@ def last_line(run):
         (["a.png", "--joints", "a"], "'a' is not such as a=1.2"),
         (["a.png", "--joints", "a=x"], "'x' is not a number"),
         (["a.png"], "There is no master at http://localhost:9"),
-        (["a.png", "--model", "nowhere.urdf"], "nowhere.urdf cannot be read"),
+        (["a.png", "--model", "nowhere.urdf"], "The model nowhere.urdf cannot be used"),
         (["a.png", "--model", __file__], "cannot be used"),
         (["a.gif", "--gif", "--model", OURS], "--model draws a file, without --gif"),
         (["a.png", "--model", OURS, "--joints", "wing=1"], "has no joint wing; it has"),

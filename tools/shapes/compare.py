@@ -4,15 +4,10 @@ Called by tools/compare_shapes. Silhouettes are those of PyBullet's software ren
 without perspective; where both show the robot, over where at least one does.
 """
 
-import argparse
-import sys
 from pathlib import Path
 
 import numpy as np
 import trimesh
-import yaml
-from bench import report
-from bench.figures import Bench
 from PIL import Image
 
 from g1_description.core.camera import Camera
@@ -92,9 +87,7 @@ def boxes(robot):
     """Give the box around what is seen of each link, in its frame, in [m]."""
     found = {}
     for link in robot.links:
-        corners = [
-            trimesh.load(shape.geometry.file).bounds for shape in link.visuals
-        ]
+        corners = [trimesh.load(shape.geometry.file).bounds for shape in link.visuals]
         if corners:
             corners = np.array(corners)
             found[link.name] = corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)

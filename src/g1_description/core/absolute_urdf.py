@@ -2,47 +2,47 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
-from pathlib import Path
 
-from .description import parse_urdf
+from .command_line import OneSentenceParser
 from .errors import DescriptionError, G1DescriptionError
+from .model_files import find_folder
+from .model_text import read_model
 from .resources import with_absolute_uris
 
 
-def read_urdf_file(file: Path) -> str:
-    """Read a URDF file.
+def absolute_urdf(asked: str) -> str:
+    """Read a robot whose meshes may lie anywhere.
 
     Args:
-        file: The file; its meshes may be relative. It stays as it is.
+        asked: The model, as for ``read_model``. Its file stays as it is.
 
     Returns:
-        Its text with absolute mesh URIs, checked to be a robot.
+        URDF text with absolute mesh URIs.
 
     Raises:
-        DescriptionError: If it cannot be read or makes no robot.
+        DescriptionError: If there is no such model, or it is no robot.
     """
     try:
-        text = with_absolute_uris(file.read_text(encoding="utf-8"), file.parent)
-        parse_urdf(text)
-    except OSError as error:
-        raise DescriptionError(
-            f"The model {file} cannot be read: {error.strerror}."
-        ) from error
-    except (G1DescriptionError, UnicodeDecodeError) as error:
-        raise DescriptionError(f"The model {file} cannot be used: {error}") from error
-    return text
+        model = read_model(asked)
+        return with_absolute_uris(model.text, model.path.parent, find_folder)
+    except G1DescriptionError as error:
+        raise DescriptionError(f"The model {asked} cannot be used: {error}") from error
 
 
 def main() -> None:
     """Print a URDF file with absolute mesh URIs, or say why it is none."""
-    parser = argparse.ArgumentParser(
-        description="Print a URDF file with absolute mesh URIs, for the parameter "
+    parser = OneSentenceParser(
+        description="Print a robot with absolute mesh URIs, for the parameter "
         "robot_description. The file stays as it is."
     )
-    parser.add_argument("file", type=Path, help="URDF file; its meshes may be relative")
+    parser.add_argument(
+        "model",
+        help="URDF or xacro file, or package://PACKAGE/FILE; its meshes may be "
+        "relative; for xacro with arguments in the same word: 'FILE NAME=VALUE'",
+    )
     try:
-        print(read_urdf_file(parser.parse_args().file))
+        text = absolute_urdf(parser.parse_args().model)
     except DescriptionError as error:
         sys.exit(str(error))
+    sys.stdout.buffer.write(text.encode("utf-8") + b"\n")

@@ -19,9 +19,13 @@ from .colors import color_of
 from .errors import DescriptionError
 from .rotation import from_rpy, to_axes
 from .tree import one_root
-from .xml import parse_xml
+from .xml import parse_xml, part_at_fault
 
 MOVABLE = ("revolute", "continuous", "prismatic")
+
+# A SyntaxError, as its reader takes fewer characters than ours.
+UNREADABLE = (xml_reflection.ParseError, AssertionError, SyntaxError, ValueError)
+"""What urdf_parser_py raises for text that is not URDF."""
 
 _LOGGER = logging.getLogger(__name__)
 # A tag that URDF does not know, such as <mujoco>, is not worth a line on stderr.
@@ -177,23 +181,27 @@ def parse_urdf(text: str) -> Description:
         raise DescriptionError(
             f"The robot description is not URDF, its root is <{element.tag}>."
         )
-    checked = etree.tostring(element, encoding="utf-8")
     try:
-        robot = urdf.URDF.from_xml_string(checked)
-    except (
-        xml_reflection.ParseError,
-        AssertionError,
-        SyntaxError,  # its reader takes fewer characters than ours
-        ValueError,
-    ) as error:
+        robot = urdf.URDF.from_xml_string(etree.tostring(element, encoding="utf-8"))
+    except UNREADABLE as error:
         sentence = " ".join(str(error).split())
-        raise DescriptionError(f"The robot description is not URDF: {sentence}.") from (
-            error
-        )
+        place = "" if "ParseError" in sentence else part_at_fault(element, _is_urdf)
+        raise DescriptionError(
+            f"The robot description is not URDF: {place}{sentence}."
+        ) from error
     colors = {material.name: material.color for material in robot.materials}
     links = tuple(_link(link, colors) for link in robot.links)
     joints = tuple(_joint(joint) for joint in robot.joints)
     return Description(robot.name, one_root(robot.name, links, joints), links, joints)
+
+
+def _is_urdf(robot: etree._Element) -> bool:
+    """Tell whether a robot element can be read."""
+    try:
+        urdf.URDF.from_xml_string(etree.tostring(robot, encoding="utf-8"))
+    except UNREADABLE:
+        return False
+    return True
 
 
 def _pose(owner: str, origin: urdf.Pose | None) -> np.ndarray:

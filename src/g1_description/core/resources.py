@@ -13,17 +13,34 @@ from .errors import DescriptionError
 
 _HAS_SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*://")
 
+FINDABLE = ("package", "model", "file")
+"""Schemes of URIs that can be files of this machine."""
 
-def with_absolute_uris(text: str, folder: Path) -> str:
-    """Make the relative file names in a URDF absolute.
+
+def scheme_of(name: str) -> str:
+    """Give the scheme of a URI, empty for a path."""
+    return name.partition("://")[0] if _HAS_SCHEME.match(name) else ""
+
+
+def _nowhere(_: str) -> str | None:
+    """Find no package."""
+    return None
+
+
+def with_absolute_uris(
+    text: str, folder: Path, package_folder: Callable[[str], str | None] = _nowhere
+) -> str:
+    """Make the file names in a URDF mean the same everywhere.
 
     RViz and every other reader of the parameter server then find the meshes
-    without knowing where the URDF file was. Everything else in the robot stays as
-    it is, comments and unknown tags too.
+    without knowing where the URDF file was: relative names become absolute, and so
+    do those in a package that only the folder around the file tells. Everything else
+    stays as it is, comments and unknown tags too.
 
     Args:
         text: URDF as XML text.
         folder: Folder of the URDF file, which relative names start from.
+        package_folder: Gives a package's folder, None if there is no such package.
 
     Returns:
         The same XML with ``file://`` URIs in place of plain paths.
@@ -38,17 +55,53 @@ def with_absolute_uris(text: str, folder: Path) -> str:
         raise DescriptionError(f"The robot description is not XML: {error}.") from error
     for element in root.iter():
         name = element.get("filename", "")
-        if element.tag in ("mesh", "texture") and name and not _HAS_SCHEME.match(name):
-            path = os.path.normpath(folder.resolve() / name)
-            element.set("filename", "file://" + quote(path))
+        if element.tag not in ("mesh", "texture") or not name:
+            continue
+        if not scheme_of(name):
+            element.set("filename", _absolute_uri(name, folder))
+        elif local_path(name, package_folder) is None:
+            path = find_file(name, folder, package_folder)
+            if path is not None:
+                element.set("filename", "file://" + quote(str(path)))
     return ElementTree.tostring(root, encoding="unicode")
+
+
+def _absolute_uri(name: str, folder: Path) -> str:
+    """Make a URI of a path that starts from a folder."""
+    return "file://" + quote(os.path.normpath(folder.resolve() / name))
+
+
+def find_file(
+    name: str, folder: Path, package_folder: Callable[[str], str | None]
+) -> Path | None:
+    """Find the file that a URDF names.
+
+    A package that is unknown, or has no such file, can be around the URDF file: a
+    vendor's folder that bears the package's name.
+
+    Args:
+        name: As written in the URDF.
+        folder: Folder of the URDF file, which relative names start from.
+        package_folder: Gives a package's folder, None if there is no such package.
+
+    Returns:
+        The file's path, or None where there is no such file.
+    """
+    if not name:
+        return None
+    if not scheme_of(name):
+        return local_path(_absolute_uri(name, folder), package_folder)
+    around = {place.name: str(place) for place in reversed(folder.resolve().parents)}
+    around[folder.resolve().name] = str(folder.resolve())
+    return local_path(name, package_folder) or local_path(name, around.get)
 
 
 def local_path(uri: str, package_folder: Callable[[str], str | None]) -> Path | None:
     """Find the file behind a mesh URI.
 
     Args:
-        uri: ``package://NAME/...``, ``file:///...`` or an absolute path.
+        uri: ``package://NAME/...``, ``model://NAME/...``, ``file:///...`` or an
+            absolute path.
         package_folder: Gives a package's folder, None if there is no such package.
 
     Returns:
@@ -56,7 +109,7 @@ def local_path(uri: str, package_folder: Callable[[str], str | None]) -> Path | 
     """
     scheme, _, rest = uri.partition("://")
     path: Path | None = None
-    if scheme == "package":
+    if scheme in ("package", "model"):
         package, _, inside = rest.partition("/")
         folder = package_folder(package)
         path = None if folder is None else Path(folder) / unquote(inside)

@@ -51,7 +51,9 @@ def one_root(name: str, links: tuple[Link, ...], joints: tuple[Joint, ...]) -> s
         carrier[joint.child] = joint.name
     roots = [link.name for link in links if link.name not in carrier]
     if len(roots) != 1:
-        why = "its joints make a loop" if links else "it has no links"
+        why = "it has no links"
+        if links and not roots:
+            why = f"its joints make a loop of {_loop(links[0].name, joints)}"
         found = " and ".join(roots[:3]) if roots else f"none ({why})"
         found += f" and {len(roots) - 3} more" if len(roots) > 3 else ""
         raise DescriptionError(f"Robot '{name}' needs one root link, it has {found}.")
@@ -59,10 +61,23 @@ def one_root(name: str, links: tuple[Link, ...], joints: tuple[Joint, ...]) -> s
     loose = [link.name for link in links if link.name not in {roots[0], *reached}]
     if loose:
         raise DescriptionError(
-            f"Link {loose[0]} of robot '{name}' is in a loop of joints, "
-            f"not below {roots[0]}."
+            f"Robot '{name}' has a loop of joints, of {_loop(loose[0], joints)}; "
+            f"it is not below {roots[0]}."
         )
     return roots[0]
+
+
+def _loop(link: str, joints: Sequence[Joint]) -> str:
+    """Name the links of the loop that a link is in or hangs on."""
+    parents = {joint.child: joint.parent for joint in joints}
+    walked: dict[str, None] = {}
+    while link not in walked:
+        walked[link] = None
+        link = parents[link]
+    names = list(walked)
+    loop = names[names.index(link) :]
+    more = f" and {len(loop) - 5} more" if len(loop) > 5 else ""
+    return f"{', '.join(reversed(loop[:5]))}{more}"
 
 
 def depth_first(root: str, joints: Sequence[Joint]) -> Iterator[str]:

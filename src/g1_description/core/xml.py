@@ -6,6 +6,9 @@ entities is refused: what it means could be a thousand times its length.
 
 from __future__ import annotations
 
+import copy
+from collections.abc import Callable
+
 from lxml import etree
 
 from .errors import DescriptionError
@@ -37,7 +40,31 @@ def parse_xml(what: str, text: str) -> etree._Element:
         root = etree.fromstring(text.encode("utf-8"), parser)
     # A reader's ParseError is a SyntaxError, a character that is none a ValueError.
     except (SyntaxError, ValueError) as error:
-        raise DescriptionError(f"The {what} is not XML: {error}.") from error
+        # The text of a ParseError repeats the line, behind the name of no file.
+        why = getattr(error, "msg", None) or error
+        raise DescriptionError(f"The {what} is not XML: {why}.") from error
     if root.getroottree().docinfo.doctype:
         raise DescriptionError(f"The {what} has a DOCTYPE; no entities are read.")
     return root
+
+
+def part_at_fault(
+    root: etree._Element, is_readable: Callable[[etree._Element], bool]
+) -> str:
+    """Tell which child of an element makes it unreadable.
+
+    Args:
+        root: An element that cannot be read.
+        is_readable: Tells whether an element can be read; given the root with one
+            child at a time.
+
+    Returns:
+        Tag, name and line of the first such child, with a colon; empty if each can
+        be read alone.
+    """
+    for part in root:
+        alone = etree.Element(root.tag, root.attrib)
+        alone.append(copy.deepcopy(part))
+        if not is_readable(alone):
+            return f"<{part.tag}> {part.get('name', '')}, line {part.sourceline}: "
+    return ""

@@ -35,13 +35,13 @@ from ..core.errors import (
     UnknownNameError,
 )
 from ..core.lumping import lump_fixed_joints
+from ..core.model_files import find_model
 from ..core.sdf import Light, Sdf, SdfModel, read_sdf
 from ..core.transform import IDENTITY, compose
 from ..core.xml import parse_xml
 from ..sim.entities import Entity, seen_from
 from ..sim.world import World
 from .messages import pose_from_array, stamp_from_ns, twist_from_array
-from .model_files import find_model
 from .wording import FRAME_NOT_FOUND, Services, Wording, checked_pose, checked_twist
 
 NOT_A_MODEL = (

@@ -11,11 +11,11 @@ import rospy
 from ..core.description import parse_urdf
 from ..core.errors import DescriptionError
 from ..core.lumping import lump_fixed_joints
+from ..core.model_files import find_folder, find_model
 from ..core.rotation import from_rpy
 from ..core.sdf import EMPTY_WORLD, Sdf, read_sdf
 from ..sim.physics import GRAVITY
 from ..sim.world import World
-from .model_files import find_folder, find_model
 from .parameters import GazeboParameters
 
 

@@ -9,7 +9,8 @@ import sys
 import rospkg
 import rospy
 
-from .command_line import Ignored, OneSentenceParser, own_arguments
+from ..core.command_line import Ignored, OneSentenceParser
+from .command_line import own_arguments
 from .shutdown import start_node
 
 NODE = "gazebo_gui"

@@ -10,9 +10,10 @@ from pathlib import Path
 import rospkg
 import rospy
 
+from ..core.command_line import Ignored, OneSentenceParser
+from ..core.model_files import listed_folders
 from . import gzclient
-from .command_line import Ignored, OneSentenceParser, own_arguments
-from .model_files import listed_folders
+from .command_line import own_arguments
 
 PHYSICS = {
     **dict.fromkeys(("ode", "bullet", "dart", "simbody"), "limp"),

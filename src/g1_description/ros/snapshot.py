@@ -14,16 +14,16 @@ import numpy as np
 import rosgraph
 import rospy
 
-from ..core.absolute_urdf import read_urdf_file
+from ..core.absolute_urdf import absolute_urdf
 from ..core.camera import Camera, framing, view
 from ..core.description import Description, parse_urdf
 from ..core.errors import G1DescriptionError, InvalidValueError, UnknownNameError
+from ..core.model_files import find_folder
 from ..core.transform import IDENTITY
 from ..sim.picture import draw
 from ..sim.scene import Scene
 from .command_line import own_arguments
 from .film import film, record
-from .model_files import find_folder
 from .picture_files import write_film, write_picture
 from .robot_watch import MAP, Moment, NotThereError, RobotWatch
 from .shutdown import start_node
@@ -112,7 +112,7 @@ def write(
 
 def draw_file(asked: argparse.Namespace) -> None:
     """Draw a URDF file at its zero pose, or with the joints that were asked for."""
-    description = parse_urdf(read_urdf_file(asked.model))
+    description = parse_urdf(absolute_urdf(asked.model))
     check_joints(asked.joints, description)
     with Scene() as scene:
         load(scene, description)

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from ..core.camera import VIEWS
-from .command_line import OneSentenceParser, number
+from ..core.command_line import OneSentenceParser, number
 from .film import check_length
 from .picture_files import check_place
 
@@ -25,7 +25,7 @@ def parser() -> OneSentenceParser:
         "--size", type=size, help="pixels, default: 1280x960, of a film 640x480"
     )
     made.add_argument("--joints", type=joints, default={}, help="such as a=1.2,b=-0.3")
-    made.add_argument("--model", type=Path, help="draw a URDF file; needs no master")
+    made.add_argument("--model", help="draw what model:= takes; needs no master")
     made.add_argument(
         "--namespace",
         action="append",

@@ -27,11 +27,12 @@ from gazebo_msgs.srv import (
 )
 from std_srvs.srv import Empty
 
+from ..core.command_line import OneSentenceParser, number
 from ..core.errors import DescriptionError
+from ..core.model_files import MODEL_PATH, listed_folders
 from ..core.rotation import from_rpy
-from .command_line import OneSentenceParser, number, own_arguments
+from .command_line import own_arguments
 from .messages import pose_from_array
-from .model_files import MODEL_PATH, listed_folders
 from .shutdown import start_node
 
 PATIENCE = 1.0

@@ -23,6 +23,11 @@ def _packages() -> rospkg.RosPack:
     return rospkg.RosPack()
 
 
+def package_names() -> list[str]:
+    """List the ROS packages."""
+    return list(_packages().list())
+
+
 def find_folder(name: str) -> str | None:
     """Find the folder of ``package://NAME`` or ``model://NAME``.
 
@@ -39,9 +44,10 @@ def find_folder(name: str) -> str | None:
         return _packages().get_path(name)
     except rospkg.ResourceNotFound:
         pass
-    for place in (*listed_folders(MODEL_PATH), Path.home() / ".gazebo" / "models"):
-        if (Path(place) / name).is_dir() and os.sep not in name and name != "..":
-            return str(Path(place) / name)
+    own = Path.home() / ".gazebo" / "models"
+    for place in (*map(Path, listed_folders(MODEL_PATH)), own):
+        if (place / name).is_dir() and os.sep not in name and name != "..":
+            return str(place / name)
     return None
 
 

@@ -1,0 +1,1 @@
+"""The import of robots from elsewhere: core and trimesh, not ROS, not PyBullet."""

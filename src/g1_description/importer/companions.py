@@ -1,0 +1,67 @@
+"""The files that a mesh names in turn: materials and textures."""
+
+from __future__ import annotations
+
+import os
+import re
+from pathlib import Path
+from urllib.parse import unquote
+
+_NAMED = {
+    ".obj": re.compile(rb"^\s*mtllib\s+(.+?)\s*$", re.MULTILINE),
+    ".mtl": re.compile(
+        rb"^\s*(?:map_\w+|bump|disp|decal|norm|refl)\s+(.+?)\s*$", re.MULTILINE | re.I
+    ),
+    ".dae": re.compile(rb"<init_from>(?:<ref>)?\s*([^<>]+?)\s*<"),
+}
+
+
+def companions_of(mesh: Path) -> tuple[dict[str, Path], list[str]]:
+    """Find the files that come with a mesh.
+
+    Args:
+        mesh: An existing file.
+
+    Returns:
+        The files by their names, seen from the mesh's folder; and the names behind
+        which there is no file.
+    """
+    found: dict[str, Path] = {}
+    absent: list[str] = []
+    waiting = [(mesh, "")]
+    while waiting:
+        file, folder = waiting.pop()
+        for name in _names_in(file):
+            relative = _existing(file.parent, name)
+            if relative is None:
+                absent.append(name)
+                continue
+            place = os.path.normpath(os.path.join(folder, relative))
+            if place not in found:
+                found[place] = file.parent / relative
+                waiting.append((found[place], os.path.dirname(place)))
+    return found, absent
+
+
+def _names_in(file: Path) -> list[str]:
+    """List what a file names by relative paths."""
+    pattern = _NAMED.get(file.suffix.lower())
+    if pattern is None:
+        return []
+    try:
+        names = [name.decode("utf-8") for name in pattern.findall(file.read_bytes())]
+    except (OSError, UnicodeDecodeError):
+        return []
+    local = (name for name in names if "://" not in name and not os.path.isabs(name))
+    return list(dict.fromkeys(local))
+
+
+def _existing(folder: Path, name: str) -> str | None:
+    """Tell which way of reading a name leads to a file.
+
+    A DAE writes spaces as %20; an MTL may have options before the name.
+    """
+    for reading in (name, unquote(name), name.split()[-1]):
+        if (folder / reading).is_file():
+            return reading
+    return None

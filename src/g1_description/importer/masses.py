@@ -1,0 +1,89 @@
+"""What a robot's masses and inertias are, and what they cannot be."""
+
+from __future__ import annotations
+
+import numpy as np
+from lxml import etree
+
+from ..core.assembly import WORLD
+from ..core.description import Description, Inertial
+from ..core.rigid import rigid_frames
+
+ROUNDING = 1e-9
+"""Share by which a sum of moments may be missed and still hold."""
+
+
+def massless_links(description: Description) -> tuple[list[str], list[str]]:
+    """Find the links without an inertial, the root apart.
+
+    Returns:
+        Those that fixed joints hold to a mass: they add none to it. And those that
+        have none of their own nor any they are fixed to: their mass is not known, and
+        Gazebo leaves them out.
+    """
+    apart = WORLD if description.root == WORLD else None
+    frames = rigid_frames(description, apart)
+    with_mass = {
+        frames[link.name][0]
+        for link in description.links
+        if not _is_bare(link.inertial)
+    }
+    bare = [
+        link.name
+        for link in description.links
+        if link.inertial is None and link.name != description.root
+    ]
+    held = [name for name in bare if frames[name][0] in with_mass]
+    return held, [name for name in bare if name not in held]
+
+
+def _is_bare(inertial: Inertial | None) -> bool:
+    """Tell whether a link has no mass at all."""
+    return inertial is None or inertial.mass == 0.0
+
+
+def write_zero_masses(root: etree._Element, links: list[str]) -> None:
+    """Say of links that they have no mass of their own."""
+    for link in root.findall("link"):
+        if link.get("name") not in links:
+            continue
+        inertial = etree.SubElement(link, "inertial")
+        etree.SubElement(inertial, "mass", value="0")
+        moments = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+        etree.SubElement(inertial, "inertia", dict.fromkeys(moments, "0"))
+        etree.indent(inertial, level=2)
+        link.text = link.text or "\n    "
+        before = inertial.getprevious()
+        if before is not None:
+            before.tail = "\n    "
+        inertial.tail = "\n  "
+
+
+def impossible_inertias(description: Description) -> list[str]:
+    """Find inertias that no body has.
+
+    Returns:
+        A sentence for each link whose mass is zero, whose principal moments are not
+        all positive, or one of them greater than the sum of the other two.
+    """
+    sentences = []
+    for link in description.links:
+        if link.inertial is None:
+            continue
+        fault = _fault(link.inertial)
+        if fault:
+            sentences.append(f"Link {link.name}: {fault}.")
+    return sentences
+
+
+def _fault(inertial: Inertial) -> str:
+    """Say what is wrong with an inertial; empty if nothing is."""
+    if inertial.mass == 0.0:
+        return "mass 0 with an inertia" if inertial.inertia.any() else ""
+    moments = np.linalg.eigvalsh(inertial.inertia)
+    told = ", ".join(f"{moment:.6g}" for moment in moments)
+    if moments[0] <= 0.0:
+        return f"inertia is not positive, principal moments {told}"
+    if moments[2] > (moments[0] + moments[1]) * (1.0 + ROUNDING):
+        return f"inertia breaks the triangle inequality, principal moments {told}"
+    return ""

@@ -1,0 +1,71 @@
+"""What an import tells: a report for the folder, and a summary for the terminal."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+
+from .importing import Import, MeshFile
+from .robot import Robot
+
+
+def report(imported: Import, where: str) -> str:
+    """Write the report, in Markdown.
+
+    Args:
+        imported: What was done.
+        where: A sentence on how the URDF names its meshes.
+    """
+    lines = ["# Import report", "", where, ""]
+    for robot in imported.robots:
+        lines += _robot_section(robot)
+    if imported.files:
+        lines += _mesh_section(list(imported.files.values()))
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def summary(imported: Import) -> str:
+    """Write what a user reads on the terminal."""
+    lines = []
+    for robot in imported.robots:
+        lines.append(f"{os.path.basename(robot.name)}: {_figures(robot)}")
+        lines += [f"  {text}" for text in (*robot.changes, *robot.findings)]
+    files = imported.files.values()
+    changed = sum(bool(file.changes) for file in files)
+    lines.append(f"{len(files)} files of meshes, {changed} changed")
+    lines += [f"  {file.name} {text}." for file in files for text in file.findings]
+    return "\n".join(lines)
+
+
+def _figures(robot: Robot) -> str:
+    """Count what a robot has."""
+    found = robot.description
+    meshes = sum(ref.is_mesh for ref in robot.references)
+    return (
+        f"robot {found.name}, {len(found.links)} links, {len(found.joints)} joints "
+        f"({len(found.movable_joints)} movable), {found.mass:.6g} kg, "
+        f"meshes in {meshes} places"
+    )
+
+
+def _robot_section(robot: Robot) -> Iterator[str]:
+    """Write the part of one robot."""
+    yield from (f"## {os.path.basename(robot.name)}", "")
+    yield from (f"From `{robot.source}`: {_figures(robot)}.", "")
+    for title, texts in (("Changed", robot.changes), ("To look at", robot.findings)):
+        if texts:
+            yield from (f"### {title}", "", *(f"- {text}" for text in texts), "")
+
+
+def _mesh_section(files: list[MeshFile]) -> Iterator[str]:
+    """Write the table of meshes."""
+    yield from (
+        "## Meshes",
+        "",
+        "| file | from | triangles | |",
+        "| --- | --- | ---: | --- |",
+    )
+    for file in sorted(files, key=lambda file: file.name):
+        count = "" if file.triangles is None else str(file.triangles)
+        told = "; ".join((*file.changes, *file.findings))
+        yield f"| {file.name} | {file.source} | {count} | {told} |"

@@ -1,0 +1,111 @@
+"""A URDF that is edited: the files it names, and what is changed in it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from lxml import etree
+
+from ..core.description import Description
+from ..core.model_files import find_folder
+from ..core.model_text import ModelText
+from ..core.resources import FINDABLE, find_file, scheme_of
+
+
+@dataclass
+class Reference:
+    """A mesh or texture that a URDF names."""
+
+    element: etree._Element
+    owner: str
+    """Where it is, such as "visual of link pelvis" or "material black"."""
+
+    path: Path | None
+    """The file; None where there is none."""
+
+    is_collision: bool
+    """Whether it is the mesh of a collision."""
+
+    @property
+    def name(self) -> str:
+        """The name as it is written."""
+        return str(self.element.get("filename", ""))
+
+    @property
+    def is_local(self) -> bool:
+        """Whether the name can be a file of this machine at all."""
+        return scheme_of(self.name) in ("", *FINDABLE)
+
+    @property
+    def is_mesh(self) -> bool:
+        """Whether it is a mesh and no texture."""
+        return bool(self.element.tag == "mesh")
+
+    def remove(self) -> None:
+        """Take away the visual or collision of a mesh, or the texture alone."""
+        gone = self.element
+        if self.is_mesh:
+            gone = next(gone.iterancestors("visual", "collision"))
+        gone.getparent().remove(gone)
+
+
+@dataclass
+class Robot:
+    """A robot that is imported."""
+
+    source: Path
+    description: Description
+    root: etree._Element
+    references: list[Reference]
+    changes: list[str] = field(default_factory=list)
+    findings: list[str] = field(default_factory=list)
+
+    @property
+    def name(self) -> str:
+        """Name of the file in the result."""
+        stem = self.source.name
+        for suffix in (".xacro", ".urdf"):
+            stem = stem[: -len(suffix)] if stem.endswith(suffix) else stem
+        return f"urdf/{stem}.urdf"
+
+    def text(self) -> bytes:
+        """Give the edited URDF."""
+        tree = self.root.getroottree()
+        data = etree.tostring(tree, encoding="utf-8", xml_declaration=True)
+        return bytes(data.rstrip() + b"\n")
+
+
+def open_robot(model: ModelText) -> Robot:
+    """Take a URDF apart; comments, order and unknown tags stay as they are.
+
+    Args:
+        model: The robot, whose text was found to be harmless.
+
+    Returns:
+        The robot, unchanged.
+    """
+    parser = etree.XMLParser(resolve_entities=False, no_network=True, encoding="utf-8")
+    root = etree.fromstring(model.text.encode("utf-8"), parser)
+    folder = model.path.parent
+    references = []
+    for element in root.iter("mesh", "texture"):
+        kind, name = _owner(element)
+        if kind:
+            path = find_file(element.get("filename", ""), folder, find_folder)
+            whose = kind if kind == "material" else f"{kind} of link"
+            references.append(
+                Reference(element, f"{whose} {name}", path, kind == "collision")
+            )
+    return Robot(model.path, model.description, root, references)
+
+
+def _owner(element: etree._Element) -> tuple[str, str]:
+    """Tell the kind and the name of whose file it is; empty for no part of URDF."""
+    above = list(element.iterancestors())
+    tags = [parent.tag for parent in above]
+    if tags == ["material", "robot"]:
+        return "material", above[0].get("name", "")
+    if tags[-2:] == ["link", "robot"] and tags[-3:-2] in (["visual"], ["collision"]):
+        return tags[-3], above[-2].get("name", "")
+    return "", ""

@@ -1,0 +1,49 @@
+"""How a URDF of the result names its meshes."""
+
+from __future__ import annotations
+
+import os
+import re
+from pathlib import Path
+from xml.etree import ElementTree
+
+from ..core.model_files import find_folder
+
+
+def mesh_prefix(folder: Path) -> tuple[str, str]:
+    """Choose how a URDF names its meshes.
+
+    Args:
+        folder: Where the result will be, an absolute path.
+
+    Returns:
+        What stands before a mesh's name, and a sentence about it.
+    """
+    for place in (folder, *folder.parents):
+        package = _package_name(place / "package.xml")
+        if package is None:
+            continue
+        inside = folder.relative_to(place)
+        known = find_folder(package)
+        is_plain = re.fullmatch(r"[\w./+-]*", str(inside), re.ASCII) is not None
+        if (
+            known
+            and is_plain
+            and os.path.realpath(Path(known) / inside) == os.path.realpath(folder)
+        ):
+            uri = "/".join([f"package://{package}", *inside.parts, "meshes"])
+            return uri, f"Meshes are named by `{uri}/...`."
+        break
+    return "../meshes", (
+        "Meshes are named relative to the URDF file (`../meshes/...`), as ROS finds no "
+        "package around it; `model:=` of the launch files makes these names absolute."
+    )
+
+
+def _package_name(manifest: Path) -> str | None:
+    """Read a package's name; None where there is no package."""
+    try:
+        name = ElementTree.parse(manifest).findtext("name")
+    except (OSError, ElementTree.ParseError):
+        return None
+    return name.strip() if name else None

@@ -1,0 +1,592 @@
+"""An imported robot is the robot it was, in a folder that every reader takes."""
+
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from conftest import REPOSITORY, VENDOR
+from hypothesis import given, settings
+from robots import chains
+
+from g1_description.core import model_files
+from g1_description.core.description import parse_urdf
+from g1_description.core.errors import DescriptionError
+from g1_description.core.model_text import read_model
+from g1_description.core.resources import local_path, with_absolute_uris
+from g1_description.importer.command import run
+
+LINK = '<link name="{}"><inertial><mass value="2"/><inertia {}/></inertial>{}</link>'
+ROUND = 'ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"'
+
+
+def shape(kind, filename, scale="1 1 1"):
+    return (
+        f'<{kind}><geometry><mesh filename="{filename}" scale="{scale}"/></geometry>'
+        f"</{kind}>"
+    )
+
+
+def robot(inside, *, links=""):
+    return f'<robot name="r">{LINK.format("base", ROUND, inside)}{links}</robot>'
+
+
+def stl(path, extents=(1.0, 2.0, 3.0), header=b"solid made by a CAD program"):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    data = trimesh.creation.box(extents).export(file_type="stl")
+    path.write_bytes(header.ljust(80) + data[80:])
+
+
+def contents(folder):
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in sorted(Path(folder).rglob("*"))
+        if path.is_file()
+    }
+
+
+def mesh_files(urdf):
+    """Find the meshes of a file as the stand-in does."""
+    text = with_absolute_uris(urdf.read_text(), urdf.parent)
+    description = parse_urdf(text)
+    return {
+        (link.name, kind, index): (
+            local_path(shape.filename, model_files.find_folder),
+            shape.size,
+        )
+        for link in description.links
+        for kind, shapes in (("v", link.visuals), ("c", link.collisions))
+        for index, shape in enumerate(shapes)
+        if shape.kind == "mesh"
+    }
+
+
+def assert_same_robot(one, other):
+    assert one.link_names == other.link_names
+    assert one.mass == other.mass
+    for first, second in zip(one.joints, other.joints):
+        assert (first.name, first.kind, first.parent, first.child) == (
+            second.name,
+            second.kind,
+            second.parent,
+            second.child,
+        )
+        np.testing.assert_array_equal(first.pose, second.pose)
+        np.testing.assert_array_equal(first.axis, second.axis)
+        assert (first.lower, first.upper) == (second.lower, second.upper)
+    for first, second in zip(one.links, other.links):
+        assert first.inertial is None or first.inertial == second.inertial
+
+
+@pytest.fixture
+def source(tmp_path):
+    return tmp_path / "source"
+
+
+@pytest.fixture
+def out(tmp_path):
+    return tmp_path / "out"
+
+
+@pytest.fixture
+def bring(source, out):
+    """Write a URDF, import it, give the imported file."""
+
+    def bring(text, *options):
+        source.mkdir(exist_ok=True)
+        (source / "r.urdf").write_text(text)
+        bring.told = run([str(source / "r.urdf"), "--out", str(out), *options])
+        return out / "urdf" / "r.urdf"
+
+    return bring
+
+
+@settings(max_examples=20)
+@given(chains())
+def test_any_robot_stays_what_it_is(tmp_path_factory, drawn):
+    folder = tmp_path_factory.mktemp("any")
+    (folder / "r.urdf").write_text(drawn[0])
+    run([str(folder / "r.urdf"), "--out", str(folder / "out")])
+    imported = parse_urdf((folder / "out" / "urdf" / "r.urdf").read_text())
+    assert_same_robot(parse_urdf(drawn[0]), imported)
+
+
+def test_meshes_come_along_and_the_source_stays(bring, source):
+    stl(source / "meshes" / "a.STL")
+    stl(source / "my meshes" / "b b.stl", (3, 2, 1))
+    stl(source / "unused.stl")
+    text = robot(
+        shape("visual", "meshes/a.STL", "2 1 1")
+        + shape("collision", "my meshes/b b.stl")
+    )
+    (source / "r.urdf").parent.mkdir(exist_ok=True)
+    (source / "r.urdf").write_text(text)
+    before = contents(source)
+    urdf = bring(text)
+    assert contents(source) == before
+    assert set(contents(urdf.parents[1])) == {
+        "urdf/r.urdf",
+        "meshes/meshes/a.STL",
+        "meshes/my_meshes/b_b.stl",
+        "report.md",
+    }
+    found = mesh_files(urdf)
+    assert found["base", "v", 0][1] == (2.0, 1.0, 1.0)
+    for (path, _), extents in zip(found.values(), ([1, 2, 3], [3, 2, 1])):
+        np.testing.assert_allclose(trimesh.load(path).extents, extents, atol=1e-6)
+        assert not path.read_bytes().startswith(b"solid")
+    report = (urdf.parents[1] / "report.md").read_text()
+    assert 'a.STL | 12 | header no longer begins with "solid" |' in report
+
+
+def test_one_name_in_two_folders_is_two_files(bring, source):
+    stl(source / "left" / "x.stl", (1, 1, 1))
+    stl(source / "right" / "x.stl", (2, 2, 2))
+    urdf = bring(robot(shape("visual", "left/x.stl") + shape("visual", "right/x.stl")))
+    paths = [path for path, _ in mesh_files(urdf).values()]
+    assert [trimesh.load(path).extents[0] for path in paths] == pytest.approx([1, 2])
+
+
+def test_names_that_become_one_are_counted(bring, source):
+    for number, name in enumerate(("a b.stl", "a_b.stl", "a%b.stl")):
+        stl(source / name, (number + 1,) * 3)
+    names = ("a b.stl", "a_b.stl", "a%b.stl")
+    urdf = bring(robot("".join(shape("visual", name) for name in names)))
+    paths = [path for path, _ in mesh_files(urdf).values()]
+    assert [trimesh.load(path).extents[0] for path in paths] == pytest.approx([1, 2, 3])
+
+
+def test_all_kinds_of_names_are_found(bring, source, tmp_path, monkeypatch):
+    stl(tmp_path / "models" / "arm" / "x.stl")
+    monkeypatch.setenv("GAZEBO_MODEL_PATH", str(tmp_path / "models"))
+    path = tmp_path / "models" / "arm" / "x.stl"
+    stl(source / "../source_mesh.stl")
+    names = [f"file://{path}", str(path), "model://arm/x.stl", "package://arm/x.stl"]
+    names += ["../source_mesh.stl", "package://source/../source_mesh.stl"]
+    urdf = bring(robot("".join(shape("visual", name) for name in names)))
+    paths = [path for path, _ in mesh_files(urdf).values()]
+    assert len(paths) == 6
+    assert len(set(paths)) == 2
+
+
+def test_a_missing_mesh_is_named_and_taken_out(bring, source):
+    stl(source / "a.stl")
+    stl(source / "cut.stl")
+    os.truncate(source / "cut.stl", 100)
+    inside = shape("visual", "a.stl") + shape("visual", "nowhere.stl")
+    inside += shape("collision", "package://no_such_package/x.stl")
+    inside += shape("collision", "cut.stl")
+    urdf = bring(robot(inside))
+    assert list(mesh_files(urdf)) == [("base", "v", 0)]
+    for words in (
+        "nowhere.stl (visual of link base) does not exist; taken out",
+        "package://no_such_package/x.stl (collision of link base) does not exist",
+        "cut.stl (collision of link base) is left out: it is cut short",
+    ):
+        assert words in bring.told
+        assert words in (urdf.parents[1] / "report.md").read_text()
+
+
+def test_a_missing_mesh_stays_if_asked_for(bring):
+    urdf = bring(robot(shape("visual", "nowhere.stl")), "--keep-missing")
+    assert 'filename="nowhere.stl"' in urdf.read_text()
+    assert "the URDF still names it" in bring.told
+
+
+def test_what_is_elsewhere_stays(bring):
+    urdf = bring(robot(shape("visual", "http://host/x.stl")))
+    assert 'filename="http://host/x.stl"' in urdf.read_text()
+    assert "http://host/x.stl (visual of link base) is elsewhere" in bring.told
+
+
+def test_materials_and_textures_come_along(bring, source):
+    (source / "obj").mkdir(parents=True)
+    (source / "pictures").mkdir()
+    for name in ("obj/skin 1.png", "pictures/w.png", "pictures/t.png", "a b.png"):
+        (source / name).write_bytes(b"PNG " + name.encode())
+    box = trimesh.creation.box().export(file_type="obj", header="")
+    (source / "obj" / "x.obj").write_text(f"mtllib x.mtl\n{box}")
+    (source / "obj" / "x.mtl").write_text(
+        "newmtl m\nmap_Kd -s 1 1 1 ../pictures/w.png\nbump skin 1.png\nmap_Ks no.png\n"
+    )
+    (source / "y.dae").write_text(
+        "<COLLADA><image><init_from>pictures/t.png</init_from></image>"
+        "<image><init_from>a%20b.png</init_from></image></COLLADA>"
+    )
+    material = (
+        '<material name="m"><texture filename="pictures/t.png"/></material>'
+        '<material name="n"><texture filename="none.png"/></material>'
+    )
+    meshes = shape("visual", "obj/x.obj") + shape("visual", "y.dae")
+    urdf = bring(robot(meshes, links=material))
+    written = contents(urdf.parents[1] / "meshes")
+    assert set(written) == {
+        *("obj/x.obj", "obj/x.mtl", "obj/skin 1.png"),
+        *("y.dae", "pictures/w.png", "pictures/t.png", "a b.png"),
+    }
+    assert all(data == (source / name).read_bytes() for name, data in written.items())
+    assert "obj/x.obj names no.png, which does not exist" in bring.told
+    assert "none.png (material n) does not exist" in bring.told
+    assert "../meshes/pictures/t.png" in urdf.read_text()
+
+
+def test_links_without_mass_are_told_apart(bring):
+    text = robot(
+        "",
+        links='<link name="held"/><link name="loose"/><link name="tip"/>'
+        '<joint name="a" type="fixed"><parent link="base"/><child link="held"/></joint>'
+        '<joint name="b" type="continuous"><parent link="base"/><child link="loose"/>'
+        '</joint><joint name="c" type="fixed"><parent link="loose"/><child link="tip"/>'
+        "</joint>",
+    )
+    urdf = bring(text)
+    found = {link.name: link.inertial for link in parse_urdf(urdf.read_text()).links}
+    assert found["held"].mass == 0.0
+    assert found["loose"] is None
+    assert found["tip"] is None
+    assert "Mass 0 for links without <inertial> that are fixed to others: held" in (
+        bring.told
+    )
+    assert "Link loose has no <inertial>" in bring.told
+    again = run([str(urdf)])
+    assert "Mass 0" not in again
+
+
+def test_a_root_without_mass_stays_as_it_is(bring):
+    text = robot(
+        "",
+        links='<link name="foot"/><joint name="j" type="fixed">'
+        '<parent link="foot"/><child link="base"/></joint>',
+    )
+    urdf = bring(text)
+    assert parse_urdf(urdf.read_text()).links[1].inertial is None
+    assert "foot" not in bring.told
+
+
+@pytest.mark.parametrize(
+    ("inertia", "words"),
+    [
+        (
+            ROUND.replace('izz="1"', 'izz="2.1"'),
+            "inertia breaks the triangle",
+        ),
+        (ROUND.replace('iyy="1"', 'iyy="-1"'), "inertia is not positive"),
+        (ROUND.replace('ixy="0"', 'ixy="3"'), "inertia is not positive"),
+        (ROUND.replace('izz="1"', 'izz="2"'), ""),
+    ],
+)
+def test_an_impossible_inertia_is_named(bring, inertia, words):
+    joint = (
+        '<joint name="j" type="fixed"><parent link="base"/><child link="odd"/></joint>'
+    )
+    urdf = bring(robot("", links=LINK.format("odd", inertia, "") + joint))
+    assert ("Link odd" in bring.told) == bool(words)
+    assert words in bring.told
+    assert inertia in urdf.read_text()
+
+
+def test_hulls_and_fewer_triangles_are_made_once(bring, source):
+    mesh = trimesh.creation.annulus(0.5, 1.0, 0.3)
+    source.mkdir()
+    mesh.export(source / "ring.stl")
+    mesh.export(source / "ring.obj")
+    (source / "flat.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    (source / "x.dae").write_text("<COLLADA/>")
+    names = ("ring.stl", "ring.obj", "flat.obj", "x.dae")
+    inside = "".join(shape(k, n) for k in ("visual", "collision") for n in names)
+    urdf = bring(robot(inside), "--convex-collisions", "--decimate", "50")
+    found = {key: path for key, (path, _) in mesh_files(urdf).items()}
+    assert {path.name for path in found.values()} == {
+        *("ring.stl", "ring_2.stl", "ring_hull.stl", "ring_hull_2.stl"),
+        *("flat.obj", "x.dae"),
+    }
+    for index in (0, 1):
+        hull = trimesh.load(found["base", "c", index])
+        assert hull.is_convex
+        assert len(hull.faces) <= 50
+        assert len(trimesh.load(found["base", "v", index]).faces) <= 50
+    assert "flat.obj kept as it is: it is flat" in bring.told
+    assert "x.dae kept as it is: of .dae nothing is made" in bring.told
+
+
+def test_colours_are_not_decimated_away(bring, source):
+    source.mkdir()
+    (source / "x.mtl").write_text("newmtl m\nKd 1 0 0\n")
+    box = trimesh.creation.box().export(file_type="obj", header="")
+    (source / "x.obj").write_text(f"mtllib x.mtl\n{box}")
+    bring(robot(shape("visual", "x.obj")), "--decimate", "4")
+    assert "x.obj kept as it is: it would lose its materials" in bring.told
+
+
+def test_a_folder_brings_all_its_robots_and_their_meshes_once(source, out):
+    stl(source / "m" / "x.stl")
+    for name in ("a", "b"):
+        (source / f"{name}.urdf").write_text(robot(shape("visual", "m/x.stl")))
+    (source / "m" / "deeper.urdf").write_text(robot(""))
+    run([str(source), "--out", str(out)])
+    written = {"urdf/a.urdf", "urdf/b.urdf", "meshes/x.stl", "report.md"}
+    assert set(contents(out)) == written
+    report = (out / "report.md").read_text()
+    assert report.count("| x.stl |") == 1
+    assert re.findall("^## (.*)", report, re.M) == ["a.urdf", "b.urdf", "Meshes"]
+
+
+def test_one_wrong_file_of_a_folder_is_named_and_nothing_written(source, out):
+    source.mkdir()
+    (source / "a.urdf").write_text(robot(""))
+    (source / "b.urdf").write_text("<sdf/>")
+    with pytest.raises(DescriptionError, match=r"b\.urdf cannot be used: .*<sdf>"):
+        run([str(source), "--out", str(out)])
+    assert not out.exists()
+    (source / "urdf").mkdir()
+    for name in ("a", "b"):
+        (source / f"{name}.urdf").replace(source / "urdf" / f"{name}.urdf")
+    with pytest.raises(
+        DescriptionError, match=r"no \.urdf in .*; there is urdf/a\.urdf"
+    ):
+        run([str(source)])
+
+
+def test_xacro_is_expanded(source, out):
+    source.mkdir()
+    text = robot("").replace("<robot", "<robot xmlns:xacro='http://ros.org/wiki/xacro'")
+    (source / "r.urdf.xacro").write_text(text.replace('"base"', '"$(arg name)"'))
+    run([f"{source}/r.urdf.xacro name=trunk", "--out", str(out)])
+    assert read_model(str(out / "urdf" / "r.urdf")).description.root == "trunk"
+
+
+def test_comments_and_unknown_tags_stay(bring):
+    text = robot("<!-- here --><my_tag/>", links='<gazebo reference="base"/>')
+    text = "<!-- before -->\n" + text.replace(
+        "</robot>", '<mujoco><compiler meshdir="meshes" a="b"/></mujoco></robot>'
+    )
+    urdf = bring(text)
+    assert "meshdir is ../meshes, was meshes" in bring.told
+    assert "meshdir" not in run([str(urdf)])
+    written = urdf.read_text()
+    for part in ("<!-- before -->", "<!-- here -->", "<my_tag/>", "<gazebo reference"):
+        assert part in written
+    assert '<compiler meshdir="../meshes" a="b"/>' in written
+
+
+def test_nothing_is_overwritten_without_force(bring, out):
+    bring(robot(""))
+    (out / "mine.txt").write_text("mine")
+    before = contents(out)
+    with pytest.raises(DescriptionError, match=r"report\.md exists; with --force"):
+        bring(robot("<!-- new -->"))
+    assert contents(out) == before
+    assert "<!-- new -->" in bring(robot("<!-- new -->"), "--force").read_text()
+    assert (out / "mine.txt").read_text() == "mine"
+    assert not list(out.parent.glob(".import*"))
+
+
+def test_a_folder_that_has_other_files_takes_a_robot(bring, out):
+    out.mkdir()
+    (out / "package.xml").write_text("<package/>")
+    bring(robot(""))
+    assert set(contents(out)) == {"package.xml", "urdf/r.urdf", "report.md"}
+
+
+def test_what_is_no_folder_is_in_the_way(bring, out):
+    out.write_text("mine")
+    with pytest.raises(DescriptionError, match="out is in the way: it is no folder"):
+        bring(robot(""), "--force")
+    out.unlink()
+    out.mkdir()
+    (out / "urdf").write_text("mine")
+    with pytest.raises(DescriptionError, match="urdf is in the way"):
+        bring(robot(""), "--force")
+    assert contents(out) == {"urdf": b"mine"}
+
+
+def test_the_source_is_never_replaced(tmp_path):
+    stl(tmp_path / "meshes" / "x.stl")
+    path = tmp_path / "urdf" / "r.urdf"
+    path.parent.mkdir()
+    path.write_text(robot(shape("visual", "../meshes/x.stl")))
+    before = contents(tmp_path)
+    with pytest.raises(DescriptionError, match=r"r\.urdf is part of what is imported"):
+        run([str(path), "--out", str(tmp_path), "--force"])
+    path.rename(tmp_path / "r2.urdf")
+    (tmp_path / "r2.urdf").write_text(robot(shape("visual", "meshes/x.stl")))
+    with pytest.raises(DescriptionError, match=r"x\.stl is part of what is imported"):
+        run([str(tmp_path / "r2.urdf"), "--out", str(tmp_path), "--force"])
+    assert contents(tmp_path)["meshes/x.stl"] == before["meshes/x.stl"]
+    assert set(contents(tmp_path)) == {"r2.urdf", "meshes/x.stl"}
+
+
+def test_without_out_nothing_is_written(source, tmp_path):
+    stl(source / "x.stl")
+    (source / "r.urdf").write_text(robot(shape("visual", "x.stl")))
+    before = contents(tmp_path)
+    told = run([str(source / "r.urdf")])
+    assert "1 files of meshes, 1 changed" in told
+    assert "nothing is written" in told
+    assert contents(tmp_path) == before
+
+
+def test_in_a_package_meshes_are_named_by_it(source, tmp_path, monkeypatch):
+    package = tmp_path / "ws" / "my_robots"
+    package.mkdir(parents=True)
+    (package / "package.xml").write_text("<package><name>my_robots</name></package>")
+    stl(source / "x.stl")
+    (source / "r.urdf").write_text(robot(shape("visual", "x.stl")))
+
+    def imported(name):
+        model_files._packages.cache_clear()
+        told = run([str(source / "r.urdf"), "--out", str(package / name)])
+        urdf = package / name / "urdf" / "r.urdf"
+        ((path, _),) = mesh_files(urdf).values()
+        assert path.is_file()
+        return told, urdf.read_text()
+
+    try:
+        told, text = imported("a")
+        assert 'filename="../meshes/x.stl"' in text
+        assert "named relative" in told
+        monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path / "ws"))
+        told, text = imported("b")
+        assert 'filename="package://my_robots/b/meshes/x.stl"' in text
+        assert "`package://my_robots/b/meshes/...`" in told
+        assert 'filename="../meshes/x.stl"' in imported("c c")[1]
+    finally:
+        model_files._packages.cache_clear()
+
+
+def command(*arguments, first="", **options):
+    script = REPOSITORY / "scripts" / "import_model"
+    path = os.pathsep.join([str(first), str(REPOSITORY / "src"), *sys.path])
+    return subprocess.Popen(
+        [sys.executable, str(script), *map(str, arguments)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONPATH": path},
+        **options,
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["no.urdf"], "The model no.urdf cannot be used: There is no file no.urdf"),
+        (["."], "There is no .urdf in the folder ."),
+        (["r.urdf", "--decimate", "3"], "'3' is no whole number from 4 on"),
+        (["r.urdf", "--out", "/proc/x"], "/proc/.import_model-"),
+        (["r.urdf", "--out", ""], "argument --out: '' is no folder"),
+        ([], "the following arguments are required: model"),
+    ],
+)
+def test_a_mistake_is_answered_with_one_sentence(arguments, words, tmp_path):
+    if "r.urdf" in arguments:
+        (tmp_path / "r.urdf").write_text(robot(""))
+    process = command(*arguments, cwd=str(tmp_path))
+    _, told = process.communicate(timeout=60)
+    assert process.returncode == 1
+    assert told.startswith("import_model: ")
+    assert told.count("\n") == 1
+    assert words in told
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_import_leaves_nothing(number, source, out, tmp_path):
+    source.mkdir()
+    ball = trimesh.creation.icosphere(6)
+    names = [f"{number}.stl" for number in range(9)]
+    for name in names:
+        ball.export(source / name)
+    inside = "".join(shape("visual", name) for name in names)
+    (source / "r.urdf").write_text(robot(inside))
+    process = command(source / "r.urdf", "--out", out, "--decimate", "9")
+    deadline = time.monotonic() + 60.0
+    while not list(tmp_path.glob(".import*/meshes/0.stl")):
+        assert time.monotonic() < deadline
+        with pytest.raises(subprocess.TimeoutExpired):
+            process.wait(0.02)
+    process.send_signal(number)
+    _, told = process.communicate(timeout=60)
+    assert told == "import_model: interrupted; nothing was written.\n"
+    assert process.returncode == 130
+    assert [path.name for path in tmp_path.iterdir()] == ["source"]
+
+
+@pytest.fixture
+def signalled(source, out, tmp_path):
+    """Run the command and send it a signal while it imports trimesh.
+
+    Trimesh catches whatever comes out of the libraries it tries; one of them sends
+    the signal here.
+    """
+
+    def signalled(name, **options):
+        source.mkdir()
+        (source / "r.urdf").write_text(robot(""))
+        (tmp_path / "path").mkdir()
+        (tmp_path / "path" / "networkx.py").write_text(
+            f"import os, signal\nos.kill(os.getpid(), signal.{name})\n"
+        )
+        arguments = source / "r.urdf", "--out", out
+        process = command(*arguments, first=tmp_path / "path", **options)
+        process.communicate(timeout=60)
+        return process.returncode
+
+    return signalled
+
+
+def test_an_interrupt_while_it_starts_ends_it(signalled, out):
+    assert signalled("SIGINT") == -signal.SIGINT
+    assert not out.exists()
+
+
+def test_a_signal_that_is_ignored_stays_so(signalled, out):
+    def ignore():
+        signal.signal(signal.SIGHUP, signal.SIG_IGN)
+
+    assert signalled("SIGHUP", preexec_fn=ignore) == 0
+    assert out.exists()
+
+
+@pytest.fixture(scope="module")
+def vendor(tmp_path_factory):
+    if not VENDOR.exists():
+        pytest.skip("the vendor's g1_29dof.urdf is not beside the repository")
+    folder = tmp_path_factory.mktemp("vendor") / "out"
+    run([str(VENDOR), "--out", str(folder)])
+    return folder
+
+
+def test_the_vendors_robot_stays_what_it_is(vendor):
+    source = read_model(str(VENDOR)).description
+    imported = read_model(str(vendor / "urdf" / "g1_29dof.urdf")).description
+    assert_same_robot(source, imported)
+    assert len(imported.movable_joints) == 29
+    before, after = mesh_files(VENDOR), mesh_files(vendor / "urdf" / "g1_29dof.urdf")
+    assert before.keys() == after.keys()
+    for key, (path, scale) in after.items():
+        assert scale == before[key][1]
+        assert path.read_bytes()[80:] == before[key][0].read_bytes()[80:]
+
+
+def test_the_vendors_meshes_are_36_and_none_begins_with_solid(vendor):
+    meshes = list((vendor / "meshes").iterdir())
+    assert len(meshes) == 36
+    assert not [path for path in meshes if path.read_bytes()[:5].lower() == b"solid"]
+
+
+@pytest.mark.skipif(not shutil.which("check_urdf"), reason="check_urdf is not there")
+def test_check_urdf_takes_the_vendors_robot(vendor):
+    check = subprocess.run(
+        ["check_urdf", str(vendor / "urdf" / "g1_29dof.urdf")],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert "Successfully Parsed" in check.stdout

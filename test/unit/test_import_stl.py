@@ -1,0 +1,123 @@
+"""STL files are cleaned, and simpler shapes made of them; trimesh is the oracle."""
+
+import io
+
+import numpy as np
+import pytest
+import trimesh
+
+from g1_description.core.errors import DescriptionError
+from g1_description.importer.shapes import convex_hull, decimated
+from g1_description.importer.stl import clean_stl, read_stl, write_stl
+
+BALL = trimesh.creation.icosphere(3)
+BINARY = BALL.export(file_type="stl")
+TEXT = BALL.export(file_type="stl_ascii").encode()
+
+
+def loaded(data):
+    return trimesh.load(io.BytesIO(data), file_type="stl")
+
+
+def test_a_clean_file_stays_as_it_is():
+    assert clean_stl(BINARY) == (BINARY, ())
+
+
+def test_a_binary_header_does_not_begin_with_solid():
+    for beginning in (b"solid left_hip", b"  SOLID x", b"solid"):
+        header = beginning.ljust(80)
+        data, changes = clean_stl(header + BINARY[80:])
+        assert changes == ('header no longer begins with "solid"',)
+        assert not data.lstrip().lower().startswith(b"solid")
+        assert data[80:] == BINARY[80:]
+        assert data[:80].split()[1:] == beginning.split()[1:]
+
+
+@pytest.mark.parametrize("text", [TEXT, TEXT.upper(), TEXT.replace(b"\n", b"\r\n")])
+def test_text_becomes_binary(text):
+    data, changes = clean_stl(text)
+    assert changes == ("text made binary",)
+    np.testing.assert_allclose(loaded(data).bounds, BALL.bounds, atol=1e-6)
+    assert loaded(data).volume == pytest.approx(BALL.volume, rel=1e-5)
+
+
+def test_two_solids_in_one_text_are_both_there():
+    other = trimesh.creation.box().apply_translation([5, 0, 0])
+    data, _ = clean_stl(TEXT + other.export(file_type="stl_ascii").encode())
+    assert len(read_stl(data)) == len(BALL.faces) + 12
+    assert loaded(data).bounds[1, 0] == pytest.approx(5.5)
+
+
+def test_what_is_behind_the_triangles_is_cut_off():
+    data, changes = clean_stl(BINARY + b"\0\0\0")
+    assert data == BINARY
+    assert changes == ("3 bytes behind the triangles cut off",)
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"",
+        b"solid",
+        BINARY[:200],
+        BINARY[:84],
+        b"solid x\nendsolid x\n" * 9,
+        TEXT.replace(b"vertex 0", b"vertex x", 1).replace(b"vertex -0", b"vertex x", 1),
+        TEXT + b"\nvertex 1 1 1",
+        BINARY[:96] + b"\0\0\xc0\x7f" + BINARY[100:],
+    ],
+    ids=["empty", "word", "cut", "head", "no facet", "no number", "odd", "NaN"],
+)
+def test_what_has_no_triangles_is_refused(data):
+    with pytest.raises(DescriptionError):
+        clean_stl(data)
+
+
+def test_written_triangles_have_unit_normals():
+    written = loaded(write_stl(np.asarray(BALL.triangles)))
+    np.testing.assert_allclose(written.bounds, BALL.bounds, atol=1e-6)
+    record = np.frombuffer(write_stl(np.asarray(BALL.triangles)), "<f4", 3, 84)
+    np.testing.assert_allclose(record, BALL.face_normals[0], atol=1e-3)
+
+
+@pytest.mark.parametrize("most", [4, 50, 300])
+def test_a_decimated_mesh_has_no_more_triangles_and_its_size(most):
+    fewer = decimated(np.asarray(BALL.triangles), most)
+    assert len(fewer) <= most
+    if most > 4:
+        np.testing.assert_allclose(np.ptp(fewer.reshape(-1, 3), axis=0), 2.0, rtol=0.3)
+
+
+def test_where_no_edge_collapses_corners_are_joined():
+    """Leaves that meet in one corner only: no two share an edge."""
+    angles, heights = np.meshgrid(np.linspace(0, 6, 30), np.linspace(0, 1, 30))
+    rim = [
+        np.stack([np.cos(a), np.sin(a), z], axis=-1).reshape(-1, 3)
+        for a, z in ((angles, heights), (angles + 0.1, heights + 0.3))
+    ]
+    triangles = np.stack([np.zeros_like(rim[0]), *rim], axis=1)
+    fewer = decimated(triangles, 300)
+    assert 0 < len(fewer) <= 300
+    size = np.ptp(triangles.reshape(-1, 3), axis=0)
+    np.testing.assert_allclose(np.ptp(fewer.reshape(-1, 3), axis=0), size, rtol=0.1)
+
+
+def test_a_mesh_with_few_triangles_is_not_decimated():
+    triangles = np.asarray(BALL.triangles)
+    assert decimated(triangles, len(triangles)) is triangles
+
+
+@pytest.mark.parametrize("most", [None, 60])
+def test_a_hull_is_convex_and_holds_the_mesh(most):
+    mesh = trimesh.creation.annulus(0.5, 1.0, 0.3)
+    triangles = convex_hull(np.asarray(mesh.triangles), most)
+    hull = trimesh.Trimesh(**trimesh.triangles.to_kwargs(triangles))
+    assert hull.is_convex
+    assert hull.volume == pytest.approx(np.pi * 0.3, rel=0.1)
+    assert most is None or len(triangles) <= most
+
+
+def test_a_flat_mesh_has_no_hull():
+    flat = np.array([[[0, 0, 0], [1, 0, 0], [0, 1, 0]]], dtype=float)
+    with pytest.raises(DescriptionError, match="flat"):
+        convex_hull(flat)

@@ -1,0 +1,176 @@
+"""What a launch file's model:= may be, and the sentence for what it may not."""
+
+import os
+import sys
+
+import pytest
+
+from g1_description.core import absolute_urdf
+from g1_description.core.errors import DescriptionError
+from g1_description.core.model_text import read_model
+
+ROBOT = '<robot name="r"><link name="a"/></robot>'
+XACRO = """<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">
+  <xacro:arg name="hand" default="none"/>
+  <link name="a"/>
+  <xacro:unless value="${'$(arg hand)' == 'none'}">
+    <link name="$(arg hand)"/>
+    <joint name="j" type="fixed"><parent link="a"/><child link="$(arg hand)"/></joint>
+  </xacro:unless>
+</robot>
+"""
+
+
+@pytest.fixture
+def write(tmp_path):
+    def write(name, text=ROBOT):
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    return write
+
+
+def refusal(asked):
+    with pytest.raises(DescriptionError) as caught:
+        read_model(str(asked))
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["r.urdf", "my robot.urdf", "hand=true x=1.urdf"])
+def test_a_path_is_read(write, name):
+    assert read_model(str(write(name))).text == ROBOT
+
+
+def test_a_byte_order_mark_does_no_harm(write):
+    assert read_model(str(write("r.urdf", "\ufeff" + ROBOT))).text == ROBOT
+
+
+def test_uris_are_read(write, tmp_path, monkeypatch):
+    path = write("mine/urdf/r 1.urdf")
+    assert read_model("file://" + str(path).replace(" ", "%20")).path == path
+    monkeypatch.setenv("GAZEBO_MODEL_PATH", str(tmp_path))
+    assert read_model("package://mine/urdf/r 1.urdf").path == path
+
+
+def test_the_home_is_known(write, tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    path = write("r.urdf")
+    assert read_model("~/r.urdf").path == path
+
+
+def test_xacro_takes_arguments(write):
+    file = write("r.urdf.xacro", XACRO)
+    assert read_model(str(file)).description.link_names == ("a",)
+    for words in ("hand=left", "hand:=left", "  hand:= left"):
+        names = read_model(f"{file} {words}").description.link_names
+        assert names == ("a", "left")
+
+
+def test_xacro_finds_packages_as_ros_does(write):
+    text = ROBOT.replace("<link", "<!-- --><link").replace('"a"', '"$(env HOME)"')
+    home = read_model(str(write("r.xacro", text))).description.root
+    assert home == os.environ["HOME"]
+    wrong = text.replace("$(env HOME)", "$(find no_such_package)")
+    told = refusal(write("w.xacro", wrong))
+    assert told.endswith("no_such_package (in " + str(write("w.xacro", wrong)) + ").")
+
+
+def test_the_file_that_xacro_fails_in_is_named(write):
+    write("part.xacro", XACRO.replace('name="a"', 'name="${wrong}"'))
+    include = '<xacro:include filename="part.xacro"/>'
+    outer = write("r.xacro", XACRO.replace('<link name="a"/>', include))
+    told = refusal(outer)
+    assert "name 'wrong' is not defined" in told
+    assert "part.xacro" in told
+    assert "mismatched tag: line 2" in refusal(write("x.xacro", "<robot>\n</link>"))
+
+
+def test_an_argument_that_nothing_asks_for_is_refused(write):
+    file = write("r.xacro", XACRO)
+    assert "has no argument hnad" in refusal(f"{file} hnad=true")
+    assert "takes no arguments: hand" in refusal(f"{write('r.urdf')} hand=true")
+
+
+def test_what_is_not_there_is_told_with_what_is_near(write, tmp_path):
+    write("robots/urdf/g1.urdf")
+    assert refusal(tmp_path / "robots" / "urdf" / "g2.urdf").endswith(
+        "g2.urdf; like it is g1.urdf."
+    )
+    assert refusal(tmp_path / "robots" / "x").endswith("there is urdf/g1.urdf.")
+    assert refusal(tmp_path / "robot" / "g1.urdf").endswith(
+        f"There is no folder {tmp_path}/robot; like it is robots."
+    )
+    folder = refusal(tmp_path / "robots")
+    assert folder.endswith("robots is a folder; there is urdf/g1.urdf.")
+    assert "There is no package 'no_such_package'" in refusal(
+        "package://no_such_package/r.urdf"
+    )
+    assert "http://" in refusal("http://host/r.urdf")
+
+
+def test_a_package_that_is_nearly_right_is_named(monkeypatch, tmp_path):
+    from g1_description.core import model_files
+
+    package = tmp_path / "robot_arm"
+    package.mkdir()
+    (package / "package.xml").write_text("<package><name>robot_arm</name></package>")
+    monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path))
+    model_files._packages.cache_clear()
+    try:
+        assert "like it is robot_arm" in refusal("package://robot_am/r.urdf")
+    finally:
+        model_files._packages.cache_clear()
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "not XML"),
+        ("<robot>\n<link>\n</robot>", "line 3"),
+        ("<sdf/>", "root is <sdf>"),
+        (
+            '<robot name="r"><link name="a"/>\n<link name="b"><inertial>'
+            '<mass value="x"/></inertial></link></robot>',
+            "<link> b, line 2: could not convert string to float: 'x'.",
+        ),
+        (
+            ROBOT.replace("/></r", "><visual><geometry/></visual></link></r"),
+            "<link> a, line 1: One element only",
+        ),
+        ('<!DOCTYPE r [<!ENTITY a "aa">]><robot name="&a;"/>', "DOCTYPE"),
+    ],
+)
+def test_what_is_no_robot_is_refused(write, text, words):
+    assert words in refusal(write("r.urdf", text))
+
+
+def test_what_no_robot_can_be_is_not_read(write, tmp_path):
+    large = write("large.urdf")
+    os.truncate(large, 100_000_000)
+    assert "100 MB" in refusal(large)
+    os.mkfifo(tmp_path / "pipe.urdf")
+    assert "not a regular file" in refusal(tmp_path / "pipe.urdf")
+    (tmp_path / "latin.urdf").write_bytes(b"<robot>\n\xe4</robot>")
+    assert "Line 2" in refusal(tmp_path / "latin.urdf")
+    assert "too long" in refusal(tmp_path / ("x" * 300))
+    assert "null" in refusal("x\0.urdf")
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may read everything")
+def test_what_may_not_be_read_is_told(write):
+    path = write("secret.urdf")
+    path.chmod(0)
+    assert "Permission denied" in refusal(path)
+
+
+def test_the_command_prints_the_robot_or_one_sentence(write, monkeypatch, capfd):
+    file = write("r.urdf", ROBOT.replace('"a"', '"ä"'))
+    monkeypatch.setattr(sys, "argv", ["absolute_urdf", str(file)])
+    absolute_urdf.main()
+    assert 'name="ä"' in capfd.readouterr().out
+    monkeypatch.setattr(sys, "argv", ["absolute_urdf", f"{file}x"])
+    with pytest.raises(SystemExit, match=r"The model .* cannot be used: There is no"):
+        absolute_urdf.main()
