@@ -16,11 +16,12 @@ STANDARD = {
     "collections",
     "dataclasses",
     "logging",
+    "difflib",
     "math",
 }
 STANDARD |= {"os", "pathlib", "re", "sys", "tempfile", "typing", "urllib", "xml"}
 ALLOWED = {
-    "core": STANDARD | {"lxml", "numpy", "urdf_parser_py", ".core"},
+    "core": STANDARD | {"lxml", "numpy", "urdf_parser_py", "yaml", ".core"},
     "sim": STANDARD
     | {"struct", "subprocess"}
     | {"numpy", "pybullet", "pybullet_utils", ".core", ".sim"},
@@ -49,13 +50,17 @@ def test_a_layer_imports_only_what_it_may(layer):
         assert not found & FORBIDDEN.get(layer, set()), path.name
 
 
-def test_only_one_module_reads_urdf():
+@pytest.mark.parametrize(
+    ("package", "module"),
+    [("urdf_parser_py", "description.py"), ("yaml", "pose_text.py")],
+)
+def test_only_one_module_reads_a_format(package, module):
     readers = [
         path.name
-        for path in (SOURCE / "core").glob("*.py")
-        if "urdf_parser_py" in set(imported_packages(path))
+        for path in SOURCE.glob("*/*.py")
+        if package in set(imported_packages(path))
     ]
-    assert readers == ["description.py"]
+    assert readers == [module]
 
 
 def test_the_bridge_does_without_pybullet():
