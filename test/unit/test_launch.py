@@ -52,6 +52,20 @@ def test_arguments_reach_gazebo():
 
 
 @pytest.mark.parametrize(
+    ("sim", "node"), [("standin", "gazebo"), ("gazebo", "spawn_urdf")]
+)
+def test_the_robot_is_put_on_the_floor_unless_its_height_is_given(sim, node):
+    wanted = (f"sim:={sim}", "initial_pose:=stand")
+    parameters = roslaunch("--dump-params", *wanted).stdout
+    assert f"/{node}/initial_pose: stand" in parameters
+    assert f"/{node}/on_floor: true" in parameters
+    assert f"/{node}/z:" not in parameters
+    parameters = roslaunch("--dump-params", *wanted, "z:=0").stdout
+    assert f"/{node}/on_floor: false" in parameters
+    assert f"/{node}/z: 0" in parameters
+
+
+@pytest.mark.parametrize(
     ("argument", "words"),
     [
         (

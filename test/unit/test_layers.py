@@ -13,7 +13,8 @@ STANDARD = {"__future__", "argparse", "collections", "copy", "dataclasses", "dif
 STANDARD |= {"functools", "logging", "math", "os", "pathlib", "re", "stat"}
 STANDARD |= {"subprocess", "sys", "tempfile", "typing", "urllib", "xml"}
 ALLOWED = {
-    "core": STANDARD | {"lxml", "numpy", "rospkg", "urdf_parser_py", "xacro", ".core"},
+    "core": STANDARD
+    | {"lxml", "numpy", "rospkg", "urdf_parser_py", "xacro", "yaml", ".core"},
     "sim": STANDARD
     | {"struct", "numpy", "pybullet", "pybullet_utils", ".core", ".sim"},
 }
@@ -46,13 +47,17 @@ def test_a_layer_imports_only_what_it_may(layer):
         assert not found & FORBIDDEN.get(layer, set()), path.name
 
 
-def test_only_one_module_reads_urdf():
+@pytest.mark.parametrize(
+    ("package", "module"),
+    [("urdf_parser_py", "description.py"), ("yaml", "pose_text.py")],
+)
+def test_only_one_module_reads_a_format(package, module):
     readers = [
         path.name
-        for path in (SOURCE / "core").glob("*.py")
-        if "urdf_parser_py" in set(imported_packages(path))
+        for path in SOURCE.glob("*/*.py")
+        if package in set(imported_packages(path))
     ]
-    assert readers == ["description.py"]
+    assert readers == [module]
 
 
 def test_the_bridge_does_without_pybullet():

@@ -27,6 +27,10 @@ class Assembly:
     root_pose: np.ndarray = field(default_factory=lambda: np.array(IDENTITY))
     """Pose of the root link in the model frame, shape (7,)."""
 
+    positions: dict[str, float] = field(default_factory=dict)
+    """Where joints begin, in [rad] or [m] by name, inside their limits; the others
+    begin at zero."""
+
     canonical: str = ""
     """Link whose pose and twist are the model's; empty: the root, wherever it is."""
 

@@ -18,8 +18,12 @@ class DescriptionError(G1DescriptionError):
     """A robot description cannot be read or makes no robot."""
 
 
+class PoseFileError(G1DescriptionError):
+    """A file of poses cannot be read, or holds something else."""
+
+
 class UnknownNameError(G1DescriptionError):
-    """A model, link, joint or frame was asked for that does not exist."""
+    """A model, link, joint, frame or pose was asked for that does not exist."""
 
 
 class InvalidValueError(G1DescriptionError):

@@ -5,18 +5,15 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import rospy
 
-from ..core.description import parse_urdf
 from ..core.errors import DescriptionError
-from ..core.lumping import lump_fixed_joints
 from ..core.model_files import find_folder, find_model
-from ..core.rotation import from_rpy
 from ..core.sdf import EMPTY_WORLD, Sdf, read_sdf
 from ..sim.physics import GRAVITY
 from ..sim.world import World
 from .parameters import GazeboParameters
+from .robot_start import place_robot
 
 
 def make_world(parameters: GazeboParameters) -> tuple[World, GazeboParameters]:
@@ -77,14 +74,7 @@ def spawn_robot(world: World, parameters: GazeboParameters) -> None:
     p = parameters
     if not p.robot_description:
         return
-    urdf = rospy.get_param(p.robot_description, None)
-    if not isinstance(urdf, str):
-        raise DescriptionError(
-            f"There is no robot on the parameter {p.robot_description}."
-        )
-    rotation = from_rpy(np.array([p.roll, p.pitch, p.yaw]))
-    pose = np.concatenate([[p.x, p.y, p.z], rotation])
-    assembly = lump_fixed_joints(parse_urdf(urdf))
+    assembly, pose = place_robot(p)
     for clause in world.spawn(p.model_name, assembly, pose, p.fixed_base):
         rospy.logwarn("%s: %s", p.model_name, clause)
     robot = assembly.description

@@ -13,8 +13,38 @@ from ..sim.physics import PhysicsProperties
 
 
 @dataclass(frozen=True)
-class GazeboParameters(PhysicsProperties):
-    """Parameters of the stand-in: the physics' numbers and what follows."""
+class SpawnParameters:
+    """A robot to spawn, where, and in which pose."""
+
+    robot_description: str = ""
+    """Parameter that holds the URDF of a robot to spawn at start; empty: none."""
+
+    model_name: str = "g1_robot"
+    """Name of that robot in the world."""
+
+    x: float = 0.0
+    y: float = 0.0
+    z: float = 0.0
+    """Where that robot is spawned in [m]."""
+
+    on_floor: bool = False
+    """Whether it is put so high, instead of z, that it stands on the floor (z = 0)."""
+
+    roll: float = 0.0
+    pitch: float = 0.0
+    yaw: float = 0.0
+    """How that robot is turned about the fixed axes in [rad]."""
+
+    fixed_base: bool = False
+    """Whether that robot's root link does not move in hold and limp."""
+
+    initial_pose: str = "zero"
+    """Name of the pose that it begins in; zero: all joints at 0."""
+
+
+@dataclass(frozen=True)
+class GazeboParameters(SpawnParameters, PhysicsProperties):
+    """Parameters of the stand-in: a robot, the physics' numbers and what follows."""
 
     physics: str = "kinematic"
     """kinematic: what is set stays set; hold: motors hold the joints; limp: no
@@ -39,25 +69,6 @@ class GazeboParameters(PhysicsProperties):
 
     strict_messages: bool = False
     """Whether status messages are Gazebo's bare words, without what we add."""
-
-    robot_description: str = ""
-    """Parameter that holds the URDF of a robot to spawn at start; empty: none."""
-
-    model_name: str = "g1_robot"
-    """Name of that robot in the world."""
-
-    x: float = 0.0
-    y: float = 0.0
-    z: float = 0.0
-    """Where that robot is spawned in [m]."""
-
-    roll: float = 0.0
-    pitch: float = 0.0
-    yaw: float = 0.0
-    """How that robot is turned about the fixed axes in [rad]."""
-
-    fixed_base: bool = False
-    """Whether that robot's root link does not move in hold and limp."""
 
     def __post_init__(self) -> None:
         """Check ranges."""
@@ -201,7 +212,7 @@ def read_parameters(kind, given=None):
     """Read a node's private parameters.
 
     Args:
-        kind: ``GazeboParameters`` or ``BridgeParameters``.
+        kind: One of the classes of this module.
         given: Values by name that win over the defaults, not over the server's.
 
     Returns:

@@ -88,12 +88,13 @@ class Model:
         return self.joint_names.index(name) if name in self.joint_names else -1
 
     def rewind(self) -> None:
-        """Go back to the pose of the beginning, all joints at zero, at rest."""
+        """Go back to where root and joints began, at rest."""
         self.root_pose = compose(self.initial_pose, self.assembly.root_pose)
         self.root_twist = np.zeros(6)
-        self.position = np.zeros(len(self.joint_names))
+        begin = self.assembly.positions
+        self.position = np.array([begin.get(name, 0.0) for name in self.joint_names])
         self.velocity = np.zeros(len(self.joint_names))
-        self.target = np.zeros(len(self.joint_names))
+        self.target = np.array(self.position)
         """Where the joints were last set: what motors hold, shape (n_joints,)."""
         self.update()
 

@@ -284,7 +284,7 @@ class World:
             self._engine.write(model)
 
     def reset(self) -> None:
-        """Begin again: time zero, models as spawned, joints at zero, nothing acts.
+        """Begin again: time zero, models and joints as spawned, nothing acts.
 
         PyBullet's world is built anew, so that a second run equals the first to
         the last bit.

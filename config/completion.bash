@@ -1,0 +1,68 @@
+# Completes the names of poses in bash; sourced by the workspace's setup.bash.
+#
+#   rosrun g1_description pose <TAB>
+#   roslaunch g1_description display.launch initial_pose:=<TAB>
+#
+# Everything else is left to what completed rosrun and roslaunch before.
+
+_g1_description_config=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
+
+# Print the names of all poses: keys at the beginning of a line.
+_g1_description_poses() {
+    sed -n 's/^\([A-Za-z][A-Za-z0-9_-]*\):.*/\1/p' "$_g1_description_config/poses.yaml" \
+        "${ROS_HOME:-$HOME/.ros}/g1_description/poses.yaml" 2>/dev/null
+}
+
+_g1_description_rosrun() {
+    local word=${COMP_WORDS[COMP_CWORD]} before=${COMP_WORDS[COMP_CWORD-1]}
+    if [[ $COMP_CWORD -lt 3 || ${COMP_WORDS[1]} != g1_description || ${COMP_WORDS[2]} != pose ]]; then
+        _g1_description_otherwise rosrun "$@"
+    elif [[ $before == --file ]]; then
+        compopt -o filenames 2>/dev/null
+        mapfile -t COMPREPLY < <(compgen -f -- "$word")
+    elif [[ $word == -* ]]; then
+        local options="--about --file --force --help --list --namespace --save --seconds"
+        mapfile -t COMPREPLY < <(compgen -W "$options" -- "$word")
+    elif [[ $before == --seconds || $before == --namespace || $before == --about ]]; then
+        COMPREPLY=()
+    else
+        mapfile -t COMPREPLY < <(compgen -W "$(_g1_description_poses)" -- "$word")
+    fi
+}
+
+# Readline takes := for a word of its own, or for the end of one that is empty.
+_g1_description_roslaunch() {
+    local before=${COMP_WORDS[*]:1:COMP_CWORD} word=${COMP_WORDS[COMP_CWORD]}
+    [[ $word == := || $word == = ]] && word=
+    if [[ ${COMP_WORDS[1]-} == g1_description && $before =~ initial_pose\ ?:=\ ?[^\ ]*$ ]]; then
+        compopt +o filenames 2>/dev/null
+        mapfile -t COMPREPLY < <(compgen -W "$(_g1_description_poses)" -- "${word##*:=}")
+    else
+        _g1_description_otherwise roslaunch "$@"
+    fi
+}
+
+# Let the function that completed a command before do it.
+_g1_description_otherwise() {
+    local function=_g1_description_${1}_before
+    shift
+    [[ -n ${!function-} ]] && "${!function}" "$@"
+}
+
+# Take a command over, with the options that it had.
+_g1_description_take() {
+    local now=_g1_description_$1 spec
+    spec=$(complete -p "$1" 2>/dev/null) || spec="complete -o bashdefault -o default $1"
+    if [[ $spec =~ \ -F\ \"?([A-Za-z0-9_:.-]+)\"?\  ]]; then
+        [[ ${BASH_REMATCH[1]} == "$now" ]] && return
+        printf -v "${now}_before" %s "${BASH_REMATCH[1]}"
+        spec=${spec/"${BASH_REMATCH[0]}"/ }
+    else
+        printf -v "${now}_before" %s ""
+    fi
+    eval "${spec% *} -F $now $1"
+}
+
+_g1_description_take rosrun
+_g1_description_take roslaunch
+unset -f _g1_description_take

@@ -1,0 +1,52 @@
+"""Where a robot begins, and in which pose."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import rospy
+
+from ..core.assembly import Assembly
+from ..core.description import parse_urdf
+from ..core.errors import DescriptionError
+from ..core.lumping import lump_fixed_joints
+from ..core.model_files import find_folder
+from ..core.poses import check_pose, find_pose
+from ..core.rotation import from_rpy
+from ..sim.standing import standing_height
+from .parameters import SpawnParameters
+from .pose_files import read_poses
+
+ZERO = "zero"
+"""The pose that needs no file: every robot has it."""
+
+
+def place_robot(parameters: SpawnParameters) -> tuple[Assembly, np.ndarray]:
+    """Read a robot and find where it begins.
+
+    Args:
+        parameters: Which robot, where and in which pose.
+
+    Returns:
+        The robot, its joints where the pose has them, and the pose of its model
+        frame in the world, shape (7,).
+
+    Raises:
+        G1DescriptionError: If there is no such robot or pose, or they don't match.
+    """
+    p = parameters
+    urdf = rospy.get_param(p.robot_description, None)
+    if not isinstance(urdf, str):
+        raise DescriptionError(
+            f"There is no robot on the parameter {p.robot_description}."
+        )
+    description = parse_urdf(urdf)
+    assembly = lump_fixed_joints(description)
+    if p.initial_pose != ZERO:
+        pose = find_pose(p.initial_pose, read_poses())
+        check_pose(pose, description)
+        assembly = replace(assembly, positions=pose.positions)
+    rotation = from_rpy(np.array([p.roll, p.pitch, p.yaw]))
+    z = standing_height(assembly, rotation, find_folder) if p.on_floor else p.z
+    return assembly, np.concatenate([[p.x, p.y, z], rotation])

@@ -1,0 +1,217 @@
+"""The package's poses on the robot: it stands, keeps its balance, hits nothing."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from conftest import REPOSITORY
+from oracle import forward_kinematics
+from scipy.spatial import ConvexHull
+from scipy.spatial.transform import Rotation
+
+from g1_description.core.description import parse_urdf
+from g1_description.core.lumping import lump_fixed_joints
+from g1_description.core.pose_text import parse_poses
+from g1_description.sim.standing import standing_height
+
+POSES = parse_poses((REPOSITORY / "config" / "poses.yaml").read_text(), "poses.yaml")
+UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
+ORIGIN = np.array([0.0, 0.0, 0.0, *UPRIGHT])
+FEET = ("left_ankle_roll_link", "right_ankle_roll_link")
+BALANCED = ["zero", "stand", "squat", "t_pose", "hands_up", "wave"]
+
+
+def in_pose(text, positions):
+    return replace(lump_fixed_joints(parse_urdf(text)), positions=positions)
+
+
+def spawn(world, text, positions, rotation=UPRIGHT):
+    """Spawn the robot on the floor."""
+    assembly = in_pose(text, positions)
+    z = standing_height(assembly, rotation, lambda name: None)
+    world.spawn("g1", assembly, np.array([0.0, 0.0, z, *rotation]))
+    return world.model("g1")
+
+
+def gaps(world, model, reach=0.05):
+    """Measure how far each link of a model is from the ground, where within reach."""
+    robot, ground = (world.body(n).number for n in (model.name, "ground_plane"))
+    distances = {}
+    for point in world.client.getClosestPoints(robot, ground, reach):
+        name = world.body(model.name).link_of(point[3])
+        distances.setdefault(name, []).append(point[8])
+    return distances
+
+
+@pytest.mark.parametrize("name", POSES)
+def test_a_robot_in_a_pose_stands_on_the_floor(make_world, g1, name):
+    world = make_world()
+    model = spawn(world, g1, POSES[name].positions)
+    distances = gaps(world, model)
+    assert set(distances) >= set(FEET)
+    assert 0.0 < min(map(min, distances.values())) < 0.003
+    assert not world.contacts()
+
+
+def test_a_robot_lying_down_is_on_the_floor_too(make_world, g1):
+    world = make_world()
+    lying = Rotation.from_euler("xyz", [0.0, math.pi / 2, 0.3]).as_quat()
+    model = spawn(world, g1, POSES["t_pose"].positions, lying)
+    lowest = min(map(min, gaps(world, model).values()))
+    assert 0.0 < lowest < 0.003
+
+
+def test_the_height_is_that_of_the_lowest_corner(make_world):
+    """A box of 2 m on its corner, and a robot without shapes, by hand."""
+    box = """<robot name="r"><link name="box"><inertial><mass value="1"/>
+    <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>{}</link>
+    </robot>"""
+    shape = '<collision><geometry><box size="2 2 2"/></geometry></collision>'
+    turn = Rotation.from_euler("xyz", [math.pi / 4, math.atan(math.sqrt(0.5)), 1.0])
+    for text, lowest in ((box.format(shape), math.sqrt(3.0)), (box.format(""), 0.0)):
+        z = standing_height(in_pose(text, {}), turn.as_quat(), lambda name: None)
+        assert lowest + 0.0005 <= z <= lowest + 0.0016
+
+
+@pytest.mark.parametrize("name", POSES)
+def test_both_soles_are_flat(make_world, g1, name):
+    """All four corners of both feet are equally high, by scipy."""
+    poses = forward_kinematics(g1, ORIGIN, POSES[name].positions)
+    for foot in FEET:
+        up = Rotation.from_quat(poses[foot][3:]).apply([0.0, 0.0, 1.0])
+        np.testing.assert_allclose(up, [0.0, 0.0, 1.0], atol=1e-3)
+    assert poses[FEET[0]][2] == pytest.approx(poses[FEET[1]][2], abs=1e-4)
+
+
+def center_of_mass(description, poses):
+    """Find it by scipy, shape (3,)."""
+    masses = [(n.inertial, poses[n.name]) for n in description.links if n.inertial]
+    total = sum(inertial.mass for inertial, _ in masses)
+    return (
+        sum(
+            inertial.mass
+            * (pose[:3] + Rotation.from_quat(pose[3:]).apply(inertial.center_of_mass))
+            for inertial, pose in masses
+        )
+        / total
+    )
+
+
+def margin(points, point):
+    """Tell how far inside the hull of points a point is, in [m]; all shape (2,)."""
+    return -(ConvexHull(points).equations @ [*point, 1.0]).max()
+
+
+@pytest.mark.parametrize("name", BALANCED)
+def test_the_center_of_mass_is_over_the_feet(make_world, g1, name):
+    """At least two centimetres from the edge of what its contacts span."""
+    world = make_world()
+    model = spawn(world, g1, POSES[name].positions)
+    robot, ground = (world.body(n).number for n in ("g1", "ground_plane"))
+    points = world.client.getClosestPoints(robot, ground, 0.005)
+    feet = np.array([point[5][:2] for point in points])
+    pose = np.array(model.pose)
+    poses = forward_kinematics(g1, pose, POSES[name].positions)
+    assert margin(feet, center_of_mass(parse_urdf(g1), poses)[:2]) > 0.02
+
+
+def rigid_bodies(assembly):
+    """Name the pairs of bodies that a joint joins."""
+    return {frozenset((j.parent, j.child)) for j in assembly.description.joints}
+
+
+@pytest.mark.parametrize("name", POSES)
+def test_no_links_but_neighbours_touch(make_world, g1, name):
+    """PyBullet's distances between all shapes of the robot, whatever they are."""
+    world = make_world()
+    model = spawn(world, g1, POSES[name].positions)
+    body = world.body("g1")
+    neighbours = rigid_bodies(model.assembly)
+    numbers = range(-1, world.client.getNumJoints(body.number))
+    touching = {
+        (body.link_of(one), body.link_of(other))
+        for one in numbers
+        for other in numbers
+        if one < other
+        and frozenset((body.link_of(one), body.link_of(other))) not in neighbours
+        and world.client.getClosestPoints(body.number, body.number, 0.0, one, other)
+    }
+    assert not touching
+
+
+def directions(text, name, *pairs):
+    """Give unit vectors from the first to the second link of each pair."""
+    poses = forward_kinematics(text, ORIGIN, POSES[name].positions)
+    ways = np.array([poses[end][:3] - poses[begin][:3] for begin, end in pairs])
+    return ways / np.linalg.norm(ways, axis=1)[:, np.newaxis]
+
+
+@pytest.mark.parametrize(("side", "sign"), [("left", 1.0), ("right", -1.0)])
+def test_limbs_point_where_the_names_of_poses_say(g1, side, sign):
+    upper = f"{side}_shoulder_roll_link", f"{side}_elbow_link"
+    fore = f"{side}_elbow_link", f"{side}_wrist_yaw_link"
+    thigh = f"{side}_hip_roll_link", f"{side}_knee_link"
+    level = np.radians(15.0)
+    np.testing.assert_allclose(
+        directions(g1, "t_pose", upper, fore), [[0.0, sign, 0.0]] * 2, atol=level
+    )
+    assert (directions(g1, "hands_up", upper, fore)[:, 2] > np.cos(level)).all()
+    (way,) = directions(g1, "sit", thigh)
+    assert abs(way[2]) < level
+    (shank,) = directions(g1, "sit", (f"{side}_knee_link", f"{side}_ankle_pitch_link"))
+    assert shank[2] < -np.cos(level)
+
+
+def test_one_hand_waves(g1):
+    hand, head, other = (
+        forward_kinematics(g1, ORIGIN, POSES["wave"].positions)[name][2]
+        for name in ("right_wrist_yaw_link", "head_link", "left_wrist_yaw_link")
+    )
+    assert hand > head + 0.4
+    assert other < hand - 0.4
+
+
+def test_a_squat_is_deep(g1):
+    depth = [
+        standing_height(in_pose(g1, POSES[name].positions), UPRIGHT, lambda name: None)
+        for name in ("zero", "stand", "squat")
+    ]
+    assert depth[0] > depth[1] > depth[0] - 0.05
+    assert depth[2] < 0.5 * depth[0]
+
+
+def test_a_standing_robot_stands_for_a_minute_in_hold(make_world, g1):
+    """Its pelvis stays within a centimetre, from the first step on."""
+    world = make_world("hold")
+    model = spawn(world, g1, POSES["stand"].positions)
+    begin = model.pose
+    farthest = 0.0
+    for _ in range(600):
+        world.run(0.1)
+        farthest = max(farthest, np.linalg.norm(model.pose[:3] - begin[:3]))
+    assert farthest < 0.01
+    tilt = Rotation.from_quat(model.pose[3:]).magnitude()
+    assert tilt < 0.05
+
+
+def test_joints_begin_in_the_pose_and_motors_hold_them_there(make_world, g1):
+    world = make_world("hold")
+    model = spawn(world, g1, POSES["stand"].positions)
+    wanted = [POSES["stand"].positions.get(name, 0.0) for name in model.joint_names]
+    np.testing.assert_array_equal(model.position, wanted)
+    np.testing.assert_array_equal(model.target, wanted)
+    world.step()
+    np.testing.assert_allclose(model.position, wanted, atol=1e-3)
+
+
+def test_a_reset_brings_the_pose_back(make_world, g1):
+    world = make_world("hold")
+    model = spawn(world, g1, POSES["stand"].positions)
+    begin = [part.copy() for part in world.link_states()]
+    world.set_joint_positions("g1", {"left_elbow_joint": 0.0})
+    world.run(0.2)
+    world.reset()
+    for part, first in zip(world.link_states(), begin):
+        np.testing.assert_array_equal(part, first)
+    np.testing.assert_array_equal(model.target, model.position)

@@ -1,0 +1,206 @@
+"""Files of poses: what is read, and what is refused with a sentence."""
+
+import numpy as np
+import pytest
+from conftest import REPOSITORY
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.interpolate import BPoly
+
+from g1_description.core.description import parse_urdf
+from g1_description.core.errors import (
+    InvalidValueError,
+    PoseFileError,
+    UnknownNameError,
+)
+from g1_description.core.motion import minimum_jerk
+from g1_description.core.pose_text import parse_poses, with_pose
+from g1_description.core.poses import (
+    Pose,
+    check_pose,
+    find_pose,
+    pose_positions,
+)
+
+POSES = parse_poses((REPOSITORY / "config" / "poses.yaml").read_text(), "poses.yaml")
+G1 = parse_urdf((REPOSITORY / "urdf" / "g1_29dof.urdf").read_text())
+DATA = REPOSITORY / "test" / "data"
+
+
+def test_the_package_has_these_poses_each_with_a_line_of_text():
+    names = ["zero", "stand", "squat", "t_pose", "hands_up", "wave", "sit"]
+    assert list(POSES) == names
+    assert all(pose.about for pose in POSES.values())
+
+
+@pytest.mark.parametrize("name", POSES)
+def test_a_pose_of_the_package_is_one_of_the_g1(g1, name):
+    check_pose(POSES[name], parse_urdf(g1))
+
+
+@pytest.mark.parametrize("name", ["stand", "squat", "sit", "t_pose", "hands_up"])
+def test_left_and_right_mirror_each_other(name):
+    positions = POSES[name].positions
+    for joint, position in positions.items():
+        turned = -1.0 if joint.endswith(("_roll_joint", "_yaw_joint")) else 1.0
+        if joint.startswith("left_"):
+            assert positions[f"right_{joint[5:]}"] == turned * position
+
+
+def test_a_file_maps_names_to_joints_and_joints_to_positions():
+    text = "low:\n  about: one\n    line\n  knee: 1\n  hip: -0.5\nzero: {}\n"
+    assert parse_poses(text, "here") == {
+        "low": Pose("low", {"knee": 1.0, "hip": -0.5}, "one line", "here"),
+        "zero": Pose("zero", {}, "", "here"),
+    }
+    assert parse_poses("# nothing yet\n", "here") == {}
+
+
+def test_a_pose_may_begin_with_another_one():
+    text = "low: &low {knee: 1, hip: 2}\nlower:\n  <<: *low\n  hip: 3\n"
+    assert parse_poses(text, "here")["lower"].positions == {"knee": 1.0, "hip": 3.0}
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("- knee", "here holds a list, it must map names"),
+        ("low: 3", "Pose low of here is 3, it must map joints"),
+        ("low:", "Pose low of here is None, it must map joints"),
+        ("two words: {}", "cannot be called 'two words'"),
+        ("1: {}", "cannot be called 1: names begin with a letter"),
+        ("low: {about: 3}", "has about: 3, it must be a text"),
+        ("low: {3: 1.0}", "has 3 for the name of a joint"),
+        ("low: {}\nhigh: {}\nlow: {}", "line 3: 'low' stands there twice"),
+        ("low:\n  knee: 1\n  knee: 2", "line 3: 'knee' stands there twice"),
+        ("low: {knee: [}", "here cannot be read, line 1: "),
+        ("low: {? [a] : 1}", "line 1: "),
+        ("low: \x00", "here cannot be read: "),
+        ("[" * 5000, "here cannot be read"),
+    ],
+)
+def test_a_text_of_another_form_is_refused(text, words):
+    with pytest.raises(PoseFileError) as told:
+        parse_poses(text, "here")
+    assert words in str(told.value)
+    assert "\n" not in str(told.value)
+
+
+@pytest.mark.parametrize("value", [".nan", ".inf", "true", "'1'", "[1]", "null"])
+def test_a_position_is_a_finite_number(value):
+    with pytest.raises(InvalidValueError, match="Pose low of here has knee at"):
+        parse_poses(f"low: {{knee: {value}}}", "here")
+
+
+FILE = """# mine
+
+low:  # deep
+  knee: 1.0  # bent
+# the next one
+high: {hip: 2}
+"""
+
+
+def test_a_new_pose_is_added_behind_all_others():
+    text = with_pose(FILE, Pose("flat", {"hip": -0.5}, "lies: down"), "here")
+    assert text == FILE + "\nflat:\n  about: 'lies: down'\n  hip: -0.5\n"
+    assert with_pose("", Pose("flat"), "here") == "flat: {}\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "old"),
+    [("low", "low:  # deep\n  knee: 1.0  # bent\n"), ("high", "high: {hip: 2}\n")],
+)
+def test_a_pose_is_replaced_and_all_other_lines_stay(name, old):
+    text = with_pose(FILE, Pose(name, {"hip": 3.0}), "here")
+    assert text == FILE.replace(old, f"{name}:\n  hip: 3.0\n")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "{low: {knee: 1}, high: {}}",
+        "low: &low {knee: 1}\nhigh: *low\n",
+        "? low\n: {knee: 1}\n",
+    ],
+)
+def test_a_form_that_cannot_be_added_to_is_refused(text):
+    with pytest.raises(PoseFileError, match="here is written in a form that cannot"):
+        with_pose(text, Pose("low", {"knee": 2.0}), "here")
+
+
+@given(
+    st.lists(st.sampled_from(["on", "low", "e1", "null", "n-o"]), max_size=6),
+    st.dictionaries(
+        st.sampled_from(["knee", "no", "hip"]), st.floats(-1e9, 1e9), max_size=3
+    ),
+    st.text(max_size=20).map(lambda text: " ".join(text.split())),
+)
+def test_what_is_written_is_read_back(names, positions, about):
+    text, expected = "", {}
+    for number, name in enumerate(names):
+        shifted = {joint: value + number for joint, value in positions.items()}
+        expected[name] = Pose(name, shifted, about, "here")
+        text = with_pose(text, expected[name], "here")
+    assert parse_poses(text, "here") == expected
+
+
+def test_an_unknown_pose_is_answered_with_the_near_names_first():
+    with pytest.raises(UnknownNameError) as told:
+        find_pose("sqat", POSES)
+    assert "no pose 'sqat'; there are squat, zero, stand" in str(told.value)
+
+
+def test_a_joint_that_the_robot_does_not_have_is_named_with_near_ones():
+    with pytest.raises(UnknownNameError) as told:
+        check_pose(Pose("low", {"left_kne_joint": 0.0}, "", "here"), G1)
+    assert "left_kne_joint, which is no movable joint of 'g1_29dof'" in str(told.value)
+    assert "there are left_knee_joint, " in str(told.value)
+
+
+@pytest.mark.parametrize("position", [-0.1, 2.9])
+def test_a_position_is_inside_the_limits(position):
+    with pytest.raises(InvalidValueError) as told:
+        check_pose(Pose("low", {"left_knee_joint": position}, "", "here"), G1)
+    words = f"has left_knee_joint at {position}, its limits are -0.087267 and 2.8798."
+    assert words in str(told.value)
+
+
+def test_joints_that_are_not_named_are_at_zero_or_the_limit_next_to_it():
+    (joint,) = (
+        robot := parse_urdf((DATA / "range_2_8.urdf").read_text())
+    ).movable_joints
+    np.testing.assert_array_equal(pose_positions(Pose("zero"), robot), [joint.lower])
+    positions = dict(zip((j.name for j in G1.movable_joints), range(29)))
+    squat = pose_positions(POSES["squat"], G1)
+    for name, row in positions.items():
+        assert squat[row] == POSES["squat"].positions.get(name, 0.0)
+
+
+ANGLES = st.lists(st.floats(-10.0, 10.0), min_size=3, max_size=3).map(np.array)
+SHARE = st.floats(-0.5, 1.5)
+
+
+@given(ANGLES, ANGLES, SHARE, SHARE)
+def test_a_smooth_way_never_overshoots_nor_turns_back(start, goal, one, other):
+    sooner, later = (minimum_jerk(start, goal, share) for share in sorted([one, other]))
+    for way in (sooner, later):
+        assert (way >= np.minimum(start, goal)).all()
+        assert (way <= np.maximum(start, goal)).all()
+    assert ((later - sooner) * np.sign(goal - start) >= -1e-12).all()
+
+
+@given(ANGLES, ANGLES)
+def test_a_smooth_way_begins_and_ends_where_it_should(start, goal):
+    for share in (0.0, -1.0):
+        np.testing.assert_array_equal(minimum_jerk(start, goal, share), start)
+    for share in (1.0, 2.0):
+        np.testing.assert_array_equal(minimum_jerk(start, goal, share), goal)
+
+
+@given(st.floats(0.0, 1.0))
+def test_a_smooth_way_is_scipys_polynomial_at_rest_at_both_ends(share):
+    """Velocity and acceleration are zero at the ends: that is minimum jerk."""
+    rest = BPoly.from_derivatives([0.0, 1.0], [[-1.0, 0.0, 0.0], [2.0, 0.0, 0.0]])
+    way = minimum_jerk(np.array([-1.0]), np.array([2.0]), share)
+    np.testing.assert_allclose(way, [rest(share)], atol=1e-12)
