@@ -9,6 +9,7 @@ from conftest import REPOSITORY
 from oracle import forward_kinematics
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
+from worlds import find_package
 
 from g1_description.core.description import parse_urdf
 from g1_description.core.lumping import lump_fixed_joints
@@ -29,7 +30,7 @@ def in_pose(text, positions):
 def spawn(world, text, positions, rotation=UPRIGHT):
     """Spawn the robot on the floor."""
     assembly = in_pose(text, positions)
-    z = standing_height(assembly, rotation, lambda name: None)
+    z = standing_height(assembly, rotation, find_package)
     world.spawn("g1", assembly, np.array([0.0, 0.0, z, *rotation]))
     return world.model("g1")
 
@@ -70,7 +71,7 @@ def test_the_height_is_that_of_the_lowest_corner(make_world):
     shape = '<collision><geometry><box size="2 2 2"/></geometry></collision>'
     turn = Rotation.from_euler("xyz", [math.pi / 4, math.atan(math.sqrt(0.5)), 1.0])
     for text, lowest in ((box.format(shape), math.sqrt(3.0)), (box.format(""), 0.0)):
-        z = standing_height(in_pose(text, {}), turn.as_quat(), lambda name: None)
+        z = standing_height(in_pose(text, {}), turn.as_quat(), find_package)
         assert lowest + 0.0005 <= z <= lowest + 0.0016
 
 
@@ -174,7 +175,7 @@ def test_one_hand_waves(g1):
 
 def test_a_squat_is_deep(g1):
     depth = [
-        standing_height(in_pose(g1, POSES[name].positions), UPRIGHT, lambda name: None)
+        standing_height(in_pose(g1, POSES[name].positions), UPRIGHT, find_package)
         for name in ("zero", "stand", "squat")
     ]
     assert depth[0] > depth[1] > depth[0] - 0.05
