@@ -24,6 +24,9 @@ from .descriptions import find_parameter
 PATIENCE = 10.0
 """Longest wait for the bridge, or for what it shows, in [s]."""
 
+AGAIN = 1.0
+"""Time after which a goal is sent again, in [s]."""
+
 QUIET = 2.0
 """Time without joint states after which that is told, in [s]."""
 
@@ -134,12 +137,13 @@ class PosedRobot:
         self._commands.publish(message)
 
     def _arrive(self, goal: np.ndarray) -> None:
-        """Send the goal and wait until the joints are there."""
-        self._publish(goal)
+        """Send the goal, once a second, until the joints are there."""
         with self._changed:
             self._newest = None
-        if self._wait(lambda: self._newest and not self._away(goal), PATIENCE):
-            return
+        for _ in range(int(PATIENCE / AGAIN)):
+            self._publish(goal)
+            if self._wait(lambda: self._newest and not self._away(goal), AGAIN):
+                return
         topic = self._states.resolved_name
         if self._newest is None:
             raise NoAnswerError(
