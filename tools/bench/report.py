@@ -105,6 +105,6 @@ def table(bench, part):
     return lines
 
 
-def command_line():
+def command_line(tool="tools/benchmark"):
     """Give the command as it was typed."""
-    return " ".join(["tools/benchmark", *sys.argv[1:]])
+    return " ".join([tool, *sys.argv[1:]])

@@ -1,0 +1,45 @@
+"""Our G1 looks like the vendor's, as PyBullet's software renderer sees both."""
+
+import numpy as np
+import pytest
+from conftest import REPOSITORY, VENDOR
+from worlds import find_package
+
+from g1_description.core.camera import Camera
+from g1_description.core.description import parse_urdf
+from g1_description.core.resources import with_absolute_uris
+from g1_description.core.transform import IDENTITY
+from g1_description.sim.picture import silhouette
+from g1_description.sim.scene import NOTHING, Scene
+
+OURS = REPOSITORY / "urdf" / "g1_29dof.urdf"
+BENT = {
+    f"{side}_{joint}_joint": angle
+    for side in ("left", "right")
+    for joint, angle in {"hip_pitch": -1.2, "knee": 1.9, "ankle_pitch": -0.7}.items()
+}
+
+
+@pytest.fixture(scope="module")
+def scenes():
+    """Give ours and the vendor's, each alone."""
+    if not VENDOR.exists():
+        pytest.skip("the vendor's g1_29dof.urdf is not beside the repository")
+    found = [Scene(), Scene()]
+    for scene, file in zip(found, (OURS, VENDOR)):
+        text = with_absolute_uris(file.read_text(), file.parent)
+        scene.add(parse_urdf(text), find_package)
+    yield found
+    for scene in found:
+        scene.close()
+
+
+@pytest.mark.parametrize("positions", [{}, BENT], ids=["zero", "bent"])
+@pytest.mark.parametrize("view", [(0, 0), (90, 0), (180, 0), (40, 20), (-50, -20)])
+def test_silhouettes_cover_each_other(scenes, view, positions):
+    camera = Camera(np.array([0.0, 0.0, -0.13]), *np.radians(view), 1.7)
+    for scene in scenes:
+        scene.place(0, np.array(IDENTITY), positions)
+    ours, vendors = (silhouette(s, camera, 900, 900) != NOTHING for s in scenes)
+    assert vendors.sum() > 20_000
+    assert (ours & vendors).sum() / (ours | vendors).sum() >= 0.93
