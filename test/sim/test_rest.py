@@ -144,3 +144,18 @@ def test_what_turns_round_does_not_rest():
         speeds.append(world.model("pendulum").velocity[0])
     # I = 0.1 + 1 * 0.5^2, so the period is 2 pi sqrt(0.35 / 4.9) = 1.7 s.
     np.testing.assert_allclose(max(speeds), 1e-4 * np.sqrt(4.9 / 0.35), rtol=0.05)
+
+
+def test_a_pole_that_is_off_its_balance_by_a_hair_topples():
+    world = Bench("limp")
+    world.spawn_urdf("pole", PENDULUM, above(2.0))
+    world.set_joint_positions("pole", {"joint": np.pi + 1e-6})
+    world.run(6.0)
+    assert abs(world.model("pole").position[0] - np.pi) > 1.0
+
+
+def test_what_hardly_weighs_falls():
+    world = Bench("limp", gravity=(0.0, 0.0, -5e-5))
+    world.spawn_urdf("box", BOX, above(1.0))
+    world.run(4.0)
+    np.testing.assert_allclose(world.model("box").twist[2], -2e-4, rtol=0.01)

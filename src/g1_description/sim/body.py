@@ -132,14 +132,11 @@ class Body:
             model.position, model.velocity = np.array([s[:2] for s in states]).T
         model.update()
 
-    def is_faster_than(self, speed: float) -> bool:
-        """Tell whether a joint or the root exceeds a speed in [m/s] or [rad/s]."""
+    @property
+    def speed(self) -> float:
+        """The greatest speed of a joint or of the root, in [m/s] or [rad/s]."""
         model = self._model
-        velocities = model.velocity, model.root_twist
-        return any(
-            v.max(initial=0.0) > speed or v.min(initial=0.0) < -speed
-            for v in velocities
-        )
+        return float(np.abs(np.concatenate([model.velocity, model.root_twist])).max())
 
     def stop(self) -> None:
         """Take the model's velocities for zero; PyBullet keeps what it has."""

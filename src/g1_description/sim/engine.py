@@ -21,7 +21,8 @@ STILL = 1e-5
 """What is slower stands still, in [m/s] or [rad/s]."""
 
 REST = 0.1
-"""The world rests when all in it stood still for so long, in [s] of simulated time."""
+"""The world rests when all in it stood still for so long and became no faster, in [s]
+of simulated time."""
 
 
 class Engine:
@@ -57,7 +58,7 @@ class Engine:
         self._client = BulletClient(pybullet.DIRECT)
         self._bodies: dict[str, Body] = {}
         self._properties = properties
-        self._still_for = 0.0
+        self._still_for = self._speed_before = 0.0
         properties.apply(self._client)
 
     def close(self) -> None:
@@ -186,12 +187,22 @@ class Engine:
         self._watch_for_rest()
 
     def _watch_for_rest(self) -> None:
-        """Count for how long all stands still, and stop it when that is enough."""
-        if any(body.is_faster_than(STILL) for body in self._bodies.values()):
+        """Count for how long all stands still, and stop it when that is enough.
+
+        What becomes faster is about to move, however slow it is: a pole that begins
+        to topple.
+        """
+        speeds = [body.speed for body in self._bodies.values() if body.moves]
+        speed = float(np.max(speeds, initial=0.0))
+        if not speed <= STILL:
             self._still_for = 0.0
             return
+        if self._still_for == 0.0:
+            self._speed_before = speed
         self._still_for += self._properties.time_step
-        if self._still_for >= REST:
+        if self._still_for >= REST and speed > self._speed_before:
+            self._still_for = 0.0
+        elif self._still_for >= REST:
             for body in self._bodies.values():
                 body.stop()
 
