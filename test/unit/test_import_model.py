@@ -22,6 +22,7 @@ from g1_description.core.errors import DescriptionError
 from g1_description.core.model_text import read_model
 from g1_description.core.resources import local_path, with_absolute_uris
 from g1_description.importer.command import run
+from g1_description.importer.folder import Folder
 
 LINK = '<link name="{}"><inertial><mass value="2"/><inertia {}/></inertial>{}</link>'
 ROUND = 'ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"'
@@ -174,6 +175,27 @@ def test_all_kinds_of_names_are_found(bring, source, tmp_path, monkeypatch):
     paths = [path for path, _ in mesh_files(urdf).values()]
     assert len(paths) == 6
     assert len(set(paths)) == 2
+
+
+def test_a_name_that_goes_up_leads_out_of_no_folder(bring, source, out):
+    stl(source / "meshes" / "a.stl")
+    stl(source.parent / "z.stl")
+    before = contents(source.parent)
+    names = ("meshes/a.stl", "package://source/meshes/../../z.stl")
+    urdf = bring(robot("".join(shape("visual", name) for name in names)))
+    after = contents(source.parent)
+    assert all(after[name] == data for name, data in before.items())
+    written = set(after) - set(before) - {"source/r.urdf"}
+    assert all(name.startswith("out/") for name in written)
+    assert all(out in path.parents for path, _ in mesh_files(urdf).values())
+
+
+def test_nothing_is_written_beside_the_folder(out):
+    folder = Folder(out, replace=True)
+    words = r"meshes/\.\./\.\./z\.stl would be outside"
+    with pytest.raises(DescriptionError, match=words), folder.completed():
+        folder.write("meshes/../../z.stl", b"")
+    assert not list(out.parent.iterdir())
 
 
 def test_a_missing_mesh_is_named_and_taken_out(bring, source):
