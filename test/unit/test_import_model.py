@@ -259,6 +259,34 @@ def test_materials_and_textures_come_along(bring, source):
     assert "../meshes/pictures/t.png" in urdf.read_text()
 
 
+def test_all_materials_of_a_line_come_along(bring, source):
+    source.mkdir()
+    for name in ("a.mtl", "b.mtl", "c d.mtl"):
+        (source / name).write_text(f"newmtl {name[0]}\n")
+    box = trimesh.creation.box().export(file_type="obj", header="")
+    lines = "mtllib a.mtl b.mtl no.mtl\nmtllib c d.mtl\n"
+    (source / "x.obj").write_text(lines + box)
+    urdf = bring(robot(shape("visual", "x.obj")))
+    written = set(contents(urdf.parents[1] / "meshes"))
+    assert written == {"x.obj", "a.mtl", "b.mtl", "c d.mtl"}
+    assert "x.obj names no.mtl, which does not exist" in bring.told
+
+
+def test_only_images_of_a_dae_are_files(bring, source):
+    source.mkdir()
+    for name in ("a.png", "b.png"):
+        (source / name).write_bytes(b"PNG")
+    (source / "x.dae").write_text(
+        '<COLLADA><image id="empty"/><surface><init_from>tex_img</init_from></surface>'
+        '<image id="tex_img">\n<init_from>a.png</init_from></image><surface>'
+        "<init_from>tex_img</init_from></surface><library_images><image>"
+        "<init_from><ref>b.png</ref></init_from></image></library_images></COLLADA>"
+    )
+    urdf = bring(robot(shape("visual", "x.dae")))
+    assert set(contents(urdf.parents[1] / "meshes")) == {"x.dae", "a.png", "b.png"}
+    assert "tex_img" not in bring.told
+
+
 def test_links_without_mass_are_told_apart(bring):
     text = robot(
         "",
