@@ -23,6 +23,7 @@ from g1_description.core.model_text import read_model
 from g1_description.core.resources import local_path, with_absolute_uris
 from g1_description.importer.command import run
 from g1_description.importer.folder import Folder
+from g1_description.importer.places import Places
 
 LINK = '<link name="{}"><inertial><mass value="2"/><inertia {}/></inertial>{}</link>'
 ROUND = 'ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"'
@@ -285,6 +286,32 @@ def test_only_images_of_a_dae_are_files(bring, source):
     urdf = bring(robot(shape("visual", "x.dae")))
     assert set(contents(urdf.parents[1] / "meshes")) == {"x.dae", "a.png", "b.png"}
     assert "tex_img" not in bring.told
+
+
+def test_what_a_mesh_names_keeps_its_place(bring, source):
+    source.mkdir()
+    for name in ("a b.png", "a_b.png", "c d", "c_d/t u/w.png"):
+        (source / name).parent.mkdir(parents=True, exist_ok=True)
+        (source / name).write_bytes(b"PNG " + name.encode())
+    (source / "x.dae").write_text(
+        "<COLLADA><image><init_from>a_b.png</init_from></image>"
+        "<image><init_from>c_d/t u/w.png</init_from></image></COLLADA>"
+    )
+    textures = "".join(
+        f'<material name="{name}"><texture filename="{name}"/></material>'
+        for name in ("a b.png", "c d")
+    )
+    urdf = bring(robot(shape("visual", "x.dae"), links=textures))
+    named = re.findall('texture filename="(.*?)"', urdf.read_text())
+    written = [(urdf.parent / name).read_bytes() for name in named]
+    assert written == [b"PNG a b.png", b"PNG c d"]
+    for name in ("a_b.png", "c_d/t u/w.png"):
+        copy = urdf.parents[1] / "meshes" / name
+        assert copy.read_bytes() == (source / name).read_bytes()
+
+
+def test_a_root_of_two_slashes_is_a_root_too():
+    assert Places([Path("/a/x.png"), Path("//a/x.png")]).place(Path("//a/x.png"))
 
 
 def test_links_without_mass_are_told_apart(bring):
