@@ -336,6 +336,22 @@ def test_links_without_mass_are_told_apart(bring):
     assert "Mass 0" not in again
 
 
+def test_a_link_of_mass_zero_that_could_move_is_named(bring):
+    zero = LINK.replace('value="2"', 'value="0"')
+    nothing = ROUND.replace('"1"', '"0"')
+    links = zero.format("loose", nothing, "") + zero.format("held", nothing, "")
+    text = robot(
+        "",
+        links=f'{links}<joint name="a" type="continuous"><parent link="base"/>'
+        '<child link="loose"/></joint><joint name="b" type="fixed">'
+        '<parent link="base"/><child link="held"/></joint>',
+    )
+    urdf = bring(text)
+    assert "Link loose has no <inertial> with a mass" in bring.told
+    assert "held" not in bring.told
+    assert links in urdf.read_text()
+
+
 def test_a_root_without_mass_stays_as_it_is(bring):
     text = robot(
         "",
