@@ -575,6 +575,7 @@ def command(*arguments, first="", **options):
         (["r.urdf", "--decimate", "3"], "'3' is no whole number from 4 on"),
         (["r.urdf", "--out", "/proc/x"], "/proc/.import_model-"),
         (["r.urdf", "--out", ""], "argument --out: '' is no folder"),
+        (["~nouser/x"], "There is no folder ~nouser"),
         ([], "the following arguments are required: model"),
     ],
 )

@@ -61,6 +61,10 @@ def test_the_home_is_known(write, tmp_path, monkeypatch):
     assert read_model("~/r.urdf").path == path
 
 
+def test_a_home_that_nobody_has_is_told():
+    assert "There is no folder ~nouser" in refusal("~nouser/r.urdf")
+
+
 def test_xacro_takes_arguments(write):
     file = write("r.urdf.xacro", XACRO)
     assert read_model(str(file)).description.link_names == ("a",)
@@ -164,6 +168,19 @@ def test_what_may_not_be_read_is_told(write):
     path = write("secret.urdf")
     path.chmod(0)
     assert "Permission denied" in refusal(path)
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may read everything")
+@pytest.mark.parametrize("mode", [0o100, 0o000])
+def test_what_is_near_is_left_out_where_it_may_not_be_read(write, mode):
+    folder = write("secret/r.urdf").parent
+    folder.chmod(mode)
+    try:
+        assert refusal(folder).endswith("secret is a folder.")
+        told = refusal(folder / "x.urdf")
+        assert told.endswith("no file " + str(folder / "x.urdf") + ".") == (mode > 0)
+    finally:
+        folder.chmod(0o700)
 
 
 def test_the_command_prints_the_robot_or_one_sentence(write, monkeypatch, capfd):
