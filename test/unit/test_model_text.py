@@ -92,6 +92,14 @@ def test_the_file_that_xacro_fails_in_is_named(write):
     assert "mismatched tag: line 2" in refusal(write("x.xacro", "<robot>\n</link>"))
 
 
+@pytest.mark.parametrize("encoding", ["latin-1", "ascii"])
+def test_an_error_of_xacro_is_read_in_any_encoding(write, monkeypatch, encoding):
+    monkeypatch.setenv("PYTHONIOENCODING", encoding)
+    told = refusal(write("größe.xacro", "<robot>\n</link>"))
+    assert "mismatched tag" in told
+    assert "größe.xacro" in told
+
+
 def test_an_argument_that_nothing_asks_for_is_refused(write):
     file = write("r.xacro", XACRO)
     assert "has no argument hnad" in refusal(f"{file} hnad=true")
