@@ -22,6 +22,8 @@ from g1_description.core.errors import DescriptionError
 from g1_description.core.model_text import read_model
 from g1_description.core.resources import local_path, with_absolute_uris
 from g1_description.importer.command import run
+from g1_description.importer.folder import Folder
+from g1_description.importer.places import Places
 
 LINK = '<link name="{}"><inertial><mass value="2"/><inertia {}/></inertial>{}</link>'
 ROUND = 'ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"'
@@ -176,6 +178,27 @@ def test_all_kinds_of_names_are_found(bring, source, tmp_path, monkeypatch):
     assert len(set(paths)) == 2
 
 
+def test_a_name_that_goes_up_leads_out_of_no_folder(bring, source, out):
+    stl(source / "meshes" / "a.stl")
+    stl(source.parent / "z.stl")
+    before = contents(source.parent)
+    names = ("meshes/a.stl", "package://source/meshes/../../z.stl")
+    urdf = bring(robot("".join(shape("visual", name) for name in names)))
+    after = contents(source.parent)
+    assert all(after[name] == data for name, data in before.items())
+    written = set(after) - set(before) - {"source/r.urdf"}
+    assert all(name.startswith("out/") for name in written)
+    assert all(out in path.parents for path, _ in mesh_files(urdf).values())
+
+
+def test_nothing_is_written_beside_the_folder(out):
+    folder = Folder(out, replace=True)
+    words = r"meshes/\.\./\.\./z\.stl would be outside"
+    with pytest.raises(DescriptionError, match=words), folder.completed():
+        folder.write("meshes/../../z.stl", b"")
+    assert not list(out.parent.iterdir())
+
+
 def test_a_missing_mesh_is_named_and_taken_out(bring, source):
     stl(source / "a.stl")
     stl(source / "cut.stl")
@@ -237,6 +260,60 @@ def test_materials_and_textures_come_along(bring, source):
     assert "../meshes/pictures/t.png" in urdf.read_text()
 
 
+def test_all_materials_of_a_line_come_along(bring, source):
+    source.mkdir()
+    for name in ("a.mtl", "b.mtl", "c d.mtl"):
+        (source / name).write_text(f"newmtl {name[0]}\n")
+    box = trimesh.creation.box().export(file_type="obj", header="")
+    lines = "mtllib a.mtl b.mtl no.mtl\nmtllib c d.mtl\n"
+    (source / "x.obj").write_text(lines + box)
+    urdf = bring(robot(shape("visual", "x.obj")))
+    written = set(contents(urdf.parents[1] / "meshes"))
+    assert written == {"x.obj", "a.mtl", "b.mtl", "c d.mtl"}
+    assert "x.obj names no.mtl, which does not exist" in bring.told
+
+
+def test_only_images_of_a_dae_are_files(bring, source):
+    source.mkdir()
+    for name in ("a.png", "b.png"):
+        (source / name).write_bytes(b"PNG")
+    (source / "x.dae").write_text(
+        '<COLLADA><image id="empty"/><surface><init_from>tex_img</init_from></surface>'
+        '<image id="tex_img">\n<init_from>a.png</init_from></image><surface>'
+        "<init_from>tex_img</init_from></surface><library_images><image>"
+        "<init_from><ref>b.png</ref></init_from></image></library_images></COLLADA>"
+    )
+    urdf = bring(robot(shape("visual", "x.dae")))
+    assert set(contents(urdf.parents[1] / "meshes")) == {"x.dae", "a.png", "b.png"}
+    assert "tex_img" not in bring.told
+
+
+def test_what_a_mesh_names_keeps_its_place(bring, source):
+    source.mkdir()
+    for name in ("a b.png", "a_b.png", "c d", "c_d/t u/w.png"):
+        (source / name).parent.mkdir(parents=True, exist_ok=True)
+        (source / name).write_bytes(b"PNG " + name.encode())
+    (source / "x.dae").write_text(
+        "<COLLADA><image><init_from>a_b.png</init_from></image>"
+        "<image><init_from>c_d/t u/w.png</init_from></image></COLLADA>"
+    )
+    textures = "".join(
+        f'<material name="{name}"><texture filename="{name}"/></material>'
+        for name in ("a b.png", "c d")
+    )
+    urdf = bring(robot(shape("visual", "x.dae"), links=textures))
+    named = re.findall('texture filename="(.*?)"', urdf.read_text())
+    written = [(urdf.parent / name).read_bytes() for name in named]
+    assert written == [b"PNG a b.png", b"PNG c d"]
+    for name in ("a_b.png", "c_d/t u/w.png"):
+        copy = urdf.parents[1] / "meshes" / name
+        assert copy.read_bytes() == (source / name).read_bytes()
+
+
+def test_a_root_of_two_slashes_is_a_root_too():
+    assert Places([Path("/a/x.png"), Path("//a/x.png")]).place(Path("//a/x.png"))
+
+
 def test_links_without_mass_are_told_apart(bring):
     text = robot(
         "",
@@ -257,6 +334,22 @@ def test_links_without_mass_are_told_apart(bring):
     assert "Link loose has no <inertial>" in bring.told
     again = run([str(urdf)])
     assert "Mass 0" not in again
+
+
+def test_a_link_of_mass_zero_that_could_move_is_named(bring):
+    zero = LINK.replace('value="2"', 'value="0"')
+    nothing = ROUND.replace('"1"', '"0"')
+    links = zero.format("loose", nothing, "") + zero.format("held", nothing, "")
+    text = robot(
+        "",
+        links=f'{links}<joint name="a" type="continuous"><parent link="base"/>'
+        '<child link="loose"/></joint><joint name="b" type="fixed">'
+        '<parent link="base"/><child link="held"/></joint>',
+    )
+    urdf = bring(text)
+    assert "Link loose has no <inertial> with a mass" in bring.told
+    assert "held" not in bring.told
+    assert links in urdf.read_text()
 
 
 def test_a_root_without_mass_stays_as_it_is(bring):
@@ -482,6 +575,7 @@ def command(*arguments, first="", **options):
         (["r.urdf", "--decimate", "3"], "'3' is no whole number from 4 on"),
         (["r.urdf", "--out", "/proc/x"], "/proc/.import_model-"),
         (["r.urdf", "--out", ""], "argument --out: '' is no folder"),
+        (["~nouser/x"], "There is no folder ~nouser"),
         ([], "the following arguments are required: model"),
     ],
 )

@@ -61,6 +61,10 @@ def test_the_home_is_known(write, tmp_path, monkeypatch):
     assert read_model("~/r.urdf").path == path
 
 
+def test_a_home_that_nobody_has_is_told():
+    assert "There is no folder ~nouser" in refusal("~nouser/r.urdf")
+
+
 def test_xacro_takes_arguments(write):
     file = write("r.urdf.xacro", XACRO)
     assert read_model(str(file)).description.link_names == ("a",)
@@ -86,6 +90,14 @@ def test_the_file_that_xacro_fails_in_is_named(write):
     assert "name 'wrong' is not defined" in told
     assert "part.xacro" in told
     assert "mismatched tag: line 2" in refusal(write("x.xacro", "<robot>\n</link>"))
+
+
+@pytest.mark.parametrize("encoding", ["latin-1", "ascii"])
+def test_an_error_of_xacro_is_read_in_any_encoding(write, monkeypatch, encoding):
+    monkeypatch.setenv("PYTHONIOENCODING", encoding)
+    told = refusal(write("größe.xacro", "<robot>\n</link>"))
+    assert "mismatched tag" in told
+    assert "größe.xacro" in told
 
 
 def test_an_argument_that_nothing_asks_for_is_refused(write):
@@ -164,6 +176,19 @@ def test_what_may_not_be_read_is_told(write):
     path = write("secret.urdf")
     path.chmod(0)
     assert "Permission denied" in refusal(path)
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may read everything")
+@pytest.mark.parametrize("mode", [0o100, 0o000])
+def test_what_is_near_is_left_out_where_it_may_not_be_read(write, mode):
+    folder = write("secret/r.urdf").parent
+    folder.chmod(mode)
+    try:
+        assert refusal(folder).endswith("secret is a folder.")
+        told = refusal(folder / "x.urdf")
+        assert told.endswith("no file " + str(folder / "x.urdf") + ".") == (mode > 0)
+    finally:
+        folder.chmod(0o700)
 
 
 def test_the_command_prints_the_robot_or_one_sentence(write, monkeypatch, capfd):

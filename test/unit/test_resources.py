@@ -59,6 +59,14 @@ def test_files_are_found_through_packages_and_paths(tmp_path):
     assert local_path(f"file://{tmp_path}", packages) is None
 
 
+def test_a_path_goes_up_no_more_than_it_must(tmp_path):
+    (tmp_path / "meshes").mkdir()
+    (tmp_path / "x.stl").write_text("solid")
+    packages = {"mine": str(tmp_path / "meshes")}.get
+    for uri in ("package://mine/../x.stl", f"file://{tmp_path}/meshes/../x.stl"):
+        assert local_path(uri, packages) == tmp_path / "x.stl"
+
+
 def test_a_package_can_be_the_folder_around_the_file(tmp_path):
     folder = tmp_path / "robot" / "urdf"
     folder.mkdir(parents=True)

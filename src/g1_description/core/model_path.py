@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import os
 import re
 import stat
 from collections.abc import Iterable
@@ -25,7 +26,7 @@ def split_arguments(asked: str) -> tuple[str, dict[str, str]]:
     Returns:
         The file as it was written, and the arguments.
     """
-    if _exists(Path(asked).expanduser()):
+    if _exists(Path(os.path.expanduser(asked))):
         return asked, {}
     file, *words = _ARGUMENT.split(asked.strip())
     pairs = (re.split(":?=", word, maxsplit=1) for word in words)
@@ -76,7 +77,7 @@ def named_path(name: str) -> Path:
     """
     scheme, separator, rest = name.partition("://")
     if not separator:
-        return Path(name).expanduser()
+        return Path(os.path.expanduser(name))
     if scheme == "file":
         return Path(unquote(rest))
     if scheme != "package":
@@ -104,20 +105,28 @@ def _absent(path: Path) -> str:
     while not missing.parent.is_dir() and missing.parent != missing:
         missing = missing.parent
     kind = "file" if missing == path else "folder"
-    names = sorted(entry.name for entry in missing.parent.iterdir())
-    near = _near(missing.name, names)
+    near = _near(missing.name, _names_in(missing.parent))
     if not near and kind == "file":
         near = with_robots(missing.parent)
     return f"There is no {kind} {missing}{near}."
 
 
+def _names_in(folder: Path) -> list[str]:
+    """List what is in a folder; nothing where there is none, or it is not readable."""
+    try:
+        return sorted(os.listdir(folder))
+    except OSError:
+        return []
+
+
 def with_robots(folder: Path) -> str:
     """Tell which robots are in a folder, or in its folder urdf."""
-    for place in (folder, folder / "urdf"):
+    for place in ("", "urdf"):
         names = [
-            str(path.relative_to(folder))
-            for pattern in ("*.urdf", "*.xacro")
-            for path in sorted(place.glob(pattern))
+            os.path.join(place, name)
+            for suffix in (".urdf", ".xacro")
+            for name in _names_in(folder / place)
+            if name.endswith(suffix)
         ]
         if names:
             more = f" and {len(names) - 3} more" if len(names) > 3 else ""

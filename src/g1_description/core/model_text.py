@@ -85,7 +85,11 @@ def _expand(path: Path, arguments: dict[str, str]) -> str:
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             encoding="utf-8",
-            env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+            env={
+                **os.environ,
+                "PYTHONPATH": os.pathsep.join(sys.path),
+                "PYTHONIOENCODING": "utf-8:backslashreplace",
+            },
             timeout=PATIENCE,
             check=False,
         )

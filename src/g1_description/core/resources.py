@@ -105,7 +105,7 @@ def local_path(uri: str, package_folder: Callable[[str], str | None]) -> Path | 
         package_folder: Gives a package's folder, None if there is no such package.
 
     Returns:
-        The file's path, or None where there is no such file.
+        The file's path without ``..``, or None where there is no such file.
     """
     scheme, _, rest = uri.partition("://")
     path: Path | None = None
@@ -117,7 +117,10 @@ def local_path(uri: str, package_folder: Callable[[str], str | None]) -> Path | 
         path = Path(unquote(rest))
     elif os.path.isabs(uri):
         path = Path(uri)
+    if path is None:
+        return None
+    path = Path(os.path.normpath(path))
     try:
-        return path if path is not None and path.is_file() else None
+        return path if path.is_file() else None
     except OSError:  # such as a name that is too long
         return None

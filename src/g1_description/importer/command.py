@@ -75,9 +75,8 @@ def read_models(asked: str) -> list[ModelText]:
         DescriptionError: If one of them is none; the sentence names it.
     """
     names = [asked]
-    folder = Path(asked) if "://" not in asked else named_path(asked)
-    if folder.expanduser().is_dir():
-        folder = folder.expanduser()
+    folder = named_path(asked)
+    if folder.is_dir():
         names = [str(path) for path in sorted(folder.glob("*.urdf"))]
         if not names:
             more = with_robots(folder)

@@ -15,6 +15,9 @@ _NAMED = {
     ".dae": re.compile(rb"<init_from>(?:<ref>)?\s*([^<>]+?)\s*<"),
 }
 
+_IMAGE = re.compile(rb"<image\b[^>]*(?<!/)>.*?</image>", re.DOTALL)
+"""A picture of a DAE; init_from is also in surfaces, where it names an image."""
+
 
 def companions_of(mesh: Path) -> tuple[dict[str, Path], list[str]]:
     """Find the files that come with a mesh.
@@ -45,15 +48,26 @@ def companions_of(mesh: Path) -> tuple[dict[str, Path], list[str]]:
 
 def _names_in(file: Path) -> list[str]:
     """List what a file names by relative paths."""
-    pattern = _NAMED.get(file.suffix.lower())
+    kind = file.suffix.lower()
+    pattern = _NAMED.get(kind)
     if pattern is None:
         return []
     try:
-        names = [name.decode("utf-8") for name in pattern.findall(file.read_bytes())]
+        data = file.read_bytes()
+        if kind == ".dae":
+            data = b"".join(_IMAGE.findall(data))
+        names = [name.decode("utf-8") for name in pattern.findall(data)]
     except (OSError, UnicodeDecodeError):
         return []
+    if kind == ".obj":
+        names = [word for name in names for word in _libraries(file.parent, name)]
     local = (name for name in names if "://" not in name and not os.path.isabs(name))
     return list(dict.fromkeys(local))
+
+
+def _libraries(folder: Path, names: str) -> list[str]:
+    """Take the names behind mtllib apart, unless they are one with spaces."""
+    return [names] if (folder / names).is_file() else names.split()
 
 
 def _existing(folder: Path, name: str) -> str | None:

@@ -56,7 +56,13 @@ class Folder:
                 )
 
     def write(self, name: str, data: bytes) -> None:
-        """Write a file aside."""
+        """Write a file aside.
+
+        Raises:
+            DescriptionError: If its name leads out of the folder.
+        """
+        if ".." in Path(name).parts:
+            raise DescriptionError(f"{name} would be outside of {self.target}.")
         path = self._aside / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(data)

@@ -145,8 +145,8 @@ def _settle_masses(robot: Robot) -> None:
             f"{', '.join(held)}."
         )
     robot.findings += [
-        f"Link {name} has no <inertial> and is fixed to no mass: Gazebo leaves it out, "
-        "with all below it."
+        f"Link {name} has no <inertial> with a mass and is fixed to no mass: Gazebo "
+        "leaves it out, with all below it."
         for name in unknown
     ]
     robot.findings += impossible_inertias(robot.description)

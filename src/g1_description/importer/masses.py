@@ -14,12 +14,12 @@ ROUNDING = 1e-9
 
 
 def massless_links(description: Description) -> tuple[list[str], list[str]]:
-    """Find the links without an inertial, the root apart.
+    """Find the links without a mass, the root apart.
 
     Returns:
-        Those that fixed joints hold to a mass: they add none to it. And those that
-        have none of their own nor any they are fixed to: their mass is not known, and
-        Gazebo leaves them out.
+        Those without an inertial that fixed joints hold to a mass: they add none to
+        it. And those that have none of their own nor any they are fixed to: their mass
+        is not known, and Gazebo leaves them out.
     """
     apart = WORLD if description.root == WORLD else None
     frames = rigid_frames(description, apart)
@@ -29,12 +29,13 @@ def massless_links(description: Description) -> tuple[list[str], list[str]]:
         if not _is_bare(link.inertial)
     }
     bare = [
-        link.name
+        link
         for link in description.links
-        if link.inertial is None and link.name != description.root
+        if _is_bare(link.inertial) and link.name != description.root
     ]
-    held = [name for name in bare if frames[name][0] in with_mass]
-    return held, [name for name in bare if name not in held]
+    held = [link for link in bare if frames[link.name][0] in with_mass]
+    unknown = [link.name for link in bare if frames[link.name][0] not in with_mass]
+    return [link.name for link in held if link.inertial is None], unknown
 
 
 def _is_bare(inertial: Inertial | None) -> bool:

@@ -16,15 +16,18 @@ class Places:
     Folders below the one that all have in common are kept: meshes of one name don't
     meet, and what a mesh names by a relative path is still there. What is not a
     letter of ASCII, a digit or one of ._+- becomes _, as URIs with spaces are read
-    by RViz one way and by Gazebo another.
+    by RViz one way and by Gazebo another; who needs no such change keeps its name.
     """
 
     def __init__(self, files: Iterable[Path]) -> None:
         """Take all files that there will be, with absolute paths."""
+        files = list(files)
         folders = {str(file.parent) for file in files}
         self._top = Path(os.path.commonpath(folders)) if folders else Path(os.sep)
         self._owners: dict[str, tuple[Path, str]] = {}
         self._given: dict[tuple[Path, str], str] = {}
+        for file in sorted(files, key=_unsafe_parts):
+            self.place(file)
 
     def place(self, file: Path, name: str = "") -> str:
         """Give the place of a file, the same whenever it is asked for.
@@ -36,7 +39,7 @@ class Places:
         Returns:
             Path in the folder of all meshes, with slashes.
         """
-        if file == self._top:
+        if file in (self._top, file.parent):
             return ""
         key = file, name
         if key not in self._given:
@@ -53,3 +56,8 @@ class Places:
             number += 1
             place = f"{stem}_{number}{suffix}"
         return place
+
+
+def _unsafe_parts(file: Path) -> list[bool]:
+    """Order files so that in each folder those that keep their names come first."""
+    return [_UNSAFE.search(part) is not None for part in file.parts]
