@@ -213,8 +213,11 @@ class TestPoses(unittest.TestCase):
         self.addCleanup(call, "/gazebo/unpause_physics")
         commands = [start("squat"), start("wave", "--seconds", 1)]
         commands.append(start("--save", "x", "--file", "/tmp/never.yaml"))
-        errors = [command.communicate(timeout=60.0)[1] for command in commands]
+        told = [command.communicate(timeout=60.0) for command in commands]
         self.assertEqual([command.returncode for command in commands], [1, 1, 1])
+        waiting = "pose: waiting for /joint_states; does simulated time stand still?\n"
+        self.assertEqual([output for output, _ in told], [waiting] * 3)
+        errors = [error for _, error in told]
         self.assertIn("is sent, but nothing comes on /joint_states", errors[0])
         for error in errors[1:]:
             self.assertIn("Nothing comes on /joint_states; does simulated", error)
