@@ -14,6 +14,7 @@ import rospy
 import rostest
 import yaml
 from gazebo_msgs.msg import LinkStates
+from gazebo_msgs.srv import DeleteModel, GetJointProperties
 from ros_testing import REPOSITORY, Connected, Launch, Listener, wait_for
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
@@ -89,6 +90,26 @@ class TestPoses(unittest.TestCase):
         row = self.first_links[0].name.index("g1_robot::pelvis")
         heights = {message.pose[row].position.z for message in self.first_links}
         self.assertEqual(heights, {0.764})
+
+    def test_a_joint_that_cannot_be_at_zero_begins_at_its_nearest_limit(self):
+        home = Path(tempfile.mkdtemp())
+        self.addCleanup(shutil.rmtree, str(home))
+        (home / "g1_description").mkdir()
+        (home / "g1_description" / "poses.yaml").write_text("low: {}")
+        robot = REPOSITORY / "test" / "data" / "range_2_8.urdf"
+        rospy.set_param("/ranged", robot.read_text())
+        asked = "_robot_description:=/ranged _model_name:=ranged _initial_pose:=low"
+        spawner = subprocess.run(
+            ["rosrun", "g1_description", "spawn_robot.py", *asked.split()],
+            env={**os.environ, "ROS_HOME": str(home)},
+            check=False,
+            timeout=60.0,
+        )
+        delete = rospy.ServiceProxy("/gazebo/delete_model", DeleteModel)
+        self.addCleanup(delete, "ranged")
+        self.assertEqual(spawner.returncode, 0)
+        joint = rospy.ServiceProxy("/gazebo/get_joint_properties", GetJointProperties)
+        self.assertEqual(joint("ranged::turn").position, (2.0,))
 
     def test_a_jump_is_there_when_the_command_ends(self):
         for name in ("squat", "zero"):

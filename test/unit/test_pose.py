@@ -17,6 +17,8 @@ from g1_description.ros.pose import parse
         (["squat", "--seconds", "nan"], "'nan' is not a number"),
         (["squat", "--force"], "--force and --about go with --save"),
         (["squat", "--namespace", "a b"], "'a b' is no ROS name"),
+        (["--save", "zero"], "--save: every robot has zero, choose another name"),
+        (["--save", "zero", "--force"], "every robot has zero"),
     ],
 )
 def test_a_wrong_command_line_ends_with_a_sentence(words, told, capsys):

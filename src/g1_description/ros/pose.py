@@ -12,7 +12,7 @@ import rospy
 from ..core.command_line import OneSentenceParser, number
 from ..core.errors import G1DescriptionError, PoseFileError
 from ..core.pose_text import check_name
-from ..core.poses import Pose, check_pose, find_pose, pose_positions
+from ..core.poses import ZERO, Pose, check_pose, find_pose, pose_positions
 from .command_line import own_arguments
 from .pose_files import read_poses, save_pose, user_file
 from .posed_robot import PosedRobot
@@ -61,6 +61,8 @@ def parse(arguments: list[str]) -> argparse.Namespace:
         reader.error("argument --seconds: time does not go back")
     if (asked.force or asked.about) and not asked.save:
         reader.error("--force and --about go with --save")
+    if asked.save == ZERO:
+        reader.error(f"argument --save: every robot has {ZERO}, choose another name")
     return asked
 
 
