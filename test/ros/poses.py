@@ -151,6 +151,10 @@ class TestPoses(unittest.TestCase):
         self.assertEqual(run("mine", home=home)[0], 0)
         self.assert_shown("wave")
         self.assertIn("There is no pose 'mine'", run("mine")[2])
+        other = home / "other.yaml"
+        told = f"pose: mine is saved in {other}\n"
+        saved = run("--save", "mine", "--file", other, home=home)
+        self.assertEqual(saved, (0, told, ""))
 
     def test_nothing_is_overwritten_unasked_nor_written_into_the_package(self):
         home = Path(tempfile.mkdtemp())

@@ -14,7 +14,7 @@ from ..core.errors import G1DescriptionError, PoseFileError
 from ..core.pose_text import check_name
 from ..core.poses import ZERO, Pose, check_pose, find_pose, pose_positions
 from .command_line import own_arguments
-from .pose_files import read_poses, save_pose, user_file
+from .pose_files import package_file, read_file, read_poses, save_pose, user_file
 from .posed_robot import PosedRobot
 from .shutdown import start_node
 
@@ -99,7 +99,9 @@ def save(asked: argparse.Namespace) -> None:
     """
     file = (asked.file or user_file()).expanduser()
     check_name(asked.save)
-    known = read_poses(file if file.exists() else None)
+    known = read_file(package_file())
+    if file.exists():
+        known.update(read_file(file))
     if asked.save in known and not asked.force:
         raise PoseFileError(
             f"There is a pose '{asked.save}' in {known[asked.save].place} already; "
