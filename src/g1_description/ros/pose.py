@@ -15,7 +15,7 @@ from ..core.pose_text import check_name
 from ..core.poses import ZERO, Pose, check_pose, find_pose, pose_positions
 from .command_line import own_arguments
 from .pose_files import package_file, read_file, read_poses, save_pose, user_file
-from .posed_robot import PosedRobot
+from .posed_robot import NoAnswerError, PosedRobot
 from .shutdown import start_node
 
 DIGITS = 6
@@ -120,8 +120,15 @@ def save(asked: argparse.Namespace) -> None:
 
 def _connect(asked: argparse.Namespace) -> PosedRobot:
     """Start the node and find the robot."""
-    start_node("pose", anonymous=True, disable_rosout=True)
-    return PosedRobot(asked.namespace, lambda line: print(f"pose: {line}", flush=True))
+
+    def tell(line):
+        print(f"pose: {line}", flush=True)
+
+    try:
+        start_node("pose", anonymous=True, disable_rosout=True)
+        return PosedRobot(asked.namespace, tell)
+    except (OSError, rosgraph.MasterException) as error:
+        raise NoAnswerError(f"The master is gone: {error}.") from error
 
 
 def main() -> None:
