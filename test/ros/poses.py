@@ -14,6 +14,7 @@ import rospy
 import rostest
 import yaml
 from gazebo_msgs.msg import LinkStates
+from gazebo_msgs.srv import DeleteModel, GetJointProperties
 from ros_testing import REPOSITORY, Connected, Launch, Listener, wait_for
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
@@ -90,6 +91,26 @@ class TestPoses(unittest.TestCase):
         heights = {message.pose[row].position.z for message in self.first_links}
         self.assertEqual(heights, {0.764})
 
+    def test_a_joint_that_cannot_be_at_zero_begins_at_its_nearest_limit(self):
+        home = Path(tempfile.mkdtemp())
+        self.addCleanup(shutil.rmtree, str(home))
+        (home / "g1_description").mkdir()
+        (home / "g1_description" / "poses.yaml").write_text("low: {}")
+        robot = REPOSITORY / "test" / "data" / "range_2_8.urdf"
+        rospy.set_param("/ranged", robot.read_text())
+        asked = "_robot_description:=/ranged _model_name:=ranged _initial_pose:=low"
+        spawner = subprocess.run(
+            ["rosrun", "g1_description", "spawn_robot.py", *asked.split()],
+            env={**os.environ, "ROS_HOME": str(home)},
+            check=False,
+            timeout=60.0,
+        )
+        delete = rospy.ServiceProxy("/gazebo/delete_model", DeleteModel)
+        self.addCleanup(delete, "ranged")
+        self.assertEqual(spawner.returncode, 0)
+        joint = rospy.ServiceProxy("/gazebo/get_joint_properties", GetJointProperties)
+        self.assertEqual(joint("ranged::turn").position, (2.0,))
+
     def test_a_jump_is_there_when_the_command_ends(self):
         for name in ("squat", "zero"):
             self.assertEqual(run(name), (0, f"pose: {name}\n", ""))
@@ -130,6 +151,10 @@ class TestPoses(unittest.TestCase):
         self.assertEqual(run("mine", home=home)[0], 0)
         self.assert_shown("wave")
         self.assertIn("There is no pose 'mine'", run("mine")[2])
+        other = home / "other.yaml"
+        told = f"pose: mine is saved in {other}\n"
+        saved = run("--save", "mine", "--file", other, home=home)
+        self.assertEqual(saved, (0, told, ""))
 
     def test_nothing_is_overwritten_unasked_nor_written_into_the_package(self):
         home = Path(tempfile.mkdtemp())
@@ -213,8 +238,11 @@ class TestPoses(unittest.TestCase):
         self.addCleanup(call, "/gazebo/unpause_physics")
         commands = [start("squat"), start("wave", "--seconds", 1)]
         commands.append(start("--save", "x", "--file", "/tmp/never.yaml"))
-        errors = [command.communicate(timeout=60.0)[1] for command in commands]
+        told = [command.communicate(timeout=60.0) for command in commands]
         self.assertEqual([command.returncode for command in commands], [1, 1, 1])
+        waiting = "pose: waiting for /joint_states; does simulated time stand still?\n"
+        self.assertEqual([output for output, _ in told], [waiting] * 3)
+        errors = [error for _, error in told]
         self.assertIn("is sent, but nothing comes on /joint_states", errors[0])
         for error in errors[1:]:
             self.assertIn("Nothing comes on /joint_states; does simulated", error)

@@ -1,6 +1,14 @@
 """The command line of pose: one sentence for each mistake."""
 
+import os
+import subprocess
+import sys
+import threading
+from pathlib import Path
+from xmlrpc.server import SimpleXMLRPCRequestHandler, SimpleXMLRPCServer
+
 import pytest
+from conftest import REPOSITORY
 
 pytest.importorskip("rospy", reason="rospy is not installed")
 
@@ -17,6 +25,8 @@ from g1_description.ros.pose import parse
         (["squat", "--seconds", "nan"], "'nan' is not a number"),
         (["squat", "--force"], "--force and --about go with --save"),
         (["squat", "--namespace", "a b"], "'a b' is no ROS name"),
+        (["--save", "zero"], "--save: every robot has zero, choose another name"),
+        (["--save", "zero", "--force"], "every robot has zero"),
     ],
 )
 def test_a_wrong_command_line_ends_with_a_sentence(words, told, capsys):
@@ -31,3 +41,61 @@ def test_a_wrong_command_line_ends_with_a_sentence(words, told, capsys):
 def test_a_namespace_may_be_written_as_in_a_launch_file():
     for text in ("left", "/left", "left/"):
         assert parse(["squat", "--namespace", text]).namespace == "left"
+
+
+class Dying(SimpleXMLRPCRequestHandler):
+    """A master that hangs up when it is asked for a robot."""
+
+    rpc_paths = ()
+
+    def decode_request_content(self, data):
+        """Read a request, or end the connection without an answer."""
+        if b"robot_description" not in data:
+            return super().decode_request_content(data)
+        self.close_connection = True
+        return None
+
+
+class Answers:
+    """What it says to all else."""
+
+    def _dispatch(self, name, _):
+        is_topic = name in ("registerSubscriber", "registerPublisher")
+        return [1, "", [] if is_topic else 0]
+
+
+@pytest.fixture
+def dying_master():
+    """Run a master that starts nodes and then dies; give its address."""
+    server = SimpleXMLRPCServer(("localhost", 0), Dying, logRequests=False)
+    server.register_instance(Answers())
+    thread = threading.Thread(target=server.serve_forever, daemon=True)
+    thread.start()
+    yield f"http://localhost:{server.server_address[1]}"
+    server.shutdown()
+    server.server_close()
+    thread.join()
+
+
+@pytest.mark.parametrize(
+    ("script", "words"),
+    [
+        ("pose", ["squat"]),
+        ("spawn_robot.py", []),
+        ("spawn_robot.py", ["_robot_description:=/robot"]),
+    ],
+)
+def test_a_master_that_dies_is_told_in_a_sentence(script, words, dying_master):
+    path = os.pathsep.join([str(REPOSITORY / "src"), *sys.path])
+    run = subprocess.run(
+        [sys.executable, REPOSITORY / "scripts" / script, *words],
+        env={**os.environ, "ROS_MASTER_URI": dying_master, "PYTHONPATH": path},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60.0,
+    )
+    assert run.returncode == 1
+    name = Path(script).stem
+    assert "Traceback" not in run.stderr
+    assert run.stderr.splitlines()[-1].startswith(f"{name}: The master is gone: ")

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 
 import yaml
 
@@ -96,7 +97,12 @@ def _pose(name: object, told: object, place: str) -> Pose:
                 "number."
             )
     positions = {joint: float(value) for joint, value in joints.items()}
-    return Pose(str(name), positions, " ".join(about.split()), place)
+    return Pose(str(name), positions, _one_line(about), place)
+
+
+def _one_line(text: str) -> str:
+    """Put single spaces between the words of a text."""
+    return " ".join(text.split())
 
 
 def check_name(name: object) -> None:
@@ -129,6 +135,7 @@ def with_pose(text: str, pose: Pose, place: str) -> str:
         PoseFileError: If the text holds no poses, or in a form that cannot be added to.
         InvalidValueError: If a position in it is not a finite number.
     """
+    pose = replace(pose, about=_one_line(pose.about))
     wanted = {**parse_poses(text, place), pose.name: pose}
     about = {ABOUT: pose.about} if pose.about else {}
     told = {pose.name: {**about, **pose.positions}}

@@ -12,6 +12,9 @@ from .commands import listed
 from .description import Description
 from .errors import InvalidValueError, UnknownNameError
 
+ZERO = "zero"
+"""The pose that needs no file: every robot has it."""
+
 
 @dataclass(frozen=True)
 class Pose:

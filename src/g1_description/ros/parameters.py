@@ -35,9 +35,6 @@ class SpawnParameters:
     yaw: float = 0.0
     """How that robot is turned about the fixed axes in [rad]."""
 
-    fixed_base: bool = False
-    """Whether that robot's root link does not move in hold and limp."""
-
     initial_pose: str = "zero"
     """Name of the pose that it begins in; zero: all joints at 0."""
 
@@ -49,6 +46,9 @@ class GazeboParameters(SpawnParameters, PhysicsProperties):
     physics: str = "kinematic"
     """kinematic: what is set stays set; hold: motors hold the joints; limp: no
     motors."""
+
+    fixed_base: bool = False
+    """Whether that robot's root link does not move in hold and limp."""
 
     world: str = ""
     """World file (SDF) to load at start; empty: a ground plane and a sun."""

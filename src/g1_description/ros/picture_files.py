@@ -11,6 +11,7 @@ import numpy as np
 from PIL import Image
 
 from ..core.errors import InvalidValueError
+from .whole_file import write_whole
 
 COLORS = 255
 """Colours of a film; one more stands for what has not changed."""
@@ -54,7 +55,7 @@ def write_picture(path: Path, picture: np.ndarray) -> None:
     """
     content = io.BytesIO()
     Image.fromarray(picture).save(content, "PNG", optimize=True)
-    _write_whole(path, content.getvalue())
+    write_whole(path, content.getvalue())
 
 
 def palette_of(pictures: Sequence[np.ndarray]) -> Image.Image:
@@ -118,19 +119,4 @@ def write_film(path: Path, images: Sequence[Image.Image], rate: float) -> None:
         loop=0,
         optimize=False,
     )
-    _write_whole(path, content.getvalue())
-
-
-def _write_whole(path: Path, content: bytes) -> None:
-    """Write a file under another name first, so that it is never half there."""
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        part.write_bytes(content)
-        part.replace(path)
-    except OSError as error:
-        raise InvalidValueError(
-            f"The file {path} cannot be written: {error.strerror}."
-        ) from error
-    finally:
-        if part.exists():
-            part.unlink()
+    write_whole(path, content.getvalue())

@@ -12,10 +12,10 @@ import rospy
 from ..core.command_line import OneSentenceParser, number
 from ..core.errors import G1DescriptionError, PoseFileError
 from ..core.pose_text import check_name
-from ..core.poses import Pose, check_pose, find_pose, pose_positions
+from ..core.poses import ZERO, Pose, check_pose, find_pose, pose_positions
 from .command_line import own_arguments
-from .pose_files import read_poses, save_pose, user_file
-from .posed_robot import PosedRobot
+from .pose_files import package_file, read_file, read_poses, save_pose, user_file
+from .posed_robot import NoAnswerError, PosedRobot
 from .shutdown import start_node
 
 DIGITS = 6
@@ -61,6 +61,8 @@ def parse(arguments: list[str]) -> argparse.Namespace:
         reader.error("argument --seconds: time does not go back")
     if (asked.force or asked.about) and not asked.save:
         reader.error("--force and --about go with --save")
+    if asked.save == ZERO:
+        reader.error(f"argument --save: every robot has {ZERO}, choose another name")
     return asked
 
 
@@ -97,7 +99,9 @@ def save(asked: argparse.Namespace) -> None:
     """
     file = (asked.file or user_file()).expanduser()
     check_name(asked.save)
-    known = read_poses(file if file.exists() else None)
+    known = read_file(package_file())
+    if file.exists():
+        known.update(read_file(file))
     if asked.save in known and not asked.force:
         raise PoseFileError(
             f"There is a pose '{asked.save}' in {known[asked.save].place} already; "
@@ -116,8 +120,15 @@ def save(asked: argparse.Namespace) -> None:
 
 def _connect(asked: argparse.Namespace) -> PosedRobot:
     """Start the node and find the robot."""
-    start_node("pose", anonymous=True, disable_rosout=True)
-    return PosedRobot(asked.namespace, lambda line: print(f"pose: {line}", flush=True))
+
+    def tell(line):
+        print(f"pose: {line}", flush=True)
+
+    try:
+        start_node("pose", anonymous=True, disable_rosout=True)
+        return PosedRobot(asked.namespace, tell)
+    except (OSError, rosgraph.MasterException) as error:
+        raise NoAnswerError(f"The master is gone: {error}.") from error
 
 
 def main() -> None:

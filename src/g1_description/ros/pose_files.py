@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
 from pathlib import Path
 
 import rospkg
@@ -12,6 +10,7 @@ from ..core.errors import PoseFileError
 from ..core.model_files import find_folder
 from ..core.pose_text import parse_poses, with_pose
 from ..core.poses import Pose
+from .whole_file import write_whole
 
 PACKAGE = "g1_description"
 
@@ -87,18 +86,4 @@ def save_pose(pose: Pose, file: Path) -> None:
             f"default is {user_file()}."
         )
     text = _text_of(file) if file.exists() else ""
-    _write(file, with_pose(text, pose, str(file)))
-
-
-def _write(file: Path, text: str) -> None:
-    """Write a file in one step."""
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(
-            "w", dir=str(file.parent), delete=False, encoding="utf-8"
-        ) as draft:
-            draft.write(text)
-        os.chmod(draft.name, file.stat().st_mode if file.exists() else 0o644)
-        os.replace(draft.name, str(file))
-    except OSError as error:
-        raise PoseFileError(f"{file} cannot be written: {error.strerror}.") from error
+    write_whole(file, with_pose(text, pose, str(file)).encode("utf-8"))

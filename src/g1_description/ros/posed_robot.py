@@ -140,10 +140,17 @@ class PosedRobot:
         """Send the goal, once a second, until the joints are there."""
         with self._changed:
             self._newest = None
-        for _ in range(int(PATIENCE / AGAIN)):
-            self._publish(goal)
-            if self._wait(lambda: self._newest and not self._away(goal), AGAIN):
-                return
+        sent = -np.inf
+
+        def is_there():
+            nonlocal sent
+            if time.monotonic() >= sent + AGAIN:
+                self._publish(goal)
+                sent = time.monotonic()
+            return self._newest and not self._away(goal)
+
+        if self._wait(is_there, PATIENCE):
+            return
         topic = self._states.resolved_name
         if self._newest is None:
             raise NoAnswerError(

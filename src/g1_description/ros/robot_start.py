@@ -12,14 +12,11 @@ from ..core.description import parse_urdf
 from ..core.errors import DescriptionError
 from ..core.lumping import lump_fixed_joints
 from ..core.model_files import find_folder
-from ..core.poses import check_pose, find_pose
+from ..core.poses import ZERO, check_pose, find_pose, pose_positions
 from ..core.rotation import from_rpy
 from ..sim.standing import standing_height
 from .parameters import SpawnParameters
 from .pose_files import read_poses
-
-ZERO = "zero"
-"""The pose that needs no file: every robot has it."""
 
 
 def place_robot(parameters: SpawnParameters) -> tuple[Assembly, np.ndarray]:
@@ -46,7 +43,9 @@ def place_robot(parameters: SpawnParameters) -> tuple[Assembly, np.ndarray]:
     if p.initial_pose != ZERO:
         pose = find_pose(p.initial_pose, read_poses())
         check_pose(pose, description)
-        assembly = replace(assembly, positions=pose.positions)
+        names = (joint.name for joint in description.movable_joints)
+        begin = pose_positions(pose, description).tolist()
+        assembly = replace(assembly, positions=dict(zip(names, begin)))
     rotation = from_rpy(np.array([p.roll, p.pitch, p.yaw]))
     z = standing_height(assembly, rotation, find_folder) if p.on_floor else p.z
     return assembly, np.concatenate([[p.x, p.y, z], rotation])

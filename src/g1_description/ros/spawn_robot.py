@@ -60,11 +60,13 @@ def _told(response) -> None:
 
 def main() -> None:
     """Spawn the robot, or say why not."""
-    start_node("spawn_urdf")
     try:
+        start_node("spawn_urdf")
         spawn(read_parameters(SpawnParameters), Services("/gazebo"))
     except rospy.ROSInterruptException:
         sys.exit("spawn_robot: interrupted before the robot was spawned.")
     except (G1DescriptionError, rospy.ServiceException) as error:
         rospy.logerr("%s", error)
         sys.exit(1)
+    except ConnectionError as error:
+        sys.exit(f"spawn_robot: The master is gone: {error}.")
