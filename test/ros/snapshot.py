@@ -201,6 +201,33 @@ class TestSnapshot(unittest.TestCase):
         self.assertRegex(err, "The clock stood still|No joint states")
         self.assertEqual(list(self.folder.iterdir()), [])
 
+    def test_a_film_may_wait_long_for_its_next_picture(self):
+        film = ("--gif", "--seconds", "24", "--fps", "0.08", "--size", "64x48")
+        _, err = self.run_snapshot("a.gif", *film)
+        self.assertIn("frame 2 of 2", err)
+
+    def test_a_film_goes_on_after_a_reset(self):
+        """The clock is put back so often that it never comes to the next picture."""
+        reset = rospy.ServiceProxy("/gazebo/reset_simulation", Empty)
+        reset()
+        over = threading.Event()
+
+        def put_back():
+            while not over.wait(0.01):
+                if rospy.get_time() > 0.5:
+                    reset()
+
+        resetter = threading.Thread(target=put_back)
+        resetter.start()
+        try:
+            film = ("--gif", "--seconds", "3", "--fps", "1", "--size", "64x48")
+            _, err = self.run_snapshot("a.gif", *film)
+        finally:
+            over.set()
+            resetter.join()
+        self.assertIn("frame 3 of 3", err)
+        self.assertNotIn("TF_", err)
+
     def test_an_interrupt_ends_it_and_leaves_nothing(self):
         process = start(self.folder / "a.gif", "--gif", "--seconds", "60")
         wait_for(snapshot_listens, "snapshot to listen")

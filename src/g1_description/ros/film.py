@@ -63,15 +63,36 @@ def record(
         NotThereError: If the clock stands still.
         KeyboardInterrupt: If the node was shut down meanwhile.
     """
-    start, moments = rospy.get_time(), []
+    clock, moments = _Stopwatch(), []
     for n in range(count(seconds, fps)):
-        due = start + n / fps
-        if not wait_until(lambda due=due: rospy.get_time() >= due, PATIENCE):
-            raise NotThereError(
-                f"The clock stood still for {PATIENCE:g} s at {rospy.get_time():g} s."
-            )
+        clock.wait(n / fps)
         moments.append([watch.now() for watch in watches])
     return moments
+
+
+class _Stopwatch:
+    """Time that passes on ROS' clock, also where a reset puts that back."""
+
+    def __init__(self) -> None:
+        """Begin at zero."""
+        self._last = rospy.get_time()
+        self._passed = 0.0
+
+    def wait(self, time: float) -> None:
+        """Wait until a time, in [s], however slow the clock is.
+
+        Raises:
+            NotThereError: If the clock stands still.
+            KeyboardInterrupt: If the node was shut down meanwhile.
+        """
+        while self._passed < time:
+            if not wait_until(lambda: rospy.get_time() != self._last, PATIENCE):
+                raise NotThereError(
+                    f"The clock stood still for {PATIENCE:g} s at {self._last:g} s."
+                )
+            now = rospy.get_time()
+            self._passed += max(0.0, now - self._last)
+            self._last = now
 
 
 def film(n: int, picture: Callable[[int], np.ndarray]) -> list[Image.Image]:

@@ -9,9 +9,10 @@ from tf2_msgs.msg import TFMessage
 
 
 class Transforms:
-    """What TF tells.
+    """What TF told last.
 
-    tf2's own listener prints two lines for each transform that comes twice, which
+    tf2 keeps all as if it were static: the newest counts, also after a reset of the
+    clock. Its own listener prints two lines for each transform that comes twice, which
     are thousands where robot_state_publisher hears a thousand joint states a second.
 
     Subscribes: /tf, /tf_static (tf2_msgs/TFMessage)
@@ -20,10 +21,9 @@ class Transforms:
     def __init__(self) -> None:
         """Begin to listen."""
         self._buffer = tf2_ros.Buffer(debug=False)
-        self._newest: dict[str, rospy.Time] = {}
         self._subscribers = [
             rospy.Subscriber("/tf", TFMessage, self._hear, queue_size=100),
-            rospy.Subscriber("/tf_static", TFMessage, self._hear_static),
+            rospy.Subscriber("/tf_static", TFMessage, self._hear),
         ]
 
     def close(self) -> None:
@@ -33,14 +33,7 @@ class Transforms:
 
     def _hear(self, message: TFMessage) -> None:
         for transform in message.transforms:
-            frame, stamp = transform.child_frame_id, transform.header.stamp
-            if self._newest.get(frame) != stamp:
-                self._newest[frame] = stamp
-                self._buffer.set_transform(transform, "tf")
-
-    def _hear_static(self, message: TFMessage) -> None:
-        for transform in message.transforms:
-            self._buffer.set_transform_static(transform, "tf_static")
+            self._buffer.set_transform_static(transform, "tf")
 
     def pose(self, parent: str, child: str) -> np.ndarray | None:
         """Tell where a frame is in another, newest first.
