@@ -216,6 +216,25 @@ class TestPoses(unittest.TestCase):
         last = knee(self.states.messages[-1])
         self.assertLess(last, 2.0)
 
+    def test_an_interrupt_ends_it_quietly_at_any_moment(self):
+        """Many at once: the topic may be closed before the node knows."""
+        run("zero")
+        commands = Listener("/joint_commands", JointState)
+        self.addCleanup(commands.close)
+        processes = [start("squat", "--seconds", 60) for _ in range(8)]
+        for process in processes:
+            self.addCleanup(process.kill)
+
+        def senders():
+            headers = [m._connection_header for m in list(commands.messages)]
+            return {header["callerid"] for header in headers}
+
+        wait_for(lambda: len(senders()) == len(processes), "all to be on the way", 60.0)
+        for process in processes:
+            process.send_signal(signal.SIGINT)
+        ends = [process.communicate(timeout=30.0) for process in processes]
+        self.assertEqual(ends, [("", "pose: interrupted.\n")] * len(processes))
+
     def test_a_way_halts_while_time_does(self):
         run("zero")
         self.states.clear()

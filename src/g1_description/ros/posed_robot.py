@@ -20,6 +20,7 @@ from ..core.description import parse_urdf
 from ..core.errors import DescriptionError, G1DescriptionError
 from ..core.motion import minimum_jerk
 from .descriptions import find_parameter
+from .shutdown import quiet_when_closing
 
 PATIENCE = 10.0
 """Longest wait for the bridge, or for what it shows, in [s]."""
@@ -134,7 +135,8 @@ class PosedRobot:
         """Send a command."""
         message = JointState(name=self._names, position=positions.tolist())
         message.header.stamp = rospy.Time.now()
-        self._commands.publish(message)
+        with quiet_when_closing():
+            self._commands.publish(message)
 
     def _arrive(self, goal: np.ndarray) -> None:
         """Send the goal, once a second, until the joints are there."""
