@@ -12,7 +12,7 @@ from conftest import REPOSITORY
 
 pytest.importorskip("rospy", reason="rospy is not installed")
 
-from g1_description.ros.pose import parse
+from g1_description.ros.pose import parse, save
 
 
 @pytest.mark.parametrize(
@@ -36,6 +36,11 @@ def test_a_wrong_command_line_ends_with_a_sentence(words, told, capsys):
     output, errors = capsys.readouterr()
     assert told in errors
     assert (output, len(errors.splitlines())) == ("", 1)
+
+
+def test_a_pose_without_a_name_is_not_saved():
+    with pytest.raises(PoseFileError, match="cannot be called ''"):
+        save(parse(["--save", ""]))
 
 
 def test_a_namespace_may_be_written_as_in_a_launch_file():

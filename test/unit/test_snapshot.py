@@ -21,6 +21,7 @@ from g1_description.ros.picture_files import (  # noqa: E402
 )
 
 ROOT = Path(__file__).resolve().parents[2]
+ELBOW = "left_elbow_joint"
 OURS = ROOT / "urdf" / "g1_29dof.urdf"
 NOBODY = "http://localhost:9"
 
@@ -56,6 +57,7 @@ def last_line(run):
         (["a.png", "--view", "top"], "'front', 'side', 'back', 'iso'"),
         (["a.gif", "--gif", "--seconds", "0"], "--seconds 0, only more than 0"),
         (["a.gif", "--gif", "--fps", "31"], "--fps 31, only more than 0 and at most"),
+        (["a.png", "--seconds", "3"], "--seconds and --fps go with --gif"),
         (["a.png", "--joints", "a"], "'a' is not such as a=1.2"),
         (["a.png", "--joints", "a=x"], "'x' is not a number"),
         (["a.png"], "There is no master at http://localhost:9"),
@@ -63,6 +65,7 @@ def last_line(run):
         (["a.png", "--model", __file__], "cannot be used"),
         (["a.gif", "--gif", "--model", OURS], "--model draws a file, without --gif"),
         (["a.png", "--model", OURS, "--joints", "wing=1"], "has no joint wing; it has"),
+        (["a.png", "--model", OURS, "--joints", f"{ELBOW}=99"], "its limits are -1"),
         (["a.png", "--model", ROOT / "test/data/tree.urdf"], "no visual shapes"),
     ],
 )

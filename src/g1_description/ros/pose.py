@@ -59,7 +59,7 @@ def parse(arguments: list[str]) -> argparse.Namespace:
     asked = reader.parse_args(arguments)
     if asked.seconds < 0.0:
         reader.error("argument --seconds: time does not go back")
-    if (asked.force or asked.about) and not asked.save:
+    if (asked.force or asked.about) and asked.save is None:
         reader.error("--force and --about go with --save")
     if asked.save == ZERO:
         reader.error(f"argument --save: every robot has {ZERO}, choose another name")
@@ -134,7 +134,7 @@ def _connect(asked: argparse.Namespace) -> PosedRobot:
 def main() -> None:
     """Do what is asked, or say why not."""
     asked = parse(own_arguments())
-    act = list_poses if asked.list else save if asked.save else go
+    act = list_poses if asked.list else go if asked.save is None else save
     try:
         act(asked)
     except rospy.ROSInterruptException:

@@ -40,18 +40,26 @@ def tell(sentence: str) -> None:
 
 
 def check_joints(wanted: dict[str, float], description: Description) -> None:
-    """Check that joints are there.
+    """Check that joints are there, and within their limits.
 
     Raises:
-        UnknownNameError: If one is not.
+        UnknownNameError: If one is not there.
+        InvalidValueError: If one cannot be so.
     """
-    names = [joint.name for joint in description.movable_joints]
-    unknown = [name for name in wanted if name not in names]
+    joints = {joint.name: joint for joint in description.movable_joints}
+    unknown = [name for name in wanted if name not in joints]
     if unknown:
         raise UnknownNameError(
             f"Robot '{description.name}' has no joint {', '.join(unknown)}; "
-            f"it has {', '.join(names) or 'none'}."
+            f"it has {', '.join(joints) or 'none'}."
         )
+    for name, position in wanted.items():
+        lower, upper = joints[name].lower, joints[name].upper
+        if not lower <= position <= upper:
+            raise InvalidValueError(
+                f"{name} cannot be at {position:g}, its limits are {lower:g} and "
+                f"{upper:g}."
+            )
 
 
 def load(scene: Scene, description: Description) -> None:

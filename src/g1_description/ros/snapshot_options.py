@@ -32,8 +32,8 @@ def parser() -> OneSentenceParser:
         help="of the robot's topics; may be repeated for several robots",
     )
     made.add_argument("--gif", action="store_true", help="a film of what it does")
-    made.add_argument("--seconds", type=number, default=5.0, help="default: 5")
-    made.add_argument("--fps", type=number, default=15.0, help="default: 15")
+    made.add_argument("--seconds", type=number, help="of a film, default: 5")
+    made.add_argument("--fps", type=number, help="of a film, default: 15")
     return made
 
 
@@ -70,6 +70,10 @@ def parse(arguments: list[str]) -> argparse.Namespace:
         reader.error("--model draws a file, without --gif and --namespace")
     if asked.joints and len(asked.namespace or []) > 1:
         reader.error("--joints is for one robot, not for several --namespace")
+    if not asked.gif and not (asked.seconds is None and asked.fps is None):
+        reader.error("--seconds and --fps go with --gif")
+    asked.seconds = 5.0 if asked.seconds is None else asked.seconds
+    asked.fps = 15.0 if asked.fps is None else asked.fps
     asked.size = asked.size or ((640, 480) if asked.gif else (1280, 960))
     check_place(asked.out, ".gif" if asked.gif else ".png")
     if asked.gif:
