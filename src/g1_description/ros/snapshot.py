@@ -15,7 +15,7 @@ import rosgraph
 import rospy
 
 from ..core.absolute_urdf import absolute_urdf
-from ..core.camera import Camera, framing, view
+from ..core.camera import VIEWS, Camera, framing
 from ..core.description import Description, parse_urdf
 from ..core.errors import G1DescriptionError, InvalidValueError, UnknownNameError
 from ..core.model_files import find_folder
@@ -83,7 +83,7 @@ def frame(
     is_placed = any(robot.T_map_root is not None for robot in moments[0])
     floor = 0.0 if is_placed else float(points[:, 2].min())
     width, height = asked.size
-    return framing(points, *view(asked.view), width / height), floor
+    return framing(points, *VIEWS[asked.view], width / height), floor
 
 
 def place(scene: Scene, moment: Sequence[Moment]) -> None:
