@@ -123,7 +123,29 @@ def draw_now(asked: argparse.Namespace) -> None:
     """Draw the robots that run.
 
     Raises:
+        NotThereError: If there is no master, it goes, or nothing comes from a robot.
+    """
+    try:
+        descriptions, moments = watch_now(asked)
+    except (OSError, rospy.ROSException, rosgraph.MasterException) as error:
+        raise NotThereError(f"the master is gone: {error}.") from error
+    with Scene() as scene:
+        for description in descriptions:
+            load(scene, description)
+        write(scene, moments, asked)
+
+
+def watch_now(
+    asked: argparse.Namespace,
+) -> tuple[list[Description], list[list[Moment]]]:
+    """Watch the robots that run, as long as was asked for.
+
+    Returns:
+        The robots, and what all of them did at each moment.
+
+    Raises:
         NotThereError: If there is no master, or nothing comes from a robot.
+        OSError: If the master goes meanwhile; likewise the errors of ROS.
     """
     if not rosgraph.is_master_online():
         raise NotThereError(
@@ -145,10 +167,7 @@ def draw_now(asked: argparse.Namespace) -> None:
     for listener in (transforms, *watches):  # drawing needs the processor
         listener.close()
     wanted = [[now.with_joints(asked.joints) for now in moment] for moment in moments]
-    with Scene() as scene:
-        for watch in watches:
-            load(scene, watch.description)
-        write(scene, wanted, asked)
+    return [watch.description for watch in watches], wanted
 
 
 def tell_unknown(watch: RobotWatch, wanted: dict[str, float]) -> None:
@@ -174,5 +193,5 @@ def main() -> None:
         sys.exit(INTERRUPTED)
     except G1DescriptionError as error:
         sys.exit(f"snapshot: {error}")
-    except (OSError, rospy.ROSException, rosgraph.MasterException) as error:
-        sys.exit(f"snapshot: the master is gone: {error}.")
+    except OSError as error:
+        sys.exit(f"snapshot: {error}.")
