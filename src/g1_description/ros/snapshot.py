@@ -16,9 +16,11 @@ import rospy
 
 from ..core.absolute_urdf import absolute_urdf
 from ..core.camera import VIEWS, Camera, framing
+from ..core.commands import listed
 from ..core.description import Description, parse_urdf
 from ..core.errors import G1DescriptionError, InvalidValueError, UnknownNameError
 from ..core.model_files import find_folder
+from ..core.poses import near_first
 from ..core.transform import IDENTITY
 from ..sim.picture import draw
 from ..sim.scene import Scene
@@ -49,8 +51,8 @@ def check_joints(wanted: dict[str, float], description: Description) -> None:
     unknown = [name for name in wanted if name not in names]
     if unknown:
         raise UnknownNameError(
-            f"Robot '{description.name}' has no joint {', '.join(unknown)}; "
-            f"it has {', '.join(names) or 'none'}."
+            f"Robot '{description.name}' has no joint {listed(unknown)}; "
+            f"it has {listed(near_first(unknown[0], names)) or 'none'}."
         )
 
 
