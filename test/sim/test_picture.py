@@ -3,20 +3,26 @@
 import os
 import subprocess
 import sys
+import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
+from conftest import REPOSITORY
+from oracle import forward_kinematics
 from scipy.spatial.transform import Rotation
 from worlds import find_package
 
-from g1_description.core.camera import VIEWS, Camera, framing, view
+from g1_description.core.camera import VIEWS, Camera, framing
 from g1_description.core.description import parse_urdf
-from g1_description.core.errors import UnknownNameError
 from g1_description.sim.picture import draw, silhouette
 from g1_description.sim.scene import NOTHING, Scene
 
 MIDDLE = np.array([0.0, 0.0, 0.66])
+OURS = REPOSITORY / "urdf" / "g1_29dof.urdf"
+PACKAGE = "package://g1_description"
+LOOKED_AT = ("head_link", "torso_link")
 SOURCE = Path(__file__).resolve().parents[2] / "src"
 
 
@@ -109,7 +115,7 @@ def test_what_is_outside_the_picture_is_not_drawn(scene):
 def test_views_are_not_mirrored(scene, name, place, right):
     """The robot's left hand is on the right of the picture of its front."""
     scene.add(body('<box size="0.1 0.1 0.1"/>', place), find_package)
-    mask = silhouette(scene, Camera(np.zeros(3), *view(name), width=2.0), 200, 200)
+    mask = silhouette(scene, Camera(np.zeros(3), *VIEWS[name], width=2.0), 200, 200)
     columns = np.nonzero(mask != NOTHING)[1]
     assert columns.size
     assert (columns > 100).all() if right else (columns < 100).all()
@@ -118,13 +124,8 @@ def test_views_are_not_mirrored(scene, name, place, right):
 @pytest.mark.parametrize("name", VIEWS)
 def test_up_is_up(scene, name):
     scene.add(body('<box size="0.1 0.1 0.1"/>', "0 0 0.5"), find_package)
-    mask = silhouette(scene, Camera(np.zeros(3), *view(name), width=2.0), 200, 200)
+    mask = silhouette(scene, Camera(np.zeros(3), *VIEWS[name], width=2.0), 200, 200)
     assert (np.nonzero(mask != NOTHING)[0] < 100).all()
-
-
-def test_an_unknown_view_is_told_which_there_are():
-    with pytest.raises(UnknownNameError, match="'top'; there are front, side"):
-        view("top")
 
 
 @pytest.mark.parametrize("angles", VIEWS.values())
@@ -141,6 +142,52 @@ def test_the_robot_fills_the_picture_but_for_a_margin(scene, g1, angles, aspect)
     )
     assert min(margins[0].min(), margins[1].min()) > 0.05
     assert min(margins[0].max(), margins[1].max()) < 0.2
+
+
+@pytest.mark.parametrize("name", ["front", "back", "iso"])
+def test_our_g1_is_whole_and_has_a_dark_head(scene, name):
+    """Where its meshes are is told by trimesh and scipy."""
+    text = OURS.read_text()
+    scene.add(parse_urdf(text), find_package)
+    scene.place(0, STANDING, {})
+    camera = framing(scene.corners(), *VIEWS[name], 3 / 4)
+    points = corners_of_meshes(text)
+    seen = camera.seen(np.concatenate([*points.values()]))
+    assert (np.abs(seen) < [0.5, 0.5 * 4 / 3]).all()
+    outline = seen * [300, -300] + [150, 200]
+    robot = silhouette(scene, camera, 300, 400) != NOTHING
+    rows, columns = np.nonzero(robot)
+    edges = np.array([columns.min(), rows.min(), columns.max() + 1, rows.max() + 1])
+    expected = np.concatenate([outline.min(axis=0), outline.max(axis=0)])
+    np.testing.assert_allclose(edges, expected, atol=1.5)
+    picture = draw(scene, camera, 300, 400)
+    places = [around(camera.seen(points[link])) for link in LOOKED_AT]
+    head, torso = (picture[place][robot[place]].mean() for place in places)
+    assert head < torso - 50
+
+
+def around(seen):
+    """Give the pixels of 300 x 400 in the middle half of what is seen somewhere."""
+    low, high = np.percentile(seen * [300, -300] + [150, 200], [0, 100], axis=0)
+    left, top = np.ceil(low + (high - low) / 4).astype(int)
+    right, bottom = np.floor(high - (high - low) / 4).astype(int)
+    return slice(top, bottom), slice(left, right)
+
+
+def corners_of_meshes(text):
+    """Place what the meshes of a standing robot are made of, by link."""
+    poses = forward_kinematics(text, STANDING, {})
+    points = {}
+    for link in ET.fromstring(text).findall("link"):
+        for mesh in link.findall("visual/geometry/mesh"):
+            file = mesh.get("filename").replace(
+                "package://g1_description", str(REPOSITORY)
+            )
+            vertices = trimesh.load(file).vertices
+            pose = poses[link.get("name")]
+            turned = Rotation.from_quat(pose[3:]).apply(vertices)
+            points[link.get("name")] = pose[:3] + turned
+    return points
 
 
 def test_only_what_hangs_on_a_joint_changes(scene, g1):

@@ -4,6 +4,7 @@ import ast
 import os
 import subprocess
 import sys
+import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import pytest
@@ -45,6 +46,19 @@ def test_a_layer_imports_only_what_it_may(layer):
         found = set(imported_packages(path))
         assert found <= ALLOWED.get(layer, found), path.name
         assert not found & FORBIDDEN.get(layer, set()), path.name
+
+
+def test_messages_that_nodes_import_are_dependencies():
+    """Also where they are tested with: tests are not installed."""
+    named = {
+        element.text
+        for element in ET.parse(SOURCE.parents[1] / "package.xml").getroot()
+        if element.tag in {"depend", "exec_depend"}
+    }
+    used = {name for path in SOURCE.glob("*/*.py") for name in imported_packages(path)}
+    messages = {name for name in used if name.endswith(("_msgs", "_srvs"))}
+    assert {"gazebo_msgs", "std_srvs"} <= messages
+    assert messages <= named
 
 
 @pytest.mark.parametrize(

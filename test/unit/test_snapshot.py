@@ -66,6 +66,11 @@ def last_line(run):
         (["a.gif", "--gif", "--model", OURS], "--model draws a file, without --gif"),
         (["a.png", "--model", OURS, "--joints", "wing=1"], "has no joint wing; it has"),
         (["a.png", "--model", OURS, "--joints", f"{ELBOW}=99"], "its limits are -1"),
+        (
+            ["a.png", "--model", OURS, "--joints", "left_elbow=1"],
+            "has no joint left_elbow; it has left_elbow_joint, ",
+        ),
+        (["a" * 300 + ".png", "--model", OURS], "snapshot: [Errno 36] File name"),
         (["a.png", "--model", ROOT / "test/data/tree.urdf"], "no visual shapes"),
     ],
 )

@@ -1,6 +1,7 @@
 """Files that are written as a whole or not at all."""
 
 import resource
+from contextlib import contextmanager
 
 import pytest
 
@@ -11,17 +12,20 @@ from g1_description.core.poses import Pose
 from g1_description.ros.pose_files import save_pose
 
 
-@pytest.fixture
+@contextmanager
 def tiny_files():
     """Let no file grow beyond ten bytes, as on a full disk."""
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (10, hard))
-    yield
-    resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
-def test_a_pose_that_cannot_be_written_leaves_nothing(tmp_path, tiny_files):
-    with pytest.raises(G1DescriptionError, match="cannot be written: File too large"):
+def test_a_pose_that_cannot_be_written_leaves_nothing(tmp_path):
+    told = pytest.raises(G1DescriptionError, match="cannot be written: File too large")
+    with told, tiny_files():  # as short as can be: pytest writes to a file, too
         save_pose(Pose("low", {"knee": 1.0}), tmp_path / "poses.yaml")
     assert not list(tmp_path.iterdir())
 

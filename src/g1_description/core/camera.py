@@ -7,8 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .errors import UnknownNameError
-
 VIEWS = {
     "front": (0.0, 0.0),
     "side": (-math.pi / 2, 0.0),
@@ -22,22 +20,6 @@ FAR = 1000.0
 
 LENS = 0.25
 """Half of a picture's height over the distance, where the camera is not far."""
-
-
-def view(name: str) -> tuple[float, float]:
-    """Find a view by its name.
-
-    Returns:
-        Yaw and pitch in [rad], as ``Camera`` has them.
-
-    Raises:
-        UnknownNameError: If there is no such view.
-    """
-    if name not in VIEWS:
-        raise UnknownNameError(
-            f"There is no view '{name}'; there are {', '.join(VIEWS)}."
-        )
-    return VIEWS[name]
 
 
 @dataclass(frozen=True)

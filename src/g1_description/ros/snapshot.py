@@ -15,10 +15,12 @@ import rosgraph
 import rospy
 
 from ..core.absolute_urdf import absolute_urdf
-from ..core.camera import Camera, framing, view
+from ..core.camera import VIEWS, Camera, framing
+from ..core.commands import listed
 from ..core.description import Description, parse_urdf
 from ..core.errors import G1DescriptionError, InvalidValueError, UnknownNameError
 from ..core.model_files import find_folder
+from ..core.poses import near_first
 from ..core.transform import IDENTITY
 from ..sim.picture import draw
 from ..sim.scene import Scene
@@ -50,8 +52,8 @@ def check_joints(wanted: dict[str, float], description: Description) -> None:
     unknown = [name for name in wanted if name not in joints]
     if unknown:
         raise UnknownNameError(
-            f"Robot '{description.name}' has no joint {', '.join(unknown)}; "
-            f"it has {', '.join(joints) or 'none'}."
+            f"Robot '{description.name}' has no joint {listed(unknown)}; "
+            f"it has {listed(near_first(unknown[0], joints)) or 'none'}."
         )
     for name, position in wanted.items():
         lower, upper = joints[name].lower, joints[name].upper
@@ -91,7 +93,7 @@ def frame(
     is_placed = any(robot.T_map_root is not None for robot in moments[0])
     floor = 0.0 if is_placed else float(points[:, 2].min())
     width, height = asked.size
-    return framing(points, *view(asked.view), width / height), floor
+    return framing(points, *VIEWS[asked.view], width / height), floor
 
 
 def place(scene: Scene, moment: Sequence[Moment]) -> None:
@@ -131,7 +133,29 @@ def draw_now(asked: argparse.Namespace) -> None:
     """Draw the robots that run.
 
     Raises:
+        NotThereError: If there is no master, it goes, or nothing comes from a robot.
+    """
+    try:
+        descriptions, moments = watch_now(asked)
+    except (OSError, rospy.ROSException, rosgraph.MasterException) as error:
+        raise NotThereError(f"the master is gone: {error}.") from error
+    with Scene() as scene:
+        for description in descriptions:
+            load(scene, description)
+        write(scene, moments, asked)
+
+
+def watch_now(
+    asked: argparse.Namespace,
+) -> tuple[list[Description], list[list[Moment]]]:
+    """Watch the robots that run, as long as was asked for.
+
+    Returns:
+        The robots, and what all of them did at each moment.
+
+    Raises:
         NotThereError: If there is no master, or nothing comes from a robot.
+        OSError: If the master goes meanwhile; likewise the errors of ROS.
     """
     if not rosgraph.is_master_online():
         raise NotThereError(
@@ -153,10 +177,7 @@ def draw_now(asked: argparse.Namespace) -> None:
     for listener in (transforms, *watches):  # drawing needs the processor
         listener.close()
     wanted = [[now.with_joints(asked.joints) for now in moment] for moment in moments]
-    with Scene() as scene:
-        for watch in watches:
-            load(scene, watch.description)
-        write(scene, wanted, asked)
+    return [watch.description for watch in watches], wanted
 
 
 def tell_unknown(watch: RobotWatch, wanted: dict[str, float]) -> None:
@@ -182,5 +203,5 @@ def main() -> None:
         sys.exit(INTERRUPTED)
     except G1DescriptionError as error:
         sys.exit(f"snapshot: {error}")
-    except (OSError, rospy.ROSException, rosgraph.MasterException) as error:
-        sys.exit(f"snapshot: the master is gone: {error}.")
+    except OSError as error:
+        sys.exit(f"snapshot: {error}.")

@@ -20,7 +20,12 @@ def parser() -> OneSentenceParser:
         prog="snapshot", description="Write a picture of the robot as it is now."
     )
     made.add_argument("out", type=Path, help="file to write: .png, or .gif with --gif")
-    made.add_argument("--view", choices=VIEWS, default="iso", help="default: iso")
+    made.add_argument(
+        "--view",
+        choices=VIEWS,
+        default="iso",
+        help="side is from the robot's right; default: iso",
+    )
     made.add_argument(
         "--size", type=size, help="pixels, default: 1280x960, of a film 640x480"
     )
