@@ -28,7 +28,7 @@ GROWTH = 3e6
 TIMES = 20
 """How often each message comes."""
 STEPS = 1000
-SLOWEST = 0.3
+SLOWEST = 2.0
 """Longest time from a message to its joint states in [s]."""
 APART = 9.5
 """Least time between two lines of one kind in [s]."""

@@ -57,7 +57,9 @@ class TestFuzz(unittest.TestCase):
         self.assertTrue(self.node.is_alive(), self.node.output()[-3000:])
         self.observer.restore(self.defaults)
         self.services.call("unpause_physics")
-        self.assertAlmostEqual(self.node.real_time_factor(), 1.0, delta=0.1)
+        wait_for(  # others may need the machine for a while
+            lambda: abs(self.node.real_time_factor() - 1.0) < 0.1, "time at its pace"
+        )
         trouble = self.node.trouble()
         self.assertEqual(trouble, [], f"{len(trouble)} lines")
 

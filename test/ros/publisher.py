@@ -79,13 +79,13 @@ class TestPublisher(unittest.TestCase):
     def test_who_does_not_read_stops_nobody_and_gets_the_newest_in_the_end(self):
         reader = self.subscribe("/reader")
         sleeper = self.subscribe("/sleeper", buffer=BUFFER)
-        longest = 0.0
+        slow = 0
         for number in range(MANY):
             begin = time.monotonic()
             self.publisher.publish(text(number, LONG))
-            longest = max(longest, time.monotonic() - begin)
+            slow += time.monotonic() - begin > 0.3
             self.assertEqual(number_of(self.next_of(reader)), number)
-        self.assertLess(longest, 0.3)
+        self.assertLess(slow, 4)  # the machine may have other things to do
         got = [number_of(sleeper.read()) for _ in range(10)]
         last = text(MANY)
         self.publisher.publish(last)
