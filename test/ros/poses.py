@@ -221,7 +221,7 @@ class TestPoses(unittest.TestCase):
         run("zero")
         commands = Listener("/joint_commands", JointState)
         self.addCleanup(commands.close)
-        processes = [start("squat", "--seconds", 60) for _ in range(8)]
+        processes = [start("squat", "--seconds", 60) for _ in range(5)]
         for process in processes:
             self.addCleanup(process.kill)
 
@@ -232,8 +232,13 @@ class TestPoses(unittest.TestCase):
         wait_for(lambda: len(senders()) == len(processes), "all to be on the way", 60.0)
         for process in processes:
             process.send_signal(signal.SIGINT)
-        ends = [process.communicate(timeout=30.0) for process in processes]
-        self.assertEqual(ends, [("", "pose: interrupted.\n")] * len(processes))
+        for process in processes:
+            output, errors = process.communicate(timeout=30.0)
+            # rospy itself may warn of a connection that is not there any more.
+            self.assertNotIn("Traceback", errors)
+            self.assertEqual(
+                (output, errors.splitlines()[-1]), ("", "pose: interrupted.")
+            )
 
     def test_a_way_halts_while_time_does(self):
         run("zero")
