@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
+
+from conftest import REPOSITORY
 
 from g1_description.core.description import parse_urdf
 from g1_description.core.lumping import lump_fixed_joints
 from g1_description.sim.entities import Entity, seen_from
 from g1_description.sim.physics import PhysicsProperties
 from g1_description.sim.world import World
-
-REPOSITORY = Path(__file__).resolve().parents[1]
 
 
 def find_package(name):

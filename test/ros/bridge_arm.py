@@ -2,11 +2,11 @@
 
 import math
 import time
-from threading import Event, Thread
 
 import rospy
 from gazebo_msgs.msg import LinkStates
 from geometry_msgs.msg import Pose, Twist
+from ros_testing import Repeated
 from rosgraph_msgs.msg import Clock
 
 MODEL = "arm"
@@ -60,24 +60,6 @@ def shows(message, positions):
             for name, found in zip(message.name, numbers)
         )
     )
-
-
-class Repeated:
-    """Something done again and again in a thread, until it is closed."""
-
-    def __init__(self, act, period):
-        self._act, self._period = act, period
-        self._stopped = Event()
-        self._thread = Thread(target=self._run, daemon=True)
-        self._thread.start()
-
-    def _run(self):
-        while not self._stopped.wait(self._period):
-            self._act()
-
-    def close(self):
-        self._stopped.set()
-        self._thread.join()
 
 
 def run_clock(period=0.002):

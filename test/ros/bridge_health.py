@@ -7,12 +7,12 @@ import unittest
 
 import rospy
 import rostest
-from bridge_arm import URDF, Repeated, arm_states, run_clock
+from bridge_arm import URDF, arm_states, run_clock
 from bridge_watch import Watched
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from fuzz_wire import body_of
 from raw_service import SUCCESS, Gate, Simulator, refusal
-from ros_testing import Connected, wait_for
+from ros_testing import Connected, Repeated, wait_for
 from sensor_msgs.msg import JointState
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR

@@ -13,14 +13,14 @@ import unittest
 import rosgraph
 import rospy
 import rostest
-from bridge_arm import JOINTS, URDF, Repeated, arm_states, shows
+from bridge_arm import JOINTS, URDF, arm_states, shows
 from bridge_process import Bridge
 from fuzz_wire import body_of
 from gazebo_msgs.msg import LinkStates
 from raw_publisher import RawPublisher
 from raw_service import Simulator
 from raw_subscriber import RawSubscriber
-from ros_testing import wait_for
+from ros_testing import Repeated, wait_for
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 

@@ -14,12 +14,12 @@ import unittest
 import rosgraph
 import rospy
 import rostest
-from bridge_arm import URDF, Repeated, arm_states
+from bridge_arm import URDF, arm_states
 from bridge_watch import Watched
 from fuzz_wire import body_of
 from gazebo_msgs.msg import ModelState
 from geometry_msgs.msg import TransformStamped
-from ros_testing import Launch, Listener, process_of, wait_for
+from ros_testing import Launch, Listener, Repeated, process_of, wait_for
 from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty

@@ -110,3 +110,21 @@ def process_of(node):
         return ServerProxy(uri).getPid("/test")[2] if uri else None
     except (OSError, rosnode.ROSNodeException):
         return None
+
+
+class Repeated:
+    """Something done again and again in a thread, until it is closed."""
+
+    def __init__(self, act, period):
+        self._act, self._period = act, period
+        self._stopped = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def _run(self):
+        while not self._stopped.wait(self._period):
+            self._act()
+
+    def close(self):
+        self._stopped.set()
+        self._thread.join()

@@ -11,6 +11,7 @@ import tempfile
 import threading
 import time
 import unittest
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,7 @@ import rostest
 from gazebo_msgs.msg import ModelState
 from gazebo_msgs.srv import SetModelState
 from geometry_msgs.msg import Point, Pose, Quaternion
-from ros_testing import Connected, wait_for
+from ros_testing import Connected, Repeated, wait_for
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
 
@@ -136,23 +137,15 @@ class TestSnapshot(unittest.TestCase):
         self.assertTrue((standing[below] != flying[below]).any())
 
     def test_a_film_shows_the_robot_moving(self):
-        over = threading.Event()
-
         def swing():
-            while not over.wait(0.02):
-                angle = 0.7 + 0.6 * np.sin(2.0 * time.monotonic())
-                self.commands.publish(
-                    JointState(name=["left_shoulder_roll_joint"], position=[angle])
-                )
+            angle = 0.7 + 0.6 * np.sin(2.0 * time.monotonic())
+            self.commands.publish(
+                JointState(name=["left_shoulder_roll_joint"], position=[angle])
+            )
 
-        mover = threading.Thread(target=swing)
-        mover.start()
-        try:
-            film = ("--gif", "--seconds", "2", "--fps", "10", "--size", "160x120")
+        film = ("--gif", "--seconds", "2", "--fps", "10", "--size", "160x120")
+        with closing(Repeated(swing, 0.02)):
             _, err = self.run_snapshot("a.gif", *film)
-        finally:
-            over.set()
-            mover.join()
         self.assertIn("frame 20 of 20", err)
         frames, lengths = read_frames(self.folder / "a.gif")
         self.assertEqual(frames.shape[1:], (120, 160, 3))
@@ -210,21 +203,14 @@ class TestSnapshot(unittest.TestCase):
         """The clock is put back so often that it never comes to the next picture."""
         reset = rospy.ServiceProxy("/gazebo/reset_simulation", Empty)
         reset()
-        over = threading.Event()
 
         def put_back():
-            while not over.wait(0.01):
-                if rospy.get_time() > 0.5:
-                    reset()
+            if rospy.get_time() > 0.5:
+                reset()
 
-        resetter = threading.Thread(target=put_back)
-        resetter.start()
-        try:
-            film = ("--gif", "--seconds", "3", "--fps", "1", "--size", "64x48")
+        film = ("--gif", "--seconds", "3", "--fps", "1", "--size", "64x48")
+        with closing(Repeated(put_back, 0.01)):
             _, err = self.run_snapshot("a.gif", *film)
-        finally:
-            over.set()
-            resetter.join()
         self.assertIn("frame 3 of 3", err)
         self.assertNotIn("TF_", err)
 

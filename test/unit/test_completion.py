@@ -22,6 +22,13 @@ def home(tmp_path, monkeypatch):
     return tmp_path
 
 
+def bash(script):
+    """Run a script in a bash that has read nothing else."""
+    return subprocess.run(
+        ["bash", "--norc", "-c", script], capture_output=True, text=True, check=False
+    )
+
+
 def complete(*words, before=""):
     """Let bash complete the last word, with what was sourced before ours.
 
@@ -35,12 +42,7 @@ def complete(*words, before=""):
     COMP_WORDS=({quoted}); COMP_CWORD={len(words) - 1}; COMPREPLY=()
     set +u; "${{BASH_REMATCH[1]}}" {words[0]} '{words[-1]}' '' 2>/dev/null
     printf '%s\\n' "${{COMPREPLY[@]}}" """
-    run = subprocess.run(
-        ["bash", "--norc", "-c", script],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    run = bash(script)
     assert not run.stderr
     return run.stdout.split()
 
@@ -101,12 +103,7 @@ def test_the_completion_of_rosbash_is_as_it_was(words):
     script = f"""source '{found[0]}'; COMP_WORDS=({quoted}); COMP_CWORD=1
     {function[words[0]]} {words[0]} '{words[1]}' '' 2>/dev/null
     printf '%s\\n' "${{COMPREPLY[@]}}" """
-    alone = subprocess.run(
-        ["bash", "--norc", "-c", script],
-        capture_output=True,
-        text=True,
-        check=False,
-    ).stdout.split()
+    alone = bash(script).stdout.split()
     assert alone
     ours = complete(*words, before=f"set +u; source '{found[0]}'")
     assert sorted(ours) == sorted(alone)

@@ -79,7 +79,7 @@ class Display:
             end = time.monotonic() + seconds
             while time.monotonic() < end:
                 angle = 0.5 + 0.1 * np.sin(time.monotonic())
-                service(*("g1_robot", "", names, [angle]))
+                service("g1_robot", "", names, [angle])
                 time.sleep(MOVES)
 
     def watch(self, seconds, pass_time=time.sleep):

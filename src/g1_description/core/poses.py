@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .commands import listed
-from .description import Description
+from .description import Description, Joint
 from .errors import InvalidValueError, UnknownNameError
 
 ZERO = "zero"
@@ -72,12 +72,25 @@ def check_pose(pose: Pose, description: Description) -> None:
                 f"{told} names {name}, which is no movable joint of "
                 f"'{description.name}'; there are {known}."
             )
-        lower, upper = joints[name].lower, joints[name].upper
-        if not lower <= position <= upper:
-            raise InvalidValueError(
-                f"{told} has {name} at {position:g}, its limits are {lower:g} and "
-                f"{upper:g}."
-            )
+        check_limits(told, joints[name], position)
+
+
+def check_limits(told: str, joint: Joint, position: float) -> None:
+    """Check that a joint can be somewhere.
+
+    Args:
+        told: Who wants it there, for the sentence.
+        joint: The joint.
+        position: In [rad] or [m].
+
+    Raises:
+        InvalidValueError: If it cannot.
+    """
+    if not joint.lower <= position <= joint.upper:
+        raise InvalidValueError(
+            f"{told} has {joint.name} at {position:g}, its limits are "
+            f"{joint.lower:g} and {joint.upper:g}."
+        )
 
 
 def pose_positions(pose: Pose, description: Description) -> np.ndarray:

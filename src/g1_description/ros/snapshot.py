@@ -20,7 +20,7 @@ from ..core.commands import listed
 from ..core.description import Description, parse_urdf
 from ..core.errors import G1DescriptionError, InvalidValueError, UnknownNameError
 from ..core.model_files import find_folder
-from ..core.poses import near_first
+from ..core.poses import check_limits, near_first
 from ..core.transform import IDENTITY
 from ..sim.picture import draw
 from ..sim.scene import Scene
@@ -56,12 +56,7 @@ def check_joints(wanted: dict[str, float], description: Description) -> None:
             f"it has {listed(near_first(unknown[0], joints)) or 'none'}."
         )
     for name, position in wanted.items():
-        lower, upper = joints[name].lower, joints[name].upper
-        if not lower <= position <= upper:
-            raise InvalidValueError(
-                f"{name} cannot be at {position:g}, its limits are {lower:g} and "
-                f"{upper:g}."
-            )
+        check_limits("--joints", joints[name], position)
 
 
 def load(scene: Scene, description: Description) -> None:

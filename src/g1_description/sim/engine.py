@@ -193,21 +193,23 @@ class Engine:
         to topple.
         """
         speeds = [body.speed for body in self._bodies.values() if body.moves]
-        speed = float(np.max(speeds, initial=0.0))
-        if not speed <= STILL:
-            self._still_for = 0.0
+        if not all(speed <= STILL for speed in speeds):
+            self._wake()
             return
+        speed = max(speeds, default=0.0)
         if self._still_for == 0.0:
             self._speed_before = speed
         self._still_for += self._properties.time_step
-        if self._still_for >= REST and speed > self._speed_before:
-            self._still_for = 0.0
-        elif self._still_for >= REST:
+        if self._still_for < REST:
+            return
+        if speed > self._speed_before:
+            self._wake()
+        else:
             for body in self._bodies.values():
                 body.stop()
 
     def _wake(self) -> None:
-        """Go on computing: something was written."""
+        """Go on computing, and count anew for how long all stands still."""
         self._still_for = 0.0
 
     def contacts(self) -> set[tuple[str, str]]:
