@@ -11,9 +11,11 @@ import rosgraph
 import rospy
 from diagnostic_msgs.msg import DiagnosticStatus
 from diagnostic_updater import Updater
+from gazebo_msgs.srv import GetPhysicsProperties
 
 from ..core.commands import listed
 from .bridge_robot import START, BridgedRobot
+from .command_sender import FAILURES as SERVICE_FAILURES
 from .complaints import Complaints
 from .own_node import FAILURES
 from .registration import keep_in_touch
@@ -30,6 +32,10 @@ PERIOD = 1.0
 ASK = 0.5
 """Time between two questions to the master in [s] of wall time."""
 
+ASK_PAUSED = 0.4
+"""A simulator that is silent for so long is asked whether it is paused, and so often, in
+[s] of wall time."""
+
 STALE = 1.0
 """Link states older than this are told, in [s] of wall time."""
 
@@ -38,6 +44,42 @@ HANGING = 2.0
 
 RECENT = 10.0
 """What was ignored of a command is told for this long, in [s]."""
+
+
+class PauseWatch:
+    """Whether a simulator that is silent was paused; it alone knows."""
+
+    def __init__(self, gazebo: str) -> None:
+        """Begin without knowing.
+
+        Args:
+            gazebo: Namespace of the simulator.
+        """
+        self._get = rospy.ServiceProxy(
+            f"{gazebo}/get_physics_properties", GetPhysicsProperties
+        )
+        self._asked: float | None = None
+        self.is_paused = False
+        """Whether it said so when it was asked last."""
+
+    def ask(self) -> None:
+        """Ask the simulator; it may take as long as it likes."""
+        paused = False
+        with contextlib.suppress(*SERVICE_FAILURES):
+            paused = self._get().pause
+        self.is_paused, self._asked = paused, time.monotonic()
+
+    def forget(self) -> None:
+        """Take it that time runs: states come."""
+        self.is_paused, self._asked = False, None
+
+    def is_known(self, age: float) -> bool:
+        """Tell whether it was asked since states stay away, or does not answer.
+
+        Args:
+            age: How long they have stayed away in [s].
+        """
+        return self._asked is not None or age > HANGING
 
 
 class BridgeHealth:
@@ -58,7 +100,7 @@ class BridgeHealth:
         self._complaints = complaints
         self._stopped = threading.Event()
         self._began = time.monotonic()
-        self._passed_over = 0
+        self._pause = PauseWatch(bridge.gazebo)
         self._updater = Updater()
         self._updater.setHardwareID("none")
         self._updater.add("link states", self._tell_link_states)
@@ -69,7 +111,7 @@ class BridgeHealth:
     def start(self) -> None:
         """Begin, until the node is shut down."""
         rospy.on_shutdown(self._stopped.set)
-        for target in (self._tell_forever, self._ask_forever):
+        for target in (self._tell_forever, self._ask_forever, self._watch_forever):
             threading.Thread(target=target, daemon=True).start()
 
     def _tell_forever(self) -> None:
@@ -77,35 +119,36 @@ class BridgeHealth:
         while not self._stopped.wait(PERIOD):
             self._tell_of_silence()
             with quiet_when_closing():
-                self._bridge.take_kept()
-                for robot in self._bridge.robots:
-                    robot.joint_states.flush()
                 self._updater.force_update()
 
+    def _watch_forever(self) -> None:
+        """Find out whether the simulator is paused, when it is silent."""
+        while not self._stopped.wait(ASK_PAUSED):
+            age = self._bridge.source.age
+            if age is None or age < ASK_PAUSED:
+                self._pause.forget()
+            else:
+                self._pause.ask()
+
     @property
-    def _age(self) -> float | None:
-        """How old the last good link states are in [s]; None before the first."""
-        came = self._bridge.last_came
-        return None if came is None else time.monotonic() - came
+    def _is_stale(self) -> bool:
+        """Whether states stay away, and nobody asked for that."""
+        age = self._bridge.source.age
+        return age is None or (age > STALE and not self._pause.is_paused)
 
     def _tell_of_silence(self) -> None:
         """Say that link states stay away, or that a command does."""
-        topic, waiting = self._bridge.topic, self._bridge.sender.waiting
-        age = self._age
-        passed_over = self._bridge.passed_over - self._passed_over
-        if passed_over:
-            self._passed_over += passed_over
-            told = f"{passed_over} messages on {topic} were passed over for newer ones."
-            self._complaints.tell("behind", told)
+        source, waiting = self._bridge.source, self._bridge.sender.waiting
+        age = source.age
         if age is None and time.monotonic() - self._began > START:
-            told = f"Nothing usable has come on {topic} yet."
-            if self._bridge.timeless:
-                told = f"Nothing is published: {topic} comes, but no time on /clock."
+            told = f"Nothing usable has come on {source.topic} yet."
+            if source.timeless:
+                told = f"Nothing is published: {source.topic} comes, but no time on /clock."
             self._complaints.tell("silence", told)
-        if age is not None and age > STALE:
+        if age is not None and self._is_stale and self._pause.is_known(age):
             self._complaints.tell(
                 "silence",
-                f"Nothing usable on {topic} for {age:.0f} s: {self._why()}.",
+                f"Nothing usable on {source.topic} for {age:.0f} s: {self._why()}.",
             )
         if waiting > HANGING:
             self._complaints.tell(
@@ -114,23 +157,26 @@ class BridgeHealth:
             )
 
     def _why(self) -> str:
-        """Guess why link states stay away."""
-        if self._bridge.subscriber.get_num_connections():
-            return "the simulator is silent, perhaps paused"
+        """Tell what is known of why states stay away."""
+        if self._bridge.source.is_connected:
+            return "the simulator is silent"
         return "there is no simulator"
 
     def _tell_link_states(self, status):
-        """Report whether link states come."""
-        age = self._age
-        status.add("malformed messages", self._bridge.malformed)
-        status.add("messages passed over for newer ones", self._bridge.passed_over)
+        """Report whether states come."""
+        source = self._bridge.source
+        age = source.age
+        status.add("malformed messages", source.malformed)
+        status.add("messages passed over for newer ones", source.passed_over)
         if age is None:
-            status.summary(WARN, f"nothing usable on {self._bridge.topic}")
+            status.summary(WARN, f"nothing usable on {source.topic}")
             return status
         status.add("age in s", f"{age:.3f}")
-        if age > STALE:
-            told = f"nothing on {self._bridge.topic} for {age:.0f} s: {self._why()}"
+        if self._is_stale:
+            told = f"nothing on {source.topic} for {age:.0f} s: {self._why()}"
             status.summary(WARN, told)
+        elif self._pause.is_paused:
+            status.summary(OK, "paused")
         else:
             status.summary(OK, "link states come")
         return status
@@ -159,7 +205,7 @@ class BridgeHealth:
 
         def tell(status):
             share = robot.share
-            if share is None or self._age is None or self._age > STALE:
+            if share is None or self._is_stale:
                 status.summary(WARN, "no link states come")
                 return status
             if not share.is_there:

@@ -1,8 +1,9 @@
 """The bridge's node: link states to joint states and TF, commands to the simulator.
 
-Publishes: joint_states (sensor_msgs/JointState): for each link_states message;
+Publishes: joint_states (sensor_msgs/JointState): for each state, with its stamp;
     /diagnostics (diagnostic_msgs/DiagnosticArray)
-Subscribes: <gazebo>/link_states (gazebo_msgs/LinkStates), joint_commands
+Subscribes: <gazebo>/world_state (gazebo_msgs/WorldState) or, where there is none,
+    <gazebo>/link_states (gazebo_msgs/LinkStates); joint_commands
     (sensor_msgs/JointState)
 Broadcasts: map -> base_link, throttled; static world -> map, base_link -> the
     robot's root, imu_in_torso -> body_imu
@@ -17,36 +18,47 @@ import threading
 import time
 from collections.abc import Sequence
 
+import genpy
 import rospy
 import tf2_ros
+from tf2_msgs.msg import TFMessage
 
 from ..core.commands import listed
 from ..core.description import Description
-from ..core.errors import G1DescriptionError, WireFormatError
+from ..core.errors import G1DescriptionError
 from ..core.observer import Observer, Sight
+from ..core.stamps import RisingStamps
 from ..core.transform import IDENTITY
-from .backlog import Backlog
 from .bridge_health import BridgeHealth
 from .bridge_robot import BridgedRobot
 from .command_sender import CommandSender
 from .complaints import Complaints
 from .descriptions import wait_for_descriptions
+from .direct_publisher import DirectPublisher
 from .frames import static_edges
-from .link_states import LinkStatesArrays, LinkStatesDecoder
-from .messages import transform
+from .link_states import LinkStatesArrays
+from .messages import stamp_from_ns, transform
 from .parameters import BridgeParameters, RobotParameters, read_parameters
 from .shutdown import quiet_when_closing, start_node
+from .state_source import StateSource
 from .tcpros import serve_as_roscpp
 
 QUEUE = 100
-"""Messages that may come at once; of more the newest count."""
+"""Transforms kept for a slow listener."""
 
-BUFFER = 1 << 16
-"""Bytes read from link_states at once: a dozen messages of a humanoid."""
+UPKEEP = 0.05
+"""Time between two looks at what no message would do, in [s] of wall time."""
+
+STILL = 0.1
+"""Without a state for this long, in [s] of wall time, time stands still."""
+
+AGAIN = (0.1, 0.5, 2.0)
+"""When time stands still, a newcomer on /tf is shown the last state after these, in [s]:
+it may be connected to us before it is to robot_state_publisher."""
 
 
 class BridgeNode:
-    """The callbacks; each input message makes its outputs with one stamp."""
+    """The callbacks; each state makes its outputs with one stamp."""
 
     def __init__(
         self,
@@ -60,25 +72,21 @@ class BridgeNode:
             robots: Names and descriptions of the robots.
         """
         p = parameters
+        self.gazebo = p.gazebo
+        """Namespace of the simulator."""
         self._complaints = Complaints()
         self.robots = [
             BridgedRobot(robot, description, p, self._complaints)
             for robot, description in robots
         ]
         self._observer = Observer({r.name: r.description for r in self.robots})
-        self._decoder = LinkStatesDecoder()
-        # rospy has a thread for each publisher of link states; there may be two.
-        self._one_at_a_time = threading.Lock()
-        self._backlog = Backlog(QUEUE)
-        self._kept: bytes | None = None
-        self._last_stamp = rospy.Time()
-        self.last_came: float | None = None
-        """When the last good message came, on the monotonic clock."""
-        self.timeless = 0
-        """Messages that came before any time on /clock."""
-        self.malformed = 0
-        """Messages that could not be read."""
-        self._broadcaster = tf2_ros.TransformBroadcaster()
+        self._stamps = RisingStamps()
+        self._sight: Sight | None = None
+        self._newcomer = threading.Event()
+        self._again: list[float] = []
+        self._tf = DirectPublisher(
+            "/tf", TFMessage, QUEUE, on_newcomer=self._newcomer.set
+        )
         self._static_broadcaster = tf2_ros.StaticTransformBroadcaster()
         self._broadcast_static_frames(p, robots)
         self.sender = CommandSender(
@@ -89,15 +97,11 @@ class BridgeNode:
         self.sender.start()
         for robot in self.robots:
             robot.listen(self.sender)
-        self.topic = rospy.resolve_name(f"{p.gazebo}/link_states")
-        self.subscriber = rospy.Subscriber(
-            self.topic,
-            rospy.AnyMsg,
-            self._link_states_came,
-            queue_size=QUEUE,
-            buff_size=BUFFER,
-            tcp_nodelay=True,
-        )
+        self.source = StateSource(p.gazebo, p.max_rate, self._take, self._complaints)
+        self.source.start()
+        self._stopped = threading.Event()
+        rospy.on_shutdown(self._stopped.set)
+        threading.Thread(target=self._keep_up, daemon=True).start()
         BridgeHealth(self, self._complaints).start()
 
     def _broadcast_static_frames(
@@ -119,64 +123,30 @@ class BridgeNode:
             ]
         )
 
-    def _link_states_came(self, message: rospy.AnyMsg) -> None:
-        """Turn one message into joint states and, now and then, TF."""
-        with self._one_at_a_time:
-            if self._backlog.is_old():
-                self._kept = message._buff
-            else:
-                self._kept = None
-                self._take(message._buff)
-            self._backlog.end()
-
-    def take_kept(self) -> None:
-        """Take the last message that was passed over, if none came after it."""
-        with self._one_at_a_time:
-            kept, self._kept = self._kept, None
-            if kept is not None:
-                self._take(kept)
-
-    @property
-    def passed_over(self) -> int:
-        """Messages that were passed over because newer ones had come."""
-        return self._backlog.passed_over
-
-    def _take(self, data: bytes) -> None:
-        """Take one message's bytes."""
-        stamp = rospy.Time.now()
-        if not stamp:  # simulated time has not come yet, and a stamp is not invented
-            self.timeless += 1
-            return
-        if stamp < self._last_stamp:
+    def _take(self, stamp_ns: int, states: LinkStatesArrays) -> None:
+        """Turn one state into joint states and, now and then, TF."""
+        stamp_ns, went_back = self._stamps.next(stamp_ns)
+        if went_back:
             self._reset()
-        self._last_stamp = stamp
-        try:
-            states = self._decoder.decode(data)
-        except WireFormatError as error:
-            self.malformed += 1
-            self._complaints.tell(
-                "malformed", f"A message on {self.topic} cannot be read: {error}"
-            )
-            return
-        self.last_came = time.monotonic()
-        with quiet_when_closing():
-            self._publish(stamp, states)
-
-    def _publish(self, stamp: rospy.Time, states: LinkStatesArrays) -> None:
-        """Publish what one message tells."""
-        sight: Sight = self._observer.see(*states, stamp.to_sec())
+        self._sight = self._observer.see(*states, 1e-9 * stamp_ns)
         if self._observer.twice:
             names = listed(self._observer.twice)
             self._complaints.tell(
                 "twice", f"Links come more than once, the first counts: {names}."
             )
-        moved = [
-            robot.publish(stamp, sight, share)
-            for robot, share in zip(self.robots, sight.shares)
-        ]
-        moved = [edge for edge in moved if edge is not None]
-        if moved:
-            self._broadcaster.sendTransform(moved)
+        self._publish(stamp_from_ns(stamp_ns))
+
+    def _publish(self, stamp: genpy.Time) -> None:
+        """Publish the last state."""
+        sight = self._sight
+        with quiet_when_closing():
+            moved = [
+                robot.publish(stamp, sight, share)
+                for robot, share in zip(self.robots, sight.shares)
+            ]
+            moved = [edge for edge in moved if edge is not None]
+            if moved:
+                self._tf.publish(TFMessage(moved))
 
     def _reset(self) -> None:
         """Take it that simulated time began again."""
@@ -186,6 +156,31 @@ class BridgeNode:
         self._observer.reset()
         for robot in self.robots:
             robot.reset()
+
+    def _keep_up(self) -> None:
+        """Do what no message would, until the node is shut down."""
+        while not self._stopped.wait(UPKEEP):
+            self.source.look_after()
+            with quiet_when_closing():
+                self._tf.flush()
+                for robot in self.robots:
+                    robot.joint_states.flush()
+            if self._newcomer.is_set():
+                self._newcomer.clear()
+                self._again = [time.monotonic() + delay for delay in AGAIN]
+            if self._again and time.monotonic() > self._again[0]:
+                self._again.pop(0)
+                self._show_again()
+
+    def _show_again(self) -> None:
+        """Publish the last state once more, if time stands still."""
+        with self.source.lock:
+            age = self.source.age
+            if self._sight is None or age is None or age < STILL:
+                return
+            for robot in self.robots:
+                robot.reset()
+            self._publish(stamp_from_ns(self._stamps.again()))
 
 
 def main() -> None:

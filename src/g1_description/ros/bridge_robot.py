@@ -21,7 +21,9 @@ from .frames import base_child
 from .messages import JointStateEncoder, PreparedJointState, transform
 from .parameters import BridgeParameters, RobotParameters
 
-QUEUE = 100
+QUEUE = 10_000
+"""Joint states kept for a slow subscriber: a script that steps may be seconds ahead of
+what it hears, and shall hear of each step."""
 
 START = 5.0
 """A robot may be spawned this long after the bridge began, in [s]."""
@@ -61,7 +63,7 @@ class BridgedRobot:
         )
         self._encoder = JointStateEncoder()
         self.joint_states = DirectPublisher(
-            self._topic("joint_states"), PreparedJointState, QUEUE
+            self._topic("joint_states"), PreparedJointState, QUEUE, latch=True
         )
         self.share: Share | None = None
         """What the last message had of it."""

@@ -22,6 +22,7 @@ import threading
 import time
 import warnings
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import rosgraph
@@ -64,11 +65,21 @@ class Peer:
     is_own: bool
     """Whether it is this node itself."""
 
+    is_stuck: bool = False
+    """Whether it was waited for in vain, and has taken nothing since."""
+
 
 class DirectPublisher(rospy.SubscribeListener):
     """Publish from the caller's thread, and let no subscriber stop it."""
 
-    def __init__(self, name: str, kind, queue_size: int) -> None:
+    def __init__(
+        self,
+        name: str,
+        kind,
+        queue_size: int,
+        latch: bool = False,
+        on_newcomer: Callable[[], None] = lambda: None,
+    ) -> None:
         """Advertise a topic.
 
         Args:
@@ -76,9 +87,14 @@ class DirectPublisher(rospy.SubscribeListener):
             kind: Class of its messages. rospy counts each subscriber's copy in
                 ``header.seq``; a class that counts itself has ``_has_header = False``.
             queue_size: Messages kept for a subscriber that is slow.
+            latch: Whether a subscriber that comes gets the newest message.
+            on_newcomer: Called when a subscriber has come, in the thread of its
+                handshake.
         """
         self.name = rospy.resolve_name(name)
         self._queue_size = queue_size
+        self._latch, self._newest = latch, None
+        self._on_newcomer = on_newcomer
         self._changing, self._sending = threading.RLock(), threading.Lock()
         self._peers: dict[int, Peer] = {}
         self._strangers: set[int] = set()
@@ -102,8 +118,10 @@ class DirectPublisher(rospy.SubscribeListener):
     def publish(self, message) -> None:
         """Send a message to all subscribers that have room, keep it for the others."""
         self._look_again()
-        if self._peers:
+        if self._peers or self._latch:
             with self._sending:
+                if self._latch:
+                    self._newest = message
                 self._send(message)
 
     def _send(self, message) -> None:
@@ -129,6 +147,32 @@ class DirectPublisher(rospy.SubscribeListener):
                     if peer.descriptor in ready:
                         self._send_waiting(peer)
 
+    def wait_for_room(self, patience: float) -> None:
+        """Wait until nothing is kept for any subscriber.
+
+        Args:
+            patience: How long one may take nothing, in [s]. It is not waited for
+                again until it does.
+        """
+        end = time.monotonic() + patience
+        while True:
+            self.flush()
+            behind = [
+                peer
+                for peer in self._peers.values()
+                if peer.waiting and not (peer.is_own or peer.is_stuck)
+            ]
+            if not behind:
+                return
+            room = select.poll()
+            for peer in behind:
+                room.register(peer.descriptor, select.POLLOUT)
+            if room.poll(10):
+                end = time.monotonic() + patience
+            elif time.monotonic() > end:
+                for peer in behind:
+                    peer.is_stuck = True
+
     def _ready(self) -> set[int]:
         """Find the sockets that can be written to, or are broken."""
         return {descriptor for descriptor, _ in self._poll.poll(0)}
@@ -140,6 +184,7 @@ class DirectPublisher(rospy.SubscribeListener):
         room.register(peer.descriptor, select.POLLOUT)
         while peer.waiting and room.poll(0):
             peer.send(peer.waiting.popleft())
+            peer.is_stuck = False
 
     def peer_subscribe(self, topic_name, topic_publish, peer_publish) -> None:
         """Take up a subscriber; rospy calls this in the thread of its handshake."""
@@ -156,6 +201,7 @@ class DirectPublisher(rospy.SubscribeListener):
                 self._strangers.remove(fitting[-1])
                 with contextlib.suppress(OSError):  # it is gone again
                     self._take_up(fitting[-1], peer_publish)
+        self._on_newcomer()
 
     def peer_unsubscribe(self, topic_name, num_peers) -> None:
         """Look who left, the next time; rospy calls this and does not say who."""
@@ -207,7 +253,10 @@ class DirectPublisher(rospy.SubscribeListener):
         self._poll.register(descriptor, select.POLLOUT)
         waiting = deque(maxlen=1 if is_own else self._queue_size)
         peer = Peer(send, descriptor, waiting, is_own)
-        self._peers = {**self._peers, number: peer}
+        with self._sending:
+            if self._newest is not None:
+                send(self._newest)
+            self._peers = {**self._peers, number: peer}
         self._count_the_known()
 
     def _turn_away(self, strangers: set[int]) -> None:

@@ -25,7 +25,7 @@ from ..core.assembly import SCOPE
 from ..core.errors import InvalidValueError, UnknownNameError
 from ..sim.model import Report
 from .spans import span_of
-from .wording import Services, checked
+from .wording import Services, checked, clamped
 
 KINDS = {
     "revolute": GetJointPropertiesResponse.REVOLUTE,
@@ -161,7 +161,4 @@ def _clauses(model: str, report: Report) -> list[str]:
     if report.unknown:
         names = ", ".join(name or "''" for name in report.unknown)
         clauses.append(f"ignored, no movable joint of {model}: {names}")
-    if report.clamped:
-        values = (f"{name} to {value!r}" for name, value in report.clamped.items())
-        clauses.append(f"clamped to the limits: {', '.join(values)}")
-    return clauses
+    return [*clauses, clamped(report)]

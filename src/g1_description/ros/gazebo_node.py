@@ -25,18 +25,23 @@ from .gazebo_joint_services import JointServices
 from .gazebo_link_services import LinkServices
 from .gazebo_model_services import ModelServices
 from .gazebo_start import make_world, spawn_robot
+from .gazebo_step_services import StepServices
 from .gazebo_topics import StateTopics
 from .gazebo_world_services import UNSETTABLE, WorldServices
 from .parameters import GazeboParameters, read_parameters
 from .reconfigure import offer_physics
 from .rosout import publish_log
 from .shutdown import quiet_when_closing, start_node
+from .stepper import Stepper
 from .tcpros import serve_as_roscpp
 from .wording import Wording
 
 PATIENCE = 0.1
 """Longest wait before looking whether to shut down, in [s]. Time lost to a busy
 machine beyond this is not caught up."""
+
+BREATH = 0.01
+"""Wait before looking again whether states may be published, in [s]."""
 
 
 class GazeboNode:
@@ -51,7 +56,8 @@ class GazeboNode:
         """
         self._world = world
         wording = Wording(parameters.strict_messages)
-        self._time = WorldServices(world, wording, parameters.paused)
+        self._stepper = Stepper(parameters.paused)
+        self._physics = WorldServices(world, wording, self._stepper)
         # Not a SimpleQueue: a signal during its get() can make it wait for ever.
         self._calls: queue.Queue = queue.Queue()
         network = parameters.enable_ros_network
@@ -66,7 +72,9 @@ class GazeboNode:
             ("~set_link_state", LinkState, links.apply_state),
         ):
             rospy.Subscriber(topic, kind, self._in_the_loop(_told(act)))
-        for services in (models, links, JointServices(world, wording), self._time):
+        joints = JointServices(world, wording)
+        steps = StepServices(world, wording, self._stepper)
+        for services in (models, links, joints, self._physics, steps):
             for name, kind, answer in services.table():
                 rospy.Service(f"~{name}", kind, self._in_the_loop(answer))
         for name, kind, answer, prepare in models.spawn_table():
@@ -76,7 +84,7 @@ class GazeboNode:
     def _reconfigure(self, numbers: dict) -> dict:
         """Change the physics' numbers, or tell what they are if that cannot be."""
         try:
-            self._time.change_physics(numbers)
+            self._physics.change_physics(numbers)
         except InvalidValueError as error:
             rospy.logerr("set_parameters: refused, %s", error)
             properties = self._world.properties
@@ -109,14 +117,13 @@ class GazeboNode:
         due = time.monotonic()
         while not rospy.is_shutdown():
             now = time.monotonic()
-            if not self._is_running:
-                self._topics.flush()
-                self._answer_one(PATIENCE)
+            if self._is_hushed or not self._is_running:
+                self._answer_one(self._stand_still())
                 due = time.monotonic()
                 continue
             # The period may have become shorter since the last step.
             due = min(due, now + self._world.properties.period)
-            if now < due and not self._time.is_stepping:
+            if now < due and not self._stepper.is_stepping:
                 self._answer_one(min(due - now, PATIENCE))
             else:
                 self._answer_all()
@@ -124,10 +131,30 @@ class GazeboNode:
                 due = max(due + self._world.properties.period, now - PATIENCE)
         self._refuse()
 
+    def _stand_still(self) -> float:
+        """Show what changes while time stands still.
+
+        Returns:
+            How long to wait for a call until the next look, in [s].
+        """
+        wait = BREATH
+        if not self._is_hushed:
+            with quiet_when_closing():
+                wait = min(self._topics.settle(), PATIENCE)
+        return wait
+
+    @property
+    def _is_hushed(self) -> bool:
+        """Whether nothing may be published yet, because time has gone back."""
+        hushed = True
+        with quiet_when_closing():
+            hushed = self._topics.is_hushed()
+        return hushed
+
     @property
     def _is_running(self) -> bool:
         """Whether steps are to be done."""
-        wanted = not self._time.paused or self._time.is_stepping
+        wanted = not self._stepper.paused or self._stepper.is_stepping
         return wanted and self._world.properties.step_ns > 0
 
     def _answer_all(self) -> None:
@@ -149,19 +176,22 @@ class GazeboNode:
             call.set_result(answer(request))
         except BaseException as error:  # the caller's thread raises it again
             call.set_exception(error)
+        self._topics.change()
 
     def _step(self) -> None:
         """Let a time step pass and tell the world of it."""
-        if not self._is_running:
+        if self._is_hushed or not self._is_running:
             return
+        if self._stepper.is_stepping:
+            self._topics.wait_for_room()
         self._world.step()
         with quiet_when_closing():
-            self._topics.publish()
-        self._time.count_step()
+            self._topics.publish(self._stepper.is_last_step)
+        self._stepper.count()
 
     def _refuse(self) -> None:
         """Tell callers that nobody will answer any more."""
-        self._time.cancel_steps()
+        self._stepper.cancel()
         while not self._calls.empty():
             self._calls.get()[0].cancel()
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import struct
+import time
 
 import numpy as np
 from gazebo_msgs.msg import LinkStates, ModelStates, WorldState
@@ -22,6 +24,18 @@ from .parameters import GazeboParameters
 QUEUE = 100
 """Messages kept for a slow subscriber; a tenth of a second of steps."""
 
+HUSH = 0.1
+"""When time went back nothing is sent for so long, then /clock alone, and nothing for so
+long again, in [s] of wall time. A transform of the old time that meets a listener after
+the new clock, or one of the new time before it, would spoil what that listener knows."""
+
+SETTLE = 0.1
+"""While time stands still a change is shown this long after it, in [s] of wall time: a
+script that sets and then steps has stepped by then."""
+
+STUCK = 0.5
+"""A subscriber that takes nothing for so long is not waited for, in [s]."""
+
 
 class StateTopics:
     """First the time, then the states of that time, to whom listens."""
@@ -37,35 +51,93 @@ class StateTopics:
         self._parameters = parameters
         self._steps = 0
         self._seq = 0
+        self._clock_ns = world.time_ns
+        self._sent = self._hushed_until = self._changed = time.monotonic()
+        self._is_settled = False
+        self._shown: tuple[int, bytes] | None = None
         self._links, self._models = LinkStatesEncoder(), LinkStatesEncoder()
         self._clock = DirectPublisher("/clock", Clock, QUEUE)
-        self._topics = (
-            []
-            if not parameters.enable_ros_network
-            else [
-                (DirectPublisher(f"~{name}", kind, QUEUE), message)
-                for name, kind, message in (
-                    ("link_states", LinkStates, self._link_states),
-                    ("model_states", ModelStates, self._model_states),
-                    ("world_state", WorldState, self._world_state),
-                )
+        self._topics = []
+        self._latched: DirectPublisher | None = None
+        if parameters.enable_ros_network:
+            self._latched = DirectPublisher("~world_state", WorldState, QUEUE, True)
+            self._topics = [
+                (DirectPublisher("~link_states", LinkStates, QUEUE), self._link_states),
+                (
+                    DirectPublisher("~model_states", ModelStates, QUEUE),
+                    self._model_states,
+                ),
+                (self._latched, self._world_state),
             ]
-        )
 
-    def publish(self) -> None:
-        """Publish the time, then the states of that time."""
+    def publish(self, is_last: bool = False) -> None:
+        """Publish the time, then the states of that time.
+
+        Args:
+            is_last: Whether it is the last step for now, which none of the rates
+                leaves out.
+        """
         self._steps += 1
-        if self._is_due(self._parameters.pub_clock_frequency):
-            self._clock.publish(Clock(stamp_from_ns(self._world.time_ns)))
-        if self._is_due(self._parameters.link_states_rate):
+        if is_last or self._is_due(self._parameters.pub_clock_frequency):
+            self._publish_clock()
+        if is_last or self._is_due(self._parameters.link_states_rate):
             for topic, message in self._topics:
                 if topic.get_num_connections():
                     topic.publish(message())
+                    self._sent = time.monotonic()
+        self._is_settled, self._changed = False, time.monotonic()
 
-    def flush(self) -> None:
-        """Send slow subscribers what is kept for them, while nothing is published."""
+    def _publish_clock(self) -> None:
+        """Publish the time."""
+        self._clock_ns = self._world.time_ns
+        self._clock.publish(Clock(stamp_from_ns(self._clock_ns)))
+
+    def wait_for_room(self) -> None:
+        """Let subscribers take what is kept for them before there is more."""
+        for topic, _ in self._topics:
+            topic.wait_for_room(STUCK)
+
+    def is_hushed(self) -> bool:
+        """Tell whether nothing may be published yet, because time has gone back."""
+        now = time.monotonic()
+        if self._world.time_ns < self._clock_ns:
+            if now < self._sent + HUSH:
+                return True
+            self._publish_clock()
+            if any(topic.get_num_connections() for topic, _ in self._topics):
+                self._hushed_until = now + HUSH
+        return now < self._hushed_until
+
+    def change(self) -> None:
+        """Note that the world may have changed while time stands still."""
+        if self._is_settled:
+            self._is_settled, self._changed = False, time.monotonic()
+
+    def settle(self) -> float:
+        """Show what has changed while time stands still, as soon as it is due.
+
+        Only world_state and, where rates left it out, /clock: what Gazebo has is
+        silent then.
+
+        Returns:
+            How long until it is due, in [s]; infinite where nothing is.
+        """
         for topic in (self._clock, *(topic for topic, _ in self._topics)):
             topic.flush()
+        if self._is_settled:
+            return math.inf
+        left = self._changed + SETTLE - time.monotonic()
+        if left > 0.0:
+            return left
+        self._is_settled = True
+        if self._world.time_ns != self._clock_ns:
+            self._publish_clock()
+        if self._latched is not None:
+            shown, message = self._shown, self._world_state()
+            if self._shown != shown:
+                self._latched.publish(message)
+                self._sent = time.monotonic()
+        return math.inf
 
     def _is_due(self, rate: float) -> bool:
         """Tell whether this step is one of those that keep a rate; 0: all are."""
@@ -99,6 +171,7 @@ class StateTopics:
         message.header.stamp = stamp_from_ns(self._world.time_ns)
         message.header.frame_id = "world"
         message.data = self._encoded_links() + struct.pack("<I", 0)
+        self._shown = self._world.time_ns, message.data
         return message
 
     def _encoded_links(self) -> bytes:

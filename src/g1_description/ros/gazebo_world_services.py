@@ -6,8 +6,7 @@ Everything here runs in the simulator's loop, between two steps.
 from __future__ import annotations
 
 import math
-from concurrent.futures import Future
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 
 from gazebo_msgs.msg import ODEPhysics
 from gazebo_msgs.srv import (
@@ -28,14 +27,13 @@ from std_srvs.srv import Empty, EmptyResponse
 from g1_description.srv import (
     SetRealTimeFactor,
     SetRealTimeFactorResponse,
-    Step,
-    StepResponse,
 )
 
 from ..core.errors import InvalidValueError, UnknownNameError
 from ..sim.physics import GRAVITY, PhysicsProperties
 from ..sim.world import World
 from .messages import vector_to_array
+from .stepper import Stepper
 from .wording import Services, Wording, checked, checked_pose
 
 UNSETTABLE = ("auto_disable_bodies", "sor_pgs_rms_error_tol")
@@ -47,29 +45,19 @@ FADING = ("constant", "linear", "quadratic")
 ODE = tuple(ODEPhysics.__slots__)
 
 
-@dataclass
-class Waiting:
-    """Somebody who waits for steps to pass."""
-
-    answer: Future
-    steps: int
-    done: int = 0
-
-
 class WorldServices(Services):
     """Pause and go on, begin again, change physics and lights."""
 
-    def __init__(self, world: World, wording: Wording, paused: bool) -> None:
+    def __init__(self, world: World, wording: Wording, stepper: Stepper) -> None:
         """Serve a world.
 
         Args:
             world: What the services act on.
             wording: How much they say.
-            paused: Whether time stands still at first.
+            stepper: Whether time runs.
         """
         super().__init__(world, wording)
-        self.paused = paused
-        self._waiting: list[Waiting] = []
+        self._stepper = stepper
 
     def table(self):
         """List the services: name under the node, type, and what answers."""
@@ -83,31 +71,30 @@ class WorldServices(Services):
             ("get_light_properties", GetLightProperties, self.get_light),
             ("set_light_properties", SetLightProperties, self.set_light),
             ("delete_light", DeleteLight, self.delete_light),
-            ("step", Step, self.step),
             ("set_real_time_factor", SetRealTimeFactor, self.set_real_time_factor),
         )
 
     def pause(self, _):
         """Let time stand still, also where steps were asked for."""
-        self.paused = True
-        self._end_steps("pause_physics")
+        self._stepper.paused = True
+        self._stepper.end("pause_physics")
         return EmptyResponse()
 
     def unpause(self, _):
         """Let time run."""
-        self.paused = False
+        self._stepper.paused = False
         return EmptyResponse()
 
     def reset_simulation(self, _):
         """Begin again: time zero, models as spawned, joints at zero."""
         self._world.reset()
-        self._end_steps("reset_simulation")
+        self._stepper.end("reset_simulation")
         return EmptyResponse()
 
     def reset_world(self, _):
         """Put the models back where they were spawned, joints as they are."""
         self._world.reset_models()
-        self._end_steps("reset_world")
+        self._stepper.end("reset_world")
         return EmptyResponse()
 
     def get_physics(self, _):
@@ -115,7 +102,7 @@ class WorldServices(Services):
         properties = self._world.properties
         response = GetPhysicsPropertiesResponse(
             time_step=properties.time_step,
-            pause=self.paused,
+            pause=self._stepper.paused,
             max_update_rate=properties.max_update_rate,
             success=True,
             status_message="GetPhysicsProperties: got properties",
@@ -157,7 +144,7 @@ class WorldServices(Services):
         settable = {name: value for name, value in numbers.items() if name in known}
         self._world.set_properties(replace(self._world.properties, **settable))
         if not self._world.properties.step_ns:
-            self._end_steps("a time_step of 0")
+            self._stepper.end("a time_step of 0")
 
     def get_light(self, request):
         """Tell a light's color and how it fades."""
@@ -214,47 +201,6 @@ class WorldServices(Services):
             words = f'DeleteLight: Timeout reached while removing light "{name}"'
             return DeleteLightResponse(False, words)
         return DeleteLightResponse(True, f"DeleteLight: {name} successfully deleted")
-
-    def step(self, request):
-        """Let steps pass while time stands still; answered when they have."""
-        if not self.paused:
-            words = "Step: refused, time is running; pause_physics makes it stand still"
-            return StepResponse(False, words)
-        if not self._world.properties.step_ns:
-            return StepResponse(False, "Step: refused, time_step is 0")
-        if not request.steps:
-            return StepResponse(True, "Step: 0 steps done")
-        answer: Future = Future()
-        self._waiting.append(Waiting(answer, request.steps))
-        return answer
-
-    @property
-    def is_stepping(self) -> bool:
-        """Whether steps were asked for that have not passed yet."""
-        return bool(self._waiting)
-
-    def count_step(self) -> None:
-        """Note that a step has passed, and answer who has waited for it."""
-        if not self._waiting:
-            return
-        first = self._waiting[0]
-        first.done += 1
-        if first.done == first.steps:
-            self._waiting.pop(0)
-            words = f"Step: {first.steps} steps done"
-            first.answer.set_result(StepResponse(True, words))
-
-    def _end_steps(self, what: str) -> None:
-        """Answer those who wait for steps that will not be done."""
-        for one in self._waiting:
-            words = f"Step: ended by {what} after {one.done} of {one.steps} steps"
-            one.answer.set_result(StepResponse(False, words))
-        self._waiting.clear()
-
-    def cancel_steps(self) -> None:
-        """Let nobody wait for steps that will not be done."""
-        for one in self._waiting:
-            one.answer.cancel()
 
     def set_real_time_factor(self, request):
         """Set how fast simulated time runs, by max_update_rate."""

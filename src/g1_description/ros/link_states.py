@@ -3,7 +3,8 @@
 At 1 kHz the numbers are read straight out of the bytes. LinkStates and
 ModelStates are, little-endian (ROS serialisation of gazebo_msgs/LinkStates):
 uint32 n, n strings of uint32 length and bytes; uint32 n, n poses of seven
-float64; uint32 n, n twists of six float64.
+float64; uint32 n, n twists of six float64. WorldState has a header before that
+(uint32 seq, secs, nsecs; a string) and behind it uint32 m, m wrenches of six float64.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import numpy as np
 from ..core.errors import WireFormatError
 
 _COUNT = struct.Struct("<I")
+_SEQ_AND_STAMP = struct.Struct("<III")
 _FLOAT = np.dtype("<f8")
 
 
@@ -73,7 +75,7 @@ class LinkStatesDecoder:
         self._head = _COUNT.pack(0)
 
     def decode(self, data: bytes) -> LinkStatesArrays:
-        """Read one message.
+        """Read one LinkStates.
 
         Args:
             data: The message's bytes.
@@ -84,15 +86,43 @@ class LinkStatesDecoder:
         Raises:
             WireFormatError: If the bytes are not one whole message.
         """
-        if not data.startswith(self._head):
-            self._names, length = _read_names(data)
-            self._head = data[:length]
-        n = len(self._names)
-        poses, offset = _read_numbers(data, len(self._head), n, 7)
-        twists, offset = _read_numbers(data, offset, n, 6)
+        states, offset = self._read(data, 0)
         if offset != len(data):
             raise WireFormatError(f"{len(data) - offset} bytes follow the last twist.")
-        return LinkStatesArrays(self._names, poses, twists)
+        return states
+
+    def decode_stamped(self, data: bytes) -> tuple[int, LinkStatesArrays]:
+        """Read one WorldState; its wrenches are not wanted.
+
+        Args:
+            data: The message's bytes.
+
+        Returns:
+            Its stamp in [ns], and its names and numbers as ``decode`` gives them.
+
+        Raises:
+            WireFormatError: If the bytes are not one whole message.
+        """
+        if len(data) < _SEQ_AND_STAMP.size:
+            raise WireFormatError(f"The message ends after {len(data)} bytes.")
+        _, seconds, rest = _SEQ_AND_STAMP.unpack_from(data)
+        _, offset = _read_string(data, _SEQ_AND_STAMP.size)
+        states, offset = self._read(data, offset)
+        count, offset = _read_count(data, offset)
+        _, offset = _read_numbers(data, offset - _COUNT.size, count, 6)
+        if offset != len(data):
+            raise WireFormatError(f"{len(data) - offset} bytes follow the message.")
+        return seconds * 1_000_000_000 + rest, states
+
+    def _read(self, data: bytes, offset: int) -> tuple[LinkStatesArrays, int]:
+        """Read names, poses and twists; give them and where they end."""
+        if not data.startswith(self._head, offset):
+            self._names, end = _read_names(data, offset)
+            self._head = data[offset:end]
+        n = len(self._names)
+        poses, offset = _read_numbers(data, offset + len(self._head), n, 7)
+        twists, offset = _read_numbers(data, offset, n, 6)
+        return LinkStatesArrays(self._names, poses, twists), offset
 
 
 def _read_count(data: bytes, offset: int) -> tuple[int, int]:
@@ -102,19 +132,25 @@ def _read_count(data: bytes, offset: int) -> tuple[int, int]:
     return _COUNT.unpack_from(data, offset)[0], offset + _COUNT.size
 
 
-def _read_names(data: bytes) -> tuple[tuple[str, ...], int]:
+def _read_string(data: bytes, offset: int) -> tuple[str, int]:
+    """Read a string; give it and where it ends."""
+    length, offset = _read_count(data, offset)
+    if offset + length > len(data):
+        raise WireFormatError(
+            f"A name of {length} bytes starts {len(data) - offset} bytes before "
+            "the message's end."
+        )
+    text = data[offset : offset + length].decode("utf-8", "replace")
+    return text, offset + length
+
+
+def _read_names(data: bytes, offset: int) -> tuple[tuple[str, ...], int]:
     """Read the names; give them and where they end."""
-    count, offset = _read_count(data, 0)
+    count, offset = _read_count(data, offset)
     names = []
     for _ in range(count):
-        length, offset = _read_count(data, offset)
-        if offset + length > len(data):
-            raise WireFormatError(
-                f"A name of {length} bytes starts {len(data) - offset} bytes before "
-                "the message's end."
-            )
-        names.append(data[offset : offset + length].decode("utf-8", "replace"))
-        offset += length
+        name, offset = _read_string(data, offset)
+        names.append(name)
     return tuple(names), offset
 
 

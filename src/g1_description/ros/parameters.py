@@ -115,6 +115,10 @@ class BridgeParameters:
     min_interval: float = 0.0
     """map -> base_link is never sent sooner than this after the last, in [s]."""
 
+    max_rate: float = 0.0
+    """States per second of simulated time that are taken from a simulator without
+    ``world_state``, such as Gazebo, in [Hz]; 0: all."""
+
     world_frame: str = "world"
     map_frame: str = "map"
     base_frame: str = "base_link"
@@ -130,6 +134,7 @@ class BridgeParameters:
             _check_range(self, name, 0.0, 1e3)
         for name in ("max_interval", "min_interval"):
             _check_range(self, name, 0.0, 3600.0)
+        _check_range(self, "max_rate", 0.0, 1e6)
         _check_prefix("~frame_prefix", self.frame_prefix)
         for key in ("name", "namespace", "frame_prefix"):
             values = [getattr(robot, key) for robot in self.each_robot]

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..core.errors import LARGEST, InvalidValueError
 from ..core.rotation import normalized
+from ..sim.model import Report
 from ..sim.world import World
 from .messages import pose_to_array, twist_to_array
 
@@ -83,3 +84,9 @@ def checked(what: str, numbers) -> np.ndarray:
             f"the {what} {array.tolist()} has a number that is not within +-{LARGEST:g}"
         )
     return array
+
+
+def clamped(report: Report) -> str:
+    """Tell which positions were clamped; empty if none was."""
+    values = [f"{name} to {value!r}" for name, value in report.clamped.items()]
+    return f"clamped to the limits: {', '.join(values)}" if values else ""
