@@ -33,8 +33,8 @@ ASK = 0.5
 """Time between two questions to the master in [s] of wall time."""
 
 ASK_PAUSED = 0.4
-"""A simulator that is silent for so long is asked whether it is paused, and so often, in
-[s] of wall time."""
+"""A simulator that is silent for so long is asked whether it is paused, and so often,
+in [s] of wall time."""
 
 STALE = 1.0
 """Link states older than this are told, in [s] of wall time."""
@@ -143,7 +143,10 @@ class BridgeHealth:
         if age is None and time.monotonic() - self._began > START:
             told = f"Nothing usable has come on {source.topic} yet."
             if source.timeless:
-                told = f"Nothing is published: {source.topic} comes, but no time on /clock."
+                told = (
+                    f"Nothing is published: {source.topic} comes, but no time on "
+                    "/clock."
+                )
             self._complaints.tell("silence", told)
         if age is not None and self._is_stale and self._pause.is_known(age):
             self._complaints.tell(

@@ -1,6 +1,7 @@
 """The bridge's node: link states to joint states and TF, commands to the simulator.
 
 Publishes: joint_states (sensor_msgs/JointState): for each state, with its stamp;
+    tf_joint_states (sensor_msgs/JointState): those of them that go to TF;
     /diagnostics (diagnostic_msgs/DiagnosticArray)
 Subscribes: <gazebo>/world_state (gazebo_msgs/WorldState) or, where there is none,
     <gazebo>/link_states (gazebo_msgs/LinkStates); joint_commands
@@ -16,11 +17,12 @@ from __future__ import annotations
 import sys
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import genpy
 import rospy
 import tf2_ros
+from geometry_msgs.msg import TransformStamped
 from tf2_msgs.msg import TFMessage
 
 from ..core.commands import listed
@@ -53,8 +55,8 @@ STILL = 0.1
 """Without a state for this long, in [s] of wall time, time stands still."""
 
 AGAIN = (0.1, 0.5, 2.0)
-"""When time stands still, a newcomer on /tf is shown the last state after these, in [s]:
-it may be connected to us before it is to robot_state_publisher."""
+"""When time stands still, a newcomer on /tf is shown the last state after these, in
+[s]: it may be connected to us before it is to robot_state_publisher."""
 
 
 class BridgeNode:
@@ -140,13 +142,16 @@ class BridgeNode:
         """Publish the last state."""
         sight = self._sight
         with quiet_when_closing():
-            moved = [
+            self._broadcast(
                 robot.publish(stamp, sight, share)
                 for robot, share in zip(self.robots, sight.shares)
-            ]
-            moved = [edge for edge in moved if edge is not None]
-            if moved:
-                self._tf.publish(TFMessage(moved))
+            )
+
+    def _broadcast(self, edges: Iterable[TransformStamped | None]) -> None:
+        """Send the edges there are in one message."""
+        found = [edge for edge in edges if edge is not None]
+        if found:
+            self._tf.publish(TFMessage(found))
 
     def _reset(self) -> None:
         """Take it that simulated time began again."""
@@ -164,20 +169,26 @@ class BridgeNode:
             with quiet_when_closing():
                 self._tf.flush()
                 for robot in self.robots:
-                    robot.joint_states.flush()
-            if self._newcomer.is_set():
-                self._newcomer.clear()
-                self._again = [time.monotonic() + delay for delay in AGAIN]
-            if self._again and time.monotonic() > self._again[0]:
-                self._again.pop(0)
-                self._show_again()
+                    robot.flush()
+                with self.source.lock:
+                    if self._stands_still:
+                        self._show_again_to_newcomers()
+                        self._broadcast(robot.settle() for robot in self.robots)
 
-    def _show_again(self) -> None:
-        """Publish the last state once more, if time stands still."""
-        with self.source.lock:
-            age = self.source.age
-            if self._sight is None or age is None or age < STILL:
-                return
+    @property
+    def _stands_still(self) -> bool:
+        """Whether there was a state, and none follows."""
+        age = self.source.age
+        return self._sight is not None and age is not None and age > STILL
+
+    def _show_again_to_newcomers(self) -> None:
+        """Publish the last state once more some times after somebody came."""
+        now = time.monotonic()
+        if self._newcomer.is_set():
+            self._newcomer.clear()
+            self._again = [now + delay for delay in AGAIN]
+        if self._again and now > self._again[0]:
+            self._again.pop(0)
             for robot in self.robots:
                 robot.reset()
             self._publish(stamp_from_ns(self._stamps.again()))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import posixpath
 import time
+from collections.abc import Callable
 
 import genpy
 import rospy
@@ -14,16 +15,26 @@ from ..core.commands import listed, split_command
 from ..core.description import Description
 from ..core.observer import Share, Sight
 from ..core.throttle import PoseThrottle
+from ..core.whole_states import BaseState, WholeStates
 from .command_sender import CommandSender
 from .complaints import Complaints
 from .direct_publisher import DirectPublisher
 from .frames import base_child
-from .messages import JointStateEncoder, PreparedJointState, transform
+from .messages import (
+    JointStateEncoder,
+    PreparedJointState,
+    stamp_from_ns,
+    transform,
+)
 from .parameters import BridgeParameters, RobotParameters
 
 QUEUE = 10_000
 """Joint states kept for a slow subscriber: a script that steps may be seconds ahead of
 what it hears, and shall hear of each step."""
+
+TF_INTERVAL = 20_000_000
+"""Joint states go to TF at least so often, in [ns]: 50 Hz, as robot_state_publisher
+does it by itself."""
 
 START = 5.0
 """A robot may be spawned this long after the bridge began, in [s]."""
@@ -61,10 +72,16 @@ class BridgedRobot:
             parameters.max_interval,
             parameters.min_interval,
         )
+        self._whole_states = WholeStates()
         self._encoder = JointStateEncoder()
         self.joint_states = DirectPublisher(
             self._topic("joint_states"), PreparedJointState, QUEUE, latch=True
         )
+        self.tf_joint_states = DirectPublisher(
+            self._topic("tf_joint_states"), PreparedJointState, QUEUE, latch=True
+        )
+        self._unsent: tuple[int, PreparedJointState] | None = None
+        self._tf_stamp = -TF_INTERVAL
         self.share: Share | None = None
         """What the last message had of it."""
         self.off_axis: dict[str, float] = {}
@@ -111,7 +128,7 @@ class BridgedRobot:
             share: This robot's share of it.
 
         Returns:
-            Its base in the map, if that is worth sending.
+            Its base in the map in the state before this one, if that is worth sending.
         """
         if share is not self.share:
             self._tell_that_it_came(share)
@@ -124,30 +141,75 @@ class BridgedRobot:
         if not share.is_there:
             return None
         self._may_be_late = False
-        self._publish_joints(stamp, sight, share)
+        message = self._publish_joints(stamp, sight, share)
         pose = sight.base_pose(share)
+        stamp_ns = stamp.to_nsec()
         if self._base is None or pose is None:
+            self._send_to_tf(stamp_ns, message, is_wanted=False)
             return None
-        numbers = pose.tolist()
-        if not self._throttle.passes(stamp.to_sec(), numbers):
+        is_wanted = self._throttle.would_pass(1e-9 * stamp_ns, pose.tolist())
+        self._send_to_tf(stamp_ns, message, is_wanted)
+        joints = sight.measured.position[share.span]
+        state = self._whole_states.next(stamp_ns, pose, joints, time.monotonic())
+        return state and self._base_if(self._throttle.passes, state)
+
+    def _send_to_tf(
+        self, stamp: int, message: PreparedJointState, is_wanted: bool
+    ) -> None:
+        """Send joint states to robot_state_publisher, if they are due or wanted.
+
+        They are wanted for the stamps that the base will have: where TF has both of
+        one state, it has to interpolate neither.
+        """
+        if is_wanted or not 0 <= stamp - self._tf_stamp < TF_INTERVAL:
+            self.tf_joint_states.publish(message)
+            self._tf_stamp, self._unsent = stamp, None
+        else:
+            self._unsent = stamp, message
+
+    def settle(self) -> TransformStamped | None:
+        """Send to TF what was not, if no other state follows.
+
+        Returns:
+            Its base in the map in the last state, if that was not sent.
+        """
+        if self._unsent:
+            self._send_to_tf(*self._unsent, is_wanted=True)
+        state = self._whole_states.held
+        return state and self._base_if(self._throttle.settles, state)
+
+    def _base_if(self, passes: Callable, state: BaseState) -> TransformStamped | None:
+        """Give the base of a state in the map, if the throttle lets it pass."""
+        numbers = state.pose.tolist()
+        if not passes(1e-9 * state.stamp, numbers):
             return None
+        stamp = stamp_from_ns(state.stamp)
         return transform(stamp, self._map_frame, self._base, numbers)
 
-    def _publish_joints(self, stamp: genpy.Time, sight: Sight, share: Share) -> None:
-        """Publish the robot's joint states."""
+    def _publish_joints(
+        self, stamp: genpy.Time, sight: Sight, share: Share
+    ) -> PreparedJointState:
+        """Publish the robot's joint states; give the message."""
         measured, span = sight.measured, share.span
-        self.joint_states.publish(
-            self._encoder.encode(
-                stamp,
-                share.joints.names,
-                measured.position[span],
-                measured.velocity[span],
-            )
+        message = self._encoder.encode(
+            stamp,
+            share.joints.names,
+            measured.position[span],
+            measured.velocity[span],
         )
+        self.joint_states.publish(message)
+        return message
+
+    def flush(self) -> None:
+        """Send slow subscribers what is kept for them."""
+        self.joint_states.flush()
+        self.tf_joint_states.flush()
 
     def reset(self) -> None:
-        """Take it that time began again."""
+        """Take it that time began again, or that nobody knows what was sent."""
         self._throttle.reset()
+        self._whole_states.reset()
+        self._tf_stamp, self._unsent = -TF_INTERVAL, None
 
     def _tell_that_it_came(self, share: Share) -> None:
         """Say that the robot is there, after it was not."""

@@ -23,8 +23,8 @@ BUFFER = 1 << 16
 """Bytes read at once: a dozen messages of a humanoid."""
 
 KEPT = 0.1
-"""A state that is kept for a later stamp is taken after this, in [s] of wall time, if none
-comes any more."""
+"""A state that is kept for a later stamp is taken after this, in [s] of wall time, if
+none comes any more."""
 
 
 class StateSource:
