@@ -66,14 +66,21 @@ class PoseThrottle:
         self._stamp, self._pose = stamp, pose
         return True
 
-    def _moved(self, before: Sequence[float], pose: Sequence[float]) -> bool:
-        """Decide whether a pose is a threshold away from another."""
-        if math.dist(pose[:3], before[:3]) >= self.position_threshold:
+    def is_near(self, pose: Sequence[float]) -> bool:
+        """Tell whether a pose is the last one sent, to a tenth of the thresholds."""
+        return self._pose is not None and not self._moved(self._pose, pose, 0.1)
+
+    def _moved(
+        self, before: Sequence[float], pose: Sequence[float], share: float = 1.0
+    ) -> bool:
+        """Decide whether a pose is a share of a threshold away from another."""
+        if math.dist(pose[:3], before[:3]) >= share * self.position_threshold:
             return True
         # The chord between unit quaternions; q and -q are the same rotation.
         opposite = [-part for part in before[3:]]
         chord = min(math.dist(pose[3:], before[3:]), math.dist(pose[3:], opposite))
-        return 4.0 * math.asin(min(1.0, 0.5 * chord)) >= self.rotation_threshold
+        angle = 4.0 * math.asin(min(1.0, 0.5 * chord))
+        return angle >= share * self.rotation_threshold
 
     def reset(self) -> None:
         """Forget what was sent: the next pose passes."""

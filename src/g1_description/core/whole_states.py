@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -11,14 +11,13 @@ MOVED = 1e-9
 """What changes by more was moved, in [m], [rad] or parts of a quaternion; less is
 rounding."""
 
-SHORT, LONG = 0.01, 0.25
-"""What moves alone waits at most so long for the other, in [s] of wall time, since it is a
-busy machine that keeps them apart: the longer where the other has moved within that time,
-too."""
+SHORT, LONG = 0.01, 0.1
+"""What moves alone waits at most so long for the other, in [s] of wall time, as a busy
+machine keeps them apart: the longer where the other has moved within that time, too."""
 
 
-class BaseState(NamedTuple):
-    """A base at some time."""
+class State(NamedTuple):
+    """A robot at some time."""
 
     stamp: int
     """In [ns]."""
@@ -26,17 +25,20 @@ class BaseState(NamedTuple):
     pose: np.ndarray
     """Pose of the root link, shape (7,)."""
 
+    joints: np.ndarray
+    """Positions in [rad] or [m], shape (n_joints,)."""
+
+    message: Any = None
+    """What tells of it."""
+
 
 class WholeStates:
-    """Hold each state's base until the next state tells whether it was whole.
+    """Hold each state until the next one tells whether it was whole.
 
     Base and joints are set by two messages, and a state between the two has one of
     them new and the other old: a foot that should stand still is off by a step of the
     motion. Such a state shows in what moves: one of the two alone, and next the other
-    alone. Its base is left out; TF interpolates between those of whole states.
-
-    That the base waits for the next state also lets the joints, which take the longer
-    way through robot_state_publisher, be there first.
+    alone.
     """
 
     def __init__(self) -> None:
@@ -45,34 +47,28 @@ class WholeStates:
 
     def reset(self) -> None:
         """Forget what is held."""
-        self.held: BaseState | None = None
-        """The base of the last state."""
-        self._joints = np.zeros(0)
+        self.held: State | None = None
+        """The last state."""
         self._last_moved = {"base": -math.inf, "joints": -math.inf}
         self._alone: str | None = None
         self._since = self._patience = 0.0
 
-    def next(
-        self, stamp: int, pose: np.ndarray, joints: np.ndarray, now: float
-    ) -> BaseState | None:
+    def next(self, state: State, now: float) -> State | None:
         """Take a state in.
 
         Args:
-            stamp: Its time in [ns].
-            pose: Pose of its base, shape (7,).
-            joints: Positions in [rad] or [m], shape (n_joints,).
+            state: The state.
             now: Wall time, from any beginning, in [s].
 
         Returns:
-            The base of the state before, if that was whole or is taken to be.
+            The state before, if that was whole or is taken to be.
         """
-        held, before = self.held, self._joints
-        self.held, self._joints = BaseState(stamp, pose), joints
-        if held is None or len(joints) != len(before):
+        held, self.held = self.held, state
+        if held is None or len(state.joints) != len(held.joints):
             return held
         changes = {
-            "base": np.abs(pose - held.pose).max(),
-            "joints": np.abs(joints - before).max(initial=0.0),
+            "base": np.abs(state.pose - held.pose).max(),
+            "joints": np.abs(state.joints - held.joints).max(initial=0.0),
         }
         moved = [name for name, change in changes.items() if change > MOVED]
         is_whole = self._judge(now, moved)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import posixpath
 import time
-from collections.abc import Callable
 
 import genpy
 import rospy
@@ -15,7 +14,7 @@ from ..core.commands import listed, split_command
 from ..core.description import Description
 from ..core.observer import Share, Sight
 from ..core.throttle import PoseThrottle
-from ..core.whole_states import BaseState, WholeStates
+from ..core.whole_states import State, WholeStates
 from .command_sender import CommandSender
 from .complaints import Complaints
 from .direct_publisher import DirectPublisher
@@ -80,7 +79,6 @@ class BridgedRobot:
         self.tf_joint_states = DirectPublisher(
             self._topic("tf_joint_states"), PreparedJointState, QUEUE, latch=True
         )
-        self._unsent: tuple[int, PreparedJointState] | None = None
         self._tf_stamp = -TF_INTERVAL
         self.share: Share | None = None
         """What the last message had of it."""
@@ -143,48 +141,48 @@ class BridgedRobot:
         self._may_be_late = False
         message = self._publish_joints(stamp, sight, share)
         pose = sight.base_pose(share)
-        stamp_ns = stamp.to_nsec()
         if self._base is None or pose is None:
-            self._send_to_tf(stamp_ns, message, is_wanted=False)
-            return None
-        is_wanted = self._throttle.would_pass(1e-9 * stamp_ns, pose.tolist())
-        self._send_to_tf(stamp_ns, message, is_wanted)
-        joints = sight.measured.position[share.span]
-        state = self._whole_states.next(stamp_ns, pose, joints, time.monotonic())
-        return state and self._base_if(self._throttle.passes, state)
-
-    def _send_to_tf(
-        self, stamp: int, message: PreparedJointState, is_wanted: bool
-    ) -> None:
-        """Send joint states to robot_state_publisher, if they are due or wanted.
-
-        They are wanted for the stamps that the base will have: where TF has both of
-        one state, it has to interpolate neither.
-        """
-        if is_wanted or not 0 <= stamp - self._tf_stamp < TF_INTERVAL:
             self.tf_joint_states.publish(message)
-            self._tf_stamp, self._unsent = stamp, None
-        else:
-            self._unsent = stamp, message
+            return None
+        joints = sight.measured.position[share.span]
+        state = State(stamp.to_nsec(), pose, joints, message)
+        whole = self._whole_states.next(state, time.monotonic())
+        return whole and self._show(whole)
 
     def settle(self) -> TransformStamped | None:
-        """Send to TF what was not, if no other state follows.
+        """Show the last state on TF, if no other follows and it is not there.
 
         Returns:
-            Its base in the map in the last state, if that was not sent.
+            Its base in the map, if that was not sent.
         """
-        if self._unsent:
-            self._send_to_tf(*self._unsent, is_wanted=True)
         state = self._whole_states.held
-        return state and self._base_if(self._throttle.settles, state)
+        return state and self._show(state, is_last=True)
 
-    def _base_if(self, passes: Callable, state: BaseState) -> TransformStamped | None:
-        """Give the base of a state in the map, if the throttle lets it pass."""
-        numbers = state.pose.tolist()
-        if not passes(1e-9 * state.stamp, numbers):
+    def _show(self, state: State, is_last: bool = False) -> TransformStamped | None:
+        """Show a state on TF, if it is worth it.
+
+        Where TF has the base and the joints of one state it interpolates neither. So
+        the joints go there with each base, and by themselves, where they are due, as
+        long as the base stands still.
+
+        Args:
+            state: The state.
+            is_last: Whether no other follows.
+
+        Returns:
+            Its base in the map, if that is to be sent.
+        """
+        pose, age = state.pose.tolist(), state.stamp - self._tf_stamp
+        is_due = is_last or (age >= TF_INTERVAL and self._throttle.is_near(pose))
+        passes = self._throttle.settles if is_last else self._throttle.passes
+        with_base = passes(1e-9 * state.stamp, pose)
+        if age > 0 and (with_base or is_due):
+            self.tf_joint_states.publish(state.message)
+            self._tf_stamp = state.stamp
+        if not with_base:
             return None
         stamp = stamp_from_ns(state.stamp)
-        return transform(stamp, self._map_frame, self._base, numbers)
+        return transform(stamp, self._map_frame, self._base, pose)
 
     def _publish_joints(
         self, stamp: genpy.Time, sight: Sight, share: Share
@@ -209,7 +207,7 @@ class BridgedRobot:
         """Take it that time began again, or that nobody knows what was sent."""
         self._throttle.reset()
         self._whole_states.reset()
-        self._tf_stamp, self._unsent = -TF_INTERVAL, None
+        self._tf_stamp = -TF_INTERVAL
 
     def _tell_that_it_came(self, share: Share) -> None:
         """Say that the robot is there, after it was not."""
