@@ -11,9 +11,12 @@ MOVED = 1e-9
 """What changes by more was moved, in [m], [rad] or parts of a quaternion; less is
 rounding."""
 
-SHORT, LONG = 0.01, 0.1
-"""What moves alone waits at most so long for the other, in [s] of wall time, as a busy
-machine keeps them apart: the longer where the other has moved within that time, too."""
+UNSEEN = 0.02
+"""A command that was answered shows so soon or moves nothing, in [s] of wall time."""
+
+OVERDUE = 0.05
+"""After this, in [s] of wall time, the newest state passes whatever it is: commands may
+come without a pause."""
 
 
 class State(NamedTuple):
@@ -33,12 +36,13 @@ class State(NamedTuple):
 
 
 class WholeStates:
-    """Hold each state until the next one tells whether it was whole.
+    """Hold each state until the next one, when it is known whether it was whole.
 
-    Base and joints are set by two messages, and a state between the two has one of
-    them new and the other old: a foot that should stand still is off by a step of the
-    motion. Such a state shows in what moves: one of the two alone, and next the other
-    alone.
+    Who moves base and joints sends two messages at a time, and the joints' takes the
+    longer way: through the bridge. A state between the two has a new base and old
+    joints, and a foot that should stand still is off by a step of the motion. So a
+    state whose base has moved does not pass while a command for the joints is on its
+    way.
     """
 
     def __init__(self) -> None:
@@ -49,44 +53,41 @@ class WholeStates:
         """Forget what is held."""
         self.held: State | None = None
         """The last state."""
-        self._last_moved = {"base": -math.inf, "joints": -math.inf}
-        self._alone: str | None = None
-        self._since = self._patience = 0.0
+        self._is_torn = False
+        self._base_moved = False
+        self._shown: np.ndarray | None = None
+        self._passed = self._answered = -math.inf
+        self._commands = 0
 
-    def next(self, state: State, now: float) -> State | None:
+    def next(
+        self, state: State, now: float, commands: int, is_under_way: bool
+    ) -> State | None:
         """Take a state in.
 
         Args:
             state: The state.
             now: Wall time, from any beginning, in [s].
+            commands: How many commands for the joints have come until now.
+            is_under_way: Whether one of them has not been answered.
 
         Returns:
-            The state before, if that was whole or is taken to be.
+            The state before, if that was whole or is overdue.
         """
         held, self.held = self.held, state
         if held is None or len(state.joints) != len(held.joints):
             return held
-        changes = {
-            "base": np.abs(state.pose - held.pose).max(),
-            "joints": np.abs(state.joints - held.joints).max(initial=0.0),
-        }
-        moved = [name for name, change in changes.items() if change > MOVED]
-        is_whole = self._judge(now, moved)
-        self._last_moved.update(dict.fromkeys(moved, now))
-        return held if is_whole else None
-
-    def _judge(self, now: float, moved: list[str]) -> bool:
-        """Tell whether the state before was whole, from what moved since."""
-        is_whole = self._alone is None
-        if len(moved) == 1 and is_whole:
-            self._alone, self._since = moved[0], now
-            (other,) = {*self._last_moved} - {*moved}
-            is_recent = now - self._last_moved[other] < LONG
-            self._patience = LONG if is_recent else SHORT
-        elif not is_whole and {*moved} <= {self._alone}:
-            is_whole = now - self._since >= self._patience
-            if is_whole and not moved:
-                self._alone = None
-        else:  # both move, or the other half has come
-            self._alone = None
-        return is_whole
+        has_news, self._commands = commands != self._commands, commands
+        was_torn = self._is_torn or (self._base_moved and has_news)
+        self._base_moved = bool(np.abs(state.pose - held.pose).max() > MOVED)
+        joints_moved = np.abs(state.joints - held.joints).max(initial=0.0) > MOVED
+        if is_under_way or (has_news and not joints_moved):
+            self._is_torn, self._answered = True, now
+        elif joints_moved or now - self._answered > UNSEEN:
+            self._is_torn = False
+        is_still = self._shown is not None and (
+            np.abs(held.pose - self._shown).max() <= MOVED
+        )
+        if was_torn and not is_still and now - self._passed < OVERDUE:
+            return None
+        self._shown, self._passed = held.pose, now
+        return held

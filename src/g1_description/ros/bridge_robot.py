@@ -15,7 +15,7 @@ from ..core.description import Description
 from ..core.observer import Share, Sight
 from ..core.throttle import PoseThrottle
 from ..core.whole_states import State, WholeStates
-from .command_sender import CommandSender
+from .command_sender import CommandCount, CommandSender
 from .complaints import Complaints
 from .direct_publisher import DirectPublisher
 from .frames import base_child
@@ -72,6 +72,7 @@ class BridgedRobot:
             parameters.min_interval,
         )
         self._whole_states = WholeStates()
+        self._commands = CommandCount()
         self._encoder = JointStateEncoder()
         self.joint_states = DirectPublisher(
             self._topic("joint_states"), PreparedJointState, QUEUE, latch=True
@@ -98,6 +99,7 @@ class BridgedRobot:
 
     def listen(self, sender: CommandSender) -> None:
         """Take commands from now on, and let a sender send them."""
+        self._commands = sender.counts[self.name]
 
         def came(message: JointState) -> None:
             accepted, complaints = split_command(
@@ -146,7 +148,10 @@ class BridgedRobot:
             return None
         joints = sight.measured.position[share.span]
         state = State(stamp.to_nsec(), pose, joints, message)
-        whole = self._whole_states.next(state, time.monotonic())
+        count = self._commands
+        whole = self._whole_states.next(
+            state, time.monotonic(), count.came, count.came > count.answered
+        )
         return whole and self._show(whole)
 
     def settle(self) -> TransformStamped | None:

@@ -30,6 +30,12 @@ RETRY = 0.2
 class CommandCount:
     """What became of one robot's commands."""
 
+    came: int = 0
+    """Commands that have come."""
+
+    answered: int = 0
+    """How many of them the simulator has answered, alone or merged with others."""
+
     sent: int = 0
     """Calls that the simulator answered with success."""
 
@@ -85,6 +91,7 @@ class CommandSender:
             if self._waiting_since is None:
                 self._waiting_since = time.monotonic()
             self._pending.setdefault(model, {}).update(positions)
+            self.counts[model].came += 1
             self._changed.notify()
 
     @property
@@ -99,23 +106,23 @@ class CommandSender:
         with self._changed:
             self._changed.notify()
 
-    def _take(self) -> dict[str, dict[str, float]]:
-        """Wait for commands and take all there are."""
+    def _take(self) -> list[tuple[str, dict[str, float], int]]:
+        """Wait for commands and take all there are: model, positions, how many came."""
         with self._changed:
             while not self._pending and not self._stopped.is_set():
                 self._waiting_since = None
                 self._changed.wait()
             taken, self._pending = self._pending, {}
-            return taken
+            return [(m, taken[m], self.counts[m].came) for m in taken]
 
     def _run(self) -> None:
         """Send what comes until the node is shut down."""
         while not self._stopped.is_set():
-            for model, positions in self._take().items():
+            for model, positions, came in self._take():
                 if not self._stopped.is_set():
-                    self._send(model, positions)
+                    self._send(model, positions, came)
 
-    def _send(self, model: str, positions: dict[str, float]) -> None:
+    def _send(self, model: str, positions: dict[str, float], came: int) -> None:
         """Call the service once; on failure put the command back."""
         if self._proxy is None:
             self._proxy = rospy.ServiceProxy(
@@ -129,6 +136,7 @@ class CommandSender:
             return
         self._waiting_since = time.monotonic()
         count, words = self.counts[model], answer.status_message
+        count.answered = came
         if answer.success:
             count.sent += 1
             count.reason = ""
