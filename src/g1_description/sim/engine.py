@@ -7,14 +7,13 @@ from collections.abc import Callable, Iterable
 import numpy as np
 
 from ..core.errors import UnknownNameError
+from ..core.launch_arguments import PHYSICS
 from .body import Body
 from .bullet import connect
 from .contacts import contacts
 from .model import Model
 from .physics import PhysicsProperties
 from .urdf_import import load_model
-
-PHYSICS = ("kinematic", "hold", "limp")
 
 STILL = 1e-5
 """What is slower stands still, in [m/s] or [rad/s]."""
