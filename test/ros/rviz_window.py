@@ -52,6 +52,11 @@ def complaints_in(picture):
     return sum((picture == colour).all(axis=2).sum() for colour in COMPLAINTS)
 
 
+def dark(picture):
+    """Mark the pixels of a robot's dark parts, such as head and feet."""
+    return picture.max(axis=2) < 70
+
+
 def is_calm(picture):
     """Whether the window is there, with a large view and no complaint."""
     rows, columns = view_of(picture)

@@ -19,9 +19,9 @@ HERE = (
 pytestmark = pytest.mark.skipif(not HERE, reason="no workspace is sourced")
 
 
-def roslaunch(option, *arguments, **environment):
+def roslaunch(option, *arguments, file="display.launch", **environment):
     return subprocess.run(
-        ["roslaunch", option, "g1_description", "display.launch", *arguments],
+        ["roslaunch", *option.split(), "g1_description", file, *arguments],
         capture_output=True,
         text=True,
         check=False,
@@ -130,3 +130,29 @@ def test_a_model_may_be_a_xacro_file_of_a_package_with_arguments(tmp_path):
     run = roslaunch("--dump-params", model, ROS_PACKAGE_PATH=path)
     assert run.returncode == 0, run.stderr
     assert '<link name=\\"torso\\"' in run.stdout
+
+
+def test_two_robots_have_one_simulator_and_one_bridge():
+    def nodes(*wanted):
+        found = roslaunch("--nodes", *wanted, file="two_robots.launch", DISPLAY="")
+        return set(found.stdout.split())
+
+    alike = {"/spawn_right", "/link_states_bridge"}
+    alike |= {f"/{side}/robot_state_publisher" for side in ("left", "right")}
+    assert nodes() == alike | {"/gazebo"}
+    assert nodes("sim:=gazebo") == alike | {"/gazebo", "/spawn_urdf"}
+    run = roslaunch("--nodes", "physics:=holdd", file="two_robots.launch")
+    assert "no physics 'holdd'" in run.stderr
+
+
+def test_a_view_has_no_simulator_and_only_what_is_wanted():
+    def nodes(*wanted):
+        found = roslaunch("--nodes", *wanted, file="view.launch", DISPLAY="")
+        return found.stdout.split()
+
+    assert nodes() == ["/robot_state_publisher"]
+    assert nodes("robot_state_publisher:=false", "rviz:=true") == ["/rviz"]
+    assert nodes("base:=0 0 0.8 0 0 0") == ["/robot_state_publisher", "/base"]
+    wanted = ("rviz:=true", "fixed_frame:=odom")
+    rviz = roslaunch("--args /rviz", *wanted, file="view.launch").stdout
+    assert "view.rviz -f odom" in rviz
