@@ -25,6 +25,9 @@ TERMINAL_CODE = re.compile("\x1b(\\][^\a]*\a|[^a-zA-Z]*[a-zA-Z])")
 # Warnings and errors of the nodes, but not what robot_state_publisher says of
 # every robot whose root link has a mass.
 WORTH_SHOWING = re.compile(r"\[ ?(WARN|ERROR|FATAL)(?!.*KDL does not support a root)")
+# Below the block of advice only these are shown, so that it stays on the screen.
+STILL_WORTH_SHOWING = re.compile(r"\[ ?(ERROR|FATAL)")
+NUMBER = re.compile(r"\d+")
 
 
 def say(text):
@@ -42,6 +45,10 @@ class Demo:
             arguments: Arguments of the launch file, value by name.
         """
         self.stopping = False
+        self.worth_showing = WORTH_SHOWING
+        self.first_errors = []
+        self.shown = set()
+        self.screen = threading.Lock()
         self.meter = None
         self.mark = new_mark()
         handle, self.log_name = tempfile.mkstemp(prefix="g1_demo_", suffix=".log")
@@ -72,14 +79,31 @@ class Demo:
             errors="replace",
         )
 
-    def read(self, stream, show):
+    def read(self, stream, is_errors):
         """Write what roslaunch prints to the log, and errors on the screen."""
         for line in stream:
             plain = TERMINAL_CODE.sub("", line)
             self.log.write(plain)
             self.log.flush()
-            if show and not self.stopping and WORTH_SHOWING.match(plain):
-                sys.stderr.write(plain)
+            if is_errors:
+                self.first_errors += [plain] if len(self.first_errors) < 10 else []
+                self.show(plain)
+
+    def show(self, line):
+        """Show a line that is worth it; what differs in numbers only is shown once."""
+        kind = NUMBER.sub("", line)
+        with self.screen:
+            is_new = not self.stopping and kind not in self.shown
+            if is_new and self.worth_showing.match(line):
+                self.shown.add(kind)
+                sys.stderr.write(line)
+
+    def advise(self, block):
+        """Print what to try next; from now on no warning follows it."""
+        with self.screen:
+            sys.stderr.flush()
+            print(block, flush=True)
+            self.worth_showing = STILL_WORTH_SHOWING
 
     def stop(self, *_):
         """Remember that the end was asked for."""
@@ -126,10 +150,23 @@ class Demo:
             reader.join()
         self.log.close()
 
+    def refusal(self):
+        """Give the sentence with which arguments were refused, if they were.
+
+        It is alone above what roslaunch says of the command that ended with it.
+        """
+        lines = [line.strip() for line in self.first_errors if line.strip()]
+        refused = len(lines) > 1 and lines[1].startswith("RLException: ")
+        return lines[0] if refused else ""
+
     def failed(self, reason):
         """Show why it failed, and end the program."""
         for reader in self.readers:
             reader.join(1.0)
+        told = self.refusal()
+        if told:
+            os.remove(self.log_name)
+            sys.exit(f"tools/demo: {told}")
         lines = Path(self.log_name).read_text().splitlines()
         print(*lines[-20:], sep="\n", file=sys.stderr)
         sys.exit(f"tools/demo: {reason}; all of its output is in {self.log_name}")
@@ -209,8 +246,8 @@ def example(description, names):
     return joint.get("name"), round(lower + 0.75 * (upper - lower), 3)
 
 
-def print_block(states, model):
-    """Print what runs and what to try next."""
+def block_of(states, model, log):
+    """Say what runs and what to try next."""
     _, _, description = master().getParam("/demo", "/robot_description")
     robot = ElementTree.fromstring(description).get("name")
     lines = [
@@ -218,6 +255,7 @@ def print_block(states, model):
         f"  Robot    {robot}, from {model}",
         f"  Joints   {len(states['names'])}, {states['rate']:.0f} times a second"
         " on /joint_states",
+        f"  Log      {log}, warnings too",
         "",
         "  Try next, in another shell:",
         "",
@@ -238,7 +276,7 @@ def print_block(states, model):
         "  Ctrl-C ends everything.",
         "",
     ]
-    print(*lines, sep="\n", flush=True)
+    return "\n".join(lines)
 
 
 def main():
@@ -264,7 +302,7 @@ def main():
         say("waiting for /joint_states")
         states = demo.joint_states(patience)
         if states:
-            print_block(states, model)
+            demo.advise(block_of(states, model, demo.log_name))
         elif demo.runs():
             demo.failed(f"no joint states within {patience:.0f} s")
         while demo.runs():

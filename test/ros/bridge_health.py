@@ -3,6 +3,7 @@
 
 import math
 import sys
+import time
 import unittest
 
 import rospy
@@ -14,6 +15,8 @@ from fuzz_wire import body_of
 from raw_service import SUCCESS, Gate, Simulator, refusal
 from ros_testing import Connected, Repeated, wait_for
 from sensor_msgs.msg import JointState
+
+from g1_description.ros.complaints import PERIOD
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 LINK_STATES, COMMANDS, JOINTS = "link states", "commands", "arm joints"
@@ -141,10 +144,25 @@ class TestBridgeHealth(unittest.TestCase):
 
     def test_8_another_publisher_of_joint_states_is_a_warning_while_it_is_there(self):
         self.watch()
-        other = rospy.Publisher(self.watched.states.topic, JointState, queue_size=1)
+        topic = self.watched.states.topic
+        other = rospy.Publisher(topic, JointState, queue_size=1)
         self.wait_for(JOINTS, WARN, "joint_states also come from", rospy.get_name())
         other.unregister()
         self.wait_for(JOINTS, OK, "3 joints are measured")
+
+    def test_8_a_bag_beside_it_is_told_once_with_what_to_do(self):
+        """The test publishes the time too, as rosbag play --clock does."""
+        self.watch()
+        topic = self.watched.states.topic
+        other = rospy.Publisher(topic, JointState, queue_size=1)
+        self.addCleanup(other.unregister)
+        words = f"{rospy.get_name()} also publishes /clock and {topic}"
+        line = self.watched.log.wait(lambda m: words in m.msg, words)
+        self.assertIn("roslaunch g1_description view.launch", line.msg)
+        end = time.monotonic() + PERIOD + 2.0
+        wait_for(lambda: time.monotonic() > end, "the time of a second line", 60.0)
+        told = [m.msg for m in self.watched.log.messages if "also publishes" in m.msg]
+        self.assertEqual(len(told), 1)
 
     def test_9_a_service_that_hangs_for_the_second_of_two_robots_is_an_error(self):
         robots = f"[{{name: arm, namespace: {self.space[1:]}}}, {{name: two}}]"

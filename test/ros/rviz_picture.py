@@ -6,16 +6,10 @@ Parameters: ~model: URDF file, as seen from the repository
     ~pictures: folder for the pictures; otherwise only a failure leaves one
 """
 
-import os
 import sys
-import tempfile
-import threading
 import unittest
-from pathlib import Path
-from unittest import mock
 
 import numpy as np
-import rospkg
 import rospy
 import rostest
 from gazebo_msgs.msg import ModelState
@@ -23,13 +17,18 @@ from gazebo_msgs.srv import SetModelState
 from geometry_msgs.msg import Point, Pose, Quaternion
 from ros_testing import REPOSITORY, SHARED, Launch, Listener, wait_for
 from rosgraph_msgs.msg import Log
+from rviz_window import (
+    DEADLINE,
+    RvizWindow,
+    complaints_in,
+    different,
+    extent,
+    is_calm,
+    length,
+    view_of,
+)
 from sensor_msgs.msg import JointState
-from virtual_screen import VirtualScreen, write_png
 
-DEADLINE = 60.0
-BACKGROUND = (96, 106, 116)
-COMPLAINTS = ((192, 32, 32), (192, 128, 0))
-"""In which RViz writes the names of displays with errors, with warnings."""
 STANDING = 0.793
 """[m] The pelvis above the floor."""
 OUT_OF_VIEW = 100.0
@@ -47,46 +46,14 @@ def model():
     return (REPOSITORY / rospy.get_param("~model")).resolve()
 
 
-def different(a, b):
-    """Mark the pixels, shape (height, width), that clearly differ."""
-    return np.abs(a.astype(int) - b).max(axis=2) > 10
-
-
-def extent(mask):
-    """Give the smallest slices of rows and columns that hold all that is marked."""
-    rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
-    return tuple(
-        slice(i[0], i[-1] + 1) if i.size else slice(0, 0) for i in (rows, columns)
-    )
-
-
-def length(part):
-    return part.stop - part.start
-
-
-def view_of(picture):
-    """Find the 3D view in a picture of the whole window.
-
-    It is where rows and columns have much of its background; the panel that tells
-    this colour has a bit of it as well.
-    """
-    mask = (picture == BACKGROUND).all(axis=2)
-    much = [mask.sum(axis=axis, keepdims=True) > 100 for axis in (1, 0)]
-    return extent(mask & much[0] & much[1])
-
-
-def complaints_in(picture):
-    """Count the pixels in colours that RViz has for errors and warnings only."""
-    return sum((picture == colour).all(axis=2).sum() for colour in COMPLAINTS)
-
-
 class TestRvizPicture(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         """Open RViz while the robot is out of its view."""
         cls.log = Listener("/rosout", Log)
         cls.commands = rospy.Publisher("/joint_commands", JointState, queue_size=1)
-        cls.launch("display.launch", "rviz:=false", f"model:={model()}")
+        display = Launch("display.launch", "rviz:=false", f"model:={model()}")
+        cls.addClassCleanup(display.stop)
         wait_for(cls.commands.get_num_connections, "the bridge to listen", DEADLINE)
         rospy.wait_for_service("/gazebo/set_model_state", DEADLINE)
         cls.set_model_state = rospy.ServiceProxy(
@@ -94,28 +61,10 @@ class TestRvizPicture(unittest.TestCase):
         )
         cls.lift(OUT_OF_VIEW)
 
-        cls.screen = VirtualScreen(1200, 900)
-        cls.addClassCleanup(cls.screen.stop)
-        home = tempfile.TemporaryDirectory()  # RViz leaves its settings there
-        cls.addClassCleanup(home.cleanup)
-        environment = {
-            "DISPLAY": cls.screen.display,
-            "HOME": home.name,
-            "LIBGL_ALWAYS_SOFTWARE": "1",
-            "ROS_LOG_DIR": rospkg.get_log_dir(),
-            "XDG_RUNTIME_DIR": home.name,
-        }
-        with mock.patch.dict(os.environ, environment):
-            cls.launch("rviz.launch", *rospy.get_param("~rviz", "").split())
-        cls.view = None
-        cls.empty = cls.picture_when(
-            cls.is_empty_view, "an empty view without complaints"
-        )
-        cls.view = view_of(cls.empty)
-
-    @classmethod
-    def launch(cls, *arguments):
-        cls.addClassCleanup(Launch(*arguments).stop)
+        cls.window = RvizWindow("rviz.launch", *rospy.get_param("~rviz", "").split())
+        cls.addClassCleanup(cls.window.close)
+        cls.empty = cls.window.picture_when(is_calm, "an empty view without complaints")
+        cls.view = cls.window.view = view_of(cls.empty)
 
     @classmethod
     def lift(cls, height):
@@ -129,37 +78,6 @@ class TestRvizPicture(unittest.TestCase):
         """Let them hang (0) or stretch them out (1)."""
         positions = [positions[which] for positions in ARMS.values()]
         cls.commands.publish(JointState(name=list(ARMS), position=positions))
-
-    @classmethod
-    def picture_when(cls, condition, what):
-        """Wait for a picture that fulfils a condition and has come to rest."""
-        pause = threading.Event()
-        last = cls.screen.picture()
-
-        def fulfilled():
-            nonlocal last
-            before = last
-            pause.wait(0.3)
-            last = cls.screen.picture()
-            at_rest = not different(before, last)[cls.view or view_of(last)].any()
-            return at_rest and condition(last)
-
-        folder, name = Path(rospkg.get_test_results_dir()), "rviz_failure"
-        try:
-            wait_for(fulfilled, f"a picture of {what}", DEADLINE)
-            folder, name = rospy.get_param("~pictures", ""), what.replace(" ", "_")
-        except AssertionError as error:
-            raise AssertionError(f"{error}; see {name}.png in {folder}") from None
-        finally:
-            if folder:
-                write_png(Path(folder) / f"{name}.png", last)
-        return last
-
-    @staticmethod
-    def is_empty_view(picture):
-        rows, columns = view_of(picture)
-        large = length(rows) > 500 and length(columns) > 500
-        return large and not complaints_in(picture)
 
     def silhouette(self, picture):
         return different(picture, self.empty)[self.view]
@@ -182,7 +100,7 @@ class TestRvizPicture(unittest.TestCase):
     def stand(self):
         self.lift(STANDING)
         self.move_arms(0)
-        return self.picture_when(self.is_robot_standing, "the robot standing")
+        return self.window.picture_when(self.is_robot_standing, "the robot standing")
 
     def test_the_robot_is_seen_in_its_colours(self):
         picture = self.stand()
@@ -204,14 +122,14 @@ class TestRvizPicture(unittest.TestCase):
             return now.start < columns.start - reach and now.stop > columns.stop + reach
 
         self.move_arms(1)
-        stretched = self.picture_when(out, "arms stretched out")
+        stretched = self.window.picture_when(out, "arms stretched out")
         moved = different(hanging, stretched)[self.view]
         half = (rows.start + rows.stop) // 2
         self.assertGreater(moved[:half].sum(), 2000)
         self.assertFalse(moved[half:].any(), "more than the arms moved")
 
         self.move_arms(0)
-        self.picture_when(
+        self.window.picture_when(
             lambda picture: not different(picture, hanging)[self.view].any(),
             "arms back",
         )
@@ -219,14 +137,16 @@ class TestRvizPicture(unittest.TestCase):
     def test_it_leaves_when_it_is_taken_away(self):
         self.stand()
         self.lift(OUT_OF_VIEW)
-        self.picture_when(
+        self.window.picture_when(
             lambda picture: not self.silhouette(picture).any(), "the robot gone"
         )
 
     def test_rviz_complains_of_nothing(self):
         """Neither in the log nor in its panel, where it tells missing transforms."""
         self.stand()
-        self.picture_when(lambda picture: not complaints_in(picture), "no complaint")
+        self.window.picture_when(
+            lambda picture: not complaints_in(picture), "no complaint"
+        )
         self.log.wait(lambda message: message.name == "/rviz", "RViz's log")
         bad = [
             message.msg

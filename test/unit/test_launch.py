@@ -5,6 +5,9 @@ import shutil
 import subprocess
 
 import pytest
+from conftest import REPOSITORY
+
+from g1_description.core.launch_arguments import CHOICES
 
 FOUND = shutil.which("roslaunch") and shutil.which("rospack")
 HERE = (
@@ -16,9 +19,9 @@ HERE = (
 pytestmark = pytest.mark.skipif(not HERE, reason="no workspace is sourced")
 
 
-def roslaunch(option, *arguments, **environment):
+def roslaunch(option, *arguments, file="display.launch", **environment):
     return subprocess.run(
-        ["roslaunch", option, "g1_description", "display.launch", *arguments],
+        ["roslaunch", *option.split(), "g1_description", file, *arguments],
         capture_output=True,
         text=True,
         check=False,
@@ -62,7 +65,7 @@ def test_the_robot_is_put_on_the_floor_unless_its_height_is_given(sim, node):
     assert f"/{node}/z:" not in parameters
     parameters = roslaunch("--dump-params", *wanted, "z:=0").stdout
     assert f"/{node}/on_floor: false" in parameters
-    assert f"/{node}/z: 0" in parameters
+    assert f"/{node}/z: 0.0" in parameters
 
 
 @pytest.mark.parametrize(
@@ -76,13 +79,44 @@ def test_the_robot_is_put_on_the_floor_unless_its_height_is_given(sim, node):
             "model:=package://g1_description/urdf/g1_29dfo.urdf",
             "like it is g1_29dof.urdf",
         ),
-        ("sim:=magic", "sim_magic.launch"),
+        ("model:=", "model:= is empty; without it, /"),
+        ("sim:=mujoco", "There is no sim 'mujoco'; there are standin, gazebo."),
+        ("sim:=gazbo", "There is no sim 'gazbo'; there are gazebo, standin."),
+        ("physics:=holdd", "no physics 'holdd'; there are hold, kinematic, limp."),
+        ("physics:=", "physics:= is empty; without it, kinematic is taken."),
+        ("initial_pose:=standd", "no pose 'standd'; there are stand, zero, squat,"),
+        ("x:=abc", "x is 'abc', which is no finite number."),
+        ("Y:=inf", "Y is 'inf', which is no finite number."),
     ],
 )
-def test_a_wrong_argument_ends_the_launch_with_its_reason(argument, words):
+def test_a_wrong_argument_ends_the_launch_with_a_sentence(argument, words):
     run = roslaunch("--nodes", argument)
     assert run.returncode != 0
-    assert words in run.stdout + run.stderr
+    assert run.stdout == ""
+    sentence = run.stderr.splitlines()[0]
+    assert words in sentence
+
+
+def test_a_pose_that_does_not_suit_the_robot_ends_the_launch(tmp_path):
+    robot = tmp_path / "r.urdf"
+    robot.write_text('<robot name="r"><link name="a"/></robot>')
+    run = roslaunch("--nodes", f"model:={robot}", "initial_pose:=stand")
+    assert run.returncode != 0
+    told = run.stderr.splitlines()[0]
+    assert "Pose stand of " in told
+    assert "no movable joint of 'r'" in told
+
+
+def test_arguments_that_are_right_or_may_be_empty_are_taken():
+    wanted = ("physics:=limp", "initial_pose:=wave", "x:=-1e-1", "z:=")
+    parameters = roslaunch("--dump-params", *wanted).stdout
+    assert "/gazebo/x: -0.1" in parameters
+    assert "/gazebo/on_floor: true" in parameters
+
+
+def test_there_is_a_launch_file_for_each_simulator():
+    files = (REPOSITORY / "launch").glob("sim_*.launch")
+    assert {file.stem[len("sim_") :] for file in files} == set(CHOICES["sim"])
 
 
 def test_a_model_may_be_a_xacro_file_of_a_package_with_arguments(tmp_path):
@@ -96,3 +130,29 @@ def test_a_model_may_be_a_xacro_file_of_a_package_with_arguments(tmp_path):
     run = roslaunch("--dump-params", model, ROS_PACKAGE_PATH=path)
     assert run.returncode == 0, run.stderr
     assert '<link name=\\"torso\\"' in run.stdout
+
+
+def test_two_robots_have_one_simulator_and_one_bridge():
+    def nodes(*wanted):
+        found = roslaunch("--nodes", *wanted, file="two_robots.launch", DISPLAY="")
+        return set(found.stdout.split())
+
+    alike = {"/spawn_right", "/link_states_bridge"}
+    alike |= {f"/{side}/robot_state_publisher" for side in ("left", "right")}
+    assert nodes() == alike | {"/gazebo"}
+    assert nodes("sim:=gazebo") == alike | {"/gazebo", "/spawn_urdf"}
+    run = roslaunch("--nodes", "physics:=holdd", file="two_robots.launch")
+    assert "no physics 'holdd'" in run.stderr
+
+
+def test_a_view_has_no_simulator_and_only_what_is_wanted():
+    def nodes(*wanted):
+        found = roslaunch("--nodes", *wanted, file="view.launch", DISPLAY="")
+        return found.stdout.split()
+
+    assert nodes() == ["/robot_state_publisher"]
+    assert nodes("robot_state_publisher:=false", "rviz:=true") == ["/rviz"]
+    assert nodes("base:=0 0 0.8 0 0 0") == ["/robot_state_publisher", "/base"]
+    wanted = ("rviz:=true", "fixed_frame:=odom")
+    rviz = roslaunch("--args /rviz", *wanted, file="view.launch").stdout
+    assert "view.rviz -f odom" in rviz

@@ -5,9 +5,9 @@ import sys
 
 import pytest
 
-from g1_description.core import absolute_urdf
 from g1_description.core.errors import DescriptionError
 from g1_description.core.model_text import read_model
+from g1_description.ros import launched_robot
 
 ROBOT = '<robot name="r"><link name="a"/></robot>'
 XACRO = """<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">
@@ -194,8 +194,8 @@ def test_what_is_near_is_left_out_where_it_may_not_be_read(write, mode):
 def test_the_command_prints_the_robot_or_one_sentence(write, monkeypatch, capfd):
     file = write("r.urdf", ROBOT.replace('"a"', '"ä"'))
     monkeypatch.setattr(sys, "argv", ["absolute_urdf", str(file)])
-    absolute_urdf.main()
+    launched_robot.main()
     assert 'name="ä"' in capfd.readouterr().out
     monkeypatch.setattr(sys, "argv", ["absolute_urdf", f"{file}x"])
     with pytest.raises(SystemExit, match=r"The model .* cannot be used: There is no"):
-        absolute_urdf.main()
+        launched_robot.main()

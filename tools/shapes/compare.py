@@ -11,12 +11,10 @@ from itertools import combinations
 from pathlib import Path
 
 import numpy as np
-import pybullet
 import trimesh
 from bench import report
 from bench.figures import Bench
 from PIL import Image
-from pybullet_utils.bullet_client import BulletClient
 
 from g1_description.core.absolute_urdf import absolute_urdf
 from g1_description.core.camera import Camera
@@ -30,6 +28,7 @@ from g1_description.core.resources import local_path
 from g1_description.core.rotation import rotate
 from g1_description.core.transform import IDENTITY
 from g1_description.sim.body import Body
+from g1_description.sim.bullet import connect
 from g1_description.sim.model import Model
 from g1_description.sim.picture import silhouette
 from g1_description.sim.scene import NOTHING, Scene
@@ -154,7 +153,7 @@ def count_contacts(bench, assembly):
     """Count the pairs of links that touch and are no neighbours, in every pose."""
     bench.part = "pairs of links in contact, but for neighbours"
     bench.say("all poses")
-    client = BulletClient(pybullet.DIRECT)
+    client = connect()
     model = Model("g1", assembly, np.array(IDENTITY))
     number, _ = load_model(client, model, find_folder)
     body = Body(client, number, model)

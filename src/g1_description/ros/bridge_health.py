@@ -241,14 +241,19 @@ class BridgeHealth:
                 self._find_other_publishers(dict(state[0]))
 
     def _find_other_publishers(self, publishers: dict[str, list[str]]) -> None:
-        """Find other nodes that publish the robots' joint states."""
+        """Find other nodes that publish the robots' joint states; tell of new ones."""
         own = rospy.get_name()
         for robot in self._bridge.robots:
             topic = robot.joint_states.name
             others = [node for node in publishers.get(topic, ()) if node != own]
-            robot.other_publishers = others
-            if others:
+            known, robot.other_publishers = robot.other_publishers, others
+            for node in others:
+                if node in known:
+                    continue
+                clock = "/clock and " if node in publishers.get("/clock", ()) else ""
                 self._complaints.tell(
-                    f"publishers {robot.name}",
-                    f"{listed(others)} also publishes {topic}: both reach its readers.",
+                    f"publisher {node} {topic}",
+                    f"{node} also publishes {clock}{topic}: readers get both. To look "
+                    "at a bag, end this launch and use "
+                    "roslaunch g1_description view.launch.",
                 )

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from pybullet_utils.bullet_client import BulletClient
 
 from ..core.errors import LARGEST
 from ..core.rotation import cross
 from ..core.transform import compose, inverse
+from .bullet import BulletClient
 from .model import Model
 from .urdf_import import ROOT, links_of
 

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from pybullet_utils.bullet_client import BulletClient
-
 from ..core.assembly import SCOPE
 from .body import Body
+from .bullet import BulletClient
 
 
 def contacts(client: BulletClient, bodies: Mapping[str, Body]) -> set[tuple[str, str]]:

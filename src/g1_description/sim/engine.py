@@ -5,17 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 
 import numpy as np
-import pybullet
-from pybullet_utils.bullet_client import BulletClient
 
 from ..core.errors import UnknownNameError
+from ..core.launch_arguments import PHYSICS
 from .body import Body
+from .bullet import connect
 from .contacts import contacts
 from .model import Model
 from .physics import PhysicsProperties
 from .urdf_import import load_model
-
-PHYSICS = ("kinematic", "hold", "limp")
 
 STILL = 1e-5
 """What is slower stands still, in [m/s] or [rad/s]."""
@@ -55,7 +53,7 @@ class Engine:
             )
         self.physics = physics
         self._package_folder = package_folder
-        self._client = BulletClient(pybullet.DIRECT)
+        self._client = connect()
         self._bodies: dict[str, Body] = {}
         self._properties = properties
         self._still_for = self._speed_before = 0.0

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from ..core.errors import LARGEST, InvalidValueError
 
 if TYPE_CHECKING:  # nodes that only read parameters need no PyBullet
-    from pybullet_utils.bullet_client import BulletClient
+    from .bullet import BulletClient
 
 LONGEST_STEP = 10.0
 """Longest time step in [s]: what Gazebo's dynamic_reconfigure allows."""

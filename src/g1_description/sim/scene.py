@@ -11,7 +11,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import pybullet
 
 from ..core.assembly import Assembly
 from ..core.camera import Camera
@@ -19,6 +18,7 @@ from ..core.description import Description
 from ..core.kinematics import Kinematics
 from ..core.transform import IDENTITY, compose
 from ..core.window import Window, matrices, window_around
+from .bullet import connect
 from .visuals import load_visual
 
 AMBIENT, DIFFUSE, SPECULAR = 0.72, 0.55, 0.06
@@ -55,7 +55,7 @@ class Scene:
 
     def __init__(self) -> None:
         """Make a scene without robots."""
-        self._client = pybullet.connect(pybullet.DIRECT)
+        self._client = connect()
         self._robots: list[_Robot] = []
 
     def __enter__(self) -> Scene:
@@ -68,7 +68,7 @@ class Scene:
 
     def close(self) -> None:
         """End PyBullet's part."""
-        pybullet.disconnect(physicsClientId=self._client)
+        self._client.disconnect()
 
     def add(
         self, description: Description, package_folder: Callable[[str], str | None]
@@ -119,9 +119,7 @@ class Scene:
         by_link = dict(zip(figure.links, poses))
         for piece in figure.pieces:
             pose = compose(by_link.get(piece.link, T_world_root), piece.pose)
-            pybullet.resetBasePositionAndOrientation(
-                piece.body, pose[:3], pose[3:], physicsClientId=self._client
-            )
+            self._client.resetBasePositionAndOrientation(piece.body, pose[:3], pose[3:])
 
     def corners(self) -> np.ndarray:
         """Give the corners of the boxes, along the world's axes, around all shapes.
@@ -130,9 +128,8 @@ class Scene:
             Points in the world, in [m], shape (8 n_shapes, 3).
         """
         bodies = [piece.body for robot in self._robots for piece in robot.pieces]
-        boxes = np.array(
-            [pybullet.getAABB(body, physicsClientId=self._client) for body in bodies]
-        ).reshape(-1, 2, 3)
+        boxes = np.array([self._client.getAABB(body) for body in bodies])
+        boxes = boxes.reshape(-1, 2, 3)
         choices = np.indices((2, 2, 2)).reshape(3, 8).T
         return boxes[:, choices, np.arange(3)].reshape(-1, 3)
 
@@ -167,7 +164,7 @@ class Scene:
             return np.zeros((rows, columns, 3), np.uint8), np.zeros(
                 (rows, columns), int
             )
-        _, _, rgba, _, bodies = pybullet.getCameraImage(
+        _, _, rgba, _, bodies = self._client.getCameraImage(
             columns,
             rows,
             *matrices(camera, width, height, window),
@@ -176,8 +173,7 @@ class Scene:
             lightDiffuseCoeff=DIFFUSE,
             lightSpecularCoeff=SPECULAR,
             shadow=0,
-            renderer=pybullet.ER_TINY_RENDERER,
-            physicsClientId=self._client,
+            renderer=self._client.ER_TINY_RENDERER,
         )
         rgb = np.reshape(rgba, (rows, columns, 4))[:, :, :3].astype(np.uint8)
         return rgb, self._owners()[np.reshape(bodies, (rows, columns))]

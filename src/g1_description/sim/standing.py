@@ -6,12 +6,11 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-import pybullet
-from pybullet_utils.bullet_client import BulletClient
 
 from ..core.assembly import Assembly
 from ..core.transform import IDENTITY
 from .body import Body
+from .bullet import BulletClient, connect
 from .model import Model
 from .urdf_import import load_model
 
@@ -43,7 +42,7 @@ def standing_height(
     """
     pose = np.concatenate([IDENTITY[:3], rotation])
     model = Model("standing", assembly, pose)
-    client = BulletClient(pybullet.DIRECT)
+    client = connect()
     try:
         lowest = _lowest_point(client, model, package_folder)
     finally:

@@ -12,10 +12,10 @@ from collections.abc import Callable
 from xml.etree import ElementTree
 
 import numpy as np
-from pybullet_utils.bullet_client import BulletClient
 
 from ..core.description import Description
 from ..core.errors import DescriptionError
+from .bullet import BulletClient
 from .model import Model
 from .urdf_text import prepared_urdf, principal_axes
 

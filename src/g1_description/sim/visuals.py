@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import pybullet
-
 from ..core.description import Shape
 from ..core.surfaces import cylinder, sphere
+from .bullet import BulletClient, pybullet
 from .meshes import find_mesh
 
 GREY = (0.7, 0.7, 0.7, 1.0)
@@ -15,12 +14,14 @@ GREY = (0.7, 0.7, 0.7, 1.0)
 
 
 def load_visual(
-    client: int, shape: Shape, package_folder: Callable[[str], str | None]
+    client: BulletClient,
+    shape: Shape,
+    package_folder: Callable[[str], str | None],
 ) -> tuple[int | None, str]:
     """Load a shape, with a box around it that PyBullet keeps up.
 
     Args:
-        client: PyBullet's number for the connection.
+        client: PyBullet.
         shape: The shape; a mesh without colour keeps its own.
         package_folder: Gives a package's folder, None if there is no such package.
 
@@ -39,9 +40,9 @@ def load_visual(
     form.pop("normals", None)
     kind = pybullet.GEOM_BOX if shape.kind == "box" else pybullet.GEOM_MESH
     try:
-        visual = pybullet.createVisualShape(kind, **looks, physicsClientId=client)
-        solid = pybullet.createCollisionShape(kind, **form, physicsClientId=client)
-        body = pybullet.createMultiBody(0.0, solid, visual, physicsClientId=client)
+        visual = client.createVisualShape(kind, **looks)
+        solid = client.createCollisionShape(kind, **form)
+        body = client.createMultiBody(0.0, solid, visual)
     except pybullet.error:
         return None, f"{shape.kind} {shape.filename} cannot be read"
     return body, ""

@@ -1,0 +1,78 @@
+"""What the launch files take: a mistake is told before anything starts."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+from .commands import listed
+from .errors import InvalidValueError, UnknownNameError
+from .poses import near_first
+
+PHYSICS = ("kinematic", "hold", "limp")
+
+CHOICES = {"sim": ("standin", "gazebo"), "physics": PHYSICS}
+"""What there is, by argument."""
+
+NUMBERS = ("x", "y", "z", "R", "P", "Y")
+"""Arguments that are numbers; empty where they need not be given."""
+
+
+def check_arguments(given: Mapping[str, str]) -> None:
+    """Check arguments that can be checked without the robot.
+
+    Args:
+        given: Values by name; those that are not known here are not checked.
+
+    Raises:
+        UnknownNameError: If something is asked for that does not exist.
+        InvalidValueError: If a number is none.
+    """
+    for name, choices in CHOICES.items():
+        if given.get(name, choices[0]) not in choices:
+            known = listed(near_first(given[name], choices))
+            raise UnknownNameError(
+                f"There is no {name} '{given[name]}'; there are {known}."
+            )
+    for name in NUMBERS:
+        if given.get(name):
+            _check_number(name, given[name])
+
+
+def _check_number(name: str, text: str) -> None:
+    """Check that a text is a finite number."""
+    try:
+        finite = math.isfinite(float(text))
+    except ValueError:
+        finite = False
+    if not finite:
+        raise InvalidValueError(f"{name} is '{text}', which is no finite number.")
+
+
+def check_for_empty(given: Mapping[str, str], words: list[str]) -> None:
+    """Check that no argument was given without a value.
+
+    roslaunch drops such a one, as ``model:=$MODEL`` without that variable, and takes
+    the default.
+
+    Args:
+        given: Values by name, as roslaunch has them.
+        words: Its command line.
+
+    Raises:
+        InvalidValueError: If one is empty that has a default, or must have a value.
+    """
+    for name, value in given.items():
+        if value and f"{name}:=" in words:
+            raise InvalidValueError(f"{name}:= is empty; without it, {value} is taken.")
+
+
+def words_of_parent() -> list[str]:
+    """Give the command line of the process that started this one, where it is told."""
+    try:
+        line = Path(f"/proc/{os.getppid()}/cmdline").read_bytes()
+    except OSError:
+        return []
+    return os.fsdecode(line).split("\0")

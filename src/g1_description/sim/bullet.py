@@ -1,0 +1,37 @@
+"""PyBullet, without what its C code prints of itself: others import it from here."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import os
+from collections.abc import Iterator
+
+
+@contextlib.contextmanager
+def _muted() -> Iterator[None]:
+    """Print nothing meanwhile, also from C, which keeps its output back for a while."""
+    flush = ctypes.CDLL(None).fflush
+    with contextlib.ExitStack() as stack:
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        stack.callback(os.close, nowhere)
+        flush(None)
+        for output in (1, 2):
+            with contextlib.suppress(OSError):  # it is closed
+                own = os.dup(output)
+                stack.callback(os.close, own)
+                stack.callback(os.dup2, own, output)
+                os.dup2(nowhere, output)
+        stack.callback(flush, None)
+        yield
+
+
+with _muted():  # it tells its build time
+    import pybullet
+    from pybullet_utils.bullet_client import BulletClient
+
+
+def connect() -> BulletClient:
+    """Make a PyBullet of one's own."""
+    with _muted():
+        return BulletClient(pybullet.DIRECT)

@@ -1,0 +1,63 @@
+"""What PyBullet's C code would print is not seen, all else is."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+from conftest import REPOSITORY
+
+ROBOT = '<robot name="r"><link name="a"/></robot>'
+USE_ALL = f"""
+import numpy as np
+from g1_description.core.description import parse_urdf
+from g1_description.core.lumping import lump_fixed_joints
+from g1_description.sim.engine import Engine
+from g1_description.sim.physics import PhysicsProperties
+from g1_description.sim.scene import Scene
+from g1_description.sim.standing import standing_height
+robot = parse_urdf('{ROBOT}')
+Engine("hold", PhysicsProperties(), str).close()
+standing_height(lump_fixed_joints(robot), np.array([0.0, 0.0, 0.0, 1.0]), str)
+with Scene() as scene:
+    scene.add(robot, str)
+"""
+SPEAK = "import os; print('one', flush=True); os.system('echo two'); os.write(2, b'3')"
+CLOSED = "import os; os.close(1); os.close(2)\n"
+
+
+def run(code):
+    return subprocess.run(
+        [sys.executable, "-c", code],
+        env={**os.environ, "PYTHONPATH": str(REPOSITORY / "src")},
+        capture_output=True,
+        text=True,
+    )
+
+
+@pytest.mark.parametrize("after", ["", "os._exit(0)"])
+def test_nothing_is_printed_of_itself(after):
+    done = run(f"import os\n{USE_ALL}\n{after}")
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+def test_what_is_printed_afterwards_is_seen():
+    done = run(f"{USE_ALL}\n{SPEAK}")
+    assert (done.stdout, done.stderr) == ("one\ntwo\n", "3")
+
+
+def test_what_was_printed_before_is_seen():
+    before = "import ctypes; ctypes.CDLL(None).puts(b'zero')"
+    assert run(f"{before}\n{USE_ALL}").stdout == "zero\n"
+
+
+def test_a_pybullet_that_is_broken_is_told():
+    done = run(
+        "import sys; sys.modules['pybullet'] = None\nimport g1_description.sim.bullet"
+    )
+    assert "import of pybullet halted" in done.stderr
+    assert done.returncode == 1
+
+
+def test_output_may_be_closed():
+    assert run(CLOSED + USE_ALL).returncode == 0
