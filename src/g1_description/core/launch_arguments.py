@@ -16,7 +16,7 @@ PHYSICS = ("kinematic", "hold", "limp")
 CHOICES = {"sim": ("standin", "gazebo"), "physics": PHYSICS}
 """What there is, by argument."""
 
-NUMBERS = ("x", "y", "z", "R", "P", "Y")
+NUMBERS = ("x", "y", "z", "R", "P", "Y", "rate")
 """Arguments that are numbers; empty where they need not be given."""
 
 
@@ -39,6 +39,11 @@ def check_arguments(given: Mapping[str, str]) -> None:
     for name in NUMBERS:
         if given.get(name):
             _check_number(name, given[name])
+    if float(given.get("rate") or 0.0) < 0.0:
+        raise InvalidValueError(
+            f"rate is {given['rate']}; it is a number of states per second, or 0 for "
+            "all there are."
+        )
 
 
 def _check_number(name: str, text: str) -> None:
