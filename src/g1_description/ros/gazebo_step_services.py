@@ -5,8 +5,6 @@ Everything here runs in the simulator's loop, between two steps.
 
 from __future__ import annotations
 
-from sensor_msgs.msg import JointState
-
 from g1_description.srv import Step, StepModel, StepModelResponse, StepResponse
 
 from ..core.commands import listed
@@ -57,12 +55,12 @@ class StepServices(Services):
         """Set a model, let steps pass, and answer with its state."""
         refusal = request.steps and self._refusal(request.steps)
         if refusal:
-            return StepModelResponse(False, f"StepModel: {refusal}")
+            return _told(f"StepModel: {refusal}")
         try:
             model = self._world.model(request.model_name)
             clauses = self._set(model, request)
         except (UnknownNameError, InvalidValueError) as error:
-            return StepModelResponse(False, f"StepModel: refused, {error}")
+            return _told(f"StepModel: refused, {error}")
 
         def respond(success, told):
             words = self._wording.say(f"StepModel: {told}", clauses)
@@ -115,8 +113,8 @@ class StepServices(Services):
     def _state(self, model: Model, success: bool, words: str) -> StepModelResponse:
         """Tell a model's state; without one if it is gone."""
         if self._world.models.get(model.name) is not model:
-            return StepModelResponse(False, f"{words}; {model.name} was deleted")
-        response = StepModelResponse(success, words, JointState(), None, None)
+            return _told(f"{words}; {model.name} was deleted")
+        response = StepModelResponse(success=success, status_message=words)
         states = response.joint_states
         states.header.stamp = stamp_from_ns(self._world.time_ns)
         states.name = list(model.joint_names)
@@ -126,3 +124,8 @@ class StepServices(Services):
         response.base_pose = pose_from_array(model.poses[row])
         response.base_twist = twist_from_array(model.twists[row])
         return response
+
+
+def _told(words: str) -> StepModelResponse:
+    """Refuse, without a state."""
+    return StepModelResponse(success=False, status_message=words)
