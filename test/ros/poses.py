@@ -21,6 +21,7 @@ from std_srvs.srv import Empty
 
 POSES = yaml.safe_load((REPOSITORY / "config" / "poses.yaml").read_text())
 KNEE = "left_knee_joint"
+INTERRUPTED = 130
 
 
 def start(*words, home=None):
@@ -212,7 +213,7 @@ class TestPoses(unittest.TestCase):
         process.send_signal(signal.SIGINT)
         output, errors = process.communicate(timeout=5.0)
         self.assertEqual((output, errors), ("", "pose: interrupted.\n"))
-        self.assertEqual(process.returncode, 1)
+        self.assertEqual(process.returncode, INTERRUPTED)
         last = knee(self.states.messages[-1])
         self.assertLess(last, 2.0)
 
@@ -239,6 +240,7 @@ class TestPoses(unittest.TestCase):
             self.assertEqual(
                 (output, errors.splitlines()[-1]), ("", "pose: interrupted.")
             )
+            self.assertEqual(process.returncode, INTERRUPTED)
 
     def test_a_way_halts_while_time_does(self):
         run("zero")
