@@ -48,7 +48,10 @@ def main():
 
     rospy.init_node("joint_states_meter", anonymous=True)
     counter = Counter()
-    rospy.Subscriber("/joint_states", JointState, counter, tcp_nodelay=True)
+    # All of them count.
+    rospy.Subscriber(
+        "/joint_states", JointState, counter, queue_size=None, tcp_nodelay=True
+    )
     wait_for(lambda: counter.count, time.monotonic() + arguments.patience)
 
     start, first = time.monotonic(), counter.count

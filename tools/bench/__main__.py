@@ -11,6 +11,7 @@ from . import (
     commands,
     growth,
     live,
+    poses,
     report,
     soak,
     standin,
@@ -25,17 +26,19 @@ PARTS = {
     "standin": standin,
     "commands": commands,
     "start_up": start_up,
+    "poses": poses,
     "soak": soak,
 }
-USUAL = [name for name in PARTS if name != "soak"]
+NAMED = [name for name in PARTS if name != "soak"]
+USUAL = [name for name in NAMED if name != "poses"]
 
 
 def parts_of(text):
     """Read a list of parts."""
     names = text.split(",")
     for name in names:
-        if name not in USUAL:
-            parts = ", ".join(USUAL)
+        if name not in NAMED:
+            parts = ", ".join(NAMED)
             raise argparse.ArgumentTypeError(f"no part '{name}'; there are {parts}")
     return names
 

@@ -15,6 +15,11 @@ JUMP = 0.25 * TURN
 there, in [rad]: its turns are counted anew."""
 
 
+ROUNDING = 1e-14
+"""What is less, in [rad] or [rad/s], is rounding: zero. Joints of the G1 that stand at
+zero are measured within 1e-15 of it, whatever its base and its other joints do. A way
+along an axis is as exact as where the links are: so much of their distance, in [m]."""
+
 BLUR = 1e-4
 """How exactly a simulator keeps to stops and tells poses, in [rad]."""
 
@@ -86,16 +91,28 @@ def measure(
     velocity = _velocity(parent, child, twists, joints, axis_world)
     if joints.all_turn:
         position, alignment = angle, half_sin**2 + half_cos**2
+        rounding: float | np.ndarray = ROUNDING
     else:
         way = child[:, :3] - parent[:, :3]
         way -= rotate(parent[:, 3:], joints.T_parent_zero[:, :3])
         slid = _dot(way, rotate(q_world_zero, joints.axis))
         position = np.where(joints.turns, angle, slid)
         alignment = joints.turns * half_sin**2 + half_cos**2
+        far = np.abs(child[:, :3]).max(axis=1, initial=0.0)
+        rounding = ROUNDING * np.where(joints.turns, 1.0, 1.0 + far)
     position = _near(position, joints.middle, joints)
     if before is not None and joints.some_go_on:
         position = _go_on(position, velocity, before, joints)
-    return Measured(position, velocity, alignment)
+    return Measured(
+        _without_rounding(position, rounding),
+        _without_rounding(velocity, ROUNDING),
+        alignment,
+    )
+
+
+def _without_rounding(values: np.ndarray, rounding: float | np.ndarray) -> np.ndarray:
+    """Put 0.0 for what is nothing but rounding, and for -0.0."""
+    return np.where(np.abs(values) <= rounding, 0.0, values)
 
 
 def _velocity(

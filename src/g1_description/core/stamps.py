@@ -17,7 +17,8 @@ class RisingStamps:
 
     def __init__(self) -> None:
         """Begin without any."""
-        self._last: int | None = None
+        self.last = 0
+        """The last one in [ns]; 0 before the first."""
 
     def next(self, stamp: int) -> tuple[int, bool]:
         """Find the stamp to publish a state under.
@@ -30,15 +31,13 @@ class RisingStamps:
             The stamp in [ns], and whether time went back.
         """
         stamp = max(stamp, 1)
-        last, self._last = self._last, stamp
-        if last is None or stamp > last:
-            return stamp, False
-        if last - stamp >= INSTANT:
-            return stamp, True
-        self._last = last + 1
-        return self._last, False
+        went_back = stamp <= self.last - INSTANT
+        if not went_back:
+            stamp = max(stamp, self.last + 1)
+        self.last = stamp
+        return stamp, went_back
 
     def again(self) -> int:
         """Find the stamp to publish the last state under once more, in [ns]."""
-        self._last = 1 if self._last is None else self._last + 1
-        return self._last
+        self.last += 1
+        return self.last

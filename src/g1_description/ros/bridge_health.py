@@ -43,7 +43,10 @@ HANGING = 2.0
 """A command that waits longer than this for the simulator is told, in [s]."""
 
 RECENT = 10.0
-"""What was ignored of a command is told for this long, in [s]."""
+"""What was clamped or ignored of a command is told for this long, in [s]."""
+
+NAMELESS, OTHERS = "(no name)", "(other names)"
+"""In place of names that cannot be given."""
 
 
 class PauseWatch:
@@ -190,18 +193,39 @@ class BridgeHealth:
         waiting = self._bridge.sender.waiting
         status.add("sent", sum(count.sent for count in counts.values()))
         status.add("refused", sum(count.refused for count in counts.values()))
+        recent = time.monotonic() - RECENT
+        tallies = [robot.tally for robot in self._bridge.robots]
         status.summary(OK, "commands are obeyed")
+        if not all(tally.is_empty for tally in tallies):
+            told = f"nothing was clamped or ignored in the last {RECENT:g} s"
+            status.summary(OK, told)
         refused = [name for name, count in counts.items() if count.reason]
         if refused:
             reason = counts[refused[0]].reason
             status.summary(WARN, f"{listed(refused)} was refused: {reason}")
         for robot in self._bridge.robots:
-            if robot.ignored and time.monotonic() - robot.ignored[0] < RECENT:
+            if robot.ignored and robot.ignored[0] > recent:
                 why = robot.ignored[1]
                 status.mergeSummary(WARN, f"ignored in one to {robot.name}: {why}")
+            clamped = robot.tally.clamped_since(recent)
+            if clamped:
+                told = f"clamped to the limits of {robot.name}: {listed(clamped)}"
+                status.mergeSummary(WARN, told)
+            self._add_counts(status, robot)
         if waiting > HANGING:
             status.summary(ERROR, f"the simulator has not answered for {waiting:.0f} s")
         return status
+
+    def _add_counts(self, status, robot: BridgedRobot) -> None:
+        """Report how many positions were clamped and ignored, by joint."""
+        scope = f"{robot.name}::" if len(self._bridge.robots) > 1 else ""
+        tally = robot.tally
+        for what, counts in (("clamped", tally.clamped), ("ignored", tally.ignored)):
+            # A copy: commands come meanwhile.
+            for name, count in counts.copy().items():
+                status.add(f"{what} {scope}{name or NAMELESS}", count)
+        if tally.other_ignored:
+            status.add(f"ignored {scope}{OTHERS}", tally.other_ignored)
 
     def _joints_of(self, robot: BridgedRobot):
         """Make what reports on one robot's joints."""

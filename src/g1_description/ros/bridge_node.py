@@ -51,8 +51,12 @@ QUEUE = 100
 UPKEEP = 0.05
 """Time between two looks at what no message would do, in [s] of wall time."""
 
-STILL = 0.1
+STILL = 0.03
 """Without a state for this long, in [s] of wall time, time stands still."""
+
+BEHIND = 100_000_000
+"""A clock that is further behind the last state, in [ns], has gone back. What is of the
+time before then is not sent any more: it would spoil what listeners know."""
 
 AGAIN = (0.1, 0.5, 2.0)
 """When time stands still, a newcomer on /tf is shown the last state after these, in
@@ -84,6 +88,7 @@ class BridgeNode:
         self._observer = Observer({r.name: r.description for r in self.robots})
         self._stamps = RisingStamps()
         self._sight: Sight | None = None
+        self._has_clock = False
         self._newcomer = threading.Event()
         self._again: list[float] = []
         self._tf = DirectPublisher(
@@ -177,9 +182,11 @@ class BridgeNode:
 
     @property
     def _stands_still(self) -> bool:
-        """Whether there was a state, and none follows."""
-        age = self.source.age
-        return self._sight is not None and age is not None and age > STILL
+        """Whether there was a state, and none follows, of this time or another."""
+        age, now = self.source.age, rospy.Time.now().to_nsec()
+        self._has_clock = self._has_clock or now > 0
+        went_back = self._has_clock and now < self._stamps.last - BEHIND
+        return age is not None and age > STILL and not went_back
 
     def _show_again_to_newcomers(self) -> None:
         """Publish the last state once more some times after somebody came."""

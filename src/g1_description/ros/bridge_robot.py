@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import posixpath
+import threading
 import time
 
 import genpy
@@ -10,6 +11,7 @@ import rospy
 from geometry_msgs.msg import TransformStamped
 from sensor_msgs.msg import JointState
 
+from ..core.command_tally import CommandTally
 from ..core.commands import listed, split_command
 from ..core.description import Description
 from ..core.observer import Share, Sight
@@ -64,7 +66,12 @@ class BridgedRobot:
         self._complaints = complaints
         base = base_child(parameters, description)
         self._base = base and robot.frame_prefix + base
-        self._movable = frozenset(joint.name for joint in description.movable_joints)
+        limits = {j.name: (j.lower, j.upper) for j in description.movable_joints}
+        self.tally = CommandTally(limits)
+        """What of its commands is clamped or ignored."""
+        self._movable = frozenset(limits)
+        # rospy has a thread for each publisher of commands.
+        self._counting = threading.Lock()
         self._throttle = PoseThrottle(
             parameters.position_threshold,
             parameters.rotation_threshold,
@@ -102,9 +109,10 @@ class BridgedRobot:
         self._commands = sender.counts[self.name]
 
         def came(message: JointState) -> None:
-            accepted, complaints = split_command(
-                message.name, message.position, self._movable
-            )
+            names, positions = message.name, message.position
+            with self._counting:
+                self.tally.count(names, positions, time.monotonic())
+            accepted, complaints = split_command(names, positions, self._movable)
             if complaints:
                 self.ignored = time.monotonic(), "; ".join(complaints)
                 told = f"Of a joint command to {self.name} is ignored"
@@ -114,8 +122,9 @@ class BridgedRobot:
             if accepted:
                 sender.put(self.name, accepted)
 
+        # Messages may name different joints, so none of them may be lost.
         topic = self._topic("joint_commands")
-        rospy.Subscriber(topic, JointState, came, tcp_nodelay=True)
+        rospy.Subscriber(topic, JointState, came, queue_size=None, tcp_nodelay=True)
 
     def publish(
         self, stamp: genpy.Time, sight: Sight, share: Share

@@ -71,7 +71,10 @@ class GazeboNode:
             ("~set_model_state", ModelState, models.apply_state),
             ("~set_link_state", LinkState, links.apply_state),
         ):
-            rospy.Subscriber(topic, kind, self._in_the_loop(_told(act)))
+            # Each message counts: they may be of different models.
+            rospy.Subscriber(
+                topic, kind, self._in_the_loop(_told(act)), queue_size=None
+            )
         joints = JointServices(world, wording)
         steps = StepServices(world, wording, self._stepper)
         for services in (models, links, joints, self._physics, steps):

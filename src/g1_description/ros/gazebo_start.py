@@ -74,7 +74,7 @@ def spawn_robot(world: World, parameters: GazeboParameters) -> None:
     p = parameters
     if not p.robot_description:
         return
-    assembly, pose = place_robot(p)
+    assembly, pose = place_robot(p, hangs=p.fixed_base and world.is_dynamic)
     for clause in world.spawn(p.model_name, assembly, pose, p.fixed_base):
         rospy.logwarn("%s: %s", p.model_name, clause)
     robot = assembly.description

@@ -24,7 +24,7 @@ from .parameters import GazeboParameters
 QUEUE = 100
 """Messages kept for a slow subscriber; a tenth of a second of steps."""
 
-HUSH = 0.1
+HUSH = 0.15
 """When time went back nothing is sent for so long, then /clock alone, and nothing for
 so long again, in [s] of wall time. A transform of the old time that meets a listener
 after the new clock, or one of the new time before it, spoils what it knows."""

@@ -48,7 +48,8 @@ class GazeboParameters(SpawnParameters, PhysicsProperties):
     motors."""
 
     fixed_base: bool = False
-    """Whether that robot's root link does not move in hold and limp."""
+    """Whether that robot's root link does not move in hold and limp. With on_floor it
+    hangs there so high that no joint can bring the robot to the floor."""
 
     world: str = ""
     """World file (SDF) to load at start; empty: a ground plane and a sun."""

@@ -7,7 +7,6 @@ import sys
 from pathlib import Path
 
 import rosgraph
-import rospy
 
 from ..core.command_line import OneSentenceParser, number
 from ..core.errors import G1DescriptionError, PoseFileError
@@ -137,7 +136,5 @@ def main() -> None:
     act = list_poses if asked.list else go if asked.save is None else save
     try:
         act(asked)
-    except rospy.ROSInterruptException:
-        sys.exit("pose: interrupted.")
     except G1DescriptionError as error:
         sys.exit(f"pose: {error}")

@@ -20,16 +20,18 @@ from ..core.description import parse_urdf
 from ..core.errors import DescriptionError, G1DescriptionError
 from ..core.motion import minimum_jerk
 from .descriptions import find_parameter
+from .newest import NEWEST
 from .shutdown import quiet_when_closing
 
-PATIENCE = 10.0
-"""Longest wait for the bridge, or for what it shows, in [s]."""
+PATIENCE = 30.0
+"""Longest wait for the bridge, or for what it shows, in [s]: machines may be busy."""
 
 AGAIN = 1.0
 """Time after which a goal is sent again, in [s]."""
 
 QUIET = 2.0
-"""Time without joint states after which that is told, in [s]."""
+"""Time without joint states, or without newer stamps, after which that is told, in
+[s]."""
 
 PERIOD = 0.01
 """Least time between two commands on the way, in [s] of the robot's time."""
@@ -37,8 +39,7 @@ PERIOD = 0.01
 TOLERANCE = 0.01
 """How far a joint may be from where it was put, in [rad] or [m]: motors give way."""
 
-
-STANDS_STILL = "does simulated time stand still"
+STANDS_STILL = "simulated time stands still"
 
 
 class NoAnswerError(G1DescriptionError):
@@ -70,18 +71,28 @@ class PosedRobot:
         self._changed = threading.Condition()
         self._newest: JointState | None = None
         self._heard = 0.0
+        """When the last message came, on the monotonic clock."""
+        self._ran = 0.0
+        """When the last message with another stamp than the one before came."""
+        self._stamp = rospy.Time()
         prefix = f"/{namespace}/" if namespace else ""
         self._commands = rospy.Publisher(
             f"{prefix}joint_commands", JointState, queue_size=10, tcp_nodelay=True
         )
         self._states = rospy.Subscriber(
-            f"{prefix}joint_states", JointState, self._came, tcp_nodelay=True
+            f"{prefix}joint_states",
+            JointState,
+            self._came,
+            tcp_nodelay=True,
+            **NEWEST,
         )
 
     def _came(self, message: JointState) -> None:
         """Keep the newest message."""
         with self._changed:
             self._newest, self._heard = message, time.monotonic()
+            if message.header.stamp != self._stamp:
+                self._stamp, self._ran = message.header.stamp, self._heard
             self._changed.notify()
 
     def positions(self) -> np.ndarray:
@@ -155,12 +166,11 @@ class PosedRobot:
             return
         topic = self._states.resolved_name
         if self._newest is None:
-            raise NoAnswerError(
-                f"The command is sent, but nothing comes on {topic}; {STANDS_STILL}? "
-                "It shows when time runs."
-            )
+            raise NoAnswerError(f"The command is sent, but {self._silence}")
+        stands = time.monotonic() - self._ran > QUIET
         raise NoAnswerError(
-            f"After {PATIENCE:g} s {topic} still has {listed(self._away(goal))}."
+            f"After {PATIENCE:g} s {topic} still has {listed(self._away(goal))}"
+            f"{f'; {STANDS_STILL}' if stands else ''}."
         )
 
     def _away(self, goal: np.ndarray) -> list[str]:
@@ -211,9 +221,7 @@ class PosedRobot:
             return step >= PERIOD or step < 0.0
 
         if not self._wait(is_next, patience):
-            raise NoAnswerError(
-                f"Nothing comes on {self._states.resolved_name}; {STANDS_STILL}?"
-            )
+            raise NoAnswerError(f"Where the robot is nobody tells: {self._silence}")
         return self._newest
 
     def _wait(self, condition: Callable, seconds: float | None):
@@ -222,17 +230,34 @@ class PosedRobot:
         Raises:
             ROSInterruptException: If the node is shut down.
         """
-        begin, told = time.monotonic(), False
+        begin, told = time.monotonic(), ""
         end = begin + (np.inf if seconds is None else seconds)
         with self._changed:
             while not condition() and time.monotonic() < end:
                 if rospy.is_shutdown():
                     raise rospy.ROSInterruptException("interrupted")
-                is_quiet = time.monotonic() > max(begin, self._heard) + QUIET
-                if is_quiet and not told:
-                    self._tell(
-                        f"waiting for {self._states.resolved_name}; {STANDS_STILL}?"
-                    )
-                    told = True
+                obstacle = self._obstacle(begin)
+                if obstacle not in ("", told):
+                    self._tell(f"waiting: {obstacle}")
+                    told = obstacle
                 self._changed.wait(0.05)
             return condition()
+
+    def _obstacle(self, begin: float) -> str:
+        """Tell what it is that does not go on; empty: all does, for what is known.
+
+        Args:
+            begin: When the wait began, on the monotonic clock.
+        """
+        late = time.monotonic() - QUIET
+        if max(begin, self._heard) < late:
+            return self._silence
+        if max(begin, self._ran) < late:
+            return f"{STANDS_STILL} at {self._stamp.to_sec():g} s."
+        return ""
+
+    @property
+    def _silence(self) -> str:
+        """Say that there are no joint states, and what may be the reason."""
+        topic = self._states.resolved_name
+        return f"nothing comes on {topic}; does a simulator run, and does time?"

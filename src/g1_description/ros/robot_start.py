@@ -14,16 +14,19 @@ from ..core.lumping import lump_fixed_joints
 from ..core.model_files import find_folder
 from ..core.poses import ZERO, check_pose, find_pose, pose_positions
 from ..core.rotation import from_rpy
-from ..sim.standing import standing_height
+from ..sim.standing import hanging_height, standing_height
 from .parameters import SpawnParameters
 from .pose_files import read_poses
 
 
-def place_robot(parameters: SpawnParameters) -> tuple[Assembly, np.ndarray]:
+def place_robot(
+    parameters: SpawnParameters, hangs: bool = False
+) -> tuple[Assembly, np.ndarray]:
     """Read a robot and find where it begins.
 
     Args:
         parameters: Which robot, where and in which pose.
+        hangs: Whether it is put clear of the floor where it would be put on it.
 
     Returns:
         The robot, its joints where the pose has them, and the pose of its model
@@ -47,5 +50,6 @@ def place_robot(parameters: SpawnParameters) -> tuple[Assembly, np.ndarray]:
         begin = pose_positions(pose, description).tolist()
         assembly = replace(assembly, positions=dict(zip(names, begin)))
     rotation = from_rpy(np.array([p.roll, p.pitch, p.yaw]))
-    z = standing_height(assembly, rotation, find_folder) if p.on_floor else p.z
+    height = hanging_height if hangs else standing_height
+    z = height(assembly, rotation, find_folder) if p.on_floor else p.z
     return assembly, np.concatenate([[p.x, p.y, z], rotation])

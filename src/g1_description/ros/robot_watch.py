@@ -14,6 +14,7 @@ from sensor_msgs.msg import JointState
 from ..core.description import Description, parse_urdf
 from ..core.errors import DescriptionError, G1DescriptionError
 from .descriptions import find_parameter
+from .newest import NEWEST
 from .transforms import Transforms
 
 DESCRIPTION, JOINT_STATES, MAP = "robot_description", "joint_states", "map"
@@ -90,7 +91,7 @@ class RobotWatch:
         self._joints = {joint.name for joint in self.description.movable_joints}
         self._positions: dict[str, float] = {}
         self._subscriber = rospy.Subscriber(
-            self._topic, JointState, self._hear, queue_size=1
+            self._topic, JointState, self._hear, **NEWEST
         )
 
     def _hear(self, message: JointState) -> None:

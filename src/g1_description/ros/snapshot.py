@@ -32,9 +32,6 @@ from .shutdown import start_node
 from .snapshot_options import parse
 from .transforms import Transforms
 
-INTERRUPTED = 130
-"""Exit code after Ctrl-C, as shells have it."""
-
 
 def tell(sentence: str) -> None:
     """Tell something beside the result."""
@@ -101,7 +98,11 @@ def place(scene: Scene, moment: Sequence[Moment]) -> None:
 def write(
     scene: Scene, moments: Sequence[Sequence[Moment]], asked: argparse.Namespace
 ) -> None:
-    """Draw and write what was asked for."""
+    """Draw and write what was asked for.
+
+    Raises:
+        KeyboardInterrupt: If the node was shut down meanwhile; nothing is written.
+    """
     camera, floor = frame(scene, moments, asked)
 
     def picture(n: int) -> np.ndarray:
@@ -111,7 +112,10 @@ def write(
     if asked.gif:
         write_film(asked.out, film(len(moments), picture), asked.fps)
     else:
-        write_picture(asked.out, picture(0))
+        pixels = picture(0)
+        if rospy.is_shutdown():
+            raise KeyboardInterrupt
+        write_picture(asked.out, pixels)
     print(f"{asked.out}: {'x'.join(map(str, asked.size))}, {asked.view}")
 
 
@@ -193,9 +197,6 @@ def main() -> None:
     try:
         asked = parse(own_arguments())
         (draw_file if asked.model else draw_now)(asked)
-    except KeyboardInterrupt:
-        tell("interrupted, nothing is written.")
-        sys.exit(INTERRUPTED)
     except G1DescriptionError as error:
         sys.exit(f"snapshot: {error}")
     except OSError as error:

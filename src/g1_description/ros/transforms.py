@@ -7,6 +7,12 @@ import rospy
 import tf2_ros
 from tf2_msgs.msg import TFMessage
 
+from .newest import BUFFER
+
+LAST = 100
+"""Messages of each publisher of /tf that count when many have come at once: they name
+different frames, and each frame is in one of them."""
+
 
 class Transforms:
     """What TF told last.
@@ -22,8 +28,11 @@ class Transforms:
         """Begin to listen."""
         self._buffer = tf2_ros.Buffer(debug=False)
         self._subscribers = [
-            rospy.Subscriber("/tf", TFMessage, self._hear, queue_size=100),
-            rospy.Subscriber("/tf_static", TFMessage, self._hear),
+            rospy.Subscriber(
+                "/tf", TFMessage, self._hear, queue_size=LAST, buff_size=BUFFER
+            ),
+            # Each tells of its frames once, so none may be lost.
+            rospy.Subscriber("/tf_static", TFMessage, self._hear, queue_size=None),
         ]
 
     def close(self) -> None:

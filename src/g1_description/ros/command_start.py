@@ -1,0 +1,59 @@
+"""The start and the end of a command, which a signal may end at any moment.
+
+What takes long to import is imported here, when signals are answered already.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import signal
+import sys
+from collections.abc import Callable
+from typing import Any, NoReturn
+
+INTERRUPTED = 130
+"""Exit code after Ctrl-C, as shells have it."""
+
+
+def run(name: str, told: str = "interrupted.") -> None:
+    """Import a command and run it; end quietly when a signal ends it.
+
+    Args:
+        name: Of the command, and of its module, whose ``main`` does the work and
+            may raise KeyboardInterrupt.
+        told: What it says then.
+    """
+    # Some libraries take an interrupt of their import for something else.
+    _answer_interrupt(_end_at_once)
+    main = importlib.import_module(f".{name}", __package__).main
+    _answer_interrupt(signal.default_int_handler)
+    try:
+        try:
+            main()
+        finally:
+            # Python has things to do after main; nothing is left to interrupt.
+            if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+                _answer_interrupt(_end_at_once)
+    except BaseException as error:
+        if not (isinstance(error, KeyboardInterrupt) or _is_shut_down()):
+            raise
+        print(f"{name}: {told}", file=sys.stderr)
+        sys.exit(INTERRUPTED)
+
+
+def _is_shut_down() -> bool:
+    """Tell whether a signal shut the node down: what fails then fails of that."""
+    rospy = sys.modules.get("rospy")
+    return rospy is not None and rospy.core.is_shutdown_requested()
+
+
+def _end_at_once(*_: object) -> NoReturn:
+    """End the program before it has done anything, or after it has done all."""
+    os._exit(INTERRUPTED)
+
+
+def _answer_interrupt(handler: Callable[..., Any]) -> None:
+    """Set what Ctrl-C does, unless whoever started this ignores it."""
+    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
+        signal.signal(signal.SIGINT, handler)

@@ -1,0 +1,65 @@
+"""The command pose, again and again, while all cores are busy.
+
+As many processes as there are cores do nothing but count, beside the display at its
+defaults. A call ends when the joint states show the pose, or when its patience does;
+every other one moves smoothly for a second. Its time is that from starting rosrun to
+its end, Python's own start included.
+"""
+
+import os
+import subprocess
+import sys
+import time
+from itertools import cycle, islice
+
+import numpy as np
+
+from .nodes import Graph, wait_for
+
+CALLS = 100
+LONGEST = 300.0  # [s] that a call may take
+BUSY = [sys.executable, "-c", "while True: pass"]
+WORDS = (
+    ("squat",),
+    ("zero", "--seconds", "1"),
+    ("wave",),
+    ("t_pose", "--seconds", "1"),
+    ("zero",),
+    ("sit", "--seconds", "1"),
+)
+
+
+def run(bench):
+    """Call it, and count the calls that gave up."""
+    calls = bench.count(CALLS, 6)
+    with bench.attempt(f"{calls} calls with all cores busy"), Graph() as graph:
+        graph.launch(bench.model)
+        for name in ("/gazebo", "/link_states_bridge"):
+            wait_for(lambda name=name: graph.finds(name), f"the node {name}")
+        for _ in range(os.cpu_count()):
+            graph.start(BUSY)
+        tried = []
+        for words in islice(cycle(WORDS), calls):
+            tried.append(call(bench, words))
+            if len(tried) % 10 == 0:
+                bench.say(f"{len(tried)} calls")
+        times, gave_up = np.array(tried).T
+        bench.add("calls", calls)
+        bench.add("calls that gave up", gave_up.sum(), "", "= 0")
+        bench.add("time of a call, median", np.median(times), "s")
+        bench.add("time of a call, longest", times.max(), "s")
+
+
+def call(bench, words):
+    """Call it once; give its time in [s], and whether it gave up."""
+    start = time.monotonic()
+    done = subprocess.run(
+        ["rosrun", "g1_description", "pose", *words],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        timeout=LONGEST,
+        text=True,
+    )
+    if done.returncode:
+        bench.say(f"pose {' '.join(words)}: {done.stdout.strip()}")
+    return time.monotonic() - start, done.returncode != 0
