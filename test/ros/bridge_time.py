@@ -16,6 +16,7 @@ import rospy
 import rostest
 from bridge_arm import URDF, arm_states
 from bridge_watch import Watched
+from burners import Burners
 from fuzz_wire import body_of
 from gazebo_msgs.msg import ModelState
 from geometry_msgs.msg import TransformStamped
@@ -33,13 +34,8 @@ JUMP = SECOND // 2
 AT_ONCE = 1.0
 """Longest time to the first states after a jump in [s] of wall time."""
 TROUBLE = re.compile(r"TF_(?:REPEATED|OLD)_DATA .* for frame (\S+) at time ([\d.]+)")
-EARLY = 1.5
-"""Stamps up to this, in [s], may meet listeners that do not know of a jump yet."""
 BASE = "base_link"
 """The frame that the bridge itself moves."""
-SHARE = 0.01
-"""How much of what robot_state_publisher sends may be repeated. It is upstream's fault:
-while its clock is late, it takes each state for one that is due."""
 LISTENER = """
 import rospy, tf2_ros
 rospy.init_node("listener", anonymous=True)
@@ -151,7 +147,8 @@ class TestBridgeTime(unittest.TestCase):
         cls.steps = 0
 
     def start(self, *arguments):
-        """Launch the display, let the robot dance, and listen."""
+        """Launch the display on a busy machine, let the robot dance, and listen."""
+        self.addCleanup(Burners().close)
         launch = Launch("display.launch", "rviz:=false", *arguments)
         self.addCleanup(launch.stop)
         self.record = Record()
@@ -196,26 +193,19 @@ class TestBridgeTime(unittest.TestCase):
         bases = splits(frames.pop(BASE))
         self.assertEqual((len(joints), len(bases)), (jumps + 1, jumps + 1))
         for stamps in joints:
-            self.assertEqual(stamps, sorted(stamps))
+            self.assertEqual(stamps, sorted(set(stamps)))
         for stamps in bases:
             self.assertEqual(stamps, sorted(set(stamps)))
         for life, base in zip(joints[1:], bases[1:]):
             self.assertIn(base[0], life[:2])
-        sent = sum(map(len, frames.values()))
-        repeated = sum(
-            len(life) - len(set(life))
-            for stamps in frames.values()
-            for life in splits(stamps)
-        )
-        self.assertLessEqual(repeated, SHARE * sent)
+        for frame, stamps in frames.items():
+            for life in splits(stamps):
+                self.assertEqual(life, sorted(set(life)), frame)
 
     def check_silence(self):
         """Nobody who listens to TF complains."""
-        sent = sum(map(len, self.record.frames().values()))
         for trouble in (*self.others.trouble(), self.record.trouble()):
-            late = [found for found in trouble if float(found[1]) > EARLY]
-            self.assertEqual([found for found in late if found[0] == BASE], [])
-            self.assertLessEqual(len(late), SHARE * sent)
+            self.assertEqual(trouble, [])
 
     def test_1_those_who_listen_tell_when_a_stamp_comes_twice(self):
         """Else their silence would tell nothing."""
@@ -249,20 +239,6 @@ class TestBridgeTime(unittest.TestCase):
         self.jump(lambda: os.kill(pid, signal.SIGKILL), 20.0)
         self.run_for(0.1)
         self.check_stamps(jumps=3)
-
-    def test_3_a_clock_that_is_slower_than_the_states(self):
-        rospy.set_param("/gazebo/pub_clock_frequency", 100.0)
-        self.addCleanup(rospy.delete_param, "/gazebo/pub_clock_frequency")
-        self.start()
-        self.run_for(0.15)
-        stamps = self.record.joints()
-        seconds = (stamps[-1] - stamps[0]) / SECOND
-        self.assertAlmostEqual(len(stamps) / seconds, 1000.0, delta=100.0)
-        self.assertLess(len(set(stamps)) / seconds, 105.0)
-        self.assertEqual({stamp % (SECOND // 100) for stamp in stamps}, {0})
-        self.assertGreater(len(self.record.frames()["base_link"]), 20 * seconds)
-        self.check_stamps(jumps=0)
-        self.check_silence()
 
     def test_4_the_time_of_the_wall(self):
         self.start("use_sim_time:=false")

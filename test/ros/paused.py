@@ -13,6 +13,7 @@ import rostest
 import tf2_ros
 from diagnostic_msgs.msg import DiagnosticArray
 from gazebo_msgs.msg import LinkStates, ModelState, ModelStates
+from gazebo_msgs.srv import GetWorldProperties
 from ros_testing import Connected, Launch, Listener, wait_for
 from rosgraph_msgs.msg import Clock, Log
 from sensor_msgs.msg import JointState
@@ -44,6 +45,9 @@ class TestPaused(unittest.TestCase):
     def pause(self):
         rospy.wait_for_service("/gazebo/pause_physics", 30.0)
         rospy.ServiceProxy("/gazebo/pause_physics", Empty)()
+        world = rospy.ServiceProxy("/gazebo/get_world_properties", GetWorldProperties)
+        end = world().sim_time
+        wait_for(lambda: abs(rospy.get_time() - end) < 1e-9, "the last /clock")
 
     def command(self, position):
         self.commands.publish(JointState(name=[ELBOW], position=[position]))

@@ -59,9 +59,9 @@ class PoseThrottle:
         """Decide on a pose that no other follows, and remember it as sent if it passes.
 
         Returns:
-            Whether it differs at all from the last one sent.
+            Whether its stamp is newer than that of the last one sent.
         """
-        if self._stamp is not None and (stamp <= self._stamp or pose == self._pose):
+        if self._stamp is not None and stamp <= self._stamp:
             return False
         self._stamp, self._pose = stamp, pose
         return True

@@ -48,7 +48,7 @@ from .tcpros import serve_as_roscpp
 QUEUE = 100
 """Transforms kept for a slow listener."""
 
-UPKEEP = 0.05
+UPKEEP = 0.02
 """Time between two looks at what no message would do, in [s] of wall time."""
 
 STILL = 0.03
@@ -175,9 +175,11 @@ class BridgeNode:
                 self._tf.flush()
                 for robot in self.robots:
                     robot.flush()
+                is_wanted = self._is_wanted_again()
                 with self.source.lock:
                     if self._stands_still:
-                        self._show_again_to_newcomers()
+                        if is_wanted:
+                            self._show_again()
                         self._broadcast(robot.settle() for robot in self.robots)
 
     @property
@@ -188,17 +190,21 @@ class BridgeNode:
         went_back = self._has_clock and now < self._stamps.last - BEHIND
         return age is not None and age > STILL and not went_back
 
-    def _show_again_to_newcomers(self) -> None:
-        """Publish the last state once more some times after somebody came."""
+    def _is_wanted_again(self) -> bool:
+        """Whether somebody has just come who may have missed the last state."""
         now = time.monotonic()
         if self._newcomer.is_set():
             self._newcomer.clear()
             self._again = [now + delay for delay in AGAIN]
-        if self._again and now > self._again[0]:
-            self._again.pop(0)
-            for robot in self.robots:
-                robot.reset()
-            self._publish(stamp_from_ns(self._stamps.again()))
+        due = [moment for moment in self._again if moment <= now]
+        self._again = self._again[len(due) :]
+        return bool(due)
+
+    def _show_again(self) -> None:
+        """Publish the last state once more."""
+        for robot in self.robots:
+            robot.reset()
+        self._publish(stamp_from_ns(self._stamps.again()))
 
 
 def main() -> None:

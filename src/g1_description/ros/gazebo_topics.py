@@ -85,7 +85,7 @@ class StateTopics:
                 if topic.get_num_connections():
                     topic.publish(message())
                     self._sent = time.monotonic()
-        self._is_settled, self._changed = False, time.monotonic()
+        self._is_settled, self._changed = False, -math.inf
 
     def _publish_clock(self) -> None:
         """Publish the time."""
