@@ -56,6 +56,49 @@ def test_what_is_written_is_read_also_when_names_change(messages):
         np.testing.assert_array_equal(read.twists, twists)
 
 
+def stamped_bytes(names, poses, twists, stamp, frame="world", n_wrenches=0):
+    """Serialise a WorldState with the generated message class."""
+    gazebo_msgs = pytest.importorskip("gazebo_msgs.msg", reason="gazebo_msgs not built")
+    from geometry_msgs.msg import Wrench
+
+    from g1_description.ros import messages
+
+    message = gazebo_msgs.WorldState(
+        name=names,
+        pose=[messages.pose_from_array(pose) for pose in poses],
+        twist=[messages.twist_from_array(twist) for twist in twists],
+        wrench=[Wrench()] * n_wrenches,
+    )
+    message.header.stamp = messages.stamp_from_ns(stamp)
+    message.header.frame_id = frame
+    buffer = io.BytesIO()
+    message.serialize(buffer)
+    return buffer.getvalue()
+
+
+@given(NAMES, SEEDS, st.integers(0, 2**32 * 10**9 - 1), st.text(max_size=9))
+def test_a_world_state_is_read_with_its_stamp(names, seed, stamp, frame):
+    states = random_message(names, seed)
+    decoder = LinkStatesDecoder()
+    for n_wrenches in (0, len(names)):
+        data = stamped_bytes(*states, stamp, frame, n_wrenches)
+        found, read = decoder.decode_stamped(data)
+        assert found == stamp
+        assert list(read.names) == names
+        np.testing.assert_array_equal(read.poses, states[1])
+        np.testing.assert_array_equal(read.twists, states[2])
+
+
+@given(NAMES, SEEDS, st.data())
+def test_a_world_state_cut_short_raises(names, seed, data):
+    whole = stamped_bytes(*random_message(names, seed), 5)
+    cut = data.draw(st.integers(0, len(whole) - 1))
+    with pytest.raises(WireFormatError):
+        LinkStatesDecoder().decode_stamped(whole[:cut])
+    with pytest.raises(WireFormatError, match="1 bytes follow"):
+        LinkStatesDecoder().decode_stamped(whole + b"x")
+
+
 @given(NAMES, SEEDS, st.data())
 def test_a_message_cut_short_raises(names, seed, data):
     whole = LinkStatesEncoder().encode(*random_message(names, seed))

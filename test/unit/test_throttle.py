@@ -62,3 +62,25 @@ def test_a_least_interval_holds_even_for_a_pose_that_moves():
 def test_after_a_reset_the_next_pose_passes_whatever_its_stamp(throttle):
     throttle.reset()
     assert throttle.passes(0.001, HOME)
+
+
+def test_asking_whether_a_pose_would_pass_changes_nothing(throttle):
+    for _ in range(3):
+        assert throttle.would_pass(1.001, moved(0.0051))
+    assert throttle.passes(1.001, moved(0.0051))
+    assert not throttle.would_pass(1.002, moved(0.0051))
+
+
+def test_a_pose_that_no_other_follows_passes_once(throttle):
+    assert not throttle.settles(1.0, moved(0.001))
+    assert throttle.settles(1.001, moved(0.001))
+    assert not throttle.settles(1.001, moved(0.001))
+    assert not throttle.passes(1.002, moved(0.005))
+
+
+def test_near_is_a_tenth_of_the_thresholds(throttle):
+    assert throttle.is_near(moved(0.00049, 0.00099))
+    assert not throttle.is_near(moved(0.00051))
+    assert not throttle.is_near(moved(0.0, 0.00101))
+    throttle.reset()
+    assert not throttle.is_near(HOME)

@@ -18,8 +18,7 @@ class Transforms:
     """What TF told last.
 
     tf2 keeps all as if it were static: the newest counts, also after a reset of the
-    clock. Its own listener prints two lines for each transform that comes twice, which
-    are thousands where robot_state_publisher hears a thousand joint states a second.
+    clock, and nothing is refused.
 
     Subscribes: /tf, /tf_static (tf2_msgs/TFMessage)
     """
