@@ -74,7 +74,10 @@ class TestPaused(unittest.TestCase):
     @staticmethod
     def wait_for_frames(buffer, deadline=10.0):
         wait_for(
-            lambda: buffer.can_transform("map", "left_wrist_yaw_link", rospy.Time()),
+            lambda: all(
+                buffer.can_transform("map", link, rospy.Time())
+                for link in ("left_wrist_yaw_link", "head_link")
+            ),
             "the frames",
             deadline,
         )

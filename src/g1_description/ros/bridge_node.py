@@ -7,7 +7,7 @@ Subscribes: <gazebo>/world_state (gazebo_msgs/WorldState) or, where there is non
     <gazebo>/link_states (gazebo_msgs/LinkStates); joint_commands
     (sensor_msgs/JointState)
 Broadcasts: map -> base_link, throttled; static world -> map, base_link -> the
-    robot's root, imu_in_torso -> body_imu
+    robot's root, imu_in_torso -> body_imu, fixed joints
 Calls: <gazebo>/set_model_configuration (gazebo_msgs/SetModelConfiguration)
 Parameters: those of parameters.BridgeParameters
 """
@@ -37,7 +37,7 @@ from .command_sender import CommandSender
 from .complaints import Complaints
 from .descriptions import wait_for_descriptions
 from .direct_publisher import DirectPublisher
-from .frames import static_edges
+from .frames import fixed_edges, static_edges
 from .link_states import LinkStatesArrays
 from .messages import stamp_from_ns, transform
 from .parameters import BridgeParameters, RobotParameters, read_parameters
@@ -113,21 +113,21 @@ class BridgeNode:
 
     def _broadcast_static_frames(
         self,
-        parameters: BridgeParameters,
+        p: BridgeParameters,
         robots: Sequence[tuple[RobotParameters, Description]],
     ) -> None:
         """Send all edges that do not move, in one message."""
-        edges = [
-            edge
+        edges = {
+            (parent, child): IDENTITY
             for robot, description in robots
-            for edge in static_edges(parameters, description, robot.frame_prefix)
-        ]
+            for parent, child in static_edges(p, description, robot.frame_prefix)
+        }
+        for robot, description in robots:
+            for *edge, pose in fixed_edges(description, robot.frame_prefix):
+                edges[tuple(edge)] = pose
         now = rospy.Time.now()
         self._static_broadcaster.sendTransform(
-            [
-                transform(now, parent, child, IDENTITY.tolist())
-                for parent, child in dict.fromkeys(edges)
-            ]
+            [transform(now, *edge, pose.tolist()) for edge, pose in edges.items()]
         )
 
     def _take(self, stamp_ns: int, states: LinkStatesArrays) -> None:

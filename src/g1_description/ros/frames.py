@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from ..core.description import Description
 from .parameters import BridgeParameters
 
@@ -22,6 +24,28 @@ def base_child(parameters: BridgeParameters, description: Description) -> str | 
         return None
     below = p.base_frame in description.link_names and p.base_frame != description.root
     return description.root if below else p.base_frame
+
+
+def fixed_edges(
+    description: Description, prefix: str = ""
+) -> list[tuple[str, str, np.ndarray]]:
+    """List the fixed joints of a robot.
+
+    robot_state_publisher sends them, too, but by a timer that waits for simulated time
+    to pass: where a world begins paused it sends none.
+
+    Args:
+        description: The robot.
+        prefix: What stands before the names of the robot's own frames.
+
+    Returns:
+        Parent, child and the child's pose in the parent's frame, shape (7,).
+    """
+    return [
+        (prefix + joint.parent, prefix + joint.child, joint.pose)
+        for joint in description.joints
+        if joint.kind == "fixed"
+    ]
 
 
 def static_edges(
