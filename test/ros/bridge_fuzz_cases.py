@@ -25,8 +25,7 @@ MANY = 2**32 - 1
 SHOWN = {"shoulder": 0.25, "elbow": -0.5, "slide": 0.125}
 MALFORMED, MISSING, TWICE = "cannot be read", "are left out", "more than once"
 OFF_AXIS, SILENCE, COMMAND = "off their axes", "Nothing usable", "is ignored"
-PILE = "passed over"
-KINDS = (MALFORMED, MISSING, TWICE, OFF_AXIS, SILENCE, COMMAND, PILE)
+KINDS = (MALFORMED, MISSING, TWICE, OFF_AXIS, SILENCE, COMMAND)
 """Words that tell a kind of line from the others."""
 
 

@@ -23,8 +23,8 @@ BUFFER = 1 << 16
 """Bytes read at once: a dozen messages of a humanoid."""
 
 KEPT = 0.1
-"""A state that is kept for a later stamp is taken after this, in [s] of wall time, if
-none comes any more."""
+"""The newest of the states that are kept for a later stamp is taken after this, in [s]
+of wall time, if no such stamp comes."""
 
 
 class StateSource:
@@ -32,8 +32,7 @@ class StateSource:
 
     Each message of world_state has a stamp and is taken. A message of link_states is
     given the newest time of /clock; of those that come under one time, or sooner than
-    ``max_rate`` allows, the first is taken, and the last one kept until none comes any
-    more. Those that piled up while the bridge was held up are passed over: nobody can
+    ``max_rate`` allows, the first is taken, and the newest kept for a later time. Those that piled up while the bridge was held up are passed over: nobody can
     tell when they were true.
 
     Subscribes: <gazebo>/world_state (gazebo_msgs/WorldState), <gazebo>/link_states
@@ -135,7 +134,8 @@ class StateSource:
             elif self._backlog.is_old() or (
                 0 <= stamp - self._stamp < self._min_interval
             ):
-                self._kept = message._buff, time.monotonic()
+                since = self._kept[1] if self._kept else time.monotonic()
+                self._kept = message._buff, since
             else:
                 self._decode(message._buff, stamp)
             self._backlog.end()
@@ -171,8 +171,11 @@ class StateSource:
     def look_after(self) -> None:
         """Take what was kept, and hear link_states just where it is needed."""
         with self._one_at_a_time:
-            if self._kept and time.monotonic() - self._kept[1] > KEPT:
-                self._decode(self._kept[0], rospy.Time.now().to_nsec())
+            if self._kept:
+                (data, since), now = self._kept, rospy.Time.now().to_nsec()
+                is_due = now - self._stamp >= self._min_interval
+                if is_due or time.monotonic() - since > KEPT:
+                    self._decode(data, now)
         if not self._stamped:
             return
         is_needed = not self._stamped.get_num_connections()
