@@ -7,7 +7,7 @@ Subscribes: <gazebo>/world_state (gazebo_msgs/WorldState) or, where there is non
     <gazebo>/link_states (gazebo_msgs/LinkStates); joint_commands
     (sensor_msgs/JointState)
 Broadcasts: map -> base_link, throttled; static world -> map, base_link -> the
-    robot's root, imu_in_torso -> body_imu, fixed joints
+    robot's root, imu_in_torso -> body_imu; fixed joints where there is no clock yet
 Calls: <gazebo>/set_model_configuration (gazebo_msgs/SetModelConfiguration)
 Parameters: those of parameters.BridgeParameters
 """
@@ -20,6 +20,7 @@ import time
 from collections.abc import Iterable, Sequence
 
 import genpy
+import numpy as np
 import rospy
 import tf2_ros
 from geometry_msgs.msg import TransformStamped
@@ -117,18 +118,33 @@ class BridgeNode:
         robots: Sequence[tuple[RobotParameters, Description]],
     ) -> None:
         """Send all edges that do not move, in one message."""
-        edges = {
+        self._static_edges = {
             (parent, child): IDENTITY
             for robot, description in robots
             for parent, child in static_edges(p, description, robot.frame_prefix)
         }
-        for robot, description in robots:
-            for *edge, pose in fixed_edges(description, robot.frame_prefix):
-                edges[tuple(edge)] = pose
+        self._fixed_edges = {
+            (parent, child): pose
+            for robot, description in robots
+            for parent, child, pose in fixed_edges(description, robot.frame_prefix)
+        }
+        self._send_static(self._static_edges)
+
+    def _send_static(self, edges: dict[tuple[str, str], np.ndarray]) -> None:
+        """Send edges that do not move, in one message; the last such message counts."""
         now = rospy.Time.now()
         self._static_broadcaster.sendTransform(
             [transform(now, *edge, pose.tolist()) for edge, pose in edges.items()]
         )
+
+    def _send_fixed(self) -> None:
+        """Send the robots' fixed joints, if nobody else can.
+
+        robot_state_publisher sends them by a timer, which waits for the clock.
+        """
+        if self._fixed_edges and not self._has_clock:
+            self._send_static({**self._static_edges, **self._fixed_edges})
+            self._fixed_edges = {}
 
     def _take(self, stamp_ns: int, states: LinkStatesArrays) -> None:
         """Turn one state into joint states and, now and then, TF."""
@@ -178,6 +194,7 @@ class BridgeNode:
                 is_wanted = self._is_wanted_again()
                 with self.source.lock:
                     if self._stands_still:
+                        self._send_fixed()
                         if is_wanted:
                             self._show_again()
                         self._broadcast(robot.settle() for robot in self.robots)

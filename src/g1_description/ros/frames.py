@@ -31,9 +31,6 @@ def fixed_edges(
 ) -> list[tuple[str, str, np.ndarray]]:
     """List the fixed joints of a robot.
 
-    robot_state_publisher sends them, too, but by a timer that waits for simulated time
-    to pass: where a world begins paused it sends none.
-
     Args:
         description: The robot.
         prefix: What stands before the names of the robot's own frames.

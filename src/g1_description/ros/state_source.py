@@ -32,8 +32,9 @@ class StateSource:
 
     Each message of world_state has a stamp and is taken. A message of link_states is
     given the newest time of /clock; of those that come under one time, or sooner than
-    ``max_rate`` allows, the first is taken, and the newest kept for a later time. Those that piled up while the bridge was held up are passed over: nobody can
-    tell when they were true.
+    ``max_rate`` allows, the first is taken, and the newest kept for a later time.
+    Those that piled up while the bridge was held up are passed over: nobody can tell
+    when they were true.
 
     Subscribes: <gazebo>/world_state (gazebo_msgs/WorldState), <gazebo>/link_states
         (gazebo_msgs/LinkStates)
