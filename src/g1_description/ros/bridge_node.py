@@ -7,7 +7,7 @@ Subscribes: <gazebo>/world_state (gazebo_msgs/WorldState) or, where there is non
     <gazebo>/link_states (gazebo_msgs/LinkStates); joint_commands
     (sensor_msgs/JointState)
 Broadcasts: map -> base_link, throttled; static world -> map, base_link -> the
-    robot's root, imu_in_torso -> body_imu; fixed joints where there is no clock yet
+    robot's root, imu_in_torso -> body_imu; fixed joints while time stands still
 Calls: <gazebo>/set_model_configuration (gazebo_msgs/SetModelConfiguration)
 Parameters: those of parameters.BridgeParameters
 """
@@ -54,6 +54,10 @@ UPKEEP = 0.02
 
 STILL = 0.03
 """Without a state for this long, in [s] of wall time, time stands still."""
+
+PAUSED = 1.0
+"""Without a state for this long, in [s] of wall time, a program that waits for the clock
+waits in vain."""
 
 BEHIND = 100_000_000
 """A clock that is further behind the last state, in [ns], has gone back. What is of the
@@ -138,11 +142,12 @@ class BridgeNode:
         )
 
     def _send_fixed(self) -> None:
-        """Send the robots' fixed joints, if nobody else can.
+        """Send the robots' fixed joints, as nobody else may have done it.
 
         robot_state_publisher sends them by a timer, which waits for the clock.
         """
-        if self._fixed_edges and not self._has_clock:
+        is_certain = not self._has_clock or self.source.age > PAUSED
+        if self._fixed_edges and is_certain:
             self._send_static({**self._static_edges, **self._fixed_edges})
             self._fixed_edges = {}
 

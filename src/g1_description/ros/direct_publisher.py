@@ -137,6 +137,11 @@ class DirectPublisher(rospy.SubscribeListener):
             else:
                 peer.send(message)
 
+    def forget(self) -> None:
+        """Send a subscriber that comes nothing until there is something new."""
+        with self._sending:
+            self._newest = None
+
     def flush(self) -> None:
         """Send what is kept to those who have room by now."""
         self._look_again()

@@ -101,6 +101,8 @@ class StateTopics:
         """Tell whether nothing may be published yet, because time has gone back."""
         now = time.monotonic()
         if self._world.time_ns < self._clock_ns:
+            if self._latched is not None:
+                self._latched.forget()
             if now < self._sent + HUSH:
                 return True
             self._publish_clock()
