@@ -9,13 +9,16 @@ from pathlib import Path
 from . import (
     bridge,
     commands,
+    foot,
     growth,
     live,
     poses,
+    rates,
     report,
     soak,
     standin,
     start_up,
+    transforms,
 )
 from .figures import OWN_MODEL, Bench
 
@@ -27,10 +30,14 @@ PARTS = {
     "commands": commands,
     "start_up": start_up,
     "poses": poses,
+    "rates": rates,
+    "foot": foot,
+    "tf": transforms,
     "soak": soak,
 }
 NAMED = [name for name in PARTS if name != "soak"]
-USUAL = [name for name in NAMED if name != "poses"]
+BUSY = ("poses", "rates", "foot", "tf")
+USUAL = [name for name in NAMED if name not in BUSY]
 
 
 def parts_of(text):

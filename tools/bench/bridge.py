@@ -1,10 +1,11 @@
 """The bridge at 1 kHz, beside others that do the same or less.
 
 A process without rospy plays a recording, the hanging G1 that swings: for each step
-first /clock, then /gazebo/link_states, both on sockets that wait for nothing. The
-same process takes /joint_states. Latency is from just before link_states is
-written until joint_states is read. Joint states are matched with link states by
-the positions they tell, in order, so a message that waited in a queue shows; the
+first /clock, then the states, on sockets that wait for nothing. The bridge takes
+/gazebo/world_state, the others know /gazebo/link_states only. The same process takes
+/joint_states. Latency is from just before the states are written until joint_states
+is read. Joint states are matched with states by the positions they tell, in order, so
+a message that waited in a queue shows; the
 empty node tells none, so they are matched by order, and only if none is lost.
 Processor time is that of all threads of the node between the first and the last
 message, after two seconds of warm-up, per message sent, answered or not.
@@ -49,12 +50,15 @@ class Node(NamedTuple):
     only_aligned: bool = False
     """Whether only joints whose links are aligned at zero are told right."""
 
+    is_stamped: bool = False
+    """Whether it takes world states."""
+
     targets: tuple = ("", "", "")
     """For the median, the 99th percentile and what is lost."""
 
 
 NODES = (
-    Node("bridge", OURS, 60.0, targets=("< 0.3", "< 2", "= 0")),
+    Node("bridge", OURS, 60.0, is_stamped=True, targets=("< 0.3", "< 2", "= 0")),
     Node("empty node", (sys.executable, HERE / "empty_node.py"), 15.0, None),
     Node("naive node", (sys.executable, HERE / "naive_node.py"), 12.0),
     # It takes angles below 1e-6 for zero.
@@ -93,7 +97,7 @@ def run(bench):
                 continue
             seconds = bench.seconds(node.seconds, 3.0)
             with bench.attempt(f"{node.name}, {seconds:.0f} s"):
-                fed = feed(graph, node.command, messages, seconds)
+                fed = feed(graph, node, messages, seconds)
                 costs[node.name] = report(bench, node, fed, recording)
     compare(bench, costs)
 
@@ -105,20 +109,20 @@ def prepare(graph, urdf, recording):
     graph.master.setParam("/joint_names", list(recording.joint_names))
 
 
-def feed(graph, command, messages, seconds):
+def feed(graph, node, messages, seconds):
     """Start a node, play to it, and end it.
 
     Args:
         graph: Where it runs.
-        command: What starts it.
+        node: The ``Node``.
         messages: What is played, see ``stream.Feed``.
         seconds: How long, after the warm-up.
 
     Returns:
         The ``Run``.
     """
-    with closing(Peer()) as peer, graph.start(command) as program:
-        player = stream.Feed(peer, messages, stream.Answers())
+    with closing(Peer()) as peer, graph.start(node.command) as program:
+        player = stream.Feed(peer, messages, stream.Answers(), node.is_stamped)
         player.listen("/joint_states")
         player.wait_for(program)
         return play(program, player, len(messages), seconds)

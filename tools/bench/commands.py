@@ -3,9 +3,10 @@
 A process without rospy writes random configurations, within the limits and from a
 seed, to /joint_commands, and reads /joint_states until all joints are within 0.02
 rad of it; between two commands it waits 5 to 25 ms, so that they fall anywhere
-between two steps. The largest error is that of the joint_states found in kinematic.
-A robot that lies is told the last two joints of each limb only, and 0.2 rad are
-near enough: other joints bury limbs in the floor, and physics throws it about.
+between two steps, each of which has its states. The largest error is that of the
+joint_states found in kinematic. A robot that lies is told the last two joints of each
+limb only, and 0.2 rad are near enough: other joints bury limbs in the floor, and
+physics throws it about.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import numpy as np
 from sensor_msgs.msg import JointState
 from urdf_parser_py.urdf import URDF
 
-from .nodes import Graph, MeasurementError, wait_for
+from .nodes import EACH_STEP, Graph, MeasurementError, wait_for
 from .peer import Peer
 from .standin import FALL, HANGING
 from .stream import no_collector, read_urdf
@@ -163,7 +164,7 @@ def report(bench, case, times, errors):
 
 def measure(bench, joints, case, trials):
     """Send configurations; give times in [s] and errors in [rad], shape (2, n)."""
-    launched = (bench.model, *case.arguments)
+    launched = (bench.model, EACH_STEP, *case.arguments)
     with Graph() as graph, graph.launch(*launched), closing(Peer()) as peer:
         commander = Commander(peer, joints, case.near)
         commander.wait()

@@ -49,7 +49,7 @@ def feed(urdf, recording, count, seconds):
         prepare(graph, urdf, recording)
         graph.master.setParam("/bridge/robots", robots(count))
         with graph.start([*OURS, "__name:=bridge"]) as program:
-            player = stream.Feed(peer, messages, answers)
+            player = stream.Feed(peer, messages, answers, is_stamped=True)
             for number in range(count):
                 player.listen(f"/robot_{number}/joint_states")
             player.wait_for(program)

@@ -3,7 +3,7 @@
 A process without rospy takes /gazebo/link_states and /joint_states. Afterwards the
 joints of each link_states are computed, as the naive node does, and the joint_states
 with these positions is found. Latency is from reading the one to reading the other.
-The display runs as it is launched, robot_state_publisher and all.
+The display runs with states of each step, robot_state_publisher and all.
 """
 
 import time
@@ -19,7 +19,7 @@ from g1_description.ros.link_states import LinkStatesDecoder
 from .bridge import EXACT
 from .matching import match, positions_of
 from .naive_node import joints_of
-from .nodes import Graph
+from .nodes import EACH_STEP, Graph
 from .peer import Peer
 from .standin import HANGING
 from .stream import QUIET, Answers, no_collector, read_urdf
@@ -52,7 +52,8 @@ def watch(model, seconds):
         of the window, without its warm-up and without those that came last.
     """
     states, answers = Answers(), Answers()
-    with Graph() as graph, closing(Peer()) as peer, graph.launch(model, *HANGING):
+    arguments = (EACH_STEP, *HANGING)
+    with Graph() as graph, closing(Peer()) as peer, graph.launch(model, *arguments):
         links = peer.subscribe("/gazebo/link_states", LinkStates, states.take)
         joints = peer.subscribe("/joint_states", JointState, answers.take)
         peer.wait(lambda: links.sources and joints.sources, "the two topics")

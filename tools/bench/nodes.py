@@ -1,10 +1,12 @@
 """Start a master and nodes of our own, and see what they use."""
 
 import ctypes
+import json
 import os
 import signal
 import socket
 import subprocess
+import sys
 import tempfile
 import time
 from pathlib import Path
@@ -16,6 +18,8 @@ from processes import end_processes, marked_environment, new_mark
 
 PATIENCE = 60.0  # [s]
 PAUSE = 0.02  # [s] between two looks at a condition
+EACH_STEP = "rate:=1000"  # argument of the display: states of each step, as Gazebo
+BUSY = [sys.executable, "-c", "while True: pass"]
 
 
 class MeasurementError(Exception):
@@ -42,6 +46,24 @@ def free_port():
     with socket.socket() as listener:
         listener.bind(("localhost", 0))
         return listener.getsockname()[1]
+
+
+def idle():
+    """Begin to measure; what comes back gives how much of all cores did nothing."""
+
+    def read():
+        line, *_ = Path("/proc/stat").read_text(encoding="utf-8").splitlines()
+        # guest time, behind the first eight, is in user time already
+        ticks = [int(word) for word in line.split()[1:9]]
+        return ticks[3] + ticks[4], sum(ticks)
+
+    begin = read()
+
+    def share():
+        unused, passed = (now - then for now, then in zip(read(), begin))
+        return unused / max(passed, 1)
+
+    return share
 
 
 class Process:
@@ -103,6 +125,21 @@ class Program(Process):
             raise MeasurementError(f"a program ended: {' | '.join(lines)}")
         return True
 
+    def result(self, patience):
+        """Wait for its end; give the JSON in the last line it printed.
+
+        Args:
+            patience: Longest wait in [s].
+
+        Raises:
+            MeasurementError: If it does not end in time, or fails.
+        """
+        wait_for(lambda: self._process.poll() is not None, "a program's end", patience)
+        lines = self.output().strip().splitlines()
+        if self._process.returncode:
+            raise MeasurementError(f"a program failed: {' | '.join(lines[-3:])}")
+        return json.loads(lines[-1])
+
     def __enter__(self):
         """Use it in a with statement, which ends it."""
         return self
@@ -162,10 +199,42 @@ class Graph:
         self._programs.append(Program(command, marked_environment(self._mark)))
         return self._programs[-1]
 
+    def keep_busy(self):
+        """Let as many processes as there are cores do nothing but count."""
+        for _ in range(os.cpu_count()):
+            self.start(BUSY)
+
     def launch(self, model, *arguments):
         """Launch the display without RViz; give the ``Program``."""
+        return self._launch((), model, "rviz:=false", *arguments)
+
+    def launch_rviz(self, model, *arguments):
+        """Launch the display with RViz on a screen that nobody sees."""
+        screen = ("xvfb-run", "-a", "-s", "-screen 0 1200x900x24")
+        folder = self._folder.name
+        # RViz leaves its settings at home, xvfb-run a folder among temporary files.
+        settings = (f"HOME={folder}", f"TMPDIR={folder}", "LIBGL_ALWAYS_SOFTWARE=1")
+        before = ("env", *settings, *screen)
+        return self._launch(before, model, "rviz:=true", *arguments)
+
+    def _launch(self, before, model, *arguments):
+        """Launch the display; ``before`` are words before the command."""
         command = ["roslaunch", "-p", self.port, "g1_description", "display.launch"]
-        return self.start([*command, "rviz:=false", f"model:={model}", *arguments])
+        return self.start([*before, *command, f"model:={model}", *arguments])
+
+    def consoles(self):
+        """Give what programs and nodes have printed, and what they wrote to logs.
+
+        What came on /rosout is not among it.
+        """
+        logs = Path(self._folder.name, "log").rglob("*.log")
+        texts = [program.output() for program in self._programs]
+        texts += [
+            log.read_text(encoding="utf-8", errors="replace")
+            for log in logs
+            if log.is_file() and log.name != "rosout.log"
+        ]
+        return "\n".join(texts)
 
     def finds(self, name):
         """Give the address of a node, None while it is not there."""

@@ -6,9 +6,7 @@ every other one moves smoothly for a second. Its time is that from starting rosr
 its end, Python's own start included.
 """
 
-import os
 import subprocess
-import sys
 import time
 from itertools import cycle, islice
 
@@ -18,7 +16,6 @@ from .nodes import Graph, wait_for
 
 CALLS = 100
 LONGEST = 300.0  # [s] that a call may take
-BUSY = [sys.executable, "-c", "while True: pass"]
 WORDS = (
     ("squat",),
     ("zero", "--seconds", "1"),
@@ -36,8 +33,7 @@ def run(bench):
         graph.launch(bench.model)
         for name in ("/gazebo", "/link_states_bridge"):
             wait_for(lambda name=name: graph.finds(name), f"the node {name}")
-        for _ in range(os.cpu_count()):
-            graph.start(BUSY)
+        graph.keep_busy()
         tried = []
         for words in islice(cycle(WORDS), calls):
             tried.append(call(bench, words))

@@ -27,7 +27,8 @@ def soak(bench):
     with Graph() as graph, closing(Peer()) as peer:
         prepare(graph, urdf, recording)
         with graph.start(OURS) as program:
-            player = stream.Feed(peer, stream.encoded(recording), answers)
+            messages = stream.encoded(recording)
+            player = stream.Feed(peer, messages, answers, is_stamped=True)
             player.listen("/joint_states")
             player.wait_for(program)
             player.play(RATE, WARM_UP)

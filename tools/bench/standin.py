@@ -1,9 +1,9 @@
 """The stand-in, with the display around it.
 
-The display runs without RViz; states flow to the bridge, and from there to
-robot_state_publisher. Nothing else listens: the real-time factor is that of
-get_world_properties before and after a window, processor time is the system's, and
-robot_state_publisher itself is asked how many joint_states it has taken. For the
+The display runs without RViz and with states of each step; they flow to the bridge,
+and from there to robot_state_publisher. Nothing else listens: the real-time factor is
+that of get_world_properties before and after a window, processor time is the system's,
+and the bridge itself is asked how many states it has taken. For the
 highest real-time factor ~set_real_time_factor is 0. All but kinematic begin five
 simulated seconds after the robot was let go: in hold it stands still by then and rests;
 "hold, moved" is what it costs when a joint is set twenty times a second. A call of a
@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .nodes import Graph, wait_for
+from .nodes import EACH_STEP, Graph, wait_for
 from .tcpros import Service
 
 CALLS = 2000
@@ -61,12 +61,12 @@ class Display:
         self._graph = graph
         self.simulator = graph.node("/gazebo")
         self.bridge = graph.node("/link_states_bridge")
-        wait_for(self.taken, "the first joint_states")
+        wait_for(self.taken, "the first states")
         self._world = Service("/gazebo/get_world_properties")
 
     def taken(self):
-        """Count the joint_states that robot_state_publisher has taken."""
-        return self._graph.messages_taken("/robot_state_publisher", "/joint_states")
+        """Count the states that the bridge has taken."""
+        return self._graph.messages_taken("/link_states_bridge", "/gazebo/world_state")
 
     def now(self):
         """Tell the simulated time in [s]."""
@@ -91,7 +91,7 @@ class Display:
 
         Returns:
             Simulated, wall, the simulator's and the bridge's processor time in [s],
-            and how many joint_states were taken.
+            and how many states were taken.
         """
         begin, taken = self.now(), self.taken()
         simulator, bridge = self.simulator.meter(), self.bridge.meter()
@@ -108,7 +108,7 @@ class Watched(NamedTuple):
     wall: float
     simulator: float
     bridge: float
-    joint_states: int
+    states: int
 
 
 def run(bench):
@@ -123,7 +123,8 @@ def run(bench):
 
 def measure_case(bench, case):
     """Run one; give the peaks of memory of simulator and bridge in [MB]."""
-    with Graph() as graph, graph.launch(bench.model, *case.arguments):
+    launched = (bench.model, EACH_STEP, *case.arguments)
+    with Graph() as graph, graph.launch(*launched):
         display = Display(graph)
         measure(bench, case, display)
         nodes = display.simulator, display.bridge
@@ -131,11 +132,11 @@ def measure_case(bench, case):
 
 
 def measure(bench, case, display):
-    """Measure at the defaults, as fast as can be, and, once, calls."""
+    """Measure in real time, as fast as can be, and, once, calls."""
     if case.name != "kinematic":
         wait_for(lambda: display.now() > FALL, "the robot's fall")
     pass_time = display.move if case.moved else time.sleep
-    measure_defaults(bench, case, display.watch(bench.seconds(10.0), pass_time))
+    measure_real_time(bench, case, display.watch(bench.seconds(10.0), pass_time))
     with closing(Service("/gazebo/set_real_time_factor")) as set_factor:
         set_factor(0.0)
         time.sleep(SETTLE)
@@ -143,15 +144,15 @@ def measure(bench, case, display):
         set_factor(1.0)
     factor = fast.simulated / fast.wall
     bench.add(f"{case.name}: highest real-time factor", factor, "", case.highest)
-    rate = fast.joint_states / fast.simulated
-    bench.add(f"{case.name}: joint_states per simulated second then", rate, "1/s")
+    rate = fast.states / fast.simulated
+    bench.add(f"{case.name}: states per simulated second then", rate, "1/s")
     if case.name == "kinematic":
         time.sleep(SETTLE)
         measure_calls(bench)
 
 
-def measure_defaults(bench, case, seen):
-    """Keep the figures of a window at the defaults."""
+def measure_real_time(bench, case, seen):
+    """Keep the figures of a window in real time."""
     share = 100.0 * seen.simulator / seen.wall
     bench.add(f"{case.name}: simulator's share of a core", share, "%", case.share)
     bench.add(
@@ -160,7 +161,7 @@ def measure_defaults(bench, case, seen):
     step = 1e6 * seen.simulator / (seen.simulated * RATE)
     bench.add(f"{case.name}: simulator's processor time per step", step, "us")
     factor = seen.simulated / seen.wall
-    bench.add(f"{case.name}: real-time factor at the defaults", factor)
+    bench.add(f"{case.name}: real-time factor, 1 is wanted", factor)
 
 
 def measure_calls(bench):

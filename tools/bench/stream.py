@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from typing import NamedTuple
 
 import numpy as np
-from gazebo_msgs.msg import LinkStates
+from gazebo_msgs.msg import LinkStates, WorldState
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
@@ -27,6 +27,8 @@ ROBOT = "g1_robot"
 STEPS = 5000  # of the recording; it begins again after them
 PERIOD_NS = 1_000_000  # simulated time from one message to the next
 TIME = struct.Struct("<II")
+HEADER = struct.Struct("<IIII5s")  # seq, seconds, nanoseconds, "world"
+NO_WRENCHES = struct.pack("<I", 0)
 QUIET = 0.3  # [s] without an answer: there is none to come
 
 
@@ -82,10 +84,22 @@ def record(urdf, seed, steps=STEPS):
 
 
 def encoded(recording):
-    """Write each step as a message, length and all."""
+    """Write each step as link states, without their length."""
     encoder = LinkStatesEncoder()
     pairs = zip(recording.poses, recording.twists)
-    return [packed(encoder.encode(recording.link_names, *pair)) for pair in pairs]
+    return [encoder.encode(recording.link_names, *pair) for pair in pairs]
+
+
+def stamped(link_states, seq, stamp):
+    """Make a world state of link states.
+
+    Args:
+        link_states: A message, without its length.
+        seq: Its number.
+        stamp: Its time, seconds and nanoseconds.
+    """
+    header = HEADER.pack(seq, *stamp, len(b"world"), b"world")
+    return header + link_states + NO_WRENCHES
 
 
 def crowd(recording, count, steps):
@@ -141,19 +155,27 @@ class Answers:
 
 
 class Feed:
-    """Plays messages to a node, each after the time it is of."""
+    """Plays messages to a node, each after the time it is of.
 
-    def __init__(self, peer, messages, answers):
+    Each goes out as the stand-in does it: as link states, and as a world state, which
+    has the time in it, to nodes that want that.
+    """
+
+    def __init__(self, peer, messages, answers, is_stamped=False):
         """Publish the topics, and be where a service is looked for.
 
         Args:
             peer: The node that publishes.
-            messages: Link states, length and all; after the last comes the first.
+            messages: Link states, without their length; after the last comes the
+                first.
             answers: Counts what the node answers.
+            is_stamped: Whether the node that is measured takes world states.
         """
         self._peer, self._messages, self.answers = peer, messages, answers
         self._clock = peer.advertise("/clock", Clock)
-        self._states = peer.advertise("/gazebo/link_states", LinkStates)
+        self._links = peer.advertise("/gazebo/link_states", LinkStates)
+        self._world = peer.advertise("/gazebo/world_state", WorldState)
+        self._states = self._world if is_stamped else self._links
         peer.offer("/gazebo/set_model_configuration")
         self._sources = []
         self.steps = 0
@@ -194,10 +216,13 @@ class Feed:
             self._peer.serve(due)
             self.steps += 1
             stamp = divmod(self.steps * PERIOD_NS, 1_000_000_000)
+            links = self._messages[(self.steps - 1) % len(self._messages)]
+            world = packed(stamped(links, self.steps, stamp))
+            links = packed(links)
             self._clock.send(packed(TIME.pack(*stamp)))
-            message = self._messages[(self.steps - 1) % len(self._messages)]
             sent[row] = time.monotonic()
-            self._states.send(message)
+            self._links.send(links)
+            self._world.send(world)
             due = (due if sent[row] < due + period else sent[row]) + period
         self._peer.serve(due)
         return sent

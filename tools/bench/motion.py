@@ -1,0 +1,62 @@
+"""What the programs of busy parts move."""
+
+import numpy as np
+import rospy
+from sensor_msgs.msg import JointState
+
+from g1_description.core.description import parse_urdf
+
+AMPLITUDE = 0.3  # [rad]
+FREQUENCY = 0.5  # [Hz]
+APART = 1e-4  # [rad] from one sample to the next, at least, for the last joint
+PATIENCE = 30.0  # [s]
+
+
+def revolute(description):
+    """List the joints of a robot that turn between limits."""
+    return [j for j in description.movable_joints if j.kind == "revolute"]
+
+
+def robot():
+    """Read the robot that runs."""
+    return parse_urdf(rospy.get_param("/robot_description"))
+
+
+def swing(joints, seconds, rate):
+    """Let all joints swing smoothly, each at its own phase, no sample like another.
+
+    Args:
+        joints: Joints with limits.
+        seconds: How long it takes; it begins and ends at rest.
+        rate: Samples a second.
+
+    Returns:
+        Positions in [rad], shape (n, n_joints).
+    """
+    lower, upper = np.array([(j.lower, j.upper) for j in joints]).T
+    n = round(seconds * rate)
+    t = np.arange(n)[:, np.newaxis] / rate
+    phase = 2.0 * np.pi * FREQUENCY * t + 0.7 * np.arange(len(joints))
+    envelope = np.sin(np.pi * t / seconds) ** 2
+    middle = np.clip(0.0, lower + AMPLITUDE, upper - AMPLITUDE)
+    positions = middle + AMPLITUDE * envelope * np.sin(phase)
+    positions[:, -1] = middle[-1] + APART * np.arange(n)
+    return np.clip(positions, lower, upper)
+
+
+class Commands:
+    """Where positions of joints are sent to."""
+
+    def __init__(self, names):
+        """Advertise the topic; ``names`` are those of the joints."""
+        self._names = names
+        self._publisher = rospy.Publisher("/joint_commands", JointState, queue_size=100)
+
+    @property
+    def is_heard(self):
+        """Whether the bridge listens."""
+        return self._publisher.get_num_connections() > 0
+
+    def send(self, position):
+        """Send positions in [rad], shape (n_joints,)."""
+        self._publisher.publish(JointState(name=self._names, position=list(position)))
