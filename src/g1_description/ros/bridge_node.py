@@ -56,8 +56,8 @@ STILL = 0.03
 """Without a state for this long, in [s] of wall time, time stands still."""
 
 PAUSED = 1.0
-"""Without a state for this long, in [s] of wall time, a program that waits for the clock
-waits in vain."""
+"""Without a state for this long, in [s] of wall time, who waits for the clock waits in
+vain."""
 
 BEHIND = 100_000_000
 """A clock that is further behind the last state, in [ns], has gone back. What is of the

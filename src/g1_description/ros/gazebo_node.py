@@ -11,6 +11,7 @@ Parameters: those of parameters.GazeboParameters
 
 from __future__ import annotations
 
+import contextlib
 import queue
 import sys
 import time
@@ -39,6 +40,9 @@ from .wording import Wording
 PATIENCE = 0.1
 """Longest wait before looking whether to shut down, in [s]. Time lost to a busy
 machine beyond this is not caught up."""
+
+MANY = 100
+"""So many calls may wait until those who send messages have to wait, too."""
 
 BREATH = 0.01
 """Wait before looking again whether states may be published, in [s]."""
@@ -73,7 +77,7 @@ class GazeboNode:
         ):
             # Each message counts: they may be of different models.
             rospy.Subscriber(
-                topic, kind, self._in_the_loop(_told(act)), queue_size=None
+                topic, kind, self._later_in_the_loop(_told(act)), queue_size=None
             )
         joints = JointServices(world, wording)
         steps = StepServices(world, wording, self._stepper)
@@ -114,6 +118,22 @@ class GazeboNode:
                 raise rospy.ServiceException("the simulator is shutting down") from None
 
         return handler
+
+    def _later_in_the_loop(self, act):
+        """Make a callback that lets the loop act, and waits only where much waits.
+
+        To wait each time would let messages pile up on a busy machine, where it takes
+        the loop long to get its turn.
+        """
+
+        def callback(message):
+            call: Future = Future()
+            self._calls.put((call, act, message))
+            if self._calls.qsize() > MANY:
+                with contextlib.suppress(CancelledError):
+                    call.result()
+
+        return callback
 
     def run(self) -> None:
         """Step, publish and answer until the node is shut down."""
