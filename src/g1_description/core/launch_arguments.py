@@ -39,10 +39,10 @@ def check_arguments(given: Mapping[str, str]) -> None:
     for name in NUMBERS:
         if given.get(name):
             _check_number(name, given[name])
-    if float(given.get("rate") or 0.0) < 0.0:
+    if not 0.0 <= float(given.get("rate") or 0.0) <= 1e6:
         raise InvalidValueError(
-            f"rate is {given['rate']}; it is a number of states per second, or 0 for "
-            "all there are."
+            f"rate is {given['rate']}; it is a number of states per second, at most "
+            "1e6, or 0 for all there are."
         )
 
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-INSTANT = 1_000_000
+INSTANT = 100_000
 """A stamp that is less than this behind the last one is of the same instant, in [ns]:
-time that goes back goes back further."""
+time goes back by a step at least, and nobody shows so many states of one instant."""
 
 
 class RisingStamps:

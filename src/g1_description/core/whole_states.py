@@ -34,6 +34,9 @@ class State(NamedTuple):
     message: Any = None
     """What tells of it."""
 
+    is_moving: bool = False
+    """Whether it moves by itself, and is not just set: then each state is whole."""
+
 
 class WholeStates:
     """Hold each state until the next one, when it is known whether it was whole.
@@ -74,9 +77,9 @@ class WholeStates:
             The state before, if that was whole or is overdue.
         """
         held, self.held = self.held, state
+        has_news, self._commands = commands != self._commands, commands
         if held is None or len(state.joints) != len(held.joints):
             return held
-        has_news, self._commands = commands != self._commands, commands
         was_torn = self._is_torn or (self._base_moved and has_news)
         self._base_moved = bool(np.abs(state.pose - held.pose).max() > MOVED)
         joints_moved = np.abs(state.joints - held.joints).max(initial=0.0) > MOVED
@@ -87,7 +90,8 @@ class WholeStates:
         is_still = self._shown is not None and (
             np.abs(held.pose - self._shown).max() <= MOVED
         )
-        if was_torn and not is_still and now - self._passed < OVERDUE:
+        is_early = now - self._passed < OVERDUE
+        if was_torn and is_early and not (is_still or held.is_moving):
             return None
         self._shown, self._passed = held.pose, now
         return held

@@ -128,7 +128,7 @@ class BridgeHealth:
         """Find out whether the simulator is paused, when it is silent."""
         while not self._stopped.wait(ASK_PAUSED):
             age = self._bridge.source.age
-            if age is None or age < ASK_PAUSED:
+            if age is not None and age < ASK_PAUSED:
                 self._pause.forget()
             else:
                 self._pause.ask()
@@ -143,7 +143,8 @@ class BridgeHealth:
         """Say that link states stay away, or that a command does."""
         source, waiting = self._bridge.source, self._bridge.sender.waiting
         age = source.age
-        if age is None and time.monotonic() - self._began > START:
+        is_early = time.monotonic() - self._began <= START
+        if age is None and not is_early and not self._pause.is_paused:
             told = f"Nothing usable has come on {source.topic} yet."
             if source.timeless:
                 told = (
@@ -174,10 +175,11 @@ class BridgeHealth:
         age = source.age
         status.add("malformed messages", source.malformed)
         status.add("messages passed over for newer ones", source.passed_over)
-        if age is None:
+        if age is not None:
+            status.add("age in s", f"{age:.3f}")
+        elif not self._pause.is_paused:
             status.summary(WARN, f"nothing usable on {source.topic}")
             return status
-        status.add("age in s", f"{age:.3f}")
         if self._is_stale:
             told = f"nothing on {source.topic} for {age:.0f} s: {self._why()}"
             status.summary(WARN, told)

@@ -93,7 +93,8 @@ class BridgeNode:
         self._observer = Observer({r.name: r.description for r in self.robots})
         self._stamps = RisingStamps()
         self._sight: Sight | None = None
-        self._has_clock = False
+        self._has_clock = self._has_new_time = False
+        self._clock = 0
         self._newcomer = threading.Event()
         self._again: list[float] = []
         self._tf = DirectPublisher(
@@ -153,6 +154,8 @@ class BridgeNode:
 
     def _take(self, stamp_ns: int, states: LinkStatesArrays) -> None:
         """Turn one state into joint states and, now and then, TF."""
+        if self._is_of_old_time(stamp_ns):
+            return
         stamp_ns, went_back = self._stamps.next(stamp_ns)
         if went_back:
             self._reset()
@@ -164,12 +167,25 @@ class BridgeNode:
             )
         self._publish(stamp_from_ns(stamp_ns))
 
-    def _publish(self, stamp: genpy.Time) -> None:
+    def _is_of_old_time(self, stamp_ns: int) -> bool:
+        """Whether a state is late: its time ended, and the clock has begun anew.
+
+        What was published before a reset may still be on its way after it.
+        """
+        now = rospy.Time.now().to_nsec()
+        if now < self._clock - BEHIND:
+            self._has_new_time = True
+        self._clock = now
+        if self._has_new_time and stamp_ns <= now + 10 * BEHIND:
+            self._has_new_time = False
+        return self._has_new_time
+
+    def _publish(self, stamp: genpy.Time, again: bool = False) -> None:
         """Publish the last state."""
         sight = self._sight
         with quiet_when_closing():
             self._broadcast(
-                robot.publish(stamp, sight, share)
+                robot.publish(stamp, sight, share, again)
                 for robot, share in zip(self.robots, sight.shares)
             )
 
@@ -191,8 +207,8 @@ class BridgeNode:
     def _keep_up(self) -> None:
         """Do what no message would, until the node is shut down."""
         while not self._stopped.wait(UPKEEP):
-            self.source.look_after()
             with quiet_when_closing():
+                self.source.look_after()
                 self._tf.flush()
                 for robot in self.robots:
                     robot.flush()
@@ -223,10 +239,10 @@ class BridgeNode:
         return bool(due)
 
     def _show_again(self) -> None:
-        """Publish the last state once more."""
+        """Show the last state on TF once more."""
         for robot in self.robots:
             robot.reset()
-        self._publish(stamp_from_ns(self._stamps.again()))
+        self._publish(stamp_from_ns(self._stamps.again()), again=True)
 
 
 def main() -> None:

@@ -33,6 +33,8 @@ QUEUE = 10_000
 """Joint states kept for a slow subscriber: a script that steps may be seconds ahead of
 what it hears, and shall hear of each step."""
 
+TF_QUEUE = 100
+
 TF_INTERVAL = 20_000_000
 """Joint states go to TF at least so often, in [ns]: 50 Hz, as robot_state_publisher
 does it by itself."""
@@ -85,7 +87,7 @@ class BridgedRobot:
             self._topic("joint_states"), PreparedJointState, QUEUE, latch=True
         )
         self.tf_joint_states = DirectPublisher(
-            self._topic("tf_joint_states"), PreparedJointState, QUEUE, latch=True
+            self._topic("tf_joint_states"), PreparedJointState, TF_QUEUE, latch=True
         )
         self._tf_stamp = -TF_INTERVAL
         self.share: Share | None = None
@@ -127,7 +129,7 @@ class BridgedRobot:
         rospy.Subscriber(topic, JointState, came, queue_size=None, tcp_nodelay=True)
 
     def publish(
-        self, stamp: genpy.Time, sight: Sight, share: Share
+        self, stamp: genpy.Time, sight: Sight, share: Share, again: bool = False
     ) -> TransformStamped | None:
         """Publish what a message tells of the robot.
 
@@ -135,6 +137,7 @@ class BridgedRobot:
             stamp: The message's time.
             sight: What it tells of all robots.
             share: This robot's share of it.
+            again: Whether it was published before, and only TF shall have it again.
 
         Returns:
             Its base in the map in the state before this one, if that is worth sending.
@@ -148,15 +151,23 @@ class BridgedRobot:
         if sight.off_axis or self.off_axis:
             self._tell_what_is_off_axis(sight, share)
         if not share.is_there:
+            self._whole_states.reset()
+            self.joint_states.forget()
+            self.tf_joint_states.forget()
             return None
         self._may_be_late = False
-        message = self._publish_joints(stamp, sight, share)
+        message = self._encode(stamp, sight, share)
+        if not again:
+            self.joint_states.publish(message)
         pose = sight.base_pose(share)
         if self._base is None or pose is None:
-            self.tf_joint_states.publish(message)
+            if not 0 <= stamp.to_nsec() - self._tf_stamp < TF_INTERVAL:
+                self.tf_joint_states.publish(message)
+                self._tf_stamp = stamp.to_nsec()
             return None
         joints = sight.measured.position[share.span]
-        state = State(stamp.to_nsec(), pose, joints, message)
+        is_moving = bool(sight.measured.velocity[share.span].any())
+        state = State(stamp.to_nsec(), pose, joints, message, is_moving)
         count = self._commands
         whole = self._whole_states.next(
             state, time.monotonic(), count.came, count.came > count.answered
@@ -198,19 +209,17 @@ class BridgedRobot:
         stamp = stamp_from_ns(state.stamp)
         return transform(stamp, self._map_frame, self._base, pose)
 
-    def _publish_joints(
+    def _encode(
         self, stamp: genpy.Time, sight: Sight, share: Share
     ) -> PreparedJointState:
-        """Publish the robot's joint states; give the message."""
+        """Make the robot's joint states."""
         measured, span = sight.measured, share.span
-        message = self._encoder.encode(
+        return self._encoder.encode(
             stamp,
             share.joints.names,
             measured.position[span],
             measured.velocity[span],
         )
-        self.joint_states.publish(message)
-        return message
 
     def flush(self) -> None:
         """Send slow subscribers what is kept for them."""

@@ -128,6 +128,7 @@ class GazeboNode:
 
         def callback(message):
             call: Future = Future()
+            call.add_done_callback(_log_failure)
             self._calls.put((call, act, message))
             if self._calls.qsize() > MANY:
                 with contextlib.suppress(CancelledError):
@@ -229,6 +230,12 @@ def _told(act):
             rospy.logwarn_throttle_identical(1.0, f"refused, {error}")
 
     return callback
+
+
+def _log_failure(call: Future) -> None:
+    """Tell what nobody waits for: that a message could not be obeyed."""
+    if not call.cancelled() and call.exception() is not None:
+        rospy.logerr("A message could not be obeyed: %r", call.exception())
 
 
 def main(given=None, greet=lambda: None) -> None:

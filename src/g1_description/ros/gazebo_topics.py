@@ -51,7 +51,7 @@ class StateTopics:
         self._parameters = parameters
         self._steps = 0
         self._seq = 0
-        self._clock_ns = world.time_ns
+        self._clock_ns = self._sent_ns = world.time_ns
         self._sent = self._hushed_until = self._changed = time.monotonic()
         self._is_settled = False
         self._shown: tuple[int, bytes] | None = None
@@ -84,7 +84,9 @@ class StateTopics:
             for topic, message in self._topics:
                 if topic.get_num_connections():
                     topic.publish(message())
-                    self._sent = time.monotonic()
+                    self._sent, self._sent_ns = time.monotonic(), self._world.time_ns
+                elif topic is self._latched:
+                    topic.forget()
         self._is_settled, self._changed = False, -math.inf
 
     def _publish_clock(self) -> None:
@@ -100,12 +102,13 @@ class StateTopics:
     def is_hushed(self) -> bool:
         """Tell whether nothing may be published yet, because time has gone back."""
         now = time.monotonic()
-        if self._world.time_ns < self._clock_ns:
+        if self._world.time_ns < max(self._clock_ns, self._sent_ns):
             if self._latched is not None:
                 self._latched.forget()
             if now < self._sent + HUSH:
                 return True
             self._publish_clock()
+            self._sent_ns = self._world.time_ns
             if any(topic.get_num_connections() for topic, _ in self._topics):
                 self._hushed_until = now + HUSH
         return now < self._hushed_until
@@ -138,7 +141,7 @@ class StateTopics:
             shown, message = self._shown, self._world_state()
             if self._shown != shown:
                 self._latched.publish(message)
-                self._sent = time.monotonic()
+                self._sent, self._sent_ns = time.monotonic(), self._world.time_ns
         return math.inf
 
     def _is_due(self, rate: float) -> bool:

@@ -80,17 +80,19 @@ class StateSource:
         """Subscribe."""
         # Without simulated time all nodes go by the wall, and no state tells that.
         if not rospy.rostime.is_wallclock():
-            self._stamped = self._subscribe(self._stamped_topic, self._on_stamped)
-        self._unstamped = self._subscribe(self.topic, self._on_unstamped)
+            self._stamped = self._subscribe(self._stamped_topic, self._on_stamped, None)
+        self._unstamped = self._subscribe(self.topic, self._on_unstamped, QUEUE)
 
     @staticmethod
-    def _subscribe(topic: str, callback: Callable) -> rospy.Subscriber:
-        """Subscribe to the bytes of a topic; every message is wanted."""
+    def _subscribe(
+        topic: str, callback: Callable, queue_size: int | None
+    ) -> rospy.Subscriber:
+        """Subscribe to the bytes of a topic; without a queue size all are wanted."""
         return rospy.Subscriber(
             topic,
             rospy.AnyMsg,
             callback,
-            queue_size=QUEUE,
+            queue_size=queue_size,
             buff_size=BUFFER,
             tcp_nodelay=True,
         )
@@ -122,6 +124,7 @@ class StateSource:
     def _on_stamped(self, message: rospy.AnyMsg) -> None:
         """Take a message of world_state."""
         with self._one_at_a_time:
+            self._has_stamps[_sender_of(message)] = True
             self._decode(message._buff, None)
 
     def _on_unstamped(self, message: rospy.AnyMsg) -> None:
@@ -143,13 +146,12 @@ class StateSource:
 
     def _comes_with_stamps(self, message: rospy.AnyMsg) -> bool:
         """Tell whether the node that sent this sends world_state, too."""
-        node = message._connection_header.get("callerid", "")
+        node = _sender_of(message)
         if self._stamped and node not in self._has_stamps:
-            found = False
             with contextlib.suppress(*FAILURES, rosgraph.MasterException):
                 publishers, _, _ = rosgraph.Master(rospy.get_name()).getSystemState()
                 found = node in dict(publishers).get(self._stamped_topic, ())
-            self._has_stamps[node] = found
+                self._has_stamps[node] = found
         return self._has_stamps.get(node, False)
 
     def _decode(self, data: bytes, stamp: int | None) -> None:
@@ -175,14 +177,21 @@ class StateSource:
             if self._kept:
                 (data, since), now = self._kept, rospy.Time.now().to_nsec()
                 is_due = now - self._stamp >= self._min_interval
-                if is_due or time.monotonic() - since > KEPT:
+                if now < self._stamp:  # it is of the time before a reset
+                    self._kept = None
+                elif is_due or time.monotonic() - since > KEPT:
                     self._decode(data, now)
         if not self._stamped:
             return
         is_needed = not self._stamped.get_num_connections()
         if is_needed and not self._unstamped:
             self._has_stamps.clear()
-            self._unstamped = self._subscribe(self.topic, self._on_unstamped)
+            self._unstamped = self._subscribe(self.topic, self._on_unstamped, QUEUE)
         elif self._unstamped and not is_needed and any(self._has_stamps.values()):
             self._unstamped.unregister()
             self._unstamped = None
+
+
+def _sender_of(message: rospy.AnyMsg) -> str:
+    """Tell which node sent a message."""
+    return message._connection_header.get("callerid", "")
