@@ -45,6 +45,13 @@ def test_time_that_goes_back_is_told():
     assert rising.next(9 * INSTANT + 5) == (9 * INSTANT + 5, False)
 
 
+def test_a_reset_after_a_single_step_is_told():
+    rising = RisingStamps()
+    rising.next(1_000_000)
+    assert rising.next(0) == (1, True)
+    assert rising.next(1_000_000) == (1_000_000, False)
+
+
 def test_time_zero_is_no_stamp():
     """A header with it means in ROS that it has none."""
     assert RisingStamps().next(0) == (1, False)

@@ -19,13 +19,14 @@ class Robot:
         self.now = 100.0
         self.base = self.joint = 0.0
         self.commands = 0
-        self.is_under_way = False
+        self.is_under_way = self.is_moving = False
         self.passed = []
 
     def see(self):
         self.now += PERIOD
         pose = np.array([0.0, 0.0, self.base, 0.0, 0.0, 0.0, 1.0])
-        state = State(round(1e9 * self.now), pose, np.array([self.joint]))
+        joints = np.array([self.joint])
+        state = State(round(1e9 * self.now), pose, joints, None, self.is_moving)
         whole = self.states.next(state, self.now, self.commands, self.is_under_way)
         if whole is not None:
             self.passed.append((whole.pose[2], whole.joints[0]))
@@ -91,6 +92,17 @@ def test_every_state_passes_where_the_base_stands_still():
     for step in range(1, 100):
         robot.commands += 1
         robot.joint = step
+        robot.see()
+    assert len(robot.passed) == 98
+
+
+def test_every_state_passes_of_a_robot_that_moves_by_itself():
+    robot = Robot()
+    robot.is_moving = True
+    robot.command()
+    for step in range(1, 100):
+        robot.base = robot.joint = step
+        robot.commands += 1
         robot.see()
     assert len(robot.passed) == 98
 

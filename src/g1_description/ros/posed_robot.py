@@ -260,4 +260,7 @@ class PosedRobot:
     def _silence(self) -> str:
         """Say that there are no joint states, and what may be the reason."""
         topic = self._states.resolved_name
+        if self._heard:
+            last = self._stamp.to_sec()
+            return f"nothing comes on {topic} after {last:g} s; is time paused?"
         return f"nothing comes on {topic}; does a simulator run, and does time?"
