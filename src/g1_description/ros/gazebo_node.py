@@ -172,7 +172,7 @@ class GazeboNode:
         """Whether nothing may be published yet, because time has gone back."""
         hushed = True
         with quiet_when_closing():
-            hushed = self._topics.is_hushed()
+            hushed = self._topics.is_hushed(self._stepper.paused)
         return hushed
 
     @property

@@ -99,18 +99,23 @@ class StateTopics:
         for topic, _ in self._topics:
             topic.wait_for_room(STUCK)
 
-    def is_hushed(self) -> bool:
-        """Tell whether nothing may be published yet, because time has gone back."""
+    def is_hushed(self, paused: bool) -> bool:
+        """Tell whether nothing may be published yet, because time has gone back.
+
+        Args:
+            paused: Whether time stands still: then /clock tells it at once, since it is
+                silent while a client looks, and hardly anything is on its way.
+        """
         now = time.monotonic()
         if self._world.time_ns < max(self._clock_ns, self._sent_ns):
             if self._latched is not None:
                 self._latched.forget()
-            if now < self._sent + HUSH:
+            is_heard = any(topic.get_num_connections() for topic, _ in self._topics)
+            if is_heard and not paused and now < self._sent + HUSH:
                 return True
             self._publish_clock()
             self._sent_ns = self._world.time_ns
-            if any(topic.get_num_connections() for topic, _ in self._topics):
-                self._hushed_until = now + HUSH
+            self._hushed_until = now + HUSH if is_heard else now
         return now < self._hushed_until
 
     def change(self) -> None:
