@@ -46,6 +46,9 @@ START = 5.0
 class BridgedRobot:
     """What comes in and goes out for one robot."""
 
+    _unsent: PreparedJointState | None = None
+    """What a robot without a base has not sent to TF yet."""
+
     def __init__(
         self,
         robot: RobotParameters,
@@ -161,10 +164,13 @@ class BridgedRobot:
             self.joint_states.publish(message)
         pose = sight.base_pose(share)
         if self._base is None or pose is None:
-            if not 0 <= stamp.to_nsec() - self._tf_stamp < TF_INTERVAL:
+            is_due = not 0 <= stamp.to_nsec() - self._tf_stamp < TF_INTERVAL
+            self._unsent = None if is_due else message
+            if is_due:
                 self.tf_joint_states.publish(message)
                 self._tf_stamp = stamp.to_nsec()
             return None
+        self._unsent = None
         joints = sight.measured.position[share.span]
         is_moving = bool(sight.measured.velocity[share.span].any())
         state = State(stamp.to_nsec(), pose, joints, message, is_moving)
@@ -180,6 +186,9 @@ class BridgedRobot:
         Returns:
             Its base in the map, if that was not sent.
         """
+        if self._unsent is not None:
+            self.tf_joint_states.publish(self._unsent)
+            self._unsent = None
         state = self._whole_states.held
         return state and self._show(state, is_last=True)
 
@@ -230,7 +239,7 @@ class BridgedRobot:
         """Take it that time began again, or that nobody knows what was sent."""
         self._throttle.reset()
         self._whole_states.reset()
-        self._tf_stamp = -TF_INTERVAL
+        self._tf_stamp, self._unsent = -TF_INTERVAL, None
 
     def _tell_that_it_came(self, share: Share) -> None:
         """Say that the robot is there, after it was not."""
