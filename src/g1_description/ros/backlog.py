@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import time
 
-WAIT = 0.0001
-"""A message that is waited for this long, in [s], is not one of a pile."""
+RELIEF = 0.005
+"""Waiting for so long, in [s], takes all but a third off what came without a pause.
+rospy hands messages on in batches with a millisecond between them, so no single pause
+tells that a pile is at its end."""
 
 
 class Backlog:
@@ -23,16 +26,15 @@ class Backlog:
             most: So many messages in a row are not yet a pile.
         """
         self._most = most
-        self._in_a_row = 0
+        self._in_a_row = 0.0
         self._ended = 0.0
         self.passed_over = 0
         """Messages that were passed over."""
 
     def is_old(self) -> bool:
         """Tell of the message that has just come whether to pass it over."""
-        if time.monotonic() - self._ended > WAIT:
-            self._in_a_row //= 2
-        self._in_a_row += 1
+        waited = time.monotonic() - self._ended
+        self._in_a_row = 1.0 + self._in_a_row * math.exp(-waited / RELIEF)
         old = self._in_a_row > self._most
         self.passed_over += old
         return old
