@@ -64,13 +64,6 @@ def test_after_a_reset_the_next_pose_passes_whatever_its_stamp(throttle):
     assert throttle.passes(0.001, HOME)
 
 
-def test_asking_whether_a_pose_would_pass_changes_nothing(throttle):
-    for _ in range(3):
-        assert throttle.would_pass(1.001, moved(0.0051))
-    assert throttle.passes(1.001, moved(0.0051))
-    assert not throttle.would_pass(1.002, moved(0.0051))
-
-
 def test_a_pose_that_no_other_follows_passes_once(throttle):
     assert not throttle.settles(1.0, moved(0.001))
     assert throttle.settles(1.001, moved(0.001))

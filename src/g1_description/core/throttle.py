@@ -40,20 +40,15 @@ class PoseThrottle:
         Returns:
             Whether to send the pose.
         """
-        if not self.would_pass(stamp, pose):
-            return False
+        if self._stamp is not None and self._pose is not None:
+            # A thousandth of a microsecond: stamps are whole nanoseconds.
+            since = stamp - self._stamp + 1e-9
+            if stamp <= self._stamp or since < self.min_interval:
+                return False
+            if since < self.max_interval and not self._moved(self._pose, pose):
+                return False
         self._stamp, self._pose = stamp, pose
         return True
-
-    def would_pass(self, stamp: float, pose: Sequence[float]) -> bool:
-        """Decide as ``passes`` does, and remember nothing."""
-        if self._stamp is None or self._pose is None:
-            return True
-        # A thousandth of a microsecond: stamps are whole nanoseconds.
-        since = stamp - self._stamp + 1e-9
-        if stamp <= self._stamp or since < self.min_interval:
-            return False
-        return since >= self.max_interval or self._moved(self._pose, pose)
 
     def settles(self, stamp: float, pose: Sequence[float]) -> bool:
         """Decide on a pose that no other follows, and remember it as sent if it passes.

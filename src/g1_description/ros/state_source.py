@@ -55,7 +55,7 @@ class StateSource:
             take: Takes a state's time in [ns] and the state, one at a time.
             complaints: Where to tell what cannot be read.
         """
-        self.topic = rospy.resolve_name(f"{gazebo}/link_states")
+        self._unstamped_topic = rospy.resolve_name(f"{gazebo}/link_states")
         self._stamped_topic = rospy.resolve_name(f"{gazebo}/world_state")
         self._take = take
         self._complaints = complaints
@@ -81,7 +81,11 @@ class StateSource:
         # Without simulated time all nodes go by the wall, and no state tells that.
         if not rospy.rostime.is_wallclock():
             self._stamped = self._subscribe(self._stamped_topic, self._on_stamped, None)
-        self._unstamped = self._subscribe(self.topic, self._on_unstamped, QUEUE)
+        self._unstamped = self._listen_to_unstamped()
+
+    def _listen_to_unstamped(self) -> rospy.Subscriber:
+        """Subscribe to link_states."""
+        return self._subscribe(self._unstamped_topic, self._on_unstamped, QUEUE)
 
     @staticmethod
     def _subscribe(
@@ -96,6 +100,12 @@ class StateSource:
             buff_size=BUFFER,
             tcp_nodelay=True,
         )
+
+    @property
+    def topic(self) -> str:
+        """The topic that states come on, or are waited for."""
+        has_stamps = any(self._has_stamps.values())
+        return self._stamped_topic if has_stamps else self._unstamped_topic
 
     @property
     def is_connected(self) -> bool:
@@ -186,7 +196,7 @@ class StateSource:
         is_needed = not self._stamped.get_num_connections()
         if is_needed and not self._unstamped:
             self._has_stamps.clear()
-            self._unstamped = self._subscribe(self.topic, self._on_unstamped, QUEUE)
+            self._unstamped = self._listen_to_unstamped()
         elif self._unstamped and not is_needed and any(self._has_stamps.values()):
             self._unstamped.unregister()
             self._unstamped = None
