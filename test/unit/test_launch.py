@@ -87,6 +87,7 @@ def test_the_robot_is_put_on_the_floor_unless_its_height_is_given(sim, node):
         ("initial_pose:=standd", "no pose 'standd'; there are stand, zero, squat,"),
         ("x:=abc", "x is 'abc', which is no finite number."),
         ("Y:=inf", "Y is 'inf', which is no finite number."),
+        ("paused:=yes", "paused is 'yes'; it is either true or false."),
     ],
 )
 def test_a_wrong_argument_ends_the_launch_with_a_sentence(argument, words):

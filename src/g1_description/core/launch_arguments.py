@@ -16,6 +16,9 @@ PHYSICS = ("kinematic", "hold", "limp")
 CHOICES = {"sim": ("standin", "gazebo"), "physics": PHYSICS}
 """What there is, by argument."""
 
+FLAGS = ("fixed_base", "paused", "use_sim_time")
+"""Arguments that are true or false."""
+
 NUMBERS = ("x", "y", "z", "R", "P", "Y", "rate")
 """Arguments that are numbers; empty where they need not be given."""
 
@@ -28,13 +31,18 @@ def check_arguments(given: Mapping[str, str]) -> None:
 
     Raises:
         UnknownNameError: If something is asked for that does not exist.
-        InvalidValueError: If a number is none.
+        InvalidValueError: If a number is none, or what is true or false is neither.
     """
     for name, choices in CHOICES.items():
         if given.get(name, choices[0]) not in choices:
             known = listed(near_first(given[name], choices))
             raise UnknownNameError(
                 f"There is no {name} '{given[name]}'; there are {known}."
+            )
+    for name in FLAGS:
+        if given.get(name, "true").lower() not in ("true", "false"):
+            raise InvalidValueError(
+                f"{name} is '{given[name]}'; it is either true or false."
             )
     for name in NUMBERS:
         if given.get(name):
