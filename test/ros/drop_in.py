@@ -19,10 +19,13 @@ from xml.etree import ElementTree
 import rospy
 import rostest
 import tf2_ros
+from burners import Burners
 from gazebo_msgs.msg import ModelStates
 from gazebo_msgs.srv import GetModelState, GetWorldProperties
 from ros_testing import REPOSITORY, SHARED, Listener, process_of, wait_for
 from sensor_msgs.msg import JointState
+from stamp_record import SECOND, Others, Record, splits
+from std_srvs.srv import Empty
 from virtual_screen import VirtualScreen
 
 sys.path.insert(0, str(REPOSITORY / "tools"))
@@ -34,6 +37,8 @@ CLIENTS = """<package format="2"><name>clients</name><version>0.0.0</version>
 <description>d</description><maintainer email='a@b.c'>m</maintainer>
 <license>none</license></package>"""
 FEW_SECONDS = 10.0
+SOON = 0.5
+"""Longest time from a reset to TF that goes on in [s] of wall time."""
 
 
 class TestDropIn(unittest.TestCase):
@@ -111,6 +116,34 @@ class TestDropIn(unittest.TestCase):
         )
         commands.unregister()
 
+    def check_that_stamps_rise(self):
+        """On a busy machine too, through a reset, and nobody complains."""
+        record, others = self.reset_on_a_busy_machine()
+        self.assertEqual(record.not_rising(), {})
+        self.assertEqual(others.trouble(), {})
+        self.assertEqual(record.trouble(), [])
+
+    def reset_on_a_busy_machine(self):
+        """Record for a while, with a reset in it after which TF goes on soon."""
+        self.addCleanup(Burners().close)
+        record, others = Record(), Others()
+        self.addCleanup(record.close)
+        self.addCleanup(others.close)
+        self.wait_for_simulated(record, 3.0)
+        rospy.ServiceProxy("/gazebo/reset_simulation", Empty)()
+        moment = time.monotonic()
+        wait_for(lambda: len(splits(record.frames()["base_link"])) == 2, "TF to go on")
+        self.assertLess(time.monotonic() - moment, SOON)
+        self.wait_for_simulated(record, 2.0)
+        self.assertGreater(len(record.joints()), 100)
+        return record, others
+
+    @staticmethod
+    def wait_for_simulated(record, seconds):
+        """Let simulated time pass, by the stamps of joint states."""
+        begin = wait_for(record.joints, "joint states")[-1]
+        wait_for(lambda: record.joints()[-1] > begin + seconds * SECOND, f"{seconds} s")
+
     def height(self):
         state = rospy.ServiceProxy("/gazebo/get_model_state", GetModelState)
         return state("g1_robot", "").pose.position.z
@@ -130,6 +163,7 @@ class TestDropIn(unittest.TestCase):
         self.launch(self.copy())
         self.check_that_it_runs(0.79)
         self.assertEqual(len(self.states.wait().effort), 0)
+        self.check_that_stamps_rise()
         self.check_that_it_ends()
         self.assertNotIn("Traceback", self.log.read_text())
 
@@ -139,6 +173,14 @@ class TestDropIn(unittest.TestCase):
         self.launch(self.copy(NODE))
         self.check_that_it_runs(0.79)
         self.assertEqual(len(self.states.wait().effort), 29)
+        record, _ = self.reset_on_a_busy_machine()
+        # It takes the time at which a message comes for that of the state.
+        repeated, all_stamps = record.not_rising(), record.joints()
+        print(
+            f"drop_in: the node of someone else repeats {repeated.get('joint_states')} "
+            f"of {len(all_stamps)} stamps",
+            file=sys.stderr,
+        )
         self.check_that_it_ends()
 
     def test_our_display_with_the_package_gazebo_ros(self):

@@ -68,6 +68,15 @@ class Node:
         end = self.time()
         return (end - begin) / (time.monotonic() - wall)
 
+    def cost(self, seconds=0.5):
+        """Measure the processor time per simulated second.
+
+        Unlike the real-time factor it does not tell how busy the machine is.
+        """
+        begin, used = self.time(), self.seconds_of_processor()
+        wait_for(lambda: self.time() > begin + seconds, "simulated time", 60.0)
+        return (self.seconds_of_processor() - used) / (self.time() - begin)
+
     def time(self):
         """Tell the simulated time in [s]."""
         return self.services.call("get_world_properties").sim_time

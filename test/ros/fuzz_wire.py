@@ -60,7 +60,7 @@ def received(sock, count):
 class Service:
     """One persistent connection to a service, made anew when it was lost."""
 
-    def __init__(self, name, patience=5.0):
+    def __init__(self, name, patience=60.0):
         """Find the service.
 
         Args:

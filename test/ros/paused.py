@@ -52,7 +52,13 @@ class TestPaused(unittest.TestCase):
     def command(self, position):
         self.commands.publish(JointState(name=[ELBOW], position=[position]))
 
-    def check_that_a_command_shows(self, position):
+    def check_that_commands_show(self):
+        """Most of them soon: the machine may be held up now and then."""
+        times = [self.time_of_a_command(0.1 * n) for n in range(1, 6)]
+        self.assertLess(sorted(times)[2], SOON, times)
+
+    def time_of_a_command(self, position):
+        """Give how long a command takes to joint states and TF, in [s]."""
         buffer = tf2_ros.Buffer()
         listener = tf2_ros.TransformListener(buffer, tcp_nodelay=True)
         self.wait_for_frames(buffer)
@@ -116,8 +122,7 @@ class TestPaused(unittest.TestCase):
             Connected("/gazebo/model_states", ModelStates),
         ]
         self.check_that_it_can_be_seen()
-        times = [self.check_that_a_command_shows(0.1 * n) for n in range(1, 6)]
-        self.assertLess(sorted(times)[2], SOON, times)
+        self.check_that_commands_show()
         # Whoever has just come makes the last state come again, a nanosecond later.
         stamps = [message.header.stamp.to_nsec() for message in self.states.messages]
         self.assertEqual(stamps, sorted(set(stamps)))
@@ -150,7 +155,7 @@ class TestPaused(unittest.TestCase):
     def test_3_a_robot_that_is_launched_paused_is_there(self):
         self.launch("paused:=true", "initial_pose:=wave")
         self.check_that_it_can_be_seen()
-        self.check_that_a_command_shows(0.3)
+        self.check_that_commands_show()
 
     def test_4_a_pause_that_was_asked_for_is_no_warning(self):
         self.launch()

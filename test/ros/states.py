@@ -12,7 +12,7 @@ from g1_description.srv import Step, StepModel
 from gazebo_msgs.msg import WorldState
 from gazebo_msgs.srv import SetModelConfiguration
 from geometry_msgs.msg import Point, Pose, Quaternion
-from ros_testing import Connected, Launch, Listener
+from ros_testing import Connected, Launch
 from rosgraph_msgs.msg import Clock
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
@@ -95,25 +95,25 @@ class TestStates(unittest.TestCase):
         self.assertLess(len(stamps), 600)
 
     def test_3_stamps_rise_and_states_come_at_the_rate(self):
-        clock = Listener("/clock", Clock, **ROOM)
-        self.addCleanup(clock.close)
-        for rate, expected in (("200", 200.0), ("1000", 1000.0)):
+        for rate, gap in (("200", 5 * MS), ("1000", MS)):
             with self.subTest(rate):
                 self.launch(f"rate:={rate}")
-                for listener in (self.states, clock):
+                clock = Connected("/clock", Clock, **ROOM)
+                links = Connected("/gazebo/link_states", rospy.AnyMsg, **ROOM)
+                listeners = self.states, clock, links
+                for listener in listeners:
                     listener.clear()
-                begin = self.states.wait().header.stamp
-                end = begin + rospy.Duration(2.0)
+                end = self.states.wait().header.stamp + rospy.Duration(2.0)
                 self.states.wait(lambda m, end=end: m.header.stamp > end, "2 s")
-                stamps = stamps_of(list(self.states.messages))
-                self.assertEqual(stamps, sorted(set(stamps)))
-                gaps = set(np.diff(stamps).tolist())
-                self.assertEqual(gaps, {round(1e9 / expected)})
-                told = [m.clock.to_nsec() for m in list(clock.messages)]
-                self.assertEqual(set(np.diff(told).tolist()), gaps)
+                states, told, seen = (list(one.messages) for one in listeners)
+                self.assertEqual(set(np.diff(stamps_of(states)).tolist()), {gap})
+                told = [message.clock.to_nsec() for message in told]
+                self.assertEqual(set(np.diff(told).tolist()), {gap})
+                # They have no stamps.
+                self.assertLess(abs(len(seen) - len(states)), 0.05 * len(states))
+                clock.close()
+                links.close()
                 self.doCleanups()
-                clock = Listener("/clock", Clock, **ROOM)
-                self.addCleanup(clock.close)
 
     def test_4_the_joints_that_go_to_tf_are_those_of_the_bases(self):
         """TF has to interpolate neither of them."""
