@@ -255,7 +255,7 @@ class TestPoses(unittest.TestCase):
         call("/gazebo/unpause_physics")
         output, _ = process.communicate(timeout=30.0)
         self.assertEqual(process.returncode, 0)
-        self.assertRegex(output, "^pose: waiting: .*(time stands still|does time)")
+        self.assertRegex(output, "^pose: waiting: .*(time stands still|is time paused)")
         self.assert_shown("squat")
 
     def test_a_reset_brings_the_first_pose_back(self):

@@ -90,7 +90,9 @@ class TestStillPoses(unittest.TestCase):
             waiting = f"pose: waiting: {stands if space == 'deaf' else quiet}"
             self.assertTrue(output.startswith(waiting), output)
             self.assertEqual(len(output.splitlines()), 1)
-            self.assertEqual(len(errors.splitlines()), 1)
+            # rospy may tell of a connection that the end of another one broke.
+            own = [line for line in errors.splitlines() if "[WARN]" not in line]
+            self.assertEqual(len(own), 1, errors)
             if space == "silent":
                 self.assertIn(quiet, errors)
         self.assertIn("left_knee_joint at 0 instead of 2.35", done[3][1])
