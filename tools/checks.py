@@ -3,6 +3,7 @@
 import fnmatch
 import json
 import os
+import queue
 import re
 import shutil
 import signal
@@ -12,6 +13,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree import ElementTree
@@ -29,6 +31,7 @@ WORKSPACE = ROOT / ".ws"
 BIN = ROOT / ".venv" / "bin"
 LIMIT = 75 * 60.0  # [s] for all parts together
 PART_LIMIT = 600.0  # [s] for one program
+AT_A_TIME = 2  # rostests; most of their time they wait
 LINK_STATES_MD5 = "48c080191eb15c41858319b4d8a609c2"
 
 
@@ -73,6 +76,7 @@ class Runner:
             folder: Where results, logs and ROS's own files go.
         """
         self.folder = folder
+        folder.mkdir()
         self.mark = new_mark()
         self.deadline = time.monotonic() + LIMIT
         os.environ.update(
@@ -144,6 +148,11 @@ class Runner:
         outcome.check(code == 0 and expected in text, f"{words}\n{text}")
         return outcome
 
+    def stop(self):
+        """End all it started, and run nothing more."""
+        self.deadline = 0.0
+        end_processes(self.mark)
+
     def leftover(self):
         """Take each process that is still there for a failure, and end it."""
         wait_for_end(self.mark, 5.0)
@@ -184,9 +193,8 @@ def run_pytest(runner, folder):
     """Run the tests in a folder."""
     results = runner.folder / "pytest.xml"
     results.unlink(missing_ok=True)
-    code, text = runner.run(
-        [BIN / "python", "-m", "pytest", "-q", f"--junitxml={results}", folder]
-    )
+    pytest = (BIN / "python", "-m", "pytest", "-q", "-n", "auto")
+    code, text = runner.run([*pytest, f"--junitxml={results}", folder])
     if code is None or not results.exists():
         return Outcome(failed=[f"pytest {folder}\n{text}"])
     outcome = read_junit(results)
@@ -355,20 +363,53 @@ def matches(name, pattern):
     return fnmatch.fnmatch(name, pattern) or name.startswith(f"{pattern}/")
 
 
-def run_part(runner, name, function):
+def run_part(runner, name, function, word="FAILED"):
     """Run one part and print its line.
 
-    What runs against the clock may fail when the machine is held up: a rostest has
-    a second chance, and its first failure is printed all the same.
+    Args:
+        runner: What runs it.
+        name: Its name.
+        function: Of a runner; gives the outcome.
+        word: What to call it where something failed.
     """
     start = time.monotonic()
     outcome = attempt(runner, function)
-    if outcome.failed and name.startswith("ros/") and start < runner.deadline:
-        print_part("AGAIN", name, outcome, start)
-        start = time.monotonic()
-        outcome = attempt(runner, function)
-    print_part("FAILED" if outcome.failed else "ok", name, outcome, start)
+    print_part(word if outcome.failed else "ok", name, outcome, start)
     return outcome
+
+
+def run_in_pairs(runners, parts):
+    """Run parts, as many at a time as there are runners.
+
+    What runs against the clock may fail when the machine is held up: what fails beside
+    another runs once more, alone, and its first failure is printed all the same.
+
+    Args:
+        runners: One for each part that runs at the same time.
+        parts: Pairs of name and function.
+    """
+    idle = queue.Queue()
+    for runner in runners:
+        idle.put(runner)
+
+    def run_beside_others(part):
+        runner = idle.get()
+        try:
+            return run_part(runner, *part, word="AGAIN")
+        finally:
+            idle.put(runner)
+
+    with ThreadPoolExecutor(len(runners)) as pool:
+        try:
+            outcomes = list(pool.map(run_beside_others, parts))
+        except KeyboardInterrupt:
+            for runner in runners:
+                runner.stop()
+            raise
+    total = Outcome()
+    for part, outcome in zip(parts, outcomes):
+        total.add(run_part(runners[0], *part) if outcome.failed else outcome)
+    return total
 
 
 def attempt(runner, function):
@@ -383,9 +424,10 @@ def attempt(runner, function):
 def print_part(word, name, outcome, start):
     """Print a part's line, and all that is known of its failures."""
     seconds = time.monotonic() - start
-    print(f"{word:6} {name:20} {outcome} ({seconds:.1f} s)", flush=True)
+    lines = [f"{word:6} {name:20} {outcome} ({seconds:.1f} s)"]
     if outcome.failed:
-        print(*outcome.failed, outcome.details, sep="\n", flush=True)
+        lines += [*outcome.failed, outcome.details]
+    print("\n".join(lines), flush=True)
 
 
 def print_skipped(lines):
@@ -402,15 +444,19 @@ def main():
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     total = Outcome()
     with tempfile.TemporaryDirectory(prefix="g1_test_") as folder:
-        runner = Runner(Path(folder))
+        runners = [Runner(Path(folder) / str(number)) for number in range(AT_A_TIME)]
+        rostests = [name for name in names if name.startswith("ros/")]
         try:
             for name in names:
-                outcome = run_part(runner, name, available[name])
-                total.add(outcome)
+                if name not in rostests:
+                    total.add(run_part(runners[0], name, available[name]))
+            pairs = [(name, available[name]) for name in rostests]
+            total.add(run_in_pairs(runners, pairs))
         except KeyboardInterrupt:
             sys.exit("tools/test: interrupted")
         finally:
-            end_processes(runner.mark)
+            for runner in runners:
+                runner.stop()
     print_skipped(total.skipped)
     print(total)
     sys.exit(1 if total.failed else 0)
