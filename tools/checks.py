@@ -78,6 +78,7 @@ class Runner:
         self.folder = folder
         folder.mkdir()
         self.mark = new_mark()
+        self.is_stopped = False
         self.deadline = time.monotonic() + LIMIT
         os.environ.update(
             ROS_HOSTNAME="localhost",
@@ -150,7 +151,7 @@ class Runner:
 
     def stop(self):
         """End all it started, and run nothing more."""
-        self.deadline = 0.0
+        self.is_stopped, self.deadline = True, 0.0
         end_processes(self.mark)
 
     def leftover(self):
@@ -374,6 +375,8 @@ def run_part(runner, name, function, word="FAILED"):
     """
     start = time.monotonic()
     outcome = attempt(runner, function)
+    if runner.is_stopped:
+        return outcome
     print_part(word if outcome.failed else "ok", name, outcome, start)
     return outcome
 
