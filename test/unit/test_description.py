@@ -154,3 +154,86 @@ def test_a_shape_has_the_colour_of_its_material_or_none(material, color):
         f"{material}</visual></link></robot>"
     )
     assert description.links[0].visuals[0].color == color
+
+
+SHAPE = '<geometry><sphere radius="1"/></geometry>'
+
+
+@pytest.mark.parametrize(
+    "beside",
+    [
+        '<transmission name="t"/>',
+        '<transmission><type/><joint name="ab"/></transmission>',
+        '<transmission name="t" type="SimpleTransmission"><actuator/></transmission>',
+        '<material><color rgba="1 0 0 1"/></material><material/>',
+        '<material name="m"><texture/></material>',
+        '<material name="m"><color rgba="1 0 0"/></material><sensor/><ros2_control/>',
+        '<gazebo reference="a"><material>Gazebo/Red</material></gazebo>',
+        "<link_group/>text",
+    ],
+)
+def test_what_stands_beside_links_and_joints_does_no_harm(beside):
+    plain, with_more = A_B + joint(), A_B + beside + joint()
+    assert parse_urdf(robot(with_more)).links == parse_urdf(robot(plain)).links
+
+
+@pytest.mark.parametrize(
+    "inside",
+    [
+        '<visual><material><color rgba="1 0 0 1"/></material>%s</visual>',
+        '<visual>%s<material name="m"><texture/></material></visual>',
+        '<visual>%s<material name="m"><color rgba="red"/></material></visual>',
+        '<visual>%s<material name="m"><color/></material></visual>',
+        '<collision>%s<contact_coefficients mu="0"/><verbose value="x"/></collision>',
+        "<collision>%s</collision><self_collide/><origin xyz='here'/>",
+    ],
+)
+def test_what_stands_inside_a_link_does_no_harm(inside):
+    only = parse_urdf(robot(f'<link name="a">{inside % SHAPE}</link>')).links[0]
+    assert [shape.kind for shape in only.visuals + only.collisions] == ["sphere"]
+
+
+def test_a_material_without_a_name_has_its_colour():
+    visual = f'<visual>{SHAPE}<material><color rgba="1 0 0 1"/></material></visual>'
+    (shape,) = parse_urdf(robot(f'<link name="a">{visual}</link>')).links[0].visuals
+    assert shape.color == (1.0, 0.0, 0.0, 1.0)
+
+
+def test_of_two_the_first_counts_as_for_urdfdom():
+    twice = '<origin xyz="1 2 3"/><origin xyz="4 5 6"/>'
+    (only,) = parse_urdf(robot(A_B + joint("fixed", inside=twice))).joints
+    np.testing.assert_array_equal(only.pose[:3], [1, 2, 3])
+    shapes = '<geometry><sphere radius="1"/><box size="1 1 1"/></geometry>'
+    text = robot(f'<link name="a"><collision>{shapes}</collision></link>')
+    assert parse_urdf(text).links[0].collisions[0].kind == "sphere"
+
+
+@pytest.mark.parametrize("kind", ["fixed", "floating"])
+def test_an_axis_that_means_nothing_is_not_read(kind):
+    text = robot(A_B + joint(kind, inside='<axis xyz="none"/>'))
+    assert parse_urdf(text).joints[0].kind == kind
+
+
+def test_a_robot_needs_neither_name_nor_version():
+    assert parse_urdf('<robot version="2"><link name="a"/></robot>').name == ""
+
+
+@pytest.mark.parametrize(
+    ("part", "words"),
+    [
+        (joint("wheel"), "Invalid joint type: wheel"),
+        (joint(inside='<mimic multiplier="2"/>'), "mimic"),
+        (joint(inside='<limit lower="0"/>'), "effort"),
+        ('<link name="c"><visual/></link>', "geometry"),
+        ('<link name="c"><visual><geometry/></visual></link>', "geometr"),
+        (
+            '<link name="c"><collision><geometry><capsule/></geometry></collision>'
+            "</link>",
+            "capsule",
+        ),
+    ],
+)
+def test_a_part_at_fault_is_named_whatever_stands_before_it(part, words):
+    before = '<transmission name="t"/>\n'
+    with pytest.raises(DescriptionError, match=words):
+        parse_urdf(robot(A_B + before + part))

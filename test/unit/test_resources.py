@@ -84,3 +84,10 @@ def test_a_package_that_has_the_file_is_believed(tmp_path):
     (folder / "x.stl").write_text("solid")
     uri = "package://robot/x.stl"
     assert uri in with_absolute_uris(mesh(uri), folder, {"robot": str(folder)}.get)
+
+
+def test_a_robot_without_a_name_gets_one_for_rviz(tmp_path):
+    text = with_absolute_uris('<robot><link name="a"/></robot>', tmp_path, name="b1")
+    assert text.startswith('<robot name="b1">')
+    kept = with_absolute_uris('<robot name="own"/>', tmp_path, name="b1")
+    assert 'name="own"' in kept

@@ -22,14 +22,16 @@ def read_absolute(asked: str) -> ModelText:
         asked: The model, as for ``read_model``. Its file stays as it is.
 
     Returns:
-        The robot; its text has absolute mesh URIs.
+        The robot; its text has absolute mesh URIs, and the file's name where it gives
+        the robot none.
 
     Raises:
         DescriptionError: If there is no such model, or it is no robot.
     """
     try:
         model = read_model(asked)
-        text = with_absolute_uris(model.text, model.path.parent, find_folder)
+        file = model.path
+        text = with_absolute_uris(model.text, file.parent, find_folder, file.stem)
     except G1DescriptionError as error:
         raise DescriptionError(f"The model {asked} cannot be used: {error}") from error
     return replace(model, text=text)

@@ -7,6 +7,7 @@ reading. No joint or link name is known here or anywhere else in code.
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -15,20 +16,21 @@ from urdf_parser_py import urdf
 from urdf_parser_py.xml_reflection import core as xml_reflection
 
 from .bounds import checked
-from .colors import color_of
+from .colors import named_colors, visual_colors
 from .errors import DescriptionError
 from .rotation import from_rpy, to_axes
 from .tree import one_root
+from .urdf_parts import keep_parts
 from .xml import parse_xml, part_at_fault
 
 MOVABLE = ("revolute", "continuous", "prismatic")
 
-# A SyntaxError, as its reader takes fewer characters than ours.
-UNREADABLE = (xml_reflection.ParseError, AssertionError, SyntaxError, ValueError)
+# An unknown geometry is a plain Exception.
+UNREADABLE = Exception
 """What urdf_parser_py raises for text that is not URDF."""
 
 _LOGGER = logging.getLogger(__name__)
-# A tag that URDF does not know, such as <mujoco>, is not worth a line on stderr.
+# An attribute that URDF does not know is not worth a line on stderr.
 xml_reflection.on_error = _LOGGER.debug
 
 
@@ -171,7 +173,8 @@ def parse_urdf(text: str) -> Description:
         text: URDF as XML text.
 
     Returns:
-        The robot, checked to be one tree with unit axes and ordered limits.
+        The robot, checked to be one tree with unit axes and ordered limits. Its name is
+        empty where the file gives none.
 
     Raises:
         DescriptionError: If the text is not XML, not URDF, or not one tree.
@@ -181,6 +184,9 @@ def parse_urdf(text: str) -> Description:
         raise DescriptionError(
             f"The robot description is not URDF, its root is <{element.tag}>."
         )
+    named = named_colors(element)
+    colors = [tuple(visual_colors(link, named)) for link in element.findall("link")]
+    keep_parts(element)
     try:
         robot = urdf.URDF.from_xml_string(etree.tostring(element, encoding="utf-8"))
     except UNREADABLE as error:
@@ -189,8 +195,7 @@ def parse_urdf(text: str) -> Description:
         raise DescriptionError(
             f"The robot description is not URDF: {place}{sentence}."
         ) from error
-    colors = {material.name: material.color for material in robot.materials}
-    links = tuple(_link(link, colors) for link in robot.links)
+    links = tuple(_link(link, found) for link, found in zip(robot.links, colors))
     joints = tuple(_joint(joint) for joint in robot.joints)
     return Description(robot.name, one_root(robot.name, links, joints), links, joints)
 
@@ -212,14 +217,14 @@ def _pose(owner: str, origin: urdf.Pose | None) -> np.ndarray:
     return np.concatenate([numbers[:3], from_rpy(numbers[3:])])
 
 
-def _link(link: urdf.Link, colors: dict[str, urdf.Color | None]) -> Link:
-    """Read a link element, with the colours of the robot's materials by name."""
+def _link(link: urdf.Link, colors: Sequence[tuple[float, ...] | None]) -> Link:
+    """Read a link element, with the colours of its visual shapes."""
     return Link(
         name=link.name,
         inertial=_inertial(link),
         visuals=tuple(
-            replace(_shape(link.name, visual), color=color_of(visual.material, colors))
-            for visual in link.visuals
+            replace(_shape(link.name, visual), color=color)
+            for visual, color in zip(link.visuals, colors)
         ),
         collisions=tuple(_shape(link.name, shape) for shape in link.collisions),
     )

@@ -28,7 +28,10 @@ def _nowhere(_: str) -> str | None:
 
 
 def with_absolute_uris(
-    text: str, folder: Path, package_folder: Callable[[str], str | None] = _nowhere
+    text: str,
+    folder: Path,
+    package_folder: Callable[[str], str | None] = _nowhere,
+    name: str | None = None,
 ) -> str:
     """Make the file names in a URDF mean the same everywhere.
 
@@ -41,6 +44,7 @@ def with_absolute_uris(
         text: URDF as XML text.
         folder: Folder of the URDF file, which relative names start from.
         package_folder: Gives a package's folder, None if there is no such package.
+        name: Of the robot where the text gives none, which RViz refuses.
 
     Returns:
         The same XML with ``file://`` URIs in place of plain paths.
@@ -53,14 +57,16 @@ def with_absolute_uris(
         root = ElementTree.fromstring(text, parser=parser)
     except ElementTree.ParseError as error:
         raise DescriptionError(f"The robot description is not XML: {error}.") from error
+    if name is not None:
+        root.set("name", root.get("name", name))
     for element in root.iter():
-        name = element.get("filename", "")
-        if element.tag not in ("mesh", "texture") or not name:
+        file = element.get("filename", "")
+        if element.tag not in ("mesh", "texture") or not file:
             continue
-        if not scheme_of(name):
-            element.set("filename", _absolute_uri(name, folder))
-        elif local_path(name, package_folder) is None:
-            path = find_file(name, folder, package_folder)
+        if not scheme_of(file):
+            element.set("filename", _absolute_uri(file, folder))
+        elif local_path(file, package_folder) is None:
+            path = find_file(file, folder, package_folder)
             if path is not None:
                 element.set("filename", "file://" + quote(str(path)))
     return ElementTree.tostring(root, encoding="unicode")
