@@ -34,7 +34,8 @@ class Bench(World):
         return self._engine._client
 
     def body(self, name):
-        return self._engine._bodies[name]
+        (body,) = self._engine._bodies[name]
+        return body
 
     def spawn_urdf(self, name, text, pose, fixed_base=False):
         assembly = lump_fixed_joints(parse_urdf(text))

@@ -8,8 +8,15 @@ from scipy.spatial.transform import Rotation
 from g1_description.core.description import parse_urdf
 from g1_description.core.observer import Observer
 
-LEFT_OUT = ("floating", "floating_base", "planar", "no_joints", "range_none")
-"""They cannot be simulated, or have a joint that cannot move."""
+LEFT_OUT = (
+    "floating",
+    "floating_base",
+    "free_bodies",
+    "planar",
+    "no_joints",
+    "range_none",
+)
+"""They are several bodies, or have a joint that cannot move."""
 ROBOTS = [
     file
     for file in sorted((REPOSITORY / "test" / "data").glob("*.urdf"))

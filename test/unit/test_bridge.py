@@ -6,6 +6,7 @@ from robots import robot
 for module in ("rospy", "tf2_ros", "gazebo_msgs.msg"):
     pytest.importorskip(module, reason=f"{module} is not there")
 
+from g1_description.core.description import parse_urdf  # noqa: E402
 from g1_description.core.errors import InvalidValueError  # noqa: E402
 from g1_description.ros.frames import base_child, static_edges  # noqa: E402
 from g1_description.ros.parameters import (  # noqa: E402
@@ -45,6 +46,21 @@ def test_static_frames_come_from_the_robot(links, edges):
 def test_no_frame_gets_two_parents(links, child):
     """robot_state_publisher gives every link below the root its parent."""
     assert base_child(BridgeParameters(), robot(*links)) == child
+
+
+def test_what_floats_in_the_world_moves_in_the_map():
+    """robot_state_publisher tells of no floating joint."""
+    text = (
+        '<robot name="r"><link name="world"/><link name="pelvis"/><joint name="f" '
+        'type="floating"><parent link="world"/><child link="pelvis"/></joint></robot>'
+    )
+    flying = parse_urdf(text)
+    assert base_child(BridgeParameters(), flying) == "base_link"
+    edges = static_edges(BridgeParameters(), flying)
+    assert edges == [("world", "map"), ("base_link", "pelvis")]
+    own = parse_urdf(text.replace("pelvis", "base_link"))
+    assert base_child(BridgeParameters(), own) == "base_link"
+    assert static_edges(BridgeParameters(), own) == [("world", "map")]
 
 
 def test_frames_of_a_robot_with_a_prefix_keep_world_and_map():

@@ -8,7 +8,6 @@ from robots import chains
 from scipy.spatial.transform import Rotation
 
 from g1_description.core.description import parse_urdf
-from g1_description.core.errors import DescriptionError
 from g1_description.core.lumping import lump_fixed_joints
 
 MASS = (
@@ -123,9 +122,32 @@ def test_a_robot_without_any_mass_has_no_bodies():
 
 
 @pytest.mark.parametrize("kind", ["floating", "planar"])
-def test_joints_that_cannot_be_simulated_are_named(kind):
-    with pytest.raises(DescriptionError, match=f"Joint free is {kind}"):
-        lump(link("a"), link("b"), joint("free", kind, "a", "b"))
+def test_gazebo_makes_no_joint_of_one_without_a_single_position(kind):
+    """Its child begins where the joint has it, and has what hangs below."""
+    lumped = lump(
+        link("a"),
+        link("c"),
+        link("b"),
+        joint("free", kind, "a", "b", '<origin xyz="1 0 0"/>'),
+        joint("bc", "continuous", "b", "c"),
+    )
+    assert lumped.description.roots == ("a", "b")
+    assert [joint.name for joint in lumped.description.joints] == ["bc"]
+    first, second = lumped.description.trees
+    assert (first.link_names, second.link_names) == (("a",), ("c", "b"))
+    np.testing.assert_array_equal(lumped.root_poses[:, 0], [0, 1])
+    assert lumped.left_out == (f"joint free is {kind}, b is free",)
+
+
+def test_what_floats_in_the_world_is_the_base():
+    lumped = lump(
+        link("world", ""),
+        link("base"),
+        joint("free", "floating", "world", "base", '<origin xyz="0 0 1"/>'),
+    )
+    assert lumped.description.root == "base"
+    assert lumped.link_names == ("base",)
+    np.testing.assert_array_equal(lumped.root_poses, [[0, 0, 1, 0, 0, 0, 1]])
 
 
 def test_collisions_are_named_as_gazebo_names_them_when_it_lumps():

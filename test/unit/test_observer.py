@@ -73,6 +73,19 @@ def test_the_base_is_the_root_wherever_the_file_has_it():
     assert without.base_pose(without.shares[0]) is None
 
 
+def test_the_base_is_what_floats_in_the_world():
+    text = (
+        '<robot name="r"><link name="world"/><link name="hip"/><link name="leg"/>'
+        '<joint name="free" type="floating"><parent link="world"/>'
+        '<child link="hip"/></joint><joint name="j" type="continuous">'
+        '<parent link="hip"/><child link="leg"/><axis xyz="0 0 1"/></joint></robot>'
+    )
+    observer = Observer({"a": parse_urdf(text)})
+    sight = see(observer, {"a::hip": 0.1, "a::leg": 0.4})
+    assert sight.base_pose(sight.shares[0]) == pytest.approx(turned(0.1))
+    assert positions(sight) == [{"j": pytest.approx(0.3)}]
+
+
 BAD = {
     "NaN in the pose": (0, np.nan, 1.0),
     "infinity in the pose": (2, np.inf, 1.0),

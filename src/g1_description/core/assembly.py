@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from .description import Description, Link
+from .description import FREE, Description, Link
 from .transform import IDENTITY
 
 SCOPE = "::"
@@ -16,16 +16,34 @@ WORLD = "world"
 """A root link of this name is the world itself: it is no body and does not move."""
 
 
+def base_of(description: Description) -> tuple[str, np.ndarray]:
+    """Find the link that tells where a robot is.
+
+    Args:
+        description: The robot as its file tells it.
+
+    Returns:
+        The root link; where that is the world, the first link that floats in it. And
+        its pose in the root link, if nothing floats yet, shape (7,).
+    """
+    if description.root == WORLD:
+        for joint in description.joints:
+            if joint.parent == WORLD and joint.kind in FREE:
+                return joint.child, joint.pose
+    return description.root, IDENTITY
+
+
 @dataclass(frozen=True)
 class Assembly:
     """A model as Gazebo would simulate it, whether it came as URDF or as SDF."""
 
     description: Description
     """Bodies with mass and the joints between them, fixed ones only where they are
-    kept; its root may be ``WORLD``."""
+    kept; its root may be ``WORLD``. The bodies of each tree move on their own."""
 
-    root_pose: np.ndarray = field(default_factory=lambda: np.array(IDENTITY))
-    """Pose of the root link in the model frame, shape (7,)."""
+    root_poses: np.ndarray = field(default_factory=lambda: np.array([IDENTITY]))
+    """Poses of the root links in the model frame, joints at zero, in the order of
+    ``Description.roots``, shape (n_trees, 7)."""
 
     positions: dict[str, float] = field(default_factory=dict)
     """Where joints begin, in [rad] or [m] by name, inside their limits; the others
@@ -43,6 +61,11 @@ class Assembly:
 
     left_out: tuple[str, ...] = ()
     """A clause for each thing in the file that is not simulated."""
+
+    @property
+    def root_pose(self) -> np.ndarray:
+        """Pose of the first tree's root link in the model frame, shape (7,)."""
+        return self.root_poses[0]
 
     @property
     def link_names(self) -> tuple[str, ...]:

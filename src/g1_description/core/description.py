@@ -19,11 +19,14 @@ from .bounds import checked
 from .colors import named_colors, visual_colors
 from .errors import DescriptionError
 from .rotation import from_rpy, to_axes
-from .tree import one_root
+from .tree import below, one_root
 from .urdf_parts import keep_parts
 from .xml import parse_xml, part_at_fault
 
 MOVABLE = ("revolute", "continuous", "prismatic")
+
+FREE = ("floating", "planar")
+"""Types of joints that have no single position. Gazebo makes nothing of them."""
 
 # An unknown geometry is a plain Exception.
 UNREADABLE = Exception
@@ -139,10 +142,16 @@ class Joint:
 
 @dataclass(frozen=True)
 class Description:
-    """A robot: a tree of links and joints, in the order of the file."""
+    """A robot: links and joints, in the order of the file.
+
+    Joints make one tree of what a URDF has. A simulator makes nothing of some joints,
+    and an SDF model may have links that are not joined: then there are several trees.
+    """
 
     name: str
     root: str
+    """The root link of the tree, of the first one where there are several."""
+
     links: tuple[Link, ...]
     joints: tuple[Joint, ...]
 
@@ -155,6 +164,32 @@ class Description:
     def link_names(self) -> tuple[str, ...]:
         """Names of all links, in the order of the file."""
         return tuple(link.name for link in self.links)
+
+    @property
+    def roots(self) -> tuple[str, ...]:
+        """The root links of all trees, ``root`` first."""
+        carried = {self.root, *(joint.child for joint in self.joints)}
+        free = (name for name in self.link_names if name not in carried)
+        return (self.root, *free)
+
+    @property
+    def trees(self) -> tuple[Description, ...]:
+        """Each tree as a robot of its own, in the order of ``roots``."""
+        roots = self.roots
+        if len(roots) == 1:
+            return (self,)
+        owner = {root: root for root in roots}
+        for joint in below(roots, self.joints):
+            owner[joint.child] = owner[joint.parent]
+        return tuple(
+            Description(
+                self.name,
+                root,
+                tuple(link for link in self.links if owner[link.name] == root),
+                tuple(joint for joint in self.joints if owner[joint.child] == root),
+            )
+            for root in roots
+        )
 
     @property
     def mass(self) -> float:

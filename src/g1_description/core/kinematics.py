@@ -16,7 +16,7 @@ from .tree import below
 
 
 class Kinematics:
-    """The chain of joints of one robot, as arrays.
+    """The chains of joints of one robot, as arrays.
 
     Links and joints keep the order of the description. Each link's rotation is
     found by doubling: after k rounds every link knows its rotation in its ancestor
@@ -36,8 +36,8 @@ class Kinematics:
             links = (*(link for link in links if link != WORLD), WORLD)
         node = {link: row for row, link in enumerate(links)}
         self._n_links = len(links) - (description.root == WORLD)
-        self._root = node[description.root]
-        self._parent = np.full(len(links), self._root)
+        self._roots = np.array([node[root] for root in description.roots])
+        self._parent = np.full(len(links), self._roots[0])
         self._rest = np.tile(IDENTITY, (len(links), 1))
         for joint in joints:
             self._parent[node[joint.child]] = node[joint.parent]
@@ -58,13 +58,15 @@ class Kinematics:
         self._columns[self._child, :, 1] = rotate(self._rest[self._child, 3:], axis)
         self._rounds = self._doubling()
         self._above = _joints_above(description, node)[: self._n_links]
+        self._tree = _trees(description, node)[: self._n_links]
         self._chain = _links_above(description, node)
 
     def link_poses(self, T_world_root: np.ndarray, position: np.ndarray) -> np.ndarray:
         """Place all links.
 
         Args:
-            T_world_root: Pose of the root link in the world, shape (7,).
+            T_world_root: Poses of the root links in the world, shape (n_trees, 7), or
+                (7,) of one tree.
             position: Positions of the movable joints in [rad] or [m], shape
                 (n_joints,).
 
@@ -86,12 +88,13 @@ class Kinematics:
         world's origin, to all links below it; moved to each link's own origin.
 
         Args:
-            T_world_root: Pose of the root link in the world, shape (7,).
+            T_world_root: Poses of the root links in the world, shape (n_trees, 7), or
+                (7,) of one tree.
             position: Positions of the movable joints in [rad] or [m], shape
                 (n_joints,).
-            root_twist: Linear velocity of the root frame's origin and angular
-                velocity of the root link, along the world's axes, in [m/s] and
-                [rad/s], shape (6,).
+            root_twist: Linear velocities of the root frames' origins and angular
+                velocities of the root links, along the world's axes, in [m/s] and
+                [rad/s], shape (n_trees, 6), or (6,) of one tree.
             velocity: Velocities of the movable joints in [rad/s] or [m/s], shape
                 (n_joints,).
 
@@ -106,8 +109,9 @@ class Kinematics:
         at_origin = np.concatenate([cross(anchor, turning), turning], axis=1)
         if self._slides:
             at_origin[:, :3] += speed - turning
-        twists = self._above @ at_origin + root_twist
-        root_at_origin = cross(T_world_root[:3], root_twist[3:])
+        roots, root_twists = T_world_root.reshape(-1, 7), root_twist.reshape(-1, 6)
+        twists = self._above @ at_origin + root_twists[self._tree]
+        root_at_origin = cross(roots[:, :3], root_twists[:, 3:])[self._tree]
         twists[:, :3] += root_at_origin - cross(poses[:, :3], twists[:, 3:])
         return poses, twists
 
@@ -126,12 +130,12 @@ class Kinematics:
             np.cos(half)[:, np.newaxis] * rotations[self._child]
             + np.sin(half)[:, np.newaxis] * self._half_turn
         )
-        rotations[self._root] = T_world_root[3:]
+        rotations[self._roots] = T_world_root[..., 3:]
         for link, ancestor in self._rounds:
             rotations[link] = multiply(rotations[ancestor], rotations[link])
         turned = to_axes(rotations[self._parent]) @ self._in_parent(position)
         offsets, axis = turned[..., 0], turned[self._child, :, 1]
-        offsets[self._root] = T_world_root[:3]
+        offsets[self._roots] = T_world_root[..., :3]
         if self._anchored:
             lever = rotate(rotations[self._child], self._anchor)
             offsets[self._child] -= lever
@@ -173,7 +177,7 @@ class Kinematics:
         """List, per round, the links not yet placed and the ancestor to use."""
         rounds = []
         ancestor = self._parent.copy()
-        ancestor[self._root] = -1
+        ancestor[self._roots] = -1
         while (ancestor >= 0).any():
             link = np.flatnonzero(ancestor >= 0)
             rounds.append((link, ancestor[link]))
@@ -182,19 +186,29 @@ class Kinematics:
 
 
 def _links_above(description: Description, node: dict[str, int]) -> np.ndarray:
-    """Mark each link and the links between it and the root, a row per node."""
+    """Mark each link and the links between it and its root, a row per node."""
     chain = np.eye(len(node))
-    for joint in below(description.root, description.joints):
+    for joint in below(description.roots, description.joints):
         chain[node[joint.child]] += chain[node[joint.parent]]
     return chain
 
 
 def _joints_above(description: Description, node: dict[str, int]) -> np.ndarray:
-    """Mark the movable joints between each link and the root, a row per node."""
+    """Mark the movable joints between each link and its root, a row per node."""
     movable = {joint.name: n for n, joint in enumerate(description.movable_joints)}
     above = np.zeros((len(node), len(movable)))
-    for joint in below(description.root, description.joints):
+    for joint in below(description.roots, description.joints):
         above[node[joint.child]] = above[node[joint.parent]]
         if joint.name in movable:
             above[node[joint.child], movable[joint.name]] = 1.0
     return above
+
+
+def _trees(description: Description, node: dict[str, int]) -> np.ndarray:
+    """Number the tree that each link is in, shape (n_nodes,)."""
+    tree = np.zeros(len(node), dtype=int)
+    for number, root in enumerate(description.roots):
+        tree[node[root]] = number
+    for joint in below(description.roots, description.joints):
+        tree[node[joint.child]] = tree[node[joint.parent]]
+    return tree

@@ -4,7 +4,8 @@ A link on a fixed joint becomes part of the link above it: masses add up by the
 parallel-axis theorem, shapes move along, joints below hang on the link above.
 The names of lumped frames and where they are stay known. A link called "world"
 at the root is the world itself; joints to it are kept, fixed ones too. A link
-without mass on a movable joint vanishes with all that hangs below it.
+without mass on a movable joint vanishes with all that hangs below it. A floating or
+planar joint is none: what it carries is free, below "world" as anywhere.
 """
 
 from __future__ import annotations
@@ -15,11 +16,10 @@ from dataclasses import replace
 import numpy as np
 
 from .assembly import WORLD, Assembly
-from .description import MOVABLE, Description, Inertial, Joint, Link, Shape
-from .errors import DescriptionError
+from .description import FREE, Description, Inertial, Joint, Link, Shape
 from .rigid import rigid_frames
 from .rotation import to_axes
-from .transform import compose
+from .transform import IDENTITY, compose
 from .tree import below, depth_first
 
 
@@ -31,16 +31,7 @@ def lump_fixed_joints(description: Description) -> Assembly:
 
     Returns:
         The robot as Gazebo would simulate it.
-
-    Raises:
-        DescriptionError: If a joint is floating or planar.
     """
-    for joint in description.joints:
-        if joint.kind not in (*MOVABLE, "fixed"):
-            raise DescriptionError(
-                f"Joint {joint.name} is {joint.kind}; "
-                f"can be simulated: {', '.join(MOVABLE)}, fixed."
-            )
     root = description.root
     frames = rigid_frames(description, WORLD if root == WORLD else None)
     bodies = {
@@ -52,22 +43,51 @@ def lump_fixed_joints(description: Description) -> Assembly:
         if frames[joint.child][0] == joint.child
     )
     kept = _with_mass(root, bodies, joints)
+    held = tuple(j for j in joints if j.child in kept and j.kind not in FREE)
+    free = tuple(j for j in joints if j.child in kept and j.kind in FREE)
+    massless = [name for name in description.link_names if frames[name][0] not in kept]
+    if root == WORLD and free and not any(joint.parent == WORLD for joint in held):
+        root = next(name for name in description.link_names if name in _children(free))
+        kept.remove(WORLD)
+    robot = Description(
+        name=description.name,
+        root=root,
+        links=tuple(bodies[name] for name in description.link_names if name in kept),
+        joints=held,
+    )
     return Assembly(
-        description=Description(
-            name=description.name,
-            root=root,
-            links=tuple(
-                bodies[name] for name in description.link_names if name in kept
-            ),
-            joints=tuple(joint for joint in joints if joint.child in kept),
-        ),
+        description=robot,
+        root_poses=_root_poses(description.root, joints, robot.roots),
         frames={link: frame for link, frame in frames.items() if frame[0] in kept},
-        left_out=tuple(
-            f"link {name} has no mass"
-            for name in description.link_names
-            if frames[name][0] not in kept
+        left_out=(
+            *(f"link {name} has no mass" for name in massless),
+            *(f"joint {j.name} is {j.kind}, {j.child} is free" for j in free),
         ),
     )
+
+
+def _children(joints: Iterable[Joint]) -> set[str]:
+    """Name the links that joints carry."""
+    return {joint.child for joint in joints}
+
+
+def _root_poses(
+    root: str, joints: tuple[Joint, ...], roots: tuple[str, ...]
+) -> np.ndarray:
+    """Place the roots of all trees in the frame of the file's root.
+
+    Args:
+        root: The file's root.
+        joints: Between bodies, floating and planar ones too.
+        roots: Of the trees.
+
+    Returns:
+        Their poses with all joints at zero, shape (n_trees, 7).
+    """
+    poses = {root: IDENTITY}
+    for joint in below([root], joints):
+        poses[joint.child] = compose(poses[joint.parent], joint.pose)
+    return np.array([poses[name] for name in roots])
 
 
 def _parts(
@@ -161,7 +181,7 @@ def _with_mass(
 ) -> set[str]:
     """Find the bodies that have mass and hang on bodies that have mass."""
     kept = {root} if root == WORLD or bodies[root].inertial is not None else set()
-    for joint in below(root, joints):
+    for joint in below([root], joints):
         if joint.parent in kept and bodies[joint.child].inertial is not None:
             kept.add(joint.child)
     return kept

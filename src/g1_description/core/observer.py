@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .assembly import SCOPE
+from .assembly import SCOPE, base_of
 from .description import Description
 from .joints import MeasuredJoints, measured_joints
 from .measurement import Before, Measured, measure
@@ -47,8 +47,9 @@ class Share:
     """Its joints among those of all robots."""
 
     base: tuple[int, np.ndarray] | None
-    """The link at hand that its root is seen through, among those of all robots, and
-    the root's pose in that link's frame, shape (7,). None if the root is not known."""
+    """The link at hand that its root, or what floats in the world, is seen through,
+    among those of all robots, and the pose of that in the link's frame, shape (7,).
+    None if it is not known."""
 
     broken: tuple[str, ...]
     """Its links whose numbers cannot be used, which count as missing."""
@@ -283,8 +284,9 @@ class Observer:
             if len(self._kept) >= _KEPT * len(self._robots):
                 self._kept.clear()
             base = None
-            if robot.root in (seen := seen_through(robot, links)):
-                link, T_link_root = seen[robot.root]
+            root, _ = base_of(robot)
+            if root in (seen := seen_through(robot, links)):
+                link, T_link_root = seen[root]
                 base = (links.index(link), T_link_root)
             self._kept[key] = (measured_joints(robot, links), base)
         return self._kept[key]

@@ -26,7 +26,7 @@ def rigid_frames(
     """
     root = description.root
     frames: dict[str, tuple[str, np.ndarray]] = {root: (root, IDENTITY)}
-    for joint in below(root, description.joints):
+    for joint in below([root], description.joints):
         if joint.kind == "fixed" and joint.parent != apart:
             body, pose = frames[joint.parent]
             frames[joint.child] = (body, compose(pose, joint.pose))

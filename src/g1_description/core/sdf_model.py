@@ -19,7 +19,7 @@ from .sdf_joint import carried_by, fixed_joint, read_joint
 from .sdf_link import read_link
 from .sdf_text import flag, name_of, text_of
 from .sdf_unread import unread
-from .tree import one_root
+from .tree import find_roots
 
 
 @dataclass(frozen=True)
@@ -61,15 +61,17 @@ def read_model(element: etree._Element, pose: np.ndarray) -> SdfModel:
         joints = _held_together(links, joints, frames)
     elif any(joint.parent == WORLD for joint in joints):
         links = (Link(WORLD), *links)
-    root = _root(name, links, joints, static)
+    roots = find_roots(name, links, joints)
     first = next(link.name for link in links if link.name != WORLD)
     return SdfModel(
         name=name,
         pose=pose,
         assembly=Assembly(
-            description=Description(name, root, links, joints),
-            root_pose=frames.pose(MODEL if root == WORLD else root),
-            canonical=first if first != root else "",
+            description=Description(name, roots[0], links, joints),
+            root_poses=np.array(
+                [frames.pose(MODEL if root == WORLD else root) for root in roots]
+            ),
+            canonical=first if first != roots[0] else "",
             static=static,
             left_out=(*unread(element), *_static_inside(scopes, static)),
         ),
@@ -162,20 +164,6 @@ def _held_together(
         if link != root
     ]
     return (*kept, *hung)
-
-
-def _root(
-    model: str, links: tuple[Link, ...], joints: tuple[Joint, ...], static: bool
-) -> str:
-    """Find the link that carries all others."""
-    carried = {joint.child for joint in joints}
-    loose = [link.name for link in links if link.name not in carried]
-    if not static and len(loose) > 1:
-        raise DescriptionError(
-            f"Model '{model}' is not static, and {loose[0]} and {loose[1]} are not "
-            "joined to each other."
-        )
-    return one_root(model, links, joints)
 
 
 def _static_inside(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from .errors import DescriptionError
@@ -27,6 +27,31 @@ def one_root(name: str, links: tuple[Link, ...], joints: tuple[Joint, ...]) -> s
         DescriptionError: If there are two of a name, joints without links, or more
             or less than one tree.
     """
+    roots = find_roots(name, links, joints)
+    if len(roots) > 1:
+        found = " and ".join(roots[:3])
+        found += f" and {len(roots) - 3} more" if len(roots) > 3 else ""
+        raise DescriptionError(f"Robot '{name}' needs one root link, it has {found}.")
+    return roots[0]
+
+
+def find_roots(
+    name: str, links: tuple[Link, ...], joints: tuple[Joint, ...]
+) -> tuple[str, ...]:
+    """Find the root links, and check that the joints make trees.
+
+    Args:
+        name: Name of the robot, for the sentences.
+        links: All links.
+        joints: All joints.
+
+    Returns:
+        Names of the links that no joint carries, in the order of the file.
+
+    Raises:
+        DescriptionError: If there are two of a name, joints without links, or links
+            that hang below no root.
+    """
     names = {link.name for link in links}
     for kind, listed in (("link", links), ("joint", joints)):
         counts = Counter(entry.name for entry in listed)
@@ -49,22 +74,22 @@ def one_root(name: str, links: tuple[Link, ...], joints: tuple[Joint, ...]) -> s
                 f"{carrier[joint.child]} and {joint.name}."
             )
         carrier[joint.child] = joint.name
-    roots = [link.name for link in links if link.name not in carrier]
-    if len(roots) != 1:
+    roots = tuple(link.name for link in links if link.name not in carrier)
+    if not roots:
         why = "it has no links"
-        if links and not roots:
+        if links:
             why = f"its joints make a loop of {_loop(links[0].name, joints)}"
-        found = " and ".join(roots[:3]) if roots else f"none ({why})"
-        found += f" and {len(roots) - 3} more" if len(roots) > 3 else ""
-        raise DescriptionError(f"Robot '{name}' needs one root link, it has {found}.")
-    reached = {joint.child for joint in below(roots[0], joints)}
-    loose = [link.name for link in links if link.name not in {roots[0], *reached}]
+        raise DescriptionError(
+            f"Robot '{name}' needs one root link, it has none ({why})."
+        )
+    reached = {*roots, *(joint.child for joint in below(roots, joints))}
+    loose = [link.name for link in links if link.name not in reached]
     if loose:
         raise DescriptionError(
             f"Robot '{name}' has a loop of joints, of {_loop(loose[0], joints)}; "
             f"it is not below {roots[0]}."
         )
-    return roots[0]
+    return roots
 
 
 def _loop(link: str, joints: Sequence[Joint]) -> str:
@@ -100,20 +125,20 @@ def depth_first(root: str, joints: Sequence[Joint]) -> Iterator[str]:
         stack.extend(joint.child for joint in hanging.get(link, ()))
 
 
-def below(root: str, joints: Sequence[Joint]) -> Iterator[Joint]:
-    """Walk down a tree, so that each joint comes after the one above it.
+def below(roots: Iterable[str], joints: Sequence[Joint]) -> Iterator[Joint]:
+    """Walk down trees, so that each joint comes after the one above it.
 
     Args:
-        root: Link to start from.
+        roots: Links to start from.
         joints: All joints.
 
     Yields:
-        The joints below the root.
+        The joints below the roots.
     """
     hanging: dict[str, list[Joint]] = {}
     for joint in joints:
         hanging.setdefault(joint.parent, []).append(joint)
-    links = [root]
+    links = [*roots]
     for link in links:
         for joint in hanging.get(link, ()):
             links.append(joint.child)

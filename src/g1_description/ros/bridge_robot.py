@@ -13,7 +13,7 @@ from sensor_msgs.msg import JointState
 
 from ..core.command_tally import CommandTally
 from ..core.commands import listed, split_command
-from ..core.description import Description
+from ..core.description import FREE, Description
 from ..core.observer import Share, Sight
 from ..core.throttle import PoseThrottle
 from ..core.whole_states import State, WholeStates
@@ -252,7 +252,7 @@ class BridgedRobot:
     def _tell_what_is_left_out(self) -> None:
         """Say which joints have more than one degree of freedom."""
         joints = self.description.joints
-        found = [f"{j.name} ({j.kind})" for j in joints if j.kind in MANY_FOLD]
+        found = [f"{j.name} ({j.kind})" for j in joints if j.kind in FREE]
         if found:
             rospy.logwarn(
                 "Joints of %s are left out, they have no single position: %s.",
@@ -287,7 +287,3 @@ class BridgedRobot:
                 f"Joints of {self.name} are turned off their axes: {angles}. Is its "
                 "robot_description the one that was spawned?",
             )
-
-
-MANY_FOLD = ("floating", "planar")
-"""Types of joints that have no single position."""

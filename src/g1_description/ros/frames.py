@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..core.assembly import base_of
 from ..core.description import Description
 from .parameters import BridgeParameters
 
@@ -16,14 +17,16 @@ def base_child(parameters: BridgeParameters, description: Description) -> str | 
         description: The robot; its frame names come from its file.
 
     Returns:
-        base_link; the root where base_link is a link below it, which has a parent
-        already; None where the root itself is the world or the map.
+        base_link; the root, or what floats in the world, where base_link is a link
+        below it, which has a parent already; None where the root itself is the world
+        or the map and nothing floats in it.
     """
     p = parameters
-    if description.root in (p.world_frame, p.map_frame):
+    root, _ = base_of(description)
+    if root in (p.world_frame, p.map_frame):
         return None
-    below = p.base_frame in description.link_names and p.base_frame != description.root
-    return description.root if below else p.base_frame
+    below = p.base_frame in description.link_names and p.base_frame != root
+    return root if below else p.base_frame
 
 
 def fixed_edges(
@@ -62,8 +65,9 @@ def static_edges(
     """
     p = parameters
     edges = [(p.world_frame, p.map_frame)]
-    if base_child(p, description) not in (None, description.root):
-        edges.append((prefix + p.base_frame, prefix + description.root))
+    root, _ = base_of(description)
+    if base_child(p, description) not in (None, root):
+        edges.append((prefix + p.base_frame, prefix + root))
     if prefix and description.root in (p.world_frame, p.map_frame):
         edges.append((description.root, prefix + description.root))
     if p.imu_link in description.link_names:

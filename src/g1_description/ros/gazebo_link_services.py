@@ -24,6 +24,7 @@ from gazebo_msgs.srv import (
 )
 
 from ..core.assembly import SCOPE
+from ..core.commands import listed
 from ..core.description import Inertial
 from ..core.errors import DescriptionError, InvalidValueError, UnknownNameError
 from ..core.rotation import rotate
@@ -109,7 +110,7 @@ class LinkServices(Services):
                 none that a link can have.
         """
         try:
-            model = self._model_of_root(state.link_name)
+            model, tree = self._tree_of_root(state.link_name)
             frame = self._link_frame(state.reference_frame)
         except UnknownNameError as error:
             return False, f"SetLinkState: {error}"
@@ -120,7 +121,7 @@ class LinkServices(Services):
                 "using inertial frame"
             )
         target = compose(frame.pose, pose)
-        self._world.set_root_state(model, target, twist - frame.twist)
+        self._world.set_root_state(model, target, twist - frame.twist, tree)
         clause = self._in_vain("the twist is ignored") if twist.any() else ""
         return True, self._wording.say("SetLinkState: success", [clause])
 
@@ -134,21 +135,24 @@ class LinkServices(Services):
             )
             raise UnknownNameError("failed") from None
 
-    def _model_of_root(self, name: str) -> Model:
-        """Find the model whose root link it is; a refusal is in Gazebo's words."""
+    def _tree_of_root(self, name: str) -> tuple[Model, int]:
+        """Find the tree whose root link it is; a refusal is in Gazebo's words."""
         try:
             link = self._world.entities.link(name)
         except UnknownNameError:
             rospy.logerr("Updating LinkState: link [%s] does not exist", name)
             raise UnknownNameError("link does not exist") from None
         model = link.model
-        if link.row != model.root_row:
-            root = model.link_names[model.root_row]
-            raise InvalidValueError(
-                f"it would tear {model.name} apart; what can be set is "
-                f"{model.name}{SCOPE}{root}"
+        tree = model.tree_below(link.row)
+        if tree is None:
+            roots = listed(
+                f"{model.name}{SCOPE}{model.link_names[tree.root_row]}"
+                for tree in model.trees
             )
-        return model
+            raise InvalidValueError(
+                f"it would tear {model.name} apart; what can be set is {roots}"
+            )
+        return model, tree
 
     def get_properties(self, request):
         """Tell a link's mass; what is static has none."""

@@ -11,8 +11,10 @@ import numpy as np
 import rospy
 from sensor_msgs.msg import JointState
 
+from ..core.assembly import base_of
 from ..core.description import Description, parse_urdf
 from ..core.errors import DescriptionError, G1DescriptionError
+from ..core.transform import compose, inverse
 from .descriptions import find_parameter
 from .newest import NEWEST
 from .transforms import Transforms
@@ -86,8 +88,9 @@ class RobotWatch:
         self._transforms = transforms
         self.description = _wait_for_description(namespace)
         prefix = f"{namespace}/" if namespace else ""
-        self.frame = prefix + self.description.root
-        """Name of its root link in TF."""
+        base, self._T_root_base = base_of(self.description)
+        self.frame = prefix + base
+        """Name in TF of the link that tells where it is."""
         self._joints = {joint.name for joint in self.description.movable_joints}
         self._positions: dict[str, float] = {}
         self._subscriber = rospy.Subscriber(
@@ -131,7 +134,8 @@ class RobotWatch:
 
     def _root_pose(self) -> np.ndarray | None:
         """Tell where the root link is in the map, shape (7,)."""
-        return self._transforms.pose(MAP, self.frame)
+        pose = self._transforms.pose(MAP, self.frame)
+        return None if pose is None else compose(pose, inverse(self._T_root_base))
 
     def close(self) -> None:
         """Listen no more."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..core.assembly import SCOPE
 from ..core.errors import LARGEST
 from ..core.rotation import cross
 from ..core.transform import compose, inverse
@@ -22,24 +23,30 @@ FRICTION = 1.0
 
 
 class Body:
-    """A model's body in PyBullet: the one place that knows PyBullet's frames.
+    """The body of a tree in PyBullet: the one place that knows PyBullet's frames.
 
     PyBullet tells and takes the pose and velocity of the root's center of mass,
     along its principal axes; here they are turned to the root link's frame and back.
     """
 
-    def __init__(self, client: BulletClient, number: int, model: Model) -> None:
+    def __init__(
+        self, client: BulletClient, number: int, model: Model, tree: int = 0
+    ) -> None:
         """Take over a loaded body.
 
         Args:
             client: PyBullet.
             number: The body's number in PyBullet.
             model: The model whose body it is.
+            tree: Which of the model's trees it is the body of.
         """
         self._client = client
         self.number = number
-        self._model = model
-        description = model.assembly.description
+        self.model = model
+        """The model that it is the body, or a part, of."""
+        self._tree = model.trees[tree]
+        self._tree_number = tree
+        description = model.assembly.description.trees[tree]
         self._link_names = dict(links_of(client, number, description))
         self._index = {name: index for index, name in self._link_names.items()}
         joints = description.movable_joints
@@ -56,11 +63,10 @@ class Body:
 
     def _set_dynamics(self) -> None:
         """Set what a URDF file does not tell PyBullet."""
-        assembly = self._model.assembly
         # ODE takes the lesser of two coefficients, PyBullet their product: with at
         # most 1 on what is static, both are the same on the ground.
-        static = assembly.static
-        links = {link.name: link for link in assembly.description.links}
+        static = self.model.assembly.static
+        links = {link.name: link for link in self.model.assembly.description.links}
         for index, name in self._link_names.items():
             shapes = links[name].collisions
             frictions = [s.friction for s in shapes if s.friction is not None]
@@ -76,14 +82,14 @@ class Body:
                 maxJointVelocity=FASTEST,
             )
         self.weigh()
-        for name in self._model.ode_joints:
+        for name in self.model.ode_joints:
             self.tune(name)
 
     def weigh(self) -> None:
         """Find the links that gravity does not pull."""
         masses = {
             link.name: link.inertial.mass
-            for link in self._model.assembly.description.links
+            for link in self.model.assembly.description.links
             if link.inertial is not None and not link.has_gravity
         }
         self._weightless = [
@@ -95,68 +101,89 @@ class Body:
     @property
     def moves(self) -> bool:
         """Whether physics can move any of it."""
-        return not self._model.fixed or bool(self._joints)
+        return not self._tree.fixed or bool(self._joints)
 
     def link_of(self, index: int) -> str:
         """Name the link behind PyBullet's link number; -1 is the root."""
         return self._link_names[index]
 
+    def has_link(self, name: str) -> bool:
+        """Tell whether a link is one of its own."""
+        return name in self._index
+
+    def has_joint(self, name: str) -> bool:
+        """Tell whether a movable joint is one of its own."""
+        return self.model.joint_row(name) in self._tree.joints
+
+    def pass_through(self, other: Body) -> None:
+        """Let links not collide with those of another tree of their model.
+
+        As in Gazebo: those of a model inside another one are another model's.
+        """
+        for index, name in self._link_names.items():
+            for theirs, their_name in other._link_names.items():
+                if _owner(name) == _owner(their_name):
+                    self._client.setCollisionFilterPair(
+                        self.number, other.number, index, theirs, 0
+                    )
+
     def write(self) -> None:
         """Give PyBullet the model's state."""
-        model = self._model
-        T_world_center = compose(model.root_pose, self._T_root_center)
+        root_pose = self.model.root_poses[self._tree_number]
+        root_twist = self.model.root_twists[self._tree_number]
+        T_world_center = compose(root_pose, self._T_root_center)
         self._client.resetBasePositionAndOrientation(
             self.number, T_world_center[:3], T_world_center[3:]
         )
-        lever = T_world_center[:3] - model.root_pose[:3]
-        angular = model.root_twist[3:]
-        linear = model.root_twist[:3] + cross(angular, lever)
+        lever = T_world_center[:3] - root_pose[:3]
+        angular = root_twist[3:]
+        linear = root_twist[:3] + cross(angular, lever)
         self._client.resetBaseVelocity(self.number, linear, angular)
         self.write_joints()
 
     def write_joints(self) -> None:
         """Give PyBullet the positions and velocities of the model's joints."""
-        model = self._model
+        rows, model = self._tree.joints, self.model
         for joint, position, velocity in zip(
-            self._joints, model.position, model.velocity
+            self._joints, model.position[rows], model.velocity[rows]
         ):
             self._client.resetJointState(self.number, joint, position, velocity)
 
     def read(self) -> None:
-        """Take the model's state from PyBullet."""
-        model = self._model
-        if not model.fixed:
+        """Take the state of roots and joints from PyBullet."""
+        rows, model = self._tree.joints, self.model
+        if not self._tree.fixed:
             self._read_root()
         if self._joints:
             states = self._client.getJointStates(self.number, self._joints)
-            model.position, model.velocity = np.array([s[:2] for s in states]).T
-        model.update()
+            read = np.array([state[:2] for state in states])
+            model.position[rows], model.velocity[rows] = read.T
 
     @property
     def speed(self) -> float:
         """The greatest speed of a joint or of the root, in [m/s] or [rad/s]."""
-        model = self._model
-        return float(np.abs(np.concatenate([model.velocity, model.root_twist])).max())
+        velocity = self.model.velocity[self._tree.joints]
+        root_twist = self.model.root_twists[self._tree_number]
+        return float(np.abs(np.concatenate([velocity, root_twist])).max())
 
     def stop(self) -> None:
-        """Take the model's velocities for zero; PyBullet keeps what it has."""
-        model = self._model
-        model.root_twist = np.zeros(6)
-        model.velocity = np.zeros(len(self._joints))
-        model.update()
+        """Take its velocities for zero; PyBullet keeps what it has."""
+        self.model.root_twists[self._tree_number] = 0.0
+        self.model.velocity[self._tree.joints] = 0.0
 
     def _read_root(self) -> None:
         """Take the root's pose and twist from PyBullet."""
-        model = self._model
         T_world_center = np.concatenate(
             self._client.getBasePositionAndOrientation(self.number)
         )
-        model.root_pose = compose(T_world_center, self._T_center_root)
+        root_pose = compose(T_world_center, self._T_center_root)
         linear, angular = (
             np.array(part) for part in self._client.getBaseVelocity(self.number)
         )
-        lever = model.root_pose[:3] - T_world_center[:3]
-        model.root_twist = np.concatenate([linear + cross(angular, lever), angular])
+        lever = root_pose[:3] - T_world_center[:3]
+        root_twist = np.concatenate([linear + cross(angular, lever), angular])
+        self.model.root_poses[self._tree_number] = root_pose
+        self.model.root_twists[self._tree_number] = root_twist
 
     def push(self, link: str, force: np.ndarray, torque: np.ndarray) -> None:
         """Let a wrench act on a link during the next step.
@@ -178,7 +205,7 @@ class Body:
             joint: The joint's name.
             effort: In [N m] or [N].
         """
-        index = self._joints[self._model.joint_row(joint)]
+        index = self._joints[self._row(joint)]
         torque = self._client.TORQUE_CONTROL
         self._client.setJointMotorControl2(self.number, index, torque, force=effort)
 
@@ -195,7 +222,8 @@ class Body:
             self.number,
             self._joints,
             self._client.VELOCITY_CONTROL,
-            forces=self._friction + self._damping * np.abs(self._model.velocity),
+            forces=self._friction
+            + self._damping * np.abs(self.model.velocity[self._tree.joints]),
         )
 
     def float_weightless(self, gravity: tuple[float, float, float]) -> None:
@@ -220,20 +248,24 @@ class Body:
 
     def tune(self, joint: str) -> None:
         """Give PyBullet those of ODE's numbers of a joint that it knows too."""
-        row = self._model.joint_row(joint)
-        if row < 0:
+        if not self.has_joint(joint):
             return
-        numbers = self._model.ode_joints[joint]
+        row, number = self._row(joint), self.model.joint_row(joint)
+        numbers = self.model.ode_joints[joint]
         if "damping" in numbers:
             self._damping[row] = numbers["damping"]
         if "loStop" in numbers or "hiStop" in numbers:  # PyBullet wants both
-            lower, upper = self._model.lower[row], self._model.upper[row]
+            lower, upper = self.model.lower[number], self.model.upper[number]
             self._client.changeDynamics(
                 self.number,
                 self._joints[row],
                 jointLowerLimit=max(numbers.get("loStop", lower), -LARGEST),
                 jointUpperLimit=min(numbers.get("hiStop", upper), LARGEST),
             )
+
+    def _row(self, joint: str) -> int:
+        """Tell which of its own movable joints a name means."""
+        return int(np.flatnonzero(self._tree.joints == self.model.joint_row(joint))[0])
 
     def hold(self) -> None:
         """Let motors hold the joints where they were set, within their efforts."""
@@ -242,7 +274,7 @@ class Body:
                 self.number,
                 self._joints,
                 self._client.POSITION_CONTROL,
-                targetPositions=self._model.target,
+                targetPositions=self.model.target[self._tree.joints],
                 forces=self._efforts,
             )
 
@@ -255,3 +287,8 @@ class Body:
                 self._client.VELOCITY_CONTROL,
                 forces=[0.0] * len(self._joints),
             )
+
+
+def _owner(link: str) -> str:
+    """Name the model inside its model that a link belongs to."""
+    return link.rpartition(SCOPE)[0]

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable
 
 from ..core.assembly import SCOPE
 from .body import Body
 from .bullet import BulletClient
 
 
-def contacts(client: BulletClient, bodies: Mapping[str, Body]) -> set[tuple[str, str]]:
+def contacts(client: BulletClient, bodies: Iterable[Body]) -> set[tuple[str, str]]:
     """Find the pairs of links that touch or overlap now.
 
     Links of the same model don't collide, as in Gazebo; things that are fixed to
@@ -17,17 +17,17 @@ def contacts(client: BulletClient, bodies: Mapping[str, Body]) -> set[tuple[str,
 
     Args:
         client: PyBullet.
-        bodies: All bodies by the names of their models.
+        bodies: All bodies.
 
     Returns:
         Pairs of ``model::link``, each pair once, in alphabetical order.
     """
     client.performCollisionDetection()
-    owner = {body.number: (name, body) for name, body in bodies.items()}
+    owner = {body.number: body for body in bodies}
     pairs = set()
     for point in client.getContactPoints() or ():
         first, second = sorted(
-            f"{owner[number][0]}{SCOPE}{owner[number][1].link_of(link)}"
+            f"{owner[number].model.name}{SCOPE}{owner[number].link_of(link)}"
             for number, link in ((point[1], point[3]), (point[2], point[4]))
         )
         if point[8] <= 0.0:

@@ -1,8 +1,9 @@
-"""PyBullet behind the world: a body for each model that has links."""
+"""PyBullet behind the world: a body for each tree of the models that have links."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from itertools import chain, combinations
 
 import numpy as np
 
@@ -54,7 +55,7 @@ class Engine:
         self.physics = physics
         self._package_folder = package_folder
         self._client = connect()
-        self._bodies: dict[str, Body] = {}
+        self._bodies: dict[str, tuple[Body, ...]] = {}
         self._properties = properties
         self._still_for = self._speed_before = 0.0
         properties.apply(self._client)
@@ -75,10 +76,10 @@ class Engine:
         properties.apply(self._client)
 
     def add(self, model: Model) -> tuple[str, ...]:
-        """Give a model a body, or leave all as it was.
+        """Give a model its bodies, or leave all as it was.
 
         Args:
-            model: The model, in the state its body shall have.
+            model: The model, in the state its bodies shall have.
 
         Returns:
             A clause for each thing that was left out.
@@ -90,34 +91,48 @@ class Engine:
             return ()
         before = self._client.getNumBodies()
         try:
-            number, left_out = load_model(self._client, model, self._package_folder)
-            body = Body(self._client, number, model)
+            bodies, left_out = self._load(model)
         except BaseException:
             for index in reversed(range(before, self._client.getNumBodies())):
                 self._client.removeBody(self._client.getBodyUniqueId(index))
             raise
-        if self.physics == "hold":
-            body.hold()
-        self._bodies[model.name] = body
+        self._bodies[model.name] = bodies
+        for body in bodies:
+            if self.physics == "hold":
+                body.hold()
         self._wake()
         return left_out
 
+    def _load(self, model: Model) -> tuple[tuple[Body, ...], tuple[str, ...]]:
+        """Load all trees of a model; links of one model pass through each other."""
+        bodies: list[Body] = []
+        left_out: list[str] = []
+        for tree in range(len(model.trees)):
+            number, clauses = load_model(
+                self._client, model, self._package_folder, tree
+            )
+            bodies.append(Body(self._client, number, model, tree))
+            left_out += clauses
+        for first, second in combinations(bodies, 2):
+            first.pass_through(second)
+        return tuple(bodies), tuple(left_out)
+
     def remove(self, name: str) -> None:
-        """Take a model's body away, if it has one."""
+        """Take a model's bodies away, if it has any."""
         self._wake()
-        if name in self._bodies:
-            self._client.removeBody(self._bodies.pop(name).number)
+        for body in self._bodies.pop(name, ()):
+            self._client.removeBody(body.number)
 
     def replace(self, model: Model) -> None:
-        """Give a model another body, or leave all as it was.
+        """Give a model other bodies, or leave all as it was.
 
         Raises:
             DescriptionError: If it cannot be loaded.
         """
-        old = self._bodies.get(model.name)
+        old = self._bodies.get(model.name, ())
         self.add(model)
-        if old is not None:
-            self._client.removeBody(old.number)
+        for body in old:
+            self._client.removeBody(body.number)
 
     def rebuild(self, models: Iterable[Model]) -> None:
         """Build everything anew: PyBullet's solver remembers contacts.
@@ -133,56 +148,65 @@ class Engine:
 
     def write(self, model: Model) -> None:
         """Take over a model's pose, joints and velocities."""
-        self._wake()
-        if model.name in self._bodies:
-            self._bodies[model.name].write()
+        for body in self._awake(model):
+            body.write()
 
     def write_joints(self, model: Model) -> None:
         """Take over a model's joints, and hold them there in ``hold``."""
-        self._wake()
-        if model.name in self._bodies:
-            body = self._bodies[model.name]
+        for body in self._awake(model):
             body.write_joints()
             if self.physics == "hold":
                 body.hold()
 
     def weigh(self, model: Model) -> None:
         """Take over which links of a model gravity pulls."""
-        self._wake()
-        if model.name in self._bodies:
-            self._bodies[model.name].weigh()
+        for body in self._awake(model):
+            body.weigh()
 
     def tune(self, model: Model, joint: str) -> None:
         """Take over the numbers of ``ode_joints`` of a joint."""
-        self._wake()
-        if model.name in self._bodies:
-            self._bodies[model.name].tune(joint)
+        for body in self._awake(model):
+            body.tune(joint)
 
     def push(
         self, model: Model, link: str, force: np.ndarray, torque: np.ndarray
     ) -> None:
         """Let a wrench act on a link during the next step, as ``Body.push``."""
-        self._wake()
-        self._bodies[model.name].push(link, force, torque)
+        for body in self._awake(model):
+            if body.has_link(link):
+                body.push(link, force, torque)
 
     def strain(self, model: Model, joint: str, effort: float) -> None:
         """Let a joint's effort act during the next step, as ``Body.strain``."""
-        self._wake()
-        self._bodies[model.name].strain(joint, effort)
+        for body in self._awake(model):
+            if body.has_joint(joint):
+                body.strain(joint, effort)
 
     def step(self) -> None:
         """Let one time step pass, and give the models their new states."""
         if self._still_for >= REST:
             return
-        for body in self._bodies.values():
+        for body in self._all_bodies():
             body.float_weightless(self._properties.gravity)
             if self.physics == "limp":
                 body.drag()
         self._client.stepSimulation()
-        for body in self._bodies.values():
-            if body.moves:
+        for bodies in self._bodies.values():
+            moving = [body for body in bodies if body.moves]
+            for body in moving:
                 body.read()
+            if moving:
+                moving[0].model.update()
         self._watch_for_rest()
+
+    def _all_bodies(self) -> Iterator[Body]:
+        """Walk through the bodies of all models."""
+        return chain.from_iterable(self._bodies.values())
+
+    def _awake(self, model: Model) -> tuple[Body, ...]:
+        """Go on computing, and give a model's bodies."""
+        self._wake()
+        return self._bodies.get(model.name, ())
 
     def _watch_for_rest(self) -> None:
         """Count for how long all stands still, and stop it when that is enough.
@@ -190,7 +214,7 @@ class Engine:
         What becomes faster is about to move, however slow it is: a pole that begins
         to topple.
         """
-        speeds = [body.speed for body in self._bodies.values() if body.moves]
+        speeds = [body.speed for body in self._all_bodies() if body.moves]
         if not all(speed <= STILL for speed in speeds):
             self._wake()
             return
@@ -203,8 +227,9 @@ class Engine:
         if speed > self._speed_before:
             self._wake()
         else:
-            for body in self._bodies.values():
+            for body in self._all_bodies():
                 body.stop()
+                body.model.update()
 
     def _wake(self) -> None:
         """Go on computing, and count anew for how long all stands still."""
@@ -212,4 +237,4 @@ class Engine:
 
     def contacts(self) -> set[tuple[str, str]]:
         """Find which links touch or overlap now, as ``contacts.contacts``."""
-        return contacts(self._client, self._bodies)
+        return contacts(self._client, self._all_bodies())

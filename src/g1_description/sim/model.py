@@ -14,6 +14,26 @@ from ..core.rotation import cross, rotate
 from ..core.transform import IDENTITY, compose, inverse
 
 
+@dataclass(frozen=True, eq=False)
+class Tree:
+    """Links of a model that joints hold together."""
+
+    links: np.ndarray
+    """Which of the model's links are in it, shape (n_links,)."""
+
+    joints: np.ndarray
+    """Which of the model's movable joints are in it, shape (n_joints,)."""
+
+    root_row: int
+    """Which of the model's links is the root; the first one where the world is."""
+
+    fixed: bool
+    """Whether its root does not move by itself."""
+
+    is_on_world: bool
+    """Whether its root is the world itself."""
+
+
 @dataclass
 class Report:
     """What became of a command: nothing is ignored or changed in silence."""
@@ -31,8 +51,9 @@ class Model:
     ``poses`` and ``twists`` hold the state of all links, a row per link in the
     order of the file: poses of the link frames in the world, shape (n_links, 7);
     velocities of the frames' origins and angular velocities along the world's
-    axes, shape (n_links, 6). They are computed from the root's state and the
-    joint positions, which are what PyBullet knows exactly.
+    axes, shape (n_links, 6). They are computed from the roots' states and the
+    joint positions, which are what PyBullet knows exactly. ``root_poses`` and
+    ``root_twists`` hold the roots' states, a row per tree.
     """
 
     def __init__(
@@ -44,20 +65,24 @@ class Model:
             name: Name in the world.
             assembly: What it is made of.
             pose: Pose of the model frame in the world, shape (7,).
-            fixed: Whether its root does not move by itself.
+            fixed: Whether the root of its first tree does not move by itself.
         """
         self.name = name
         self.assembly = assembly
         self.initial_pose = np.array(pose)
         description = assembly.description
         joints = description.movable_joints
-        self.fixed = fixed or assembly.static or description.root == WORLD
         self.link_names = assembly.link_names
         self.joint_names = tuple(joint.name for joint in joints)
         self.lower = np.array([joint.lower for joint in joints])
         self.upper = np.array([joint.upper for joint in joints])
         self._kinematics = Kinematics(description) if self.link_names else None
         self._n_links = len(self.link_names)
+        fixed = fixed or assembly.static or description.root == WORLD
+        self.trees = self._find_trees(fixed)
+        """The trees of its links, in the order of ``Description.roots``."""
+        rows = [tree.links for tree in self.trees if not tree.fixed]
+        self._moving = np.concatenate([np.zeros(0, dtype=int), *rows])
         self._T_canonical_model = self._find_model_frame()
         self.robot_namespace = ""
         """Namespace that its spawner gave it; kept as data."""
@@ -80,17 +105,41 @@ class Model:
     @property
     def root_row(self) -> int:
         """Which link is the root; the first where the world is."""
-        root = self.assembly.description.root
-        return self.link_names.index(root) if root in self.link_names else 0
+        return self.trees[0].root_row
+
+    def _find_trees(self, fixed: bool) -> tuple[Tree, ...]:
+        """Find the trees; only the first one can be fixed."""
+        row = {name: number for number, name in enumerate(self.link_names)}
+        number = {name: number for number, name in enumerate(self.joint_names)}
+        trees: list[Tree] = []
+        for tree in self.assembly.description.trees:
+            links = [row[name] for name in tree.link_names if name in row]
+            joints = [number[joint.name] for joint in tree.movable_joints]
+            first = links[0] if links else 0
+            trees.append(
+                Tree(
+                    links=np.array(links, dtype=int),
+                    joints=np.array(joints, dtype=int),
+                    root_row=row.get(tree.root, first),
+                    fixed=fixed and not trees,
+                    is_on_world=tree.root == WORLD,
+                )
+            )
+        return tuple(trees)
+
+    def tree_below(self, row: int) -> int | None:
+        """Tell which tree has a link for its root; None if none has."""
+        rows = [tree.root_row for tree in self.trees]
+        return rows.index(row) if row in rows else None
 
     def joint_row(self, name: str) -> int:
         """Tell which movable joint a name means; -1 for a fixed one."""
         return self.joint_names.index(name) if name in self.joint_names else -1
 
     def rewind(self) -> None:
-        """Go back to where root and joints began, at rest."""
-        self.root_pose = compose(self.initial_pose, self.assembly.root_pose)
-        self.root_twist = np.zeros(6)
+        """Go back to where roots and joints began, at rest."""
+        self.root_poses = self._initial_root_poses()
+        self.root_twists = np.zeros((len(self.trees), 6))
         begin = self.assembly.positions
         self.position = np.array([begin.get(name, 0.0) for name in self.joint_names])
         self.velocity = np.zeros(len(self.joint_names))
@@ -98,12 +147,17 @@ class Model:
         """Where the joints were last set: what motors hold, shape (n_joints,)."""
         self.update()
 
+    def _initial_root_poses(self) -> np.ndarray:
+        """Give the poses in the world in which the roots began, shape (n_trees, 7)."""
+        roots = self.assembly.root_poses
+        return np.array([compose(self.initial_pose, root) for root in roots])
+
     @property
     def pose(self) -> np.ndarray:
         """Pose of the model frame in the world, shape (7,)."""
         if self.assembly.canonical:
             return compose(self.poses[self.canonical_row], self._T_canonical_model)
-        return compose(self.root_pose, inverse(self.assembly.root_pose))
+        return compose(self.root_poses[0], inverse(self.assembly.root_pose))
 
     @property
     def twist(self) -> np.ndarray:
@@ -115,20 +169,20 @@ class Model:
         if self._kinematics is None:
             return np.array(IDENTITY)
         still = np.zeros(len(self.joint_names))
-        poses = self._kinematics.link_poses(self.assembly.root_pose, still)
+        poses = self._kinematics.link_poses(self.assembly.root_poses, still)
         return inverse(poses[self.canonical_row])
 
     def update(self) -> None:
-        """Compute all links' poses and twists from the root and the joints."""
+        """Compute all links' poses and twists from the roots and the joints."""
         if self._kinematics is None:
             self.poses, self.twists = np.zeros((0, 7)), np.zeros((0, 6))
             return
-        if self.root_twist.any() or self.velocity.any():
+        if self.root_twists.any() or self.velocity.any():
             self.poses, self.twists = self._kinematics.link_states(
-                self.root_pose, self.position, self.root_twist, self.velocity
+                self.root_poses, self.position, self.root_twists, self.velocity
             )
         else:
-            self.poses = self._kinematics.link_poses(self.root_pose, self.position)
+            self.poses = self._kinematics.link_poses(self.root_poses, self.position)
             self.twists = np.zeros((self._n_links, 6))
 
     def set_positions(self, positions: Mapping[str, float]) -> Report:
@@ -171,7 +225,7 @@ class Model:
         self.position[joints] = positions
         self.target[joints] = positions
         self.velocity[joints] = 0.0
-        self.poses = self._kinematics.link_poses(self.root_pose, self.position)
+        self.poses = self._kinematics.link_poses(self.root_poses, self.position)
         self.twists[self._kinematics.links_below(joints)] = 0.0
 
     def set_state(self, pose: np.ndarray, twist: np.ndarray) -> None:
@@ -181,42 +235,64 @@ class Model:
             pose: Pose of the model frame in the world, shape (7,).
             twist: Linear velocity given to each link's center of mass and angular
                 velocity given to each link, along the world's axes, shape (6,).
-                A fixed model takes none.
+                What is fixed takes none.
         """
-        T_model_root = self.assembly.root_pose
-        if self.assembly.canonical:
-            T_model_root = compose(inverse(self.pose), self.root_pose)
-        self._place_root(compose(pose, T_model_root))
-        if twist.any() and self._n_links and not self.fixed:
-            self.twists[:, 3:] = twist[3:]
-            self.twists[:, :3] = twist[:3] - cross(twist[3:], self._levers())
-            self.root_twist = np.array(self.twists[self.root_row])
+        T_model_roots = self.assembly.root_poses
+        if self.assembly.canonical or len(self.trees) > 1:
+            T_model_roots = compose(inverse(self.pose), self.root_poses)
+        for number, T_model_root in enumerate(T_model_roots):
+            self._place_root(number, compose(pose, T_model_root))
+        self.update()
+        if twist.any() and len(self._moving):
+            linear = twist[:3] - cross(twist[3:], self._levers())
+            self.twists[self._moving, :3] = linear[self._moving]
+            self.twists[self._moving, 3:] = twist[3:]
+            self._take_root_twists()
 
-    def set_root_state(self, pose: np.ndarray, twist: np.ndarray) -> None:
-        """Put the model somewhere by its root link, joints as they are and at rest.
+    def _take_root_twists(self) -> None:
+        """Let the roots move as their links do."""
+        for number, tree in enumerate(self.trees):
+            if not tree.fixed:
+                self.root_twists[number] = self.twists[tree.root_row]
+
+    def set_root_state(
+        self, pose: np.ndarray, twist: np.ndarray, number: int = 0
+    ) -> None:
+        """Put a tree somewhere by its root link, joints as they are and at rest.
 
         Args:
             pose: Pose of the root link in the world, shape (7,).
             twist: Velocity of the root link's center of mass and its angular
-                velocity, along the world's axes, shape (6,). A fixed model takes
+                velocity, along the world's axes, shape (6,). What is fixed takes
                 none.
+            number: Which tree.
         """
-        if self.assembly.description.root == WORLD:
-            T_root_link = compose(inverse(self.root_pose), self.poses[self.root_row])
+        tree = self.trees[number]
+        if tree.is_on_world:
+            T_root_link = compose(
+                inverse(self.root_poses[number]), self.poses[tree.root_row]
+            )
             pose = compose(pose, inverse(T_root_link))
-        self._place_root(np.array(pose))
-        if not self.fixed:
-            lever = self._levers()[self.root_row]
-            self.root_twist = np.array(twist)
-            self.root_twist[:3] -= cross(twist[3:], lever)
+        self._place_root(number, pose)
+        self.update()
+        if not tree.fixed:
+            lever = self._levers()[tree.root_row]
+            self.root_twists[number] = twist
+            self.root_twists[number, :3] -= cross(twist[3:], lever)
             self.update()
 
-    def _place_root(self, pose: np.ndarray) -> None:
-        """Put the root link somewhere in the world, with all at rest."""
-        self.root_pose = pose
-        self.velocity[:] = 0.0
-        self.root_twist = np.zeros(6)
-        self.update()
+    def return_home(self) -> None:
+        """Go back to where it was spawned, at rest, joints as they are."""
+        self.set_state(self.initial_pose, np.zeros(6))
+        if len(self.trees) > 1:
+            self.root_poses[1:] = self._initial_root_poses()[1:]
+            self.update()
+
+    def _place_root(self, number: int, pose: np.ndarray) -> None:
+        """Put a root link somewhere in the world, with all of its tree at rest."""
+        self.root_poses[number] = pose
+        self.velocity[self.trees[number].joints] = 0.0
+        self.root_twists[number] = 0.0
 
     def _levers(self) -> np.ndarray:
         """Find the way from each link frame's origin to its center of mass.
@@ -226,6 +302,6 @@ class Model:
         """
         centers = np.zeros((self._n_links, 3))
         for link in self.assembly.description.links:
-            if link.inertial is not None:
+            if link.inertial is not None and link.name in self.link_names:
                 centers[self.link_names.index(link.name)] = link.inertial.center_of_mass
         return rotate(self.poses[:, 3:], centers)

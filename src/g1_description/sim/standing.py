@@ -47,8 +47,8 @@ def standing_height(
     """
     pose = np.concatenate([IDENTITY[:3], rotation])
     model = Model("standing", assembly, pose)
-    with _loaded(model, package_folder) as (client, number):
-        lowest = _lowest_point(client, number)
+    with _loaded(model, package_folder) as (client, numbers):
+        lowest = _lowest_point(client, numbers)
     if math.isinf(lowest):
         lowest = model.poses[:, 2].min(initial=0.0)
     return _above(-lowest)
@@ -76,12 +76,13 @@ def hanging_height(
             limits.
     """
     model = Model("hanging", replace(assembly, positions={}), IDENTITY)
-    description = assembly.description
+    description = assembly.description.trees[0]  # only the first one can hang
     reaches = origin_reaches(description)
-    with _loaded(model, package_folder) as (client, number):
+    with _loaded(model, package_folder) as (client, numbers):
         reach = max(
             (
                 reaches[name] + _extent(client, number, index, pose[:3])
+                for number in numbers[:1]
                 for index, name, pose in _links(client, number, model)
             ),
             default=0.0,
@@ -102,15 +103,17 @@ def _above(height: float) -> float:
 @contextmanager
 def _loaded(
     model: Model, package_folder: Callable[[str], str | None]
-) -> Iterator[tuple[BulletClient, int]]:
-    """Load a model into a PyBullet of its own; give that and the body's number."""
+) -> Iterator[tuple[BulletClient, list[int]]]:
+    """Load a model into a PyBullet of its own; give that and its bodies' numbers."""
     client = connect()
     try:
-        number = -1
+        numbers = []
         if model.link_names:
-            number, _ = load_model(client, model, package_folder)
-            Body(client, number, model)
-        yield client, number
+            for tree in range(len(model.trees)):
+                number, _ = load_model(client, model, package_folder, tree)
+                Body(client, number, model, tree)
+                numbers.append(number)
+        yield client, numbers
     finally:
         client.disconnect()
 
@@ -118,11 +121,9 @@ def _loaded(
 def _links(
     client: BulletClient, number: int, model: Model
 ) -> Iterator[tuple[int, str, np.ndarray]]:
-    """Give the links of a body: PyBullet's number, name and pose, shape (7,)."""
-    if number < 0:
-        return
+    """Give the links of the first body: number, name and pose, shape (7,)."""
     poses = dict(zip(model.link_names, model.poses))
-    for index, name in links_of(client, number, model.assembly.description):
+    for index, name in links_of(client, number, model.assembly.description.trees[0]):
         if name in poses:  # the world itself has no shapes
             yield index, name, poses[name]
 
@@ -146,11 +147,13 @@ def _extent(client: BulletClient, number: int, link: int, origin: np.ndarray) ->
     return float(np.linalg.norm(np.abs(corners).max(axis=0)))
 
 
-def _lowest_point(client: BulletClient, number: int) -> float:
-    """Find the height of a body's lowest point in [m]; infinite without shapes."""
-    if number < 0:
-        return math.inf
+def _lowest_point(client: BulletClient, numbers: list[int]) -> float:
+    """Find the height of the lowest point of bodies in [m]; infinite without shapes."""
     plane = client.createCollisionShape(client.GEOM_PLANE)
     floor = client.createMultiBody(0.0, plane, basePosition=[0.0, 0.0, -FAR])
-    points = client.getClosestPoints(number, floor, 2.0 * FAR)
-    return min((point[8] for point in points), default=math.inf) - FAR
+    heights = (
+        point[8]
+        for number in numbers
+        for point in client.getClosestPoints(number, floor, 2.0 * FAR)
+    )
+    return min(heights, default=math.inf) - FAR

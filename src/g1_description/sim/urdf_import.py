@@ -39,13 +39,15 @@ def load_model(
     client: BulletClient,
     model: Model,
     package_folder: Callable[[str], str | None],
+    tree: int = 0,
 ) -> tuple[int, tuple[str, ...]]:
-    """Load a model where it is.
+    """Load a tree of a model where it is.
 
     Args:
         client: PyBullet.
         model: The model.
         package_folder: Gives a package's folder, None if there is no such package.
+        tree: Which of the model's trees.
 
     Returns:
         PyBullet's number for the body, and a clause for each shape left out.
@@ -53,11 +55,11 @@ def load_model(
     Raises:
         DescriptionError: If PyBullet refuses the model or loads something else.
     """
-    description = model.assembly.description
-    text, left_out = prepared_urdf(model.assembly, package_folder)
-    number = _load(client, text, model.root_pose, model.fixed)
+    description, fixed = model.assembly.description.trees[tree], model.trees[tree].fixed
+    text, left_out = prepared_urdf(description, package_folder)
+    number = _load(client, text, model.root_poses[tree], fixed)
     _write_inertias(client, number, description)
-    _check_mass(client, number, description, model.fixed)
+    _check_mass(client, number, description, fixed)
     return number, left_out + _unread_shapes(client, number, description, text)
 
 
@@ -138,7 +140,8 @@ def check_size(description: Description, is_dynamic: bool) -> None:
     Raises:
         DescriptionError: If the model has too many links, joints or shapes.
     """
-    links, joints = len(description.links), len(description.movable_joints)
+    links = len(description.links)
+    joints = max(len(tree.movable_joints) for tree in description.trees)
     if links > MOST_LINKS:
         raise DescriptionError(
             f"Robot '{description.name}' has {links} links that are not fixed to "

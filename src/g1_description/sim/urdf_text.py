@@ -9,8 +9,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from ..core.assembly import WORLD, Assembly
-from ..core.description import Joint, Link, Shape
+from ..core.assembly import WORLD
+from ..core.description import Description, Joint, Link, Shape
 from ..core.errors import LARGEST, DescriptionError
 from ..core.rotation import axes_to_rpy, to_axes
 from .meshes import find_mesh
@@ -20,15 +20,15 @@ LONGEST_NAME = 1000
 
 
 def prepared_urdf(
-    assembly: Assembly, package_folder: Callable[[str], str | None]
+    description: Description, package_folder: Callable[[str], str | None]
 ) -> tuple[str, tuple[str, ...]]:
-    """Write a model so that PyBullet loads what its file means.
+    """Write a tree of bodies so that PyBullet loads what their file means.
 
     PyBullet's links sit where their joint's axis is; a joint whose axis does not
     go through its child's origin moves the child's content instead.
 
     Args:
-        assembly: The model.
+        description: The tree.
         package_folder: Gives a package's folder, None if there is no such package.
 
     Returns:
@@ -37,7 +37,6 @@ def prepared_urdf(
     Raises:
         DescriptionError: If PyBullet would cut a name short.
     """
-    description = assembly.description
     anchors = {joint.child: joint.anchor for joint in description.joints}
     # The robot's own name is not needed, and one of a megabyte ends PyBullet.
     robot = ElementTree.Element("robot", name="robot")

@@ -225,8 +225,10 @@ class World:
         model.set_state(compose(T_world_frame, pose), turned * self.is_dynamic)
         self._engine.write(model)
 
-    def set_root_state(self, model: Model, pose: np.ndarray, twist: np.ndarray) -> None:
-        """Put a model somewhere by its root link; all of it moves as one.
+    def set_root_state(
+        self, model: Model, pose: np.ndarray, twist: np.ndarray, tree: int = 0
+    ) -> None:
+        """Put a tree of a model somewhere by its root link; it moves as one.
 
         Args:
             model: The model.
@@ -234,8 +236,9 @@ class World:
             twist: Velocity of the root link's center of mass and its angular
                 velocity, along the world's axes, shape (6,). Ignored in
                 ``kinematic``.
+            tree: Which of the model's trees.
         """
-        model.set_root_state(pose, twist * self.is_dynamic)
+        model.set_root_state(pose, twist * self.is_dynamic, tree)
         self._engine.write(model)
 
     def set_link_properties(
@@ -280,7 +283,7 @@ class World:
     def reset_models(self) -> None:
         """Put all models where they were spawned, at rest, joints as they are."""
         for model in self.models.values():
-            model.set_state(model.initial_pose, np.zeros(6))
+            model.return_home()
             self._engine.write(model)
 
     def reset(self) -> None:

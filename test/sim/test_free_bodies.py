@@ -1,0 +1,277 @@
+"""What no joint holds moves on its own, and is still part of its model."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from g1_description.core.description import parse_urdf
+from g1_description.core.lumping import lump_fixed_joints
+from g1_description.core.sdf import read_sdf
+from g1_description.core.transform import compose
+from g1_description.sim.standing import hanging_height, standing_height
+
+ONE = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+TILTED = np.array([0.5, -0.2, 2.0, 0.0, 0.6, 0.0, 0.8])
+HIGH = np.array([0.0, 0.0, 50.0, 0.0, 0.0, 0.0, 1.0])
+STILL = np.zeros(6)
+MASS = (
+    '<inertial><mass value="2"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" '
+    'ixz="0" iyz="0"/></inertial>'
+)
+BOX = f'{MASS}<collision><geometry><box size="0.2 0.2 0.2"/></geometry></collision>'
+
+
+def link(name, inside=BOX):
+    return f'<link name="{name}">{inside}</link>'
+
+
+def joint(name, kind, parent, child, xyz="0 0 0", rpy="0 0 0"):
+    return (
+        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/>'
+        f'<child link="{child}"/><origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="0 0 1"/>'
+        '<limit lower="-2" upper="2" effort="9" velocity="9"/></joint>'
+    )
+
+
+def robot(*parts):
+    return f'<robot name="r">{"".join(parts)}</robot>'
+
+
+TWO = robot(
+    link("puck"),
+    link("base"),
+    link("arm"),
+    link("knob"),
+    joint("turn", "revolute", "base", "arm", "1 0 0"),
+    joint("free", "floating", "arm", "puck", "0 1 0", "0 0 1.5707963267948966"),
+    joint("grip", "prismatic", "puck", "knob", "0 0 0.5"),
+)
+"""A puck with a knob that floats above an arm; the file begins with it."""
+
+FLYING = robot(
+    link("world", ""),
+    link("base"),
+    link("arm"),
+    joint("floating_base_joint", "floating", "world", "base", "0 0 1"),
+    joint("turn", "revolute", "base", "arm", "1 0 0"),
+)
+"""As the vendors' files for MuJoCo."""
+
+
+def link_pose(world, name):
+    return world.link_state(name)[0]
+
+
+def test_the_links_stand_in_the_order_of_the_file_where_it_has_them(make_world):
+    world = make_world()
+    world.spawn_urdf("m", TWO, TILTED)
+    assert world.link_names()[1:] == ["m::puck", "m::base", "m::arm", "m::knob"]
+    half = np.sqrt(0.5)
+    expected = {
+        "base": ONE,
+        "arm": [1, 0, 0, 0, 0, 0, 1],
+        "puck": [1, 1, 0, 0, 0, half, half],
+        "knob": [1, 1, 0.5, 0, 0, half, half],
+    }
+    for name, pose in expected.items():
+        found = link_pose(world, f"m::{name}")
+        np.testing.assert_allclose(found, compose(TILTED, np.array(pose)), atol=1e-15)
+    model = world.model("m")
+    assert model.joint_names == ("turn", "grip")
+    assert model.listed_joints == ("turn", "grip")
+
+
+@pytest.mark.parametrize("physics", ["kinematic", "hold", "limp"])
+def test_a_joint_moves_only_what_it_holds(make_world, physics):
+    world = make_world(physics, gravity=(0.0, 0.0, 0.0))
+    world.spawn_urdf("m", TWO, TILTED)
+    before = {name: link_pose(world, name) for name in ("base", "puck")}
+    world.set_joint_positions("m", {"turn": 1.0, "grip": 0.25})
+    for _ in range(20):
+        world.step()
+    for name, pose in before.items():
+        np.testing.assert_allclose(link_pose(world, name), pose, atol=2e-3)
+    knob = world.link_state("knob", "puck")[0]
+    assert knob[2] == pytest.approx(0.75, abs=1e-3)
+    turned = world.link_state("arm", "base")[0]
+    np.testing.assert_allclose(turned[5:], [np.sin(0.5), np.cos(0.5)], atol=1e-3)
+
+
+def test_all_falls_and_what_is_fixed_does_not(make_world):
+    """Free fall: half g t squared, for each tree alike."""
+    world = make_world("limp")
+    world.spawn_urdf("falls", TWO, HIGH)
+    beside = np.array([0.0, 9.0, 50.0, 0.0, 0.0, 0.0, 1.0])
+    world.spawn_urdf("held", TWO, beside, fixed_base=True)
+    world.run(0.5)
+    for name in ("falls::base", "falls::puck", "held::puck"):
+        pose, twist = world.link_state(name)
+        assert pose[2] == pytest.approx(50.0 - 0.5 * 9.8 * 0.25, abs=0.01)
+        assert twist[2] == pytest.approx(-4.9, abs=0.01)
+    assert link_pose(world, "held::base")[2] == 50.0
+
+
+def test_links_of_one_model_pass_through_each_other_and_others_do_not(make_world):
+    world = make_world("limp")
+    ball = link("ball", BOX)
+    above = robot(link("a"), ball, joint("free", "floating", "a", "ball", "0 0 0.5"))
+    at = np.array([0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 1.0])
+    world.spawn_urdf("one", above, at)
+    world.run(1.5)
+    assert link_pose(world, "one::ball")[2] == pytest.approx(0.1, abs=0.01)
+    assert ("ground_plane::link", "one::ball") in world.contacts()
+    assert ("one::a", "one::ball") not in world.contacts()
+
+
+@pytest.mark.parametrize("physics", ["kinematic", "limp"])
+def test_a_model_is_moved_with_all_that_is_free_in_it(make_world, physics):
+    world = make_world(physics, gravity=(0.0, 0.0, 0.0))
+    world.spawn_urdf("m", TWO, ONE)
+    world.set_root_state(world.model("m"), TILTED, STILL, 1)
+    seen = world.link_state("puck", "base")[0]
+    world.put("m", TILTED, np.array([0.1, 0, 0, 0, 0, 0.3]))
+    np.testing.assert_allclose(world.link_state("puck", "base")[0], seen, atol=1e-12)
+    np.testing.assert_allclose(world.model_state("m")[0], TILTED, atol=1e-12)
+    world.step()
+    moved = physics == "limp"
+    for name in ("base", "puck", "knob"):
+        assert world.link_state(name)[1].any() == moved
+
+
+def test_one_free_body_is_set_and_the_others_stay(make_world):
+    world = make_world("limp", gravity=(0.0, 0.0, 0.0))
+    world.spawn_urdf("m", TWO, HIGH)
+    base, model = link_pose(world, "base"), world.model("m")
+    row = model.link_names.index("puck")
+    tree = model.tree_below(row)
+    world.set_root_state(model, TILTED, np.array([0, 0, 1.0, 0, 0, 0]), tree)
+    np.testing.assert_allclose(link_pose(world, "puck"), TILTED, atol=1e-12)
+    np.testing.assert_array_equal(link_pose(world, "base"), base)
+    world.step()
+    assert world.link_state("knob")[1][2] == pytest.approx(1.0, abs=1e-6)
+    np.testing.assert_allclose(link_pose(world, "base"), base, atol=1e-9)
+    assert model.tree_below(model.link_names.index("knob")) is None
+
+
+def test_resets_bring_free_bodies_back_and_the_same_again(make_world):
+    world = make_world("limp")
+    world.spawn_urdf("m", TWO, TILTED)
+    begin = {name: link_pose(world, name) for name in world.link_names()}
+    world.run(0.3)
+    first = world.link_states()
+    world.reset_models()
+    for name in ("m::base", "m::puck"):
+        np.testing.assert_allclose(link_pose(world, name), begin[name], atol=1e-12)
+        assert not world.link_state(name)[1].any()
+    world.reset()
+    for name, pose in begin.items():
+        np.testing.assert_array_equal(link_pose(world, name), pose)
+    world.run(0.3)
+    for again, before in zip(world.link_states(), first):
+        np.testing.assert_array_equal(again, before)
+
+
+def test_pushes_efforts_masses_and_deletion_find_the_right_body(make_world):
+    world = make_world("limp", gravity=(0.0, 0.0, 0.0))
+    world.spawn_urdf("m", TWO, TILTED)
+    model = world.model("m")
+    world._engine.push(model, "knob", np.array([0, 0, 4000.0]), np.zeros(3))
+    world.step()
+    assert world.link_state("puck")[1][:3].any()
+    assert not world.link_state("base")[1].any()
+    world.put("m", TILTED, STILL)
+    world._engine.strain(model, "turn", 1.0)
+    world.step()
+    assert world.link_state("base")[1].any()
+    assert not world.link_state("puck")[1].any()
+    entity = world.entities.link("puck")
+    heavy = replace(entity.link.inertial, mass=9.0)
+    world.set_link_properties(entity, heavy, False)
+    assert world.entities.link("puck").link.inertial.mass == 9.0
+    world.step()
+    bodies = world.client.getNumBodies()
+    world.delete("m")
+    assert world.client.getNumBodies() == bodies - 2
+
+
+def test_below_the_world_the_base_is_free(make_world):
+    world = make_world("limp")
+    world.spawn_urdf("m", FLYING, np.array([0, 0, 20.0, 0, 0, 0, 1]))
+    model = world.model("m")
+    assert model.link_names == ("base", "arm")
+    assert model.listed_joints == ("turn",)
+    assert link_pose(world, "base")[2] == 21.0
+    world.run(0.5)
+    assert link_pose(world, "base")[2] < 20.0
+    np.testing.assert_allclose(world.model_state("m")[0][2] + 1, model.poses[0, 2])
+
+
+def test_what_else_is_fixed_to_the_world_stays_there(make_world):
+    table = link("table") + joint("stands", "fixed", "world", "table", "3 0 0.1")
+    text = FLYING.replace("</robot>", f"{table}</robot>")
+    world = make_world("limp")
+    world.spawn_urdf("m", text, np.array([0, 0, 20.0, 0, 0, 0, 1]))
+    assert world.model("m").link_names == ("base", "arm", "table")
+    world.run(0.2)
+    assert link_pose(world, "table")[2] == 20.1
+    assert link_pose(world, "base")[2] < 20.9
+
+
+def test_the_free_joints_are_told():
+    assert lump_fixed_joints(parse_urdf(TWO)).left_out == (
+        "joint free is floating, puck is free",
+    )
+    planar = TWO.replace("floating", "planar")
+    assert lump_fixed_joints(parse_urdf(planar)).left_out == (
+        "joint free is planar, puck is free",
+    )
+
+
+def test_it_stands_on_the_lowest_and_only_the_base_hangs():
+    low = TWO.replace('xyz="0 1 0"', 'xyz="0 1 -0.4"')
+    assembly = lump_fixed_joints(parse_urdf(low))
+    assert standing_height(assembly, ONE[3:], lambda _: None) == 0.501
+    assert hanging_height(assembly, ONE[3:], lambda _: None) < 2.0
+
+
+SDF = """<sdf version="1.6"><model name="m">
+  <link name="table"><pose>0 0 0.5 0 0 0</pose>
+    <collision name="c"><geometry><box><size>1 1 0.2</size></box></geometry>
+    </collision></link>
+  <link name="ball"><pose>0.3 0 5 0 0 0</pose>
+    <collision name="c"><geometry><sphere><radius>0.1</radius></sphere></geometry>
+    </collision></link>
+  <model name="cup"><pose>-0.3 0 0.75 0 0 0</pose><link name="link">
+    <collision name="c"><geometry><box><size>0.1 0.1 0.1</size></box></geometry>
+    </collision></link></model>
+  JOINT
+</model></sdf>"""
+TO_WORLD = """<joint name="j" type="fixed"><parent>world</parent>
+  <child>table</child></joint>"""
+
+
+def spawned(world, text):
+    (model,) = read_sdf(text).models
+    world.spawn("m", model.assembly, np.array([0.0, 0, 0, 0, 0, 0, 1]))
+    return world
+
+
+def test_sdf_links_that_nothing_joins_are_free(make_world):
+    world = spawned(make_world("limp"), SDF.replace("JOINT", TO_WORLD))
+    assert world.link_names()[1:] == ["m::table", "m::ball", "m::cup::link"]
+    assert link_pose(world, "m::ball")[2] == 5.0
+    world.run(2.0)
+    assert link_pose(world, "m::table")[2] == 0.5
+    # Links of one model pass through each other, those of models inside it do not.
+    assert link_pose(world, "m::ball")[2] == pytest.approx(0.1, abs=0.01)
+    assert link_pose(world, "m::cup::link")[2] == pytest.approx(0.65, abs=0.01)
+
+
+def test_without_a_joint_to_the_world_the_first_is_free_too(make_world):
+    world = spawned(make_world("limp"), SDF.replace("JOINT", ""))
+    assert world.model("m").pose[2] == 0.0
+    world.run(1.0)
+    assert link_pose(world, "m::table")[2] == pytest.approx(0.1, abs=0.01)
+    world.reset()
+    assert link_pose(world, "m::table")[2] == 0.5
