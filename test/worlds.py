@@ -38,7 +38,7 @@ class Bench(World):
         return body
 
     def spawn_urdf(self, name, text, pose, fixed_base=False):
-        assembly = lump_fixed_joints(parse_urdf(text))
+        assembly = lump_fixed_joints(parse_urdf(text), self.is_dynamic)
         return self.spawn(name, assembly, pose, fixed_base)
 
     def put(self, name, pose, twist, frame=""):

@@ -4,7 +4,8 @@ A link on a fixed joint becomes part of the link above it: masses add up by the
 parallel-axis theorem, shapes move along, joints below hang on the link above.
 The names of lumped frames and where they are stay known. A link called "world"
 at the root is the world itself; joints to it are kept, fixed ones too. A link
-without mass on a movable joint vanishes with all that hangs below it. A floating or
+without mass on a movable joint vanishes with all that hangs below it, where things
+move by themselves. A floating or
 planar joint is none: what it carries is free, below "world" as anywhere.
 """
 
@@ -16,6 +17,7 @@ from dataclasses import replace
 import numpy as np
 
 from .assembly import WORLD, Assembly
+from .commands import listed
 from .description import FREE, Description, Inertial, Joint, Link, Shape
 from .rigid import rigid_frames
 from .rotation import to_axes
@@ -23,11 +25,13 @@ from .transform import IDENTITY, compose
 from .tree import below, depth_first
 
 
-def lump_fixed_joints(description: Description) -> Assembly:
+def lump_fixed_joints(description: Description, is_dynamic: bool = True) -> Assembly:
     """Merge each link on a fixed joint into the link above it.
 
     Args:
         description: Any robot.
+        is_dynamic: Whether things move by themselves. Where they do not, nothing needs
+            a mass, and links without one stay.
 
     Returns:
         The robot as Gazebo would simulate it.
@@ -43,9 +47,13 @@ def lump_fixed_joints(description: Description) -> Assembly:
         if frames[joint.child][0] == joint.child
     )
     kept = _with_mass(root, bodies, joints)
+    massless = [name for name in description.link_names if frames[name][0] not in kept]
+    told = [f"link {name} has no mass" for name in massless]
+    if not is_dynamic:
+        kept = set(bodies)
+        told = [_unlike_gazebo(massless)] if massless else []
     held = tuple(j for j in joints if j.child in kept and j.kind not in FREE)
     free = tuple(j for j in joints if j.child in kept and j.kind in FREE)
-    massless = [name for name in description.link_names if frames[name][0] not in kept]
     if root == WORLD and free and not any(joint.parent == WORLD for joint in held):
         root = next(name for name in description.link_names if name in _children(free))
         kept.remove(WORLD)
@@ -60,9 +68,17 @@ def lump_fixed_joints(description: Description) -> Assembly:
         root_poses=_root_poses(description.root, joints, robot.roots),
         frames={link: frame for link, frame in frames.items() if frame[0] in kept},
         left_out=(
-            *(f"link {name} has no mass" for name in massless),
+            *told,
             *(f"joint {j.name} is {j.kind}, {j.child} is free" for j in free),
         ),
+    )
+
+
+def _unlike_gazebo(massless: list[str]) -> str:
+    """Say which links are there though Gazebo would leave them out."""
+    return (
+        f"{listed(massless)} have no mass or hang on what has none, Gazebo would leave "
+        "them out"
     )
 
 

@@ -163,17 +163,16 @@ class LinkServices(Services):
             response.status_message = f"GetLinkProperties: {LINK_NOT_FOUND}"
             return response
         response.com = pose_from_array(IDENTITY)
-        link = entity.link
+        link, clause = entity.link, ""
         if not entity.model.assembly.static:
-            inertial, center = link.inertial, response.com.position
             response.gravity_mode = link.has_gravity
-            response.mass = inertial.mass
-            center.x, center.y, center.z = inertial.center_of_mass.tolist()
-            response.ixx, response.ixy, response.ixz = inertial.inertia[0].tolist()
-            response.iyy, response.iyz = inertial.inertia[1, 1:].tolist()
-            response.izz = float(inertial.inertia[2, 2])
+            if link.inertial is None:
+                clause = "its mass is not known"
+            else:
+                _tell_inertial(response, link.inertial)
         response.success = True
-        response.status_message = "GetLinkProperties: got properties"
+        words = "GetLinkProperties: got properties"
+        response.status_message = self._wording.say(words, [clause])
         return response
 
     def set_properties(self, request):
@@ -239,6 +238,16 @@ class LinkServices(Services):
         """Stop pushing a link; only its scoped name is known here."""
         self._world.jobs.clear_wrenches(request.body_name)
         return BodyRequestResponse()
+
+
+def _tell_inertial(response, inertial: Inertial) -> None:
+    """Write mass properties into a response."""
+    center = response.com.position
+    response.mass = inertial.mass
+    center.x, center.y, center.z = inertial.center_of_mass.tolist()
+    response.ixx, response.ixy, response.ixz = inertial.inertia[0].tolist()
+    response.iyy, response.iyz = inertial.inertia[1, 1:].tolist()
+    response.izz = float(inertial.inertia[2, 2])
 
 
 def _inertial(request) -> Inertial:

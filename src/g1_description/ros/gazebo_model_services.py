@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, replace
+from functools import partial
 
 import rospy
 from gazebo_msgs.msg import ModelState
@@ -91,9 +92,11 @@ class ModelServices(Services):
 
     def spawn_table(self):
         """List the services that read a file first: ... and what reads it."""
+        dynamic = self._world.is_dynamic
+        urdf, sdf = partial(prepare_urdf, dynamic), partial(prepare_sdf, dynamic)
         return (
-            ("spawn_urdf_model", SpawnModel, self.spawn, prepare_urdf),
-            ("spawn_sdf_model", SpawnModel, self.spawn, prepare_sdf),
+            ("spawn_urdf_model", SpawnModel, self.spawn, urdf),
+            ("spawn_sdf_model", SpawnModel, self.spawn, sdf),
         )
 
     def spawn(self, prepared: Prepared):
@@ -250,22 +253,22 @@ class ModelServices(Services):
         return True, self._wording.say(words, [clause])
 
 
-def prepare_urdf(request) -> Prepared:
+def prepare_urdf(is_dynamic: bool, request) -> Prepared:
     """Read a robot; in the caller's thread, time runs on meanwhile."""
     try:
-        return Prepared(request, _read_urdf(request.model_xml))
+        return Prepared(request, _read_urdf(request.model_xml, is_dynamic))
     except DescriptionError as error:
         return Prepared(request, refusal=(f"SpawnModel: Failure - {error}",))
 
 
-def prepare_sdf(request) -> Prepared:
+def prepare_sdf(is_dynamic: bool, request) -> Prepared:
     """Read a model, a light or a robot; in the caller's thread."""
     try:
         tag = parse_xml("model", request.model_xml).tag
     except DescriptionError as error:
         return Prepared(request, refusal=(NOT_A_MODEL, str(error)))
     if tag == "robot":
-        return prepare_urdf(request)
+        return prepare_urdf(is_dynamic, request)
     if tag != "sdf":
         return Prepared(request, refusal=(NOT_A_MODEL, f"it is a <{tag}>"))
     try:
@@ -275,9 +278,9 @@ def prepare_sdf(request) -> Prepared:
     return Prepared(request, content)
 
 
-def _read_urdf(text: str) -> SdfModel:
+def _read_urdf(text: str, is_dynamic: bool) -> SdfModel:
     """Read a robot as if it had come as SDF."""
-    assembly: Assembly = lump_fixed_joints(parse_urdf(text))
+    assembly: Assembly = lump_fixed_joints(parse_urdf(text), is_dynamic)
     return SdfModel(assembly.description.name, IDENTITY, assembly)
 
 

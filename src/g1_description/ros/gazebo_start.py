@@ -74,7 +74,8 @@ def spawn_robot(world: World, parameters: GazeboParameters) -> None:
     p = parameters
     if not p.robot_description:
         return
-    assembly, pose = place_robot(p, hangs=p.fixed_base and world.is_dynamic)
+    dynamic = world.is_dynamic
+    assembly, pose = place_robot(p, p.fixed_base and dynamic, dynamic)
     for clause in world.spawn(p.model_name, assembly, pose, p.fixed_base):
         rospy.logwarn("%s: %s", p.model_name, clause)
     robot = assembly.description

@@ -20,13 +20,14 @@ from .pose_files import read_poses
 
 
 def place_robot(
-    parameters: SpawnParameters, hangs: bool = False
+    parameters: SpawnParameters, hangs: bool = False, is_dynamic: bool = True
 ) -> tuple[Assembly, np.ndarray]:
     """Read a robot and find where it begins.
 
     Args:
         parameters: Which robot, where and in which pose.
         hangs: Whether it is put clear of the floor where it would be put on it.
+        is_dynamic: Whether things move by themselves where it is put.
 
     Returns:
         The robot, its joints where the pose has them, and the pose of its model
@@ -42,7 +43,7 @@ def place_robot(
             f"There is no robot on the parameter {p.robot_description}."
         )
     description = parse_urdf(urdf)
-    assembly = lump_fixed_joints(description)
+    assembly = lump_fixed_joints(description, is_dynamic)
     if p.initial_pose != ZERO:
         pose = find_pose(p.initial_pose, read_poses())
         check_pose(pose, description)

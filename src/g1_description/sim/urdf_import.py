@@ -174,15 +174,17 @@ def _check_mass(
     Raises:
         DescriptionError: If the masses differ by more than a gram.
     """
-    first = 0 if fixed else ROOT
+    masses = {
+        link.name: link.inertial.mass
+        for link in description.links
+        if link.inertial and not (fixed and link.name == description.root)
+    }
     loaded = sum(
-        client.getDynamicsInfo(body, link)[0]
-        for link in range(first, client.getNumJoints(body))
+        client.getDynamicsInfo(body, index)[0]
+        for index, name in links_of(client, body, description)
+        if name in masses
     )
-    root = next(link for link in description.links if link.name == description.root)
-    expected = description.mass
-    if fixed and root.inertial is not None:
-        expected -= root.inertial.mass
+    expected = sum(masses.values())
     if abs(loaded - expected) > MASS_TOLERANCE:
         raise DescriptionError(
             f"Robot '{description.name}' weighs {expected:.3f} kg by its file, "

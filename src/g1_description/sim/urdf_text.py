@@ -10,10 +10,14 @@ from xml.etree import ElementTree
 import numpy as np
 
 from ..core.assembly import WORLD
-from ..core.description import Description, Joint, Link, Shape
+from ..core.description import Description, Inertial, Joint, Link, Shape
 from ..core.errors import LARGEST, DescriptionError
 from ..core.rotation import axes_to_rpy, to_axes
 from .meshes import find_mesh
+
+UNKNOWN = Inertial(1.0, np.zeros(3), np.eye(3))
+"""In the place of mass properties that a file does not give. Nothing moves by itself
+where there are such links; without a mass PyBullet finds no contacts."""
 
 LONGEST_NAME = 1000
 """PyBullet cuts names at 1023 bytes."""
@@ -84,13 +88,12 @@ def _write_inertial(
     element: ElementTree.Element, link: Link, anchor: np.ndarray
 ) -> None:
     """Add a link's inertial, seen from the anchor of its joint."""
-    if link.inertial is None:
-        raise DescriptionError(f"Link {link.name} has no mass.")
+    given = link.inertial or UNKNOWN
     # PyBullet reads only round bodies without a warning; it is given the moments later.
-    moments, axes = principal_axes(link.inertial.inertia)
+    moments, axes = principal_axes(given.inertia)
     inertial = ElementTree.SubElement(element, "inertial")
-    _write_origin(inertial, link.inertial.center_of_mass - anchor, axes)
-    ElementTree.SubElement(inertial, "mass", value=repr(link.inertial.mass))
+    _write_origin(inertial, given.center_of_mass - anchor, axes)
+    ElementTree.SubElement(inertial, "mass", value=repr(given.mass))
     zero = dict.fromkeys(("ixy", "ixz", "iyz"), "0")
     largest = repr(float(moments.max()))
     diagonal = dict.fromkeys(("ixx", "iyy", "izz"), largest)

@@ -1,0 +1,73 @@
+"""Where nothing moves by itself nothing needs a mass."""
+
+import numpy as np
+import pytest
+
+from g1_description.core.description import parse_urdf
+from g1_description.core.lumping import lump_fixed_joints
+
+HIGH = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])
+BOX = '<collision><geometry><box size="0.2 0.2 0.2"/></geometry></collision>'
+MASS = (
+    '<inertial><mass value="2"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" '
+    'ixz="0" iyz="0"/></inertial>'
+)
+LIMIT = '<axis xyz="0 0 1"/><limit lower="-2" upper="2" effort="9" velocity="9"/>'
+
+
+def arm(root="", middle="", tip=""):
+    """A root, a middle and a tip, 1 m apart, with a wart fixed to the tip."""
+    links = {"root": root, "middle": middle, "tip": tip, "wart": ""}
+    bodies = "".join(f'<link name="{n}">{inside}</link>' for n, inside in links.items())
+    ways = [("a", "revolute"), ("b", "revolute"), ("c", "fixed")]
+    joints = "".join(
+        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/>'
+        f'<child link="{child}"/><origin xyz="1 0 0"/>{LIMIT}</joint>'
+        for (name, kind), parent, child in zip(ways, links, [*links][1:])
+    )
+    return f'<robot name="r">{bodies}{joints}</robot>'
+
+
+@pytest.mark.parametrize("inside", [{}, {"middle": MASS}, {"root": MASS, "tip": MASS}])
+def test_links_without_mass_are_there_and_move(make_world, inside):
+    world = make_world()
+    world.spawn_urdf("m", arm(**inside), HIGH)
+    assert world.model("m").link_names == ("root", "middle", "tip")
+    report = world.set_joint_positions("m", {"a": 0.5 * np.pi, "b": 0.5})
+    assert not report.unknown
+    tip = world.link_state("tip")[0]
+    np.testing.assert_allclose(tip[:3], [1, 1, 1], atol=1e-12)
+    world.put("m", HIGH + np.eye(7)[0], np.zeros(6))
+    np.testing.assert_allclose(world.link_state("tip")[0][:3], [2, 1, 1], atol=1e-12)
+    world.reset()
+    np.testing.assert_allclose(world.link_state("tip")[0][:3], [2, 0, 1], atol=1e-12)
+
+
+def test_one_warning_names_what_gazebo_would_leave_out(make_world):
+    told = make_world().spawn_urdf("m", arm(root=MASS, tip=MASS), HIGH)
+    assert told == (
+        "middle, tip, wart have no mass or hang on what has none, Gazebo would leave "
+        "them out",
+    )
+    assert make_world().spawn_urdf("m", arm(MASS, MASS, MASS), HIGH) == ()
+
+
+@pytest.mark.parametrize("physics", ["hold", "limp"])
+def test_where_things_move_they_vanish_as_in_gazebo(make_world, physics):
+    world = make_world(physics)
+    world.spawn_urdf("m", arm(root=MASS, tip=MASS), HIGH)
+    assert world.model("m").link_names == ("root",)
+    world.spawn_urdf("none", arm(), HIGH)
+    assert world.model("none").link_names == ()
+
+
+def test_contacts_of_what_has_no_mass_are_found(make_world):
+    world = make_world()
+    world.spawn_urdf("m", arm(middle=BOX), HIGH * [1, 1, 0, 1, 1, 1, 1])
+    assert world.contacts() == {("ground_plane::link", "m::middle")}
+
+
+def test_an_unknown_mass_stays_unknown():
+    lumped = lump_fixed_joints(parse_urdf(arm()), is_dynamic=False)
+    assert all(link.inertial is None for link in lumped.description.links)
+    assert lumped.description.mass == 0
