@@ -1,4 +1,6 @@
-"""Where nothing moves by itself nothing needs a mass."""
+"""Where nothing moves by itself nothing needs a mass, and all begins within limits."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -71,3 +73,31 @@ def test_an_unknown_mass_stays_unknown():
     lumped = lump_fixed_joints(parse_urdf(arm()), is_dynamic=False)
     assert all(link.inertial is None for link in lumped.description.links)
     assert lumped.description.mass == 0
+
+
+CALF = arm(MASS, MASS, MASS).replace('lower="-2" upper="2"', 'lower="-2" upper="-0.5"')
+
+
+def test_joints_that_cannot_be_at_zero_begin_inside_their_limits(make_world):
+    world = make_world()
+    told = world.spawn_urdf("m", CALF, HIGH)
+    assert told == ("joints that cannot be at zero begin: a at -0.5, b at -0.5",)
+    begin = [-0.5, -0.5]
+    np.testing.assert_array_equal(world.model("m").position, begin)
+    world.set_joint_positions("m", {"a": -1.0})
+    world.reset()
+    np.testing.assert_array_equal(world.model("m").position, begin)
+
+
+def test_a_pose_that_is_asked_for_wins(make_world):
+    world = make_world()
+    assembly = lump_fixed_joints(parse_urdf(CALF))
+    world.spawn("m", replace(assembly, positions={"a": -1.0}), HIGH)
+    np.testing.assert_array_equal(world.model("m").position, [-1.0, -0.5])
+
+
+@pytest.mark.parametrize("physics", ["hold", "limp"])
+def test_where_things_move_joints_begin_at_zero_as_in_gazebo(make_world, physics):
+    world = make_world(physics)
+    assert world.spawn_urdf("m", CALF, HIGH) == ()
+    np.testing.assert_array_equal(world.model("m").position, [0.0, 0.0])

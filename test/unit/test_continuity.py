@@ -76,9 +76,22 @@ def test_a_little_beyond_its_stop_a_narrow_joint_is_known_at_once(lower, upper):
 
 @pytest.mark.parametrize(
     ("lower", "upper", "position"),
-    [(0, 4, 3.9), (-4, 4, -3.0), (2, 9, 8.6), (-HALF, HALF, -3.1), (-6.5, 5, -3.8)],
+    [
+        (0, 4, 3.9),
+        (-4, 4, -3.0),
+        (2, 9, 8.6 - TURN),
+        (-HALF, HALF, -3.1),
+        (-6.5, 5, TURN - 3.8),
+        (0, 6.8, 0.0),
+        (0, 6.8, -1e-9),
+        (0, 6.8, 6.2),
+        (-0.5, 89, 0.0),
+        (-89, 0.5, -5.5),
+        (20, 40, 21.0),
+        (-40, -20, -21.0),
+    ],
 )
-def test_the_first_guess_is_the_turn_nearest_the_middle_of_the_limits(
+def test_the_first_guess_is_the_turn_inside_the_limits_that_is_nearest_zero(
     lower, upper, position
 ):
     assert Watched(lower, upper).at(position) == pytest.approx(position, abs=1e-9)

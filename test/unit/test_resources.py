@@ -78,6 +78,24 @@ def test_a_package_can_be_the_folder_around_the_file(tmp_path):
     assert 'filename="package://robot/y.stl"' in text
 
 
+def test_a_package_around_the_file_is_known_by_the_name_in_its_manifest(tmp_path):
+    """A clone's folder has any name; of two packages the nearer one counts."""
+    outer, inner = tmp_path / "b1-main", tmp_path / "b1-main" / "robots" / "v2"
+    (inner / "urdf").mkdir(parents=True)
+    for folder in (outer, inner):
+        manifest = "<package><name> b1_description </name></package>"
+        (folder / "package.xml").write_text(manifest)
+        (folder / "x.stl").write_text("solid")
+    (outer / "y.stl").write_text("solid")
+    uri = "package://b1_description/x.stl"
+    text = with_absolute_uris(mesh(uri), inner / "urdf")
+    assert f'filename="file://{inner}/x.stl"' in text
+    text = with_absolute_uris(mesh(uri), outer / "robots")
+    assert f'filename="file://{outer}/x.stl"' in text
+    (outer / "package.xml").write_text("<package><name>broken")
+    assert uri in with_absolute_uris(mesh(uri), outer / "robots")
+
+
 def test_a_package_that_has_the_file_is_believed(tmp_path):
     folder = tmp_path / "robot"
     folder.mkdir()

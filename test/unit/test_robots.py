@@ -62,8 +62,8 @@ def random_poses(random, furthest):
 def random_positions(text, random):
     """Draw positions inside the limits for each joint that has a single one.
 
-    Where the limits do not tell one turn from the next the joint walks, from the
-    middle of its limits: any turn but the first guess is reached by continuity.
+    Where the limits do not tell one turn from the next the joint walks, from the turn
+    nearest zero: any turn but the first guess is reached by continuity.
     """
     drawn = {}
     for joint in ET.fromstring(text).findall("joint"):
@@ -80,7 +80,7 @@ def random_positions(text, random):
             values[:2] = lower, upper
         else:
             values = np.zeros(N)
-            value = 0.0 if kind == "continuous" else 0.5 * (lower + upper)
+            value = np.clip(0.0, lower + np.pi, upper - np.pi)
             for row, step in enumerate(random.uniform(-STEP, STEP, N)):
                 value = values[row] = np.clip(value + step, lower, upper)
         drawn[joint.get("name")] = values

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from .commands import listed
 from .description import FREE, Description, Link
 from .transform import IDENTITY
 
@@ -60,7 +61,7 @@ class Assembly:
     another, with the body that holds it and its pose in that body, shape (7,)."""
 
     left_out: tuple[str, ...] = ()
-    """A clause for each thing in the file that is not simulated."""
+    """A clause for each thing in the file that is not simulated, or not as it is."""
 
     @property
     def root_pose(self) -> np.ndarray:
@@ -74,6 +75,27 @@ class Assembly:
         if self.description.root != WORLD:
             return names
         return tuple(name for name in names if name != WORLD)
+
+    def inside_limits(self) -> Assembly:
+        """Give the same with all joints beginning inside their limits.
+
+        One that cannot be at zero, and begins nowhere else, begins at the limit that is
+        nearest.
+        """
+        moved = {
+            joint.name: float(np.clip(0.0, joint.lower, joint.upper))
+            for joint in self.description.movable_joints
+            if joint.name not in self.positions
+            and not joint.lower <= 0.0 <= joint.upper
+        }
+        if not moved:
+            return self
+        begin = listed(f"{name} at {value:g}" for name, value in moved.items())
+        return replace(
+            self,
+            positions={**self.positions, **moved},
+            left_out=(*self.left_out, f"joints that cannot be at zero begin: {begin}"),
+        )
 
     def with_link(self, link: Link) -> Assembly:
         """Give the same with one link in the place of that of its name."""

@@ -17,6 +17,9 @@ from .transform import compose, inverse
 OVERSHOOT = 0.1
 """How far physics may push a joint beyond its stop, in [rad]."""
 
+BLUR = 1e-4
+"""How exactly a simulator keeps to stops and tells poses, in [rad]."""
+
 
 @dataclass(frozen=True)
 class MeasuredJoints:
@@ -50,8 +53,8 @@ class MeasuredJoints:
     """Limits in [rad] or [m], infinite for continuous joints, shape (n_joints,)."""
 
     middle: np.ndarray
-    """Position whose turn is the first guess: the middle of the limits, 0 for
-    continuous joints, shape (n_joints,)."""
+    """The middle of the turn that is the first guess, the one inside the limits and
+    nearest zero, shape (n_joints,)."""
 
     goes_on: np.ndarray
     """True where the limits do not tell one turn from the next, so that a position
@@ -139,6 +142,12 @@ def measured_joints(
 
 
 def _middle(joint: Joint) -> float:
-    """Find the middle of a joint's limits; zero where there are none."""
-    bounded = np.isfinite(joint.lower) and np.isfinite(joint.upper)
-    return 0.5 * (joint.lower + joint.upper) if bounded else 0.0
+    """Find the middle of a turn inside a joint's limits, as near zero as can be.
+
+    The middle of the limits where they are no whole turn apart.
+    """
+    if joint.upper - joint.lower < 2.0 * np.pi:
+        return 0.5 * (joint.lower + joint.upper)
+    # A joint at its stop is not a turn further.
+    first, last = joint.lower + np.pi - BLUR, joint.upper - np.pi + BLUR
+    return float(np.clip(0.0, first, last))

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .joints import OVERSHOOT, MeasuredJoints
+from .joints import BLUR, OVERSHOOT, MeasuredJoints
 from .rotation import conjugate, cross, multiply, rotate
 
 TURN = 2.0 * np.pi
@@ -19,9 +19,6 @@ ROUNDING = 1e-14
 """What is less, in [rad] or [rad/s], is rounding: zero. Joints of the G1 that stand at
 zero are measured within 1e-15 of it, whatever its base and its other joints do. A way
 along an axis is as exact as where the links are: so much of their distance, in [m]."""
-
-BLUR = 1e-4
-"""How exactly a simulator keeps to stops and tells poses, in [rad]."""
 
 
 class Before(NamedTuple):

@@ -83,7 +83,7 @@ def find_file(
     """Find the file that a URDF names.
 
     A package that is unknown, or has no such file, can be around the URDF file: a
-    vendor's folder that bears the package's name.
+    folder whose package.xml, or whose own name, bears the package's name.
 
     Args:
         name: As written in the URDF.
@@ -97,9 +97,27 @@ def find_file(
         return None
     if not scheme_of(name):
         return local_path(_absolute_uri(name, folder), package_folder)
-    around = {place.name: str(place) for place in reversed(folder.resolve().parents)}
-    around[folder.resolve().name] = str(folder.resolve())
-    return local_path(name, package_folder) or local_path(name, around.get)
+    return local_path(name, package_folder) or local_path(name, _around(folder).get)
+
+
+def _around(folder: Path) -> dict[str, str]:
+    """List a folder and those around it by their names; of equal ones the nearest."""
+    folder = folder.resolve()
+    around: dict[str, str] = {}
+    for place in (folder, *folder.parents):
+        for name in (package_name(place / "package.xml"), place.name):
+            if name:
+                around.setdefault(name, str(place))
+    return around
+
+
+def package_name(manifest: Path) -> str | None:
+    """Read a package's name; None where there is no package."""
+    try:
+        name = ElementTree.parse(manifest).findtext("name")
+    except (OSError, ElementTree.ParseError):
+        return None
+    return name.strip() if name else None
 
 
 def local_path(uri: str, package_folder: Callable[[str], str | None]) -> Path | None:

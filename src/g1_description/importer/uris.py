@@ -5,9 +5,9 @@ from __future__ import annotations
 import os
 import re
 from pathlib import Path
-from xml.etree import ElementTree
 
 from ..core.model_files import find_folder
+from ..core.resources import package_name
 
 
 def mesh_prefix(folder: Path) -> tuple[str, str]:
@@ -20,7 +20,7 @@ def mesh_prefix(folder: Path) -> tuple[str, str]:
         What stands before a mesh's name, and a sentence about it.
     """
     for place in (folder, *folder.parents):
-        package = _package_name(place / "package.xml")
+        package = package_name(place / "package.xml")
         if package is None:
             continue
         inside = folder.relative_to(place)
@@ -38,12 +38,3 @@ def mesh_prefix(folder: Path) -> tuple[str, str]:
         "Meshes are named relative to the URDF file (`../meshes/...`), as ROS finds no "
         "package around it; `model:=` of the launch files makes these names absolute."
     )
-
-
-def _package_name(manifest: Path) -> str | None:
-    """Read a package's name; None where there is no package."""
-    try:
-        name = ElementTree.parse(manifest).findtext("name")
-    except (OSError, ElementTree.ParseError):
-        return None
-    return name.strip() if name else None

@@ -50,6 +50,8 @@ def place_robot(
         names = (joint.name for joint in description.movable_joints)
         begin = pose_positions(pose, description).tolist()
         assembly = replace(assembly, positions=dict(zip(names, begin)))
+    elif not is_dynamic:
+        assembly = assembly.inside_limits()
     rotation = from_rpy(np.array([p.roll, p.pitch, p.yaw]))
     height = hanging_height if hangs else standing_height
     z = height(assembly, rotation, find_folder) if p.on_floor else p.z

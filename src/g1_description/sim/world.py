@@ -104,7 +104,8 @@ class World:
                 ``limp``.
 
         Returns:
-            A clause for each thing in the file that was left out.
+            A clause for each thing in the file that was left out, and for joints that
+            do not begin at zero.
 
         Raises:
             DescriptionError: If the model cannot be loaded; the world stays as it
@@ -113,6 +114,8 @@ class World:
         if name in self.models:
             raise DescriptionError(f"A model called '{name}' is already there.")
         check_size(assembly.description, self.is_dynamic)
+        if not self.is_dynamic:
+            assembly = assembly.inside_limits()
         model = Model(name, assembly, pose, fixed_base and self.is_dynamic)
         left_out = self._engine.add(model)
         self.models[name] = model
