@@ -5,8 +5,11 @@ import sys
 
 import pytest
 
+from g1_description.core.absolute_urdf import absolute_urdf
+from g1_description.core.description import parse_urdf
 from g1_description.core.errors import DescriptionError
 from g1_description.core.model_text import read_model
+from g1_description.importer.robot import open_robot
 from g1_description.ros import launched_robot
 
 ROBOT = '<robot name="r"><link name="a"/></robot>'
@@ -46,6 +49,28 @@ def test_a_path_is_read(write, name):
 
 def test_a_byte_order_mark_does_no_harm(write):
     assert read_model(str(write("r.urdf", "\ufeff" + ROBOT))).text == ROBOT
+
+
+DECLARATION = '<?xml version="1.0" encoding="utf-8"?>'
+
+
+@pytest.mark.parametrize(
+    "before",
+    ["\n", "  \t\r\n", "<!-- by hand -->\n", "\n<!-- a --><!-- <b/> -->", "\ufeff\n"],
+)
+def test_what_stands_before_the_declaration_does_no_harm(write, before):
+    file = write("r.urdf", before + DECLARATION + "\n" + ROBOT)
+    assert read_model(str(file)).description.name == "r"
+    text = absolute_urdf(str(file))
+    assert parse_urdf(text).link_names == ("a",)
+    assert open_robot(read_model(str(file))).root.get("name") == "r"
+
+
+def test_a_line_is_counted_from_the_first_one_of_the_file(write):
+    told = refusal(write("r.urdf", f"\n{DECLARATION}\n<robot>\n<link>\n</robot>"))
+    assert "line 5" in told
+    assert "not XML" in refusal(write("s.urdf", "<!-- -->" * 100_000))
+    assert "not XML" in refusal(write("t.urdf", "<!-- " * 100_000))
 
 
 def test_uris_are_read(write, tmp_path, monkeypatch):

@@ -419,6 +419,12 @@ def test_models_inside_of_a_model_become_part_of_it():
     np.testing.assert_allclose(poses[:, :3], expected, atol=1e-12)
 
 
+@pytest.mark.parametrize("before", ["\n", "<!-- by hand -->\n", "\ufeff <!-- a -->"])
+def test_what_stands_before_the_declaration_does_no_harm(before):
+    text = before + '<?xml version="1.0"?>\n' + sdf(model(link()))
+    assert [read.name for read in read_sdf(text).models] == ["m"]
+
+
 def test_a_joint_and_a_link_may_have_the_same_name():
     """Old files do it, and Gazebo reads them."""
     inside = A_B + joint(name="b", inside="<pose>0 1 0 0 0 0</pose>")

@@ -7,9 +7,10 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 from urllib.parse import quote, unquote
-from xml.etree import ElementTree
 
-from .errors import DescriptionError
+from lxml import etree
+
+from .xml import parse_xml
 
 _HAS_SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*://")
 
@@ -52,16 +53,12 @@ def with_absolute_uris(
     Raises:
         DescriptionError: If the text is not XML.
     """
-    parser = ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))
-    try:
-        root = ElementTree.fromstring(text, parser=parser)
-    except ElementTree.ParseError as error:
-        raise DescriptionError(f"The robot description is not XML: {error}.") from error
+    root = parse_xml("robot description", text, keep_comments=True)
     if name is not None:
         root.set("name", root.get("name", name))
-    for element in root.iter():
+    for element in root.iter("mesh", "texture"):
         file = element.get("filename", "")
-        if element.tag not in ("mesh", "texture") or not file:
+        if not file:
             continue
         if not scheme_of(file):
             element.set("filename", _absolute_uri(file, folder))
@@ -69,7 +66,7 @@ def with_absolute_uris(
             path = find_file(file, folder, package_folder)
             if path is not None:
                 element.set("filename", "file://" + quote(str(path)))
-    return ElementTree.tostring(root, encoding="unicode")
+    return etree.tostring(root, encoding="unicode")
 
 
 def _absolute_uri(name: str, folder: Path) -> str:

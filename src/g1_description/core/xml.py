@@ -1,28 +1,36 @@
 """XML from outside, read so that it can do no harm.
 
 Nothing is fetched, no file is opened for an entity, and a document that declares
-entities is refused: what it means could be a thousand times its length.
+entities is refused: what it means could be a thousand times its length. What stands
+before the XML declaration is passed over, as TinyXML does it in Gazebo and RViz.
 """
 
 from __future__ import annotations
 
 import copy
+import re
 from collections.abc import Callable
 
 from lxml import etree
 
 from .errors import DescriptionError
 
+_DECLARATION = re.compile(
+    r"((?:\s|\ufeff|<!--(?:(?!-->).)*-->)*)<\?xml\s(?:(?!\?>).)*\?>", re.DOTALL
+)
+"""The XML declaration, and the blanks and comments before it."""
 
-def parse_xml(what: str, text: str) -> etree._Element:
+
+def parse_xml(what: str, text: str, keep_comments: bool = False) -> etree._Element:
     """Read a document.
 
     Args:
         what: What it should be, for the sentences: "robot description".
-        text: XML; a declared encoding is passed over, the text is text already.
+        text: XML; its declaration is passed over, the text is text already.
+        keep_comments: Whether comments and processing instructions stay.
 
     Returns:
-        The root element, without comments and processing instructions.
+        The root element.
 
     Raises:
         DescriptionError: If it is not XML, or declares entities.
@@ -32,12 +40,15 @@ def parse_xml(what: str, text: str) -> etree._Element:
         no_network=True,
         load_dtd=False,
         huge_tree=False,
-        remove_comments=True,
-        remove_pis=True,
+        remove_comments=not keep_comments,
+        remove_pis=not keep_comments,
         encoding="utf-8",
     )
+    declaration = _DECLARATION.match(text)
+    if declaration:
+        text = declaration[1] + text[declaration.end() :]
     try:
-        root = etree.fromstring(text.encode("utf-8"), parser)
+        root = etree.fromstring(text.lstrip("\ufeff").encode("utf-8"), parser)
     # A reader's ParseError is a SyntaxError, a character that is none a ValueError.
     except (SyntaxError, ValueError) as error:
         # The text of a ParseError repeats the line, behind the name of no file.

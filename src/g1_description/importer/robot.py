@@ -11,6 +11,7 @@ from ..core.description import Description
 from ..core.model_files import find_folder
 from ..core.model_text import ModelText
 from ..core.resources import FINDABLE, find_file, scheme_of
+from ..core.xml import parse_xml
 
 
 @dataclass
@@ -85,8 +86,7 @@ def open_robot(model: ModelText) -> Robot:
     Returns:
         The robot, unchanged.
     """
-    parser = etree.XMLParser(resolve_entities=False, no_network=True, encoding="utf-8")
-    root = etree.fromstring(model.text.encode("utf-8"), parser)
+    root = parse_xml("robot description", model.text, keep_comments=True)
     folder = model.path.parent
     references = []
     for element in root.iter("mesh", "texture"):

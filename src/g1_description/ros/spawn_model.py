@@ -15,7 +15,6 @@ import re
 import sys
 import time
 from pathlib import Path
-from xml.etree import ElementTree
 
 import numpy as np
 import rospy
@@ -31,6 +30,7 @@ from ..core.command_line import OneSentenceParser, number
 from ..core.errors import DescriptionError
 from ..core.model_files import MODEL_PATH, listed_folders
 from ..core.rotation import from_rpy
+from ..core.xml import parse_xml
 from .command_line import own_arguments
 from .messages import pose_from_array
 from .shutdown import start_node
@@ -108,12 +108,7 @@ def read_text(asked: argparse.Namespace) -> str:
         place, text = f"file {path}", _read_file(path)
     if not text or not isinstance(text, str):
         raise DescriptionError(f"There is no text on the {place}.")
-    try:
-        ElementTree.fromstring(text)
-    except ElementTree.ParseError as error:
-        raise DescriptionError(
-            f"The text of the {place} is not XML: {error}."
-        ) from error
+    parse_xml(f"text of the {place}", text)
     return package_to_model(text) if asked.package_to_model else text
 
 
