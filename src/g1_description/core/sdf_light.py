@@ -81,5 +81,5 @@ def _color(
 ) -> tuple[float, ...]:
     """Read a color: red, green, blue and perhaps alpha, which else is 1."""
     text, what = text_of(light, tag), f"{tag} of light {name_of(light)}"
-    values = numbers(what, text, [3, 4]) if text else default
+    values = numbers(what, text, 4, least=3) if text else default
     return tuple(checked(f"the {what}", [*values, 1.0][:4]).tolist())

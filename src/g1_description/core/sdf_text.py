@@ -1,11 +1,13 @@
 """Numbers, flags, names and poses out of the elements of an SDF document.
 
-Whatever is missing or empty has SDF's default; whatever is wrong is refused with
-the place where it stands.
+Whatever is missing or empty has SDF's default; numbers are read as C++'s streams
+do it, which libsdformat uses; whatever is wrong is refused with the place where it
+stands.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -17,6 +19,11 @@ from .rotation import from_rpy
 from .transform import IDENTITY
 
 _FLAGS = {"true": True, "1": True, "false": False, "0": False}
+_NUMBER = re.compile(
+    r"\s*(?!0x)[+-]?(?:(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?|inf(?:inity)?|nan)",
+    re.ASCII | re.IGNORECASE,
+)
+_POSE = 6
 
 
 def name_of(element: etree._Element) -> str:
@@ -57,29 +64,70 @@ def flag(parent: etree._Element, tag: str, default: bool, owner: str) -> bool:
     return _FLAGS.get(text, default)
 
 
-def numbers(what: str, text: str, counts: Sequence[int]) -> list[float]:
+def numbers(what: str, text: str, count: int, least: int = 1) -> list[float]:
     """Read some numbers, which may still be NaN or infinite.
 
     Args:
         what: What they are, for the sentences.
-        text: Numbers with white space between them.
-        counts: How many there may be.
+        text: Numbers with white space between them; what follows the last one that
+            is needed is passed over, such as a unit.
+        count: How many are needed.
+        least: How many there must be.
 
     Raises:
-        DescriptionError: If they are too many, too few, or no numbers.
+        DescriptionError: If they are too few, or no numbers.
     """
-    try:
-        values = [float(part.replace("_", "?")) for part in text.split()]
-    except ValueError as error:
+    values: list[float] = []
+    end = 0
+    while len(values) < count:
+        found = _NUMBER.match(text, end)
+        if found is None:
+            break
+        values.append(float(found[0]))
+        end = found.end()
+    if len(values) < count and text[end:].strip():
         raise DescriptionError(
             f"The {what} is '{_short(text)}', which is not a number."
-        ) from error
-    if len(values) not in counts:
+        )
+    if len(values) < least:
         raise DescriptionError(
             f"The {what} is '{_short(text)}', which has {len(values)} numbers; "
-            f"needed: {' or '.join(str(count) for count in counts)}."
+            f"needed: {least}."
         )
     return values
+
+
+def filled(values: list[float], count: int) -> list[float]:
+    """Make as many numbers as are needed of too few, as Gazebo does.
+
+    A pose of three is a position; all else becomes zero.
+    """
+    if len(values) == count:
+        return values
+    kept = values[:3] if count == _POSE and len(values) >= 3 else []
+    return [*kept, *[0.0] * (count - len(kept))]
+
+
+def read_as(what: str, text: str, count: int) -> str:
+    """Tell what a text means that has more, or less, than the numbers needed.
+
+    Args:
+        what: What they are.
+        text: As it stands in the file, not empty.
+        count: How many are needed.
+
+    Returns:
+        A clause, empty where the text is as it should be or is refused.
+    """
+    words = text.split()
+    if len(words) == count and all(_NUMBER.fullmatch(word) for word in words):
+        return ""
+    try:
+        values = filled(numbers(what, text, count), count)
+    except DescriptionError:
+        return ""
+    meant = " ".join(f"{value:g}" for value in values)
+    return f"{what} is '{_short(text)}' and is read as {meant}"
 
 
 def vector(
@@ -99,13 +147,13 @@ def vector(
         least: Lower bound of each number.
 
     Returns:
-        The numbers, shape (len(default),).
+        The numbers, shape (len(default),); zero where they are too few.
 
     Raises:
-        DescriptionError: If they are too many, too few, none, or out of bounds.
+        DescriptionError: If they are no numbers, or out of bounds.
     """
-    text, what = text_of(parent, tag), f"{tag} of {owner}"
-    values = numbers(what, text, [len(default)]) if text else default
+    text, what, count = text_of(parent, tag), f"{tag} of {owner}", len(default)
+    values = filled(numbers(what, text, count), count) if text else default
     return checked(f"the {what}", values, least)
 
 
@@ -163,9 +211,9 @@ def pose_of(element: etree._Element, owner: str) -> tuple[np.ndarray, str]:
     if not text:
         return IDENTITY, frame
     if pose.get("rotation_format") == "quat_xyzw":
-        values = checked(f"the {what}", numbers(what, text, [7]))
+        values = checked(f"the {what}", numbers(what, text, 7, least=7))
         return np.concatenate([values[:3], unit(what, values[3:])]), frame
-    values = checked(f"the {what}", numbers(what, text, [6]))
+    values = checked(f"the {what}", filled(numbers(what, text, _POSE), _POSE))
     degrees = _FLAGS.get(pose.get("degrees", "").lower(), False)
     rpy = np.radians(values[3:]) if degrees else values[3:]
     return np.concatenate([values[:3], from_rpy(rpy)]), frame

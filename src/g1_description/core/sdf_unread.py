@@ -1,4 +1,4 @@
-"""What of an SDF document is not simulated, in words.
+"""What of an SDF document is not simulated, or not read as it stands, in words.
 
 One table tells which elements are read and which say nothing while they have
 their default; everything else is named.
@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from lxml import etree
+
+from .sdf_text import read_as
 
 _READ = {
     "sdf": "world model light",
@@ -40,6 +42,17 @@ _READ = {
 }
 _LOOKS = ("material",)
 """What is only to be seen: nothing of SDF is drawn."""
+
+_NUMBERS = {
+    6: "pose",
+    3: "xyz box/size normal scale direction world/gravity",
+    1: "mass ixx ixy ixz iyy iyz izz radius length mu restitution_coefficient lower "
+    "upper effort velocity damping dynamics/friction max_step_size "
+    "real_time_update_rate range constant linear quadratic",
+}
+"""How many numbers the elements have that are read, by tag or parent/tag."""
+
+_COUNTS = {tag: count for count, tags in _NUMBERS.items() for tag in tags.split()}
 
 _READ_IN = {tag: frozenset(children.split()) for tag, children in _READ.items()}
 
@@ -73,7 +86,7 @@ def unread(root: etree._Element) -> tuple[str, ...]:
             looked into.
 
     Returns:
-        A clause for each, such as "sensor of link head", each once.
+        A clause for each, such as "sensor of link head is not simulated", each once.
     """
     clauses: dict[str, None] = {}
     waiting = [(root, _owner(root, "", ""), "")]
@@ -82,17 +95,18 @@ def unread(root: etree._Element) -> tuple[str, ...]:
             tag = etree.QName(child).localname
             if tag in _LOOKS:
                 continue
+            clauses[_read_as(child, owner)] = None
             if child.tag not in _READ_IN.get(element.tag, ()):
                 if not _says_nothing(child):
                     clauses[_clause(child, tag, element.tag, owner)] = None
             elif tag == "mu2" and child.text != element.findtext("mu"):
-                clauses[f"mu2 of {owner}"] = None
+                clauses[f"mu2 of {owner} is not simulated"] = None
             elif tag == "model" and element.tag == "model":
                 inner = f"{scope}{child.get('name')}"
                 waiting.append((child, f"model {inner}", f"{inner}::"))
             elif tag not in ("model", "light", "world"):
                 waiting.append((child, _owner(child, scope, owner), scope))
-    return tuple(clauses)
+    return tuple(filter(None, clauses))
 
 
 def _owner(element: etree._Element, scope: str, above: str) -> str:
@@ -109,9 +123,19 @@ def _owner(element: etree._Element, scope: str, above: str) -> str:
 
 def _clause(element: etree._Element, tag: str, parent_tag: str, owner: str) -> str:
     """Name an element that is not read."""
-    if tag == "light":
-        return f"light {element.get('name')} of {owner}"
-    return f"{tag} {'in' if parent_tag == 'geometry' else 'of'} {owner}"
+    name = f"light {element.get('name')}" if tag == "light" else tag
+    place = "in" if parent_tag == "geometry" else "of"
+    return f"{name} {place} {owner} is not simulated"
+
+
+def _read_as(element: etree._Element, owner: str) -> str:
+    """Tell how the numbers of an element are read if they are not as they should be."""
+    tag, text = element.tag, (element.text or "").strip()
+    place = f"{element.getparent().tag}/{tag}"
+    count = _COUNTS.get(tag, _COUNTS.get(place))
+    if not text or count is None or element.get("rotation_format") == "quat_xyzw":
+        return ""
+    return read_as(f"{tag} of {owner}", text, count)
 
 
 def _says_nothing(element: etree._Element) -> bool:

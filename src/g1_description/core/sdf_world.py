@@ -6,6 +6,7 @@ that has nothing but them.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 
 from lxml import etree
@@ -14,7 +15,12 @@ from .errors import DescriptionError
 from .sdf_text import text_of
 from .xml import parse_xml
 
-VERSIONS = ("1.4", "1.5", "1.6", "1.7", "1.8", "1.9")
+NEWEST = (1, 9)
+"""The latest version of SDF whose meaning is known."""
+
+_OLDEST = (1, 4)
+_CONVERTED = (1, 3)
+"""A version that is converted, where its elements have had other names."""
 
 _MOST_INCLUDES = 1000
 _DEEPEST_INCLUDE = 20
@@ -61,43 +67,56 @@ EMPTY_WORLD = f"""<sdf version="1.7"><world name="default">
 
 def whole_document(
     text: str, find_model: Callable[[str], str | None]
-) -> tuple[etree._Element, tuple[str, ...]]:
+) -> tuple[etree._Element, list[str]]:
     """Read a document and put what it includes where it is included.
 
     Args:
         text: SDF as XML text.
-        find_model: Gives the SDF text behind a URI, None if there is none.
+        find_model: Gives the SDF text behind a URI, None if there is none; raises a
+            DescriptionError if it cannot be read.
 
     Returns:
-        The root element without includes, and a clause for each part of an include
-        that has no effect.
+        The root element without includes, and a clause for each include, or part of
+        one, that has no effect, and for each version that is not read as it stands.
 
     Raises:
-        DescriptionError: If a document is not SDF, or includes itself.
+        DescriptionError: If the document is not SDF, or includes too much. In a world
+            an include that is wrong is left out, elsewhere it is refused.
     """
-    root = _document("SDF", text)
     left_out: list[str] = []
+    root = _document("SDF", text, left_out)
+    is_world = root.find("world") is not None
     waiting: list[tuple[etree._Element, tuple[str, ...]]] = []
     waiting.extend((include, ()) for include in _includes(root))
     for include, chain in waiting:
-        uri = _uri(include, chain)
-        found = find_model(uri)
-        found = _BUILT_IN.get(uri) if found is None else found
-        if found is None:
-            left_out.append(f"include of {uri}, which is not found")
-            include.getparent().remove(include)
+        parent, element = include.getparent(), None
+        try:
+            element = _included(include, chain, find_model, left_out)
+        except DescriptionError as error:
+            if not is_world:
+                raise
+            uri = text_of(include, "uri") or "nothing"
+            left_out.append(f"include of {uri} is left out: {error}".rstrip("."))
+        if element is None:
+            parent.remove(include)
             continue
-        element = _overridden(_entity(uri, found), include, uri, left_out)
-        include.getparent().replace(include, element)
-        waiting.extend((inner, (*chain, uri)) for inner in _includes(element))
+        parent.replace(include, element)
+        inside = (*chain, text_of(include, "uri"))
+        waiting.extend((inner, inside) for inner in _includes(element))
         if len(waiting) > _MOST_INCLUDES:
             raise DescriptionError(
                 f"The SDF includes more than {_MOST_INCLUDES} models, one in another."
             )
-    return root, tuple(left_out)
+    return root, left_out
 
 
-def _document(what: str, text: str) -> etree._Element:
+def version_number(version: str) -> tuple[int, int] | None:
+    """Read a version of SDF such as 1.10; None where it is none."""
+    found = re.fullmatch(r"(\d{1,9})\.(\d{1,9})", version.strip(), re.ASCII)
+    return (int(found[1]), int(found[2])) if found else None
+
+
+def _document(what: str, text: str, left_out: list[str]) -> etree._Element:
     """Read one document, as the latest version would say the same."""
     root = parse_xml(what, text)
     if root.tag != "sdf":
@@ -105,14 +124,38 @@ def _document(what: str, text: str) -> etree._Element:
     if not len(root):
         raise DescriptionError(f"The {what} is empty: it has no model, light or world.")
     version = root.get("version", "")
-    if version not in VERSIONS:
-        raise DescriptionError(
-            f"The {what} is of version '{version}'; can be read: {', '.join(VERSIONS)}."
-        )
-    if version == "1.4":  # where an axis is always in the model's frame
+    number = version_number(version)
+    if number == _CONVERTED:
+        left_out.append(f"{what} of version 1.3 is read as version 1.4")
+    elif number is None or not _OLDEST <= number <= NEWEST:
+        of = f"of version '{version}'" if version else "without version"
+        left_out.append(f"{what} {of} is read as version {NEWEST[0]}.{NEWEST[1]}")
+        return root
+    _convert(root, number)
+    return root
+
+
+def _convert(root: etree._Element, version: tuple[int, int]) -> None:
+    """Make a document of an older version say what it means in the latest."""
+    if version < (1, 4):
+        for physics in root.iterfind("world/physics"):
+            _move(physics, "update_rate", physics, "real_time_update_rate")
+            _move(physics, "ode/solver/dt", physics, "max_step_size")
+            _move(physics, "bullet/dt", physics, "max_step_size")
+    if version < (1, 5):  # where an axis is always in the model's frame
         for axis in root.iterfind(".//joint/axis"):
             etree.SubElement(axis, "use_parent_model_frame").text = "true"
-    return root
+    if version < (1, 6):
+        for world in root.iterfind("world"):
+            _move(world, "physics/gravity", world, "gravity")
+
+
+def _move(above: etree._Element, path: str, below: etree._Element, tag: str) -> None:
+    """Put an element below another one under a new tag, if there is one."""
+    element = above.find(path)
+    if element is not None:
+        element.tag = tag
+        below.append(element)
 
 
 def _includes(element: etree._Element) -> Iterator[etree._Element]:
@@ -120,6 +163,22 @@ def _includes(element: etree._Element) -> Iterator[etree._Element]:
     for include in element.iter("include"):
         if include.getparent().tag in ("sdf", "world", "model"):
             yield include
+
+
+def _included(
+    include: etree._Element,
+    chain: tuple[str, ...],
+    find_model: Callable[[str], str | None],
+    left_out: list[str],
+) -> etree._Element | None:
+    """Read what is to be included; None where it is not found."""
+    uri = _uri(include, chain)
+    found = find_model(uri)
+    found = _BUILT_IN.get(uri) if found is None else found
+    if found is None:
+        left_out.append(f"include of {uri} is left out: there is no such model")
+        return None
+    return _overridden(_entity(uri, found, left_out), include, uri, left_out)
 
 
 def _uri(include: etree._Element, chain: tuple[str, ...]) -> str:
@@ -140,9 +199,9 @@ def _uri(include: etree._Element, chain: tuple[str, ...]) -> str:
     return uri
 
 
-def _entity(uri: str, text: str) -> etree._Element:
+def _entity(uri: str, text: str, left_out: list[str]) -> etree._Element:
     """Give the model or light that a document holds."""
-    for element in _document(f"SDF behind {uri}", text):
+    for element in _document(f"SDF behind {uri}", text, left_out):
         if element.tag in ("model", "light"):
             return element
     raise DescriptionError(f"The SDF behind {uri} has no model or light to include.")
@@ -162,5 +221,5 @@ def _overridden(
         elif child.tag == "plugin":
             entity.append(child)
         elif child.tag != "uri":
-            left_out.append(f"{child.tag} of the include of {uri}")
+            left_out.append(f"{child.tag} of the include of {uri} is left out")
     return entity
