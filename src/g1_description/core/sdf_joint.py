@@ -17,6 +17,10 @@ from .errors import LARGEST, DescriptionError
 from .rotation import rotate
 from .sdf_frames import MODEL, Frames, Scope
 from .sdf_text import flag, number, numbers, text_of, unit, vector
+from .transform import inverse
+
+KINDS = (*MOVABLE, "fixed")
+"""Types of joints that can be simulated."""
 
 
 def carried_by(element: etree._Element, name: str, scope: Scope) -> tuple[str, str]:
@@ -58,27 +62,37 @@ def fixed_joint(
     return Joint(name, "fixed", parent, child, pose, listed=listed)
 
 
+def turned_around(joint: Joint) -> Joint:
+    """Give the same joint with its parent as its child.
+
+    The links stand to each other as before at each position of the joint.
+    """
+    axes = joint.pose[3:]
+    return replace(
+        joint,
+        parent=joint.child,
+        child=joint.parent,
+        pose=inverse(joint.pose),
+        axis=-rotate(axes, joint.axis),
+        anchor=joint.pose[:3] + rotate(axes, joint.anchor),
+    )
+
+
 def read_joint(
     element: etree._Element, joint: Joint, frame: str, scope: Scope
 ) -> Joint:
     """Read how a joint moves.
 
     Args:
-        element: The joint.
+        element: The joint, of one of the ``KINDS``.
         joint: The same one as if it were fixed.
         frame: Full name of its frame.
         scope: The model that holds it.
 
     Raises:
-        DescriptionError: If it is of a kind that cannot be simulated, or a number
-            is wrong.
+        DescriptionError: If a number is wrong.
     """
     kind = element.get("type", "")
-    if kind not in (*MOVABLE, "fixed"):
-        raise DescriptionError(
-            f"Joint {joint.name} is {kind or 'of no type'}; "
-            f"can be simulated: {', '.join(MOVABLE)}, fixed."
-        )
     if kind == "fixed":
         return joint
     owner, axis = f"joint {joint.name}", element.find("axis")
@@ -136,7 +150,7 @@ def _most(limit: etree._Element | None, tag: str, owner: str) -> float:
 def _limit(limit: etree._Element | None, tag: str, none: float, owner: str) -> float:
     """Read a limit, which is no limit where it is too large to be one."""
     text, what = text_of(limit, tag), f"{tag} limit of {owner}"
-    value = numbers(what, text, [1])[0] if text else none
+    value = numbers(what, text, 1)[0] if text else none
     if np.isnan(value):
         raise DescriptionError(f"The {what} is '{text}', which is not a number.")
     return value if abs(value) <= LARGEST else np.copysign(np.inf, value)

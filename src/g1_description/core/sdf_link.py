@@ -44,6 +44,26 @@ def read_link(element: etree._Element, scope: Scope) -> Link:
     )
 
 
+def drop_wrong_inertial(element: etree._Element, scope: Scope) -> str:
+    """Take an inertial that cannot be read out of a link that never moves.
+
+    Args:
+        element: The link.
+        scope: The model that holds it.
+
+    Returns:
+        A clause with the reason, empty where it can be read.
+    """
+    name = scope.full(name_of(element))
+    inertial = element.find("inertial")
+    try:
+        _inertial(inertial, name, scope)
+    except DescriptionError as error:
+        element.remove(inertial)
+        return f"inertial of link {name} is left out: {error}".rstrip(".")
+    return ""
+
+
 def _inertial(element: etree._Element | None, link: str, scope: Scope) -> Inertial:
     """Read an inertial element, with the tensor turned to the link's axes."""
     if element is None:

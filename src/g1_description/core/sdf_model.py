@@ -1,11 +1,13 @@
 """A model of an SDF document, as what a simulator builds.
 
 Models inside of it become part of it, under names like ``inner::link``. A joint to
-the world makes the world the root; a model that never moves needs no joints.
+the world makes the world the root; a model that never moves needs no joints. Joints
+that close a loop are left out, and those of a kind that cannot be simulated hold still.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,9 +17,10 @@ from .assembly import WORLD, Assembly
 from .description import Description, Joint, Link
 from .errors import DescriptionError
 from .sdf_frames import MODEL, Frames, Scope
-from .sdf_joint import carried_by, fixed_joint, read_joint
-from .sdf_link import read_link
+from .sdf_joint import KINDS, carried_by, fixed_joint, read_joint
+from .sdf_link import drop_wrong_inertial, read_link
 from .sdf_text import flag, name_of, text_of
+from .sdf_tree import closes_loop, hung
 from .sdf_unread import unread
 from .tree import find_roots
 
@@ -50,13 +53,20 @@ def read_model(element: etree._Element, pose: np.ndarray) -> SdfModel:
     static = flag(element, "static", False, f"model {name}")
     scopes = _scopes(element, name)
     frames = scopes[0][0].frames
+    left_out = [
+        drop_wrong_inertial(link, scope)
+        for scope, model in scopes
+        for link in model.findall("link")
+        if static
+    ]
     links = tuple(
         read_link(link, scope)
         for scope, model in scopes
         for link in model.findall("link")
     )
     _check_links(name, links, static)
-    joints = _joints(scopes, {link.name for link in links}, name, static)
+    joints, odd = _joints(scopes, {link.name for link in links}, name, static)
+    joints = hung([link.name for link in links], joints)
     if static:
         joints = _held_together(links, joints, frames)
     elif any(joint.parent == WORLD for joint in joints):
@@ -73,7 +83,12 @@ def read_model(element: etree._Element, pose: np.ndarray) -> SdfModel:
             ),
             canonical=first if first != roots[0] else "",
             static=static,
-            left_out=(*unread(element), *_static_inside(scopes, static)),
+            left_out=(
+                *unread(element),
+                *filter(None, left_out),
+                *odd,
+                *_static_inside(scopes, static),
+            ),
         ),
     )
 
@@ -110,14 +125,61 @@ def _check_links(model: str, links: tuple[Link, ...], static: bool) -> None:
             )
 
 
+@dataclass(frozen=True, eq=False)
+class _Written:
+    """A joint as it is written."""
+
+    element: etree._Element
+    name: str
+    ends: tuple[str, str]
+    """Parent and child."""
+
+    frame: str
+    scope: Scope
+
+    @property
+    def kind(self) -> str:
+        """Its type, empty where the file gives none."""
+        return self.element.get("type", "")
+
+
 def _joints(
     scopes: list[tuple[Scope, etree._Element]],
     links: set[str],
     model: str,
     static: bool,
-) -> tuple[Joint, ...]:
-    """Read the joints of a model; fixed ones only where it is static."""
-    known = []
+) -> tuple[tuple[Joint, ...], list[str]]:
+    """Read the joints of a model that make no loop; all fixed where it is static.
+
+    Returns:
+        The joints, and a clause for each that is left out or holds still.
+    """
+    written = list(_written_joints(scopes, links, model))
+    # What cannot be simulated comes last: it holds what nothing else joins.
+    in_order = sorted(written, key=lambda joint: joint.kind not in KINDS)
+    loops = dict(zip(in_order, closes_loop([joint.ends for joint in in_order])))
+    joints, left_out = [], []
+    for one in written:
+        parent, child = one.ends
+        odd = not static and one.kind not in KINDS
+        why = f"is {one.kind or 'of no type'}, which is not simulated" if odd else ""
+        if loops[one]:
+            why = why or f"closes a loop of joints at {child}, which is not simulated"
+            left_out.append(f"joint {one.name} is left out: it {why}")
+            continue
+        joint = fixed_joint(one.name, one.ends, one.scope.frames, listed=not odd)
+        if odd:
+            left_out.append(f"joint {one.name} {why}: {child} is fixed to {parent}")
+        elif not static:
+            joint = read_joint(one.element, joint, one.frame, one.scope)
+        joints.append(joint)
+    return tuple(joints), left_out
+
+
+def _written_joints(
+    scopes: list[tuple[Scope, etree._Element]], links: set[str], model: str
+) -> Iterator[_Written]:
+    """List the joints of a model, and make their frames known."""
     for scope, owner in scopes:
         for element in owner.findall("joint"):
             name = scope.full(name_of(element))
@@ -131,12 +193,7 @@ def _joints(
             # Before version 1.7 a joint and a link may have the same name.
             frame = f"{name}::__joint__" if name in scope.frames else name
             scope.add(frame, element, text_of(element, "child"))
-            known.append((element, name, ends, frame, scope))
-    joints = []
-    for element, name, ends, frame, scope in known:
-        joint = fixed_joint(name, ends, scope.frames)
-        joints.append(joint if static else read_joint(element, joint, frame, scope))
-    return tuple(joints)
+            yield _Written(element, name, ends, frame, scope)
 
 
 def _held_together(
@@ -173,7 +230,7 @@ def _static_inside(
     inner = [] if static else scopes[1:]
     names = [(element, scope.prefix[: -len("::")]) for scope, element in inner]
     return tuple(
-        f"static of model {name}"
+        f"static of model {name} is not simulated"
         for element, name in names
         if flag(element, "static", False, f"model {name}")
     )
