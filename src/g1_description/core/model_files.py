@@ -5,11 +5,19 @@ from __future__ import annotations
 import os
 from functools import lru_cache
 from pathlib import Path
+from urllib.parse import unquote
 
 import rospkg
 
+from .errors import DescriptionError
+from .sdf_world import NEWEST, version_number
+from .xml import parse_xml
+
 MODEL_PATH = "GAZEBO_MODEL_PATH"
 """Environment variable with the folders that models lie in."""
+
+LARGEST_FILE = 10_000_000
+"""No robot or model has more bytes: it is something else, or a mistake."""
 
 
 def listed_folders(variable: str) -> list[str]:
@@ -52,17 +60,61 @@ def find_folder(name: str) -> str | None:
 
 
 def find_model(uri: str) -> str | None:
-    """Read the SDF file behind ``model://NAME``.
+    """Read the SDF file of a model.
 
     Args:
-        uri: As written in an include element.
+        uri: As written in an include element: ``model://NAME``, ``file://FOLDER`` or
+            the path of a folder; or one of these with a file in the folder.
 
     Returns:
-        The text of its ``model.sdf``, or None where there is none.
+        The text of the file that its ``model.config`` names, without that of its
+        ``model.sdf``; None where there is none.
+
+    Raises:
+        DescriptionError: If ``model.config`` is wrong, or names what is no file.
     """
-    scheme, _, name = uri.partition("://")
-    folder = find_folder(name.strip("/")) if scheme == "model" else None
-    file = Path(folder or os.devnull) / "model.sdf"
-    return (
-        file.read_text(encoding="utf-8", errors="replace") if file.is_file() else None
-    )
+    scheme, separator, name = uri.partition("://")
+    if not separator:
+        scheme, name = "file", uri
+    if scheme in ("model", "package"):
+        name, _, inside = name.partition("/")
+        folder = find_folder(name) if name else None
+        place = Path(folder or os.devnull, unquote(inside))
+    elif scheme == "file" and os.path.isabs(name):
+        place = Path(unquote(name))
+    else:
+        return None
+    try:
+        file = _model_file(place) if place.is_dir() else place
+        if not file.is_file():
+            return None
+        if file.stat().st_size > LARGEST_FILE:
+            raise DescriptionError(f"{file} is too large to be a model.")
+        return file.read_text(encoding="utf-8", errors="replace")
+    except OSError as error:
+        raise DescriptionError(f"{place} cannot be read: {error.strerror}.") from error
+
+
+def _model_file(folder: Path) -> Path:
+    """Find the SDF file of a model's folder, which need not be there.
+
+    Of those in ``model.config`` it is the one of the highest version that is known,
+    else the first.
+    """
+    config = folder / "model.config"
+    if not config.is_file():
+        return folder / "model.sdf"
+    text = config.read_text(encoding="utf-8", errors="replace")
+    files = parse_xml(f"file {config}", text).findall("sdf")
+    best, known = None, (0, 0)
+    for element in files:
+        version = version_number(element.get("version", "")) or (0, 0)
+        if best is None or known < version <= NEWEST:
+            best = element
+            known = version if version <= NEWEST else known
+    name = "" if best is None else (best.text or "").strip()
+    file = folder / (name or ".")
+    if not file.is_file():
+        what = f"names {name}, which is no file" if name else "names no SDF file"
+        raise DescriptionError(f"{config} {what}.")
+    return file

@@ -10,10 +10,8 @@ from pathlib import Path
 
 from .description import Description, parse_urdf
 from .errors import DescriptionError
+from .model_files import LARGEST_FILE
 from .model_path import find_model_file, split_arguments
-
-LARGEST_FILE = 10_000_000
-"""No robot description has more bytes: it is something else, or a mistake."""
 
 PATIENCE = 60.0
 """Longest time that xacro may take, in [s]."""

@@ -1,0 +1,86 @@
+"""The file that an include of SDF means."""
+
+import os
+
+import pytest
+
+from g1_description.core.errors import DescriptionError
+from g1_description.core.model_files import find_model
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.setenv("GAZEBO_MODEL_PATH", str(tmp_path))
+    folder = tmp_path / "my lamp"
+    folder.mkdir()
+    (folder / "model.sdf").write_text("model.sdf")
+    return folder
+
+
+def write_config(folder, **files):
+    sdfs = "".join(
+        f'<sdf version="{name[1:].replace("_", ".")}">{file}</sdf>'.replace(
+            ' version="none"', ""
+        )
+        for name, file in files.items()
+    )
+    text = f'\n<?xml version="1.0"?><model><name>lamp</name>{sdfs}</model>'
+    (folder / "model.config").write_text(text)
+    for file in files.values():
+        (folder / file.strip()).write_text(file.strip())
+
+
+def test_a_folder_without_a_config_has_a_model_sdf(folder):
+    assert find_model("model://my lamp") == "model.sdf"
+    assert find_model("model://my lamp/") == "model.sdf"
+    assert find_model("model://nowhere") is None
+    (folder / "model.sdf").unlink()
+    assert find_model("model://my lamp") is None
+
+
+@pytest.mark.parametrize(
+    ("files", "best"),
+    [
+        ({"v1_6": "lamp.sdf"}, "lamp.sdf"),
+        ({"v1_6": " new.sdf ", "v1_4": "old.sdf"}, "new.sdf"),
+        ({"v1_4": "old.sdf", "v1_6": "new.sdf"}, "new.sdf"),
+        ({"v1_9": "known.sdf", "v1_10": "later.sdf"}, "known.sdf"),
+        ({"v2_0": "later.sdf", "v1_5": "known.sdf"}, "known.sdf"),
+        ({"v1_10": "later.sdf"}, "later.sdf"),
+        ({"vnone": "first.sdf", "vx": "second.sdf"}, "first.sdf"),
+    ],
+)
+def test_the_file_of_the_highest_known_version_is_read(folder, files, best):
+    write_config(folder, **files)
+    assert find_model("model://my lamp") == best
+
+
+def test_a_folder_may_be_named_by_its_path(folder):
+    write_config(folder, v1_6="lamp.sdf")
+    for uri in (f"file://{folder}", str(folder), f"file://{folder}/lamp.sdf"):
+        assert find_model(uri) == "lamp.sdf"
+    assert find_model(f"file://{folder}".replace(" ", "%20")) == "lamp.sdf"
+    assert find_model("model://my lamp/lamp.sdf") == "lamp.sdf"
+    for absent in (f"file://{folder}/x", "lamp.sdf", "http://host/lamp", "model://"):
+        assert find_model(absent) is None
+
+
+def test_a_config_that_is_wrong_is_told(folder):
+    config = folder / "model.config"
+    for text, words in (
+        ("<model>", "model.config is not XML"),
+        ("<model/>", "names no SDF file"),
+        ("<model><sdf/></model>", "names no SDF file"),
+        ("<model><sdf>x.sdf</sdf></model>", "names x.sdf, which is no file"),
+    ):
+        config.write_text(text)
+        with pytest.raises(DescriptionError, match=words):
+            find_model("model://my lamp")
+
+
+def test_what_no_model_can_be_is_not_read(folder):
+    os.truncate(folder / "model.sdf", 100_000_000)
+    with pytest.raises(DescriptionError, match="too large"):
+        find_model("model://my lamp")
+    with pytest.raises(DescriptionError, match="too long"):
+        find_model("file:///" + "x" * 300)
