@@ -164,8 +164,8 @@ class TestDeviations(unittest.TestCase):
         answer = self.spawn("eye", GUI, "spawn_sdf_model")
         self.assertEqual(
             answer["status_message"],
-            "SpawnModel: Successfully spawned entity; left out: plugin of model m, "
-            "sensor of link l",
+            "SpawnModel: Successfully spawned entity; plugin of model m is not "
+            "simulated; sensor of link l is not simulated",
         )
 
     def test_6_a_model_can_be_commanded_when_spawn_answers(self):

@@ -250,9 +250,24 @@ def test_a_world_of_another_file_has_no_ground(make_world):
     world = make_world("limp", content=read_sdf(text))
     assert list(world.models) == ["ball"]
     assert list(world.lights) == ["lamp"]
-    assert world.left_out == ("scene of the world", "ball: sensor of link l")
+    assert world.left_out == (
+        "scene of the world is not simulated",
+        "ball: sensor of link l is not simulated",
+    )
     world.run(2.0)
     assert world.model("ball").pose[2] < -10.0
+
+
+def test_a_model_that_cannot_be_loaded_is_left_out_of_the_world(make_world):
+    links = "".join(f'<link name="l{n}"/>' for n in range(1001))
+    text = (
+        '<sdf version="1.6"><world name="w"><model name="large"><static>1</static>'
+        f'{links}</model><model name="ball"><link name="l"/></model></world></sdf>'
+    )
+    world = make_world("limp", content=read_sdf(text))
+    assert list(world.models) == ["ball"]
+    (told,) = world.left_out
+    assert told.startswith("model large is left out: ")
 
 
 def test_too_many_links_are_refused_before_anything_is_made(make_world):

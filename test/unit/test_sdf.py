@@ -1,5 +1,7 @@
 """SDF is read with the meaning Gazebo gives it, and refused with facts."""
 
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +14,9 @@ from scipy.spatial.transform import Rotation
 from g1_description.core.errors import DescriptionError
 from g1_description.core.kinematics import Kinematics
 from g1_description.core.sdf import EMPTY_WORLD, read_sdf
+from g1_description.core.sdf_joint import turned_around
+from g1_description.core.sdf_tree import hung
+from g1_description.core.transform import IDENTITY
 
 GOLDEN = Path(__file__).resolve().parents[3] / "shared" / "golden" / "models"
 GOLDEN_LAMP = (  # shared/golden/models/lamp.sdf, seen in Gazebo 11.1.0
@@ -433,7 +438,7 @@ def test_a_joint_and_a_link_may_have_the_same_name():
     np.testing.assert_allclose(found.anchor, [0, 1, 0])
 
 
-BAD_NUMBERS = ["nan", "inf", "1e300", "one", "1_0", "1 2"]
+BAD_NUMBERS = ["nan", "inf", "1e300", "one", "0x1", "-", "kg 1"]
 
 
 @pytest.mark.parametrize("bad", BAD_NUMBERS)
@@ -459,6 +464,81 @@ def test_a_number_that_is_none_is_refused_with_its_place(inside, words, bad):
         read_model(link("a", inside.format(bad)))
 
 
+@pytest.mark.parametrize(
+    ("written", "meant"),
+    [("1.0 kg", 1), ("2kg", 2), (" 1 2 ", 1), ("1_0", 1), ("+.5e1.", 5), ("3,5", 3)],
+)
+def test_what_follows_a_number_is_passed_over_and_told(written, meant):
+    mass = f"<inertial><mass>{written}</mass></inertial>"
+    assembly = read_model(link("a", mass)).assembly
+    assert assembly.description.links[0].inertial.mass == meant
+    (told,) = assembly.left_out
+    assert told == f"mass of link a is '{written.strip()}' and is read as {meant}"
+
+
+@pytest.mark.parametrize(
+    ("written", "meant"),
+    [
+        ("1 2 3", [1, 2, 3, 0, 0, 0]),
+        ("1 2 3 1.5 0", [1, 2, 3, 0, 0, 0]),
+        ("1 2 3 0 0 1.5 9", [1, 2, 3, 0, 0, 1.5]),
+        ("1 2 3 0 0 1.5rad", [1, 2, 3, 0, 0, 1.5]),
+        ("1 2", [0, 0, 0, 0, 0, 0]),
+    ],
+)
+def test_a_pose_of_other_than_six_numbers_is_read_as_gazebo_does(written, meant):
+    found = read_model(f"<pose>{written}</pose>" + link())
+    np.testing.assert_allclose(matrix(found.pose), matrix(meant), atol=1e-12)
+    (told,) = found.assembly.left_out
+    numbers = " ".join(str(number) for number in meant)
+    assert told == f"pose of model m is '{written}' and is read as {numbers}"
+
+
+def test_a_size_of_four_numbers_is_read_as_gazebo_does():
+    box = collision("<box><size>1 2 3 4</size></box>")
+    assembly = read_model(link("a", box)).assembly
+    (shape,) = assembly.description.links[0].collisions
+    assert shape.size == (1, 2, 3)
+    told = "size of collision c of link a is '1 2 3 4' and is read as 1 2 3"
+    assert assembly.left_out == (told,)
+
+
+@pytest.mark.parametrize("version", ["", "1.0", "1.2", "1.3", "1.10", "1.12", "x", "2"])
+def test_a_version_that_is_not_known_is_read_and_told(version):
+    text = sdf(model(link()), version).replace(' version=""', "")
+    found = read_sdf(text)
+    assert [read.name for read in found.models] == ["m"]
+    (told,) = found.left_out
+    assert version in told
+    assert told.endswith(f"is read as version {'1.4' if version == '1.3' else '1.9'}")
+
+
+@pytest.mark.parametrize("version", ["1.3", "1.4", "1.5"])
+def test_gravity_stands_in_the_physics_up_to_version_1_5(version):
+    physics = "<physics><gravity>0 0 -1.6</gravity></physics>"
+    text = sdf(f'<world name="w">{physics}</world>', version)
+    assert read_sdf(text).gravity == (0.0, 0.0, -1.6)
+    both = f'<world name="w"><gravity>0 0 -2</gravity>{physics}</world>'
+    assert read_sdf(sdf(both, version)).gravity == (0.0, 0.0, -2.0)
+
+
+@pytest.mark.parametrize("version", ["1.6", "1.7", "1.10"])
+def test_gravity_in_the_physics_of_a_later_version_is_told(version):
+    physics = "<physics><gravity>0 0 -1.6</gravity></physics>"
+    found = read_sdf(sdf(f'<world name="w">{physics}</world>', version))
+    assert found.gravity is None
+    assert "gravity of the physics of the world is not simulated" in found.left_out
+
+
+def test_version_1_3_has_other_names_for_the_time_step_and_the_rate():
+    physics = (
+        "<physics type='ode'><update_rate>500</update_rate><ode><solver><dt>0.002</dt>"
+        "</solver></ode></physics>"
+    )
+    found = read_sdf(sdf(f'<world name="w">{physics}</world>', "1.3"))
+    assert (found.time_step, found.max_update_rate) == (0.002, 500.0)
+
+
 LOOP = joint("fixed", "b", "c", name="bc") + joint("fixed", "c", "b", name="cb")
 
 
@@ -473,9 +553,10 @@ LOOP = joint("fixed", "b", "c", name="bc") + joint("fixed", "c", "b", name="cb")
         ('<gazebo version="1.0"><model name="m"/></gazebo>', "gazebo, not sdf"),
         ("<sdf/>", "SDF is empty"),
         ('<sdf version="1.7"/>', "SDF is empty"),
-        ("<sdf><model/></sdf>", "version ''; can be read: 1.4, .*1.9"),
-        (sdf("<model/>", "1.3"), "version '1.3'"),
-        (sdf("<actor name='x'/>"), "no model, light or world, only actor of the file"),
+        (
+            sdf("<actor name='x'/>"),
+            "no model, light or world: actor of the file is not",
+        ),
         (sdf("<model/>"), "A model of the SDF has no name"),
         (sdf(model("")), "Model 'm' has no links"),
         (sdf(model("<link/>")), "A link of the SDF has no name"),
@@ -486,25 +567,11 @@ LOOP = joint("fixed", "b", "c", name="bc") + joint("fixed", "c", "b", name="cb")
             sdf(model(A_B + link("c") + joint() + joint(child="c"))),
             "the joint ab twice",
         ),
-        (world(model(link()) * 2), "two of the name m in the world"),
-        (world('<light name="l"/>' * 2), "two lights of the name l"),
         (sdf(model(A_B + joint(child="c"))), "child c, which is no link"),
         (sdf(model(A_B + joint(parent="c"))), "parent c, which is no link"),
         (sdf(model(A_B + joint(child="world"))), "Joint ab has the world as its child"),
         (sdf(model(A_B + joint(parent=""))), "Joint ab has no parent"),
-        (sdf(model(A_B + joint() + joint(parent="b", child="a", name="ba"))), "loop"),
-        (sdf(model(A_B + link("c") + LOOP)), "Robot 'm' has a loop of joints, of c, b"),
-        (
-            sdf(model(A_B + joint() + joint(name="also"))),
-            "hangs on two joints, ab and also",
-        ),
-        (
-            sdf(model(A_B + joint("ball"))),
-            "Joint ab is ball; can be simulated: "
-            "revolute, continuous, prismatic, fixed",
-        ),
-        (sdf(model(A_B + joint("revolute2"))), "Joint ab is revolute2; can"),
-        (sdf(model(A_B + joint(""))), "Joint ab is of no type; can"),
+        (sdf(model(A_B + link("c") + LOOP)), "'m' is not static, and a and b are not"),
         (
             sdf(model(A_B + joint(inside="<axis><xyz>0 0 0</xyz></axis>"))),
             "axis of joint ab is zero",
@@ -579,7 +646,7 @@ LOOP = joint("fixed", "b", "c", name="bc") + joint("fixed", "c", "b", name="cb")
             ),
             "frames of model 'm' hang on each other in a loop: a on b on a",
         ),
-        (world("<gravity>0 0</gravity>"), "gravity of the world .* has 2 numbers"),
+        (world("<gravity>0 0 down</gravity>"), "gravity of the world .* not a number"),
         (
             world("<physics><max_step_size>-1</max_step_size></physics>"),
             "max_step_size of the physics .* from 0 to",
@@ -588,10 +655,13 @@ LOOP = joint("fixed", "b", "c", name="bc") + joint("fixed", "c", "b", name="cb")
             sdf('<light name="l" type="laser"/>'),
             "Light l is of type 'laser'; there are",
         ),
-        (sdf('<light name="l"><diffuse>1 1</diffuse></light>'), "needed: 3 or 4"),
-        (world("<include/>"), "include of the SDF has no uri"),
+        (sdf('<light name="l"><diffuse>1 1</diffuse></light>'), "2 numbers; needed: 3"),
         (
-            world('<include merge="true"><uri>model://sun</uri></include>'),
+            sdf(model(link() + "<include/>")),
+            "include of the SDF has no uri",
+        ),
+        (
+            sdf('<include merge="true"><uri>model://sun</uri></include>'),
             "include of model://sun is to be merged",
         ),
         (
@@ -692,7 +762,8 @@ def test_a_wrong_file_is_refused_with_facts(text, words):
     ],
 )
 def test_what_is_not_simulated_is_named_once(inside, clauses):
-    assert list(read_model(inside).assembly.left_out) == clauses
+    told = [f"{clause} is not simulated" for clause in clauses]
+    assert list(read_model(inside).assembly.left_out) == told
 
 
 def test_shapes_that_cannot_be_simulated_are_left_out():
@@ -721,10 +792,10 @@ def test_a_world_is_read_and_the_rest_of_it_named():
         [r.pose[:3] for r in found.models], [[1, 0, 1], [2, 0, 0]]
     )
     assert set(found.left_out) == {
-        "scene of the world",
-        "gui of the world",
-        "ode of the physics of the world",
-        "spot of light l",
+        "scene of the world is not simulated",
+        "gui of the world is not simulated",
+        "ode of the physics of the world is not simulated",
+        "spot of light l is not simulated",
     }
 
 
@@ -732,7 +803,8 @@ def test_a_file_that_does_not_tell_leaves_the_world_alone():
     found = read_sdf(sdf(model(link()) + model(link(), name="second")))
     assert (found.gravity, found.time_step, found.max_update_rate) == (None,) * 3
     assert [read.name for read in found.models] == ["m"]
-    assert found.left_out == ("model second of the file",)
+    told = "model second is left out: of a file the first model is read"
+    assert found.left_out == (told,)
 
 
 def test_what_stands_beside_a_world_is_named():
@@ -740,7 +812,8 @@ def test_what_stands_beside_a_world_is_named():
     found = read_sdf(sdf(inside))
     assert (found.models, found.lights) == ((), ())
     assert set(found.left_out) == {
-        f"{which} of the file" for which in ("world v", "light l", "model m")
+        f"{which} is left out: of a file the first world is read"
+        for which in ("world v", "light l", "model m")
     }
 
 
@@ -846,10 +919,12 @@ def test_what_of_an_include_has_no_effect_is_named():
     )
     found = read_sdf(world(inside), BOXES.get)
     assert found.left_out == (
-        "include of model://nowhere, which is not found",
-        "placement_frame of the include of model://box",
+        "include of model://nowhere is left out: there is no such model",
+        "placement_frame of the include of model://box is left out",
     )
-    assert found.models[0].assembly.left_out == ("plugin of model box",)
+    assert found.models[0].assembly.left_out == (
+        "plugin of model box is not simulated",
+    )
 
 
 @pytest.mark.parametrize(
@@ -861,9 +936,12 @@ def test_what_of_an_include_has_no_effect_is_named():
         ("model://nothing", "SDF behind model://nothing has no model or light"),
     ],
 )
-def test_a_wrong_include_is_refused_with_facts(uri, words):
+def test_a_wrong_include_is_refused_with_facts_or_left_out_of_a_world(uri, words):
     with pytest.raises(DescriptionError, match=words):
-        read_sdf(world(include(uri)), BOXES.get)
+        read_sdf(sdf(model(link() + include(uri))), BOXES.get)
+    found = read_sdf(world(include(uri) + include("model://box")), BOXES.get)
+    assert "box" in [read.name for read in found.models]
+    assert any(re.search(words, clause) for clause in found.left_out)
 
 
 def test_includes_without_end_are_refused():
@@ -874,9 +952,141 @@ def test_includes_without_end_are_refused():
         return sdf(model(link() + include(uri + "x") + include(uri + "y"), name="m"))
 
     with pytest.raises(DescriptionError, match=r"model://a includes .* 20 deep"):
-        read_sdf(world(include("model://a")), deeper)
+        read_sdf(sdf(model(link() + include("model://a"))), deeper)
     with pytest.raises(DescriptionError, match="more than 1000 models"):
         read_sdf(world(include("model://a")), wider)
+
+
+ODD_MODELS = {
+    "two of the name good in the world": model(link(), name="good"),
+    "The pose of model bad .* not a number": model(
+        "<pose>here</pose>" + link(), name="bad"
+    ),
+    "There is no frame f in the world": model(
+        '<pose relative_to="f"/>' + link(), name="bad"
+    ),
+    "The mass of link a .*nan": model(
+        link("a", "<inertial><mass>nan</mass></inertial>"), name="bad"
+    ),
+    "Model 'bad' has no links": model("", name="bad"),
+    "A model of the SDF has no name": f"<model>{link()}</model>",
+}
+
+
+@pytest.mark.parametrize("why", ODD_MODELS)
+def test_an_odd_model_is_left_out_of_a_world_with_the_reason(why):
+    odd = ODD_MODELS[why]
+    rest = model("<pose>0 0 1 0 0 0</pose>" + link(), name="second")
+    found = read_sdf(world(model(link(), name="good") + odd + rest))
+    assert [read.name for read in found.models] == ["good", "second"]
+    (told,) = found.left_out
+    assert re.match(f"model.* is left out: .*{why}", told)
+
+
+def test_an_odd_light_or_frame_is_left_out_of_a_world_with_the_reason():
+    inside = (
+        '<frame name="f" attached_to="g"/><frame/><light name="l" type="laser"/>'
+        '<light name="m"/><light name="m"><spot/></light>'
+    )
+    found = read_sdf(world(inside))
+    assert [light.name for light in found.lights] == ["m"]
+    assert [clause.split(":")[0] for clause in found.left_out] == [
+        "frame is left out",
+        "light l is left out",
+        "light m is left out",
+    ]
+
+
+@pytest.mark.parametrize("inertia", ["<ixx>nan</ixx>", "<iyy>-1</iyy>"])
+def test_a_static_model_needs_no_usable_inertia(inertia):
+    inside = link("a", f"<inertial><inertia>{inertia}</inertia></inertial>")
+    assembly = read_model(inside, static=True).assembly
+    assert assembly.link_names == ("a",)
+    (told,) = assembly.left_out
+    assert told.startswith("inertial of link a is left out: The ")
+    with pytest.raises(DescriptionError, match="link a"):
+        read_model(inside)
+
+
+@settings(max_examples=50, deadline=None)
+@given(trees(), st.lists(st.booleans(), min_size=6, max_size=6))
+def test_joints_that_lead_to_the_root_are_turned_around(tree, swapped):
+    inside, positions, _, _ = tree
+    anchor = joint("fixed", "world", "root", name="anchor")
+    straight = read_model(inside + anchor).assembly
+    joints = straight.description.joints
+    turned = [turned_around(one) if swap else one for one, swap in zip(joints, swapped)]
+    back = hung(straight.description.link_names, turned)
+    assert [(one.name, one.parent, one.child) for one in back] == [
+        (one.name, one.parent, one.child) for one in joints
+    ]
+    expected = Kinematics(straight.description).link_poses(IDENTITY, positions)
+    description = replace(straight.description, joints=back)
+    poses = Kinematics(description).link_poses(IDENTITY, positions)
+    np.testing.assert_allclose(poses, expected, atol=1e-9)
+
+
+def test_two_joints_on_one_child_move_as_if_one_were_turned_around():
+    inside = (
+        link("a")
+        + link("b", "<pose>1 0 0 0 0 0</pose>")
+        + link("c", "<pose>2 0 0 0 0 0.5</pose>")
+        + joint("fixed", "a", "b")
+        + joint("revolute", "c", "b", "<pose>0.5 0 0 0 0 0</pose>", name="cb")
+    )
+    assembly = read_model(inside).assembly
+    assert assembly.left_out == ()
+    assert assembly.description.root == "a"
+    kinematics = Kinematics(assembly.description)
+    poses = kinematics.link_poses(assembly.root_pose, np.array([0.7]))
+    # The joint turns b in c by 0.7 about z through (1.5, 0), so c in b by -0.7.
+    rest = matrix([2, 0, 0, 0, 0, 0.5])
+    turn = screw("revolute", np.array([1.5, 0, 0]), np.array([0, 0, 1.0]), -0.7)
+    np.testing.assert_allclose(matrix(poses[2]), turn @ rest, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("inside", "left", "kept"),
+    [
+        (A_B + joint() + joint(name="also"), "also", ["ab"]),
+        (A_B + joint() + joint(parent="b", child="a", name="ba"), "ba", ["ab"]),
+        (A_B + joint() + joint(parent="b", child="b", name="bb"), "bb", ["ab"]),
+        (
+            A_B
+            + joint()
+            + joint("fixed", "world", "a", name="wa")
+            + joint("fixed", "world", "b", name="wb"),
+            "wb",
+            ["ab", "wa"],
+        ),
+    ],
+)
+@pytest.mark.parametrize("static", [False, True])
+def test_a_joint_that_closes_a_loop_is_left_out_by_name(inside, left, kept, static):
+    assembly = read_model(inside, static=static).assembly
+    assert [one.name for one in assembly.description.joints if one.listed] == [
+        name for name in kept if not (static and name == "wa")
+    ]
+    (told,) = assembly.left_out
+    assert told.startswith(f"joint {left} is left out: it closes a loop of joints")
+
+
+@pytest.mark.parametrize("kind", ["universal", "ball", "revolute2", "screw", "", "x"])
+def test_a_joint_that_is_not_simulated_holds_its_links_together(kind):
+    inside = A_B + link("c") + joint(kind) + joint("revolute", "b", "c", name="bc")
+    assembly = read_model(inside).assembly
+    assert [
+        (one.name, one.kind, one.listed) for one in assembly.description.joints
+    ] == [("ab", "fixed", False), ("bc", "continuous", True)]
+    told = f"joint ab is {kind or 'of no type'}, which is not simulated"
+    assert assembly.left_out == (f"{told}: b is fixed to a",)
+
+
+def test_a_joint_that_is_not_simulated_is_left_out_beside_one_that_is():
+    assembly = read_model(A_B + joint("gearbox", name="gear") + joint()).assembly
+    assert [one.name for one in assembly.description.joints] == ["ab"]
+    told = "joint gear is left out: it is gearbox, which is not simulated"
+    assert assembly.left_out == (told,)
 
 
 def test_hundreds_of_models_inside_of_each_other_are_read_or_refused():

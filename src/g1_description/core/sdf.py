@@ -1,13 +1,14 @@
 """SDF text in, models and lights out: all that is known about a world.
 
 This module and those whose names begin like its own are the only ones that read
-SDF: versions 1.4 to 1.9, with the meaning that Gazebo 11 gives them.
+SDF: versions 1.3 to 1.9, with the meaning that Gazebo 11 gives them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import TypeVar
 
 from lxml import etree
 
@@ -21,6 +22,8 @@ from .sdf_unread import unread
 from .sdf_world import EMPTY_WORLD, whole_document
 
 __all__ = ["EMPTY_WORLD", "Light", "Sdf", "SdfModel", "read_sdf"]
+
+_Read = TypeVar("_Read")
 
 
 @dataclass(frozen=True)
@@ -39,7 +42,8 @@ class Sdf:
     """Physics steps in a second of real time; None where the file does not say."""
 
     left_out: tuple[str, ...]
-    """A clause for each thing outside of the models that is not simulated."""
+    """A clause for each thing outside of the models that is not simulated, and for
+    each model or light that cannot be."""
 
 
 def read_sdf(
@@ -59,26 +63,32 @@ def read_sdf(
 
     Raises:
         DescriptionError: If it is not SDF, holds nothing, or something in it is
-            wrong.
+            wrong. A model, light or frame of a world that is wrong is left out.
     """
-    root, missing = whole_document(text, find_model)
+    root, left_out = whole_document(text, find_model)
     world = root.find("world")
     holder = root if world is None else world
     models, lights = holder.findall("model"), holder.findall("light")
-    left_out = [*missing, *_surplus(root), *unread(root), *unread(holder)]
-    left_out += [clause for light in lights for clause in unread(light)]
+    left_out += [*_surplus(root), *unread(root), *unread(holder)]
     if world is None:
         models = models[:1]
         if not models and not lights:
-            found = f", only {', '.join(left_out)}" if left_out else ""
+            found = f": {', '.join(left_out)}" if left_out else ""
             raise DescriptionError(f"The SDF has no model, light or world{found}.")
-    scope = _scope(holder, models, lights)
+    reader = _Reader(None if world is None else left_out)
+    scope = Scope("", Frames("the world", WORLD))
+    models = reader.read(models, lambda model: _placed(model, WORLD, scope))
+    frames = holder.findall("frame")
+    reader.read(frames, lambda f: _placed(f, f.get("attached_to") or WORLD, scope))
+    read_lights: dict[str, Light] = {}
+    for clauses in reader.read(lights, lambda el: _add_light(el, scope, read_lights)):
+        left_out += clauses
     physics = _physics(holder)
     return Sdf(
         models=tuple(
-            read_model(model, scope.frames.pose(name_of(model))) for model in models
+            reader.read(models, lambda m: read_model(m, scope.frames.pose(name_of(m))))
         ),
-        lights=tuple(read_light(light, scope) for light in lights),
+        lights=tuple(read_lights.values()),
         gravity=_gravity(holder),
         time_step=optional(physics, "max_step_size", "the physics"),
         max_update_rate=optional(physics, "real_time_update_rate", "the physics"),
@@ -91,23 +101,63 @@ def _surplus(root: etree._Element) -> list[str]:
     has_world = root.find("world") is not None
     surplus = [*root.findall("world")[1:], *root.findall("model")[not has_world :]]
     surplus += root.findall("light") if has_world else []
-    return [f"{element.tag} {element.get('name')} of the file" for element in surplus]
+    first = "world" if has_world else "model"
+    return [
+        f"{element.tag} {element.get('name')} is left out: of a file the first {first} "
+        "is read"
+        for element in surplus
+    ]
 
 
-def _scope(
-    holder: etree._Element, models: list[etree._Element], lights: list[etree._Element]
-) -> Scope:
-    """Gather the frames of the world, and check that there are no two of a name."""
-    scope = Scope("", Frames("the world", WORLD))
-    for model in models:
-        scope.add(name_of(model), model, WORLD)
-    for frame in holder.findall("frame"):
-        scope.add(name_of(frame), frame, frame.get("attached_to") or WORLD)
-    names = [name_of(light) for light in lights]
-    for name in names:
-        if names.count(name) > 1:
-            raise DescriptionError(f"There are two lights of the name {name}.")
-    return scope
+class _Reader:
+    """Reads all of a kind; in a world what is wrong is left out, else refused."""
+
+    def __init__(self, left_out: list[str] | None) -> None:
+        """Begin.
+
+        Args:
+            left_out: Takes a clause for each thing that is left out; None where
+                what is wrong is refused.
+        """
+        self._left_out = left_out
+
+    def read(
+        self,
+        elements: Iterable[etree._Element],
+        read: Callable[[etree._Element], _Read],
+    ) -> list[_Read]:
+        """Read elements.
+
+        Raises:
+            DescriptionError: If one is wrong, and such are refused.
+        """
+        found = []
+        for element in elements:
+            try:
+                found.append(read(element))
+            except DescriptionError as error:
+                if self._left_out is None:
+                    raise
+                thing = f"{element.tag} {element.get('name', '')}".rstrip()
+                self._left_out.append(f"{thing} is left out: {error}".rstrip("."))
+        return found
+
+
+def _placed(element: etree._Element, frame: str, scope: Scope) -> etree._Element:
+    """Make a model or a frame known as a frame of the world, and give it back."""
+    scope.add(name_of(element), element, frame)
+    return element
+
+
+def _add_light(
+    element: etree._Element, scope: Scope, lights: dict[str, Light]
+) -> tuple[str, ...]:
+    """Read a light and put it to those read before; tell what of it is not read."""
+    light = read_light(element, scope)
+    if light.name in lights:
+        raise DescriptionError(f"There are two lights of the name {light.name}.")
+    lights[light.name] = light
+    return unread(element)
 
 
 def _physics(holder: etree._Element) -> etree._Element | None:

@@ -66,6 +66,9 @@ class Prepared:
     refusal: tuple[str, ...] = ()
     """Gazebo's words and ours for why there is no content."""
 
+    left_out: tuple[str, ...] = ()
+    """A clause for each thing beside the content that is left out."""
+
 
 class ModelServices(Services):
     """Spawn, delete, look at and move models."""
@@ -141,11 +144,11 @@ class ModelServices(Services):
         if isinstance(content, Light):
             light = replace(content, name=request.model_name, pose=pose)
             self._world.add_light(light)
-            return ()
+            return prepared.left_out
         left_out = self._world.spawn(request.model_name, content.assembly, pose)
         model = self._world.models[request.model_name]
         model.robot_namespace = request.robot_namespace
-        return (f"left out: {', '.join(left_out)}",) if left_out else ()
+        return prepared.left_out + left_out
 
     def delete_model(self, request):
         """Remove a model; it is gone when this answers."""
@@ -272,10 +275,10 @@ def prepare_sdf(is_dynamic: bool, request) -> Prepared:
     if tag != "sdf":
         return Prepared(request, refusal=(NOT_A_MODEL, f"it is a <{tag}>"))
     try:
-        content = _only_content(read_sdf(request.model_xml, find_model))
+        sdf = read_sdf(request.model_xml, find_model)
+        return Prepared(request, _only_content(sdf), left_out=sdf.left_out)
     except DescriptionError as error:
         return Prepared(request, refusal=(f"SpawnModel: Failure - {error}",))
-    return Prepared(request, content)
 
 
 def _read_urdf(text: str, is_dynamic: bool) -> SdfModel:
@@ -292,8 +295,9 @@ def _only_content(sdf: Sdf) -> SdfModel | Light:
     """
     things = (*sdf.models, *sdf.lights)
     if len(things) != 1:
+        left_out = f" ({'; '.join(sdf.left_out)})" if sdf.left_out else ""
         raise DescriptionError(
             f"It has {len(sdf.models)} models and {len(sdf.lights)} lights; one model "
-            "or light can be spawned at a time."
+            f"or light can be spawned at a time{left_out}."
         )
     return things[0]

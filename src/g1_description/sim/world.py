@@ -46,11 +46,11 @@ class World:
             physics: One of ``engine.PHYSICS``.
             properties: The physics' numbers; Gazebo's where none are given.
             package_folder: Gives a package's folder, None if there is none.
-            content: Models and lights; by default a ground plane and a sun.
+            content: Models and lights; by default a ground plane and a sun. A model
+                that cannot be loaded is left out.
 
         Raises:
             UnknownNameError: If there is no such physics.
-            DescriptionError: If a model cannot be loaded.
         """
         self.properties = properties or PhysicsProperties()
         self._engine = Engine(physics, self.properties, package_folder)
@@ -65,8 +65,12 @@ class World:
             self.add_light(light)
         left_out = list(content.left_out)
         for model in content.models:
-            clauses = self.spawn(model.name, model.assembly, model.pose)
-            left_out += [f"{model.name}: {clause}" for clause in clauses]
+            try:
+                clauses = self.spawn(model.name, model.assembly, model.pose)
+            except DescriptionError as error:
+                left_out.append(f"model {model.name} is left out: {error}".rstrip("."))
+            else:
+                left_out += [f"{model.name}: {clause}" for clause in clauses]
         self.left_out = tuple(left_out)
         """A clause for each thing of the content that was left out."""
 
