@@ -167,6 +167,13 @@ class TestDeviations(unittest.TestCase):
             "SpawnModel: Successfully spawned entity; plugin of model m is not "
             "simulated; sensor of link l is not simulated",
         )
+        answer = self.spawn("ball", BALL, "spawn_sdf_model")
+        self.assertIn("; joint b is ball, which is not", answer["status_message"])
+        two = BALL.replace("</sdf>", '<model name="n"/></sdf>')
+        answer = self.spawn("two", two, "spawn_sdf_model")
+        self.assertIn("; model n is left out", answer["status_message"])
+        for name in ("eye", "ball", "two"):
+            self.call("delete_model", model_name=name)
 
     def test_6_a_model_can_be_commanded_when_spawn_answers(self):
         self.call("unpause_physics")
@@ -183,7 +190,6 @@ class TestDeviations(unittest.TestCase):
             ("<sdf/>", "Failure - "),
             ('<sdf version="1.6"/>', "Failure - "),
             ("<sdf><!-- ", "not SDF or URDF"),
-            (BALL, "Joint b is ball"),
             ('<sdf version="1.6"><model name="m"/></sdf>', "Failure - "),
         ):
             fields = {"model_name": "b", "model_xml": text}

@@ -13,7 +13,8 @@ SOURCE = Path(__file__).parents[2] / "src" / "g1_description"
 STANDARD = {"__future__", "argparse", "collections", "contextlib", "copy"}
 STANDARD |= {"dataclasses", "difflib", "functools", "itertools", "logging", "math"}
 STANDARD |= {"os", "pathlib", "re", "stat"}
-STANDARD |= {"subprocess", "sys", "tempfile", "typing", "urllib", "xml"}
+STANDARD |= {"subprocess", "sys", "tempfile", "types", "typing"}
+STANDARD |= {"urllib", "xml"}
 ALLOWED = {
     "core": STANDARD
     | {"lxml", "numpy", "rospkg", "urdf_parser_py", "xacro", "yaml", ".core"},

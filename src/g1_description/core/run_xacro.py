@@ -1,12 +1,16 @@
 """A program that prints a xacro file as URDF, or one sentence why not.
 
 It is a process of its own because xacro keeps what it read in its module, and
-because any exception can come out of it. ROS' xacro is used where it is installed.
+because any exception can come out of it. ROS' xacro is used where it is installed;
+that of PyPI is as new, but asks ROS 2 where packages are, so it is answered here.
 """
 
 from __future__ import annotations
 
 import sys
+from types import ModuleType
+
+from .model_files import find_folder
 
 
 class Arguments(dict):
@@ -28,15 +32,39 @@ class Arguments(dict):
         return super().__getitem__(name)
 
 
+def package_folder(name: str) -> str:
+    """Give the folder of ``$(find NAME)``.
+
+    Raises:
+        LookupError: If there is no such package.
+    """
+    folder = find_folder(name)
+    if folder is None:
+        raise LookupError(f"There is no package {name}")
+    return folder
+
+
+def answer_for_ros_2() -> None:
+    """Answer in the place of ROS 2 where packages are: in this process it is ROS 1."""
+    index = ModuleType("ament_index_python")
+    packages = ModuleType("ament_index_python.packages")
+    packages.get_package_share_directory = package_folder  # type: ignore[attr-defined]
+    sys.modules.update({index.__name__: index, packages.__name__: packages})
+
+
 def sentence(error: Exception, file: str) -> str:
     """Say what xacro found, and in which file."""
-    lines = (line.strip() for line in str(error).splitlines())
+    cause = getattr(error, "exc", None)
+    # Of what goes wrong in a substitution xacro tells the class, and all twice.
+    shown = cause if str(error).startswith("<class ") and cause else error
+    lines = (line.strip() for line in str(shown).splitlines())
     told = " ".join(line for line in lines if not line.startswith("ROS path"))
     return f"xacro: {told or repr(error)} (in {file})."
 
 
 def main() -> None:
     """Print URDF for the file and the arguments of the command line."""
+    answer_for_ros_2()
     try:
         import xacro
     except ImportError:
@@ -49,8 +77,8 @@ def main() -> None:
         print(sentence(error, (xacro.filestack or [file])[-1]))
         sys.exit(1)
     if arguments.unused:
-        print(f"{file} has no argument {' or '.join(sorted(arguments.unused))}.")
-        sys.exit(1)
+        names = " or ".join(sorted(arguments.unused))
+        print(f"{file} has no argument {names}, which is ignored.", file=sys.stderr)
     sys.stdout.buffer.write(document.toprettyxml(indent="  ").encode("utf-8"))
 
 
