@@ -121,7 +121,7 @@ def test_the_root_is_told_by_its_frame_not_its_center_of_mass(
     twist = np.array([0.3, -0.2, 0.1, 0.5, 0.6, -0.7])
     world.put("thing", TILTED, twist, "")
     poses, twists = model.poses.copy(), model.twists.copy()
-    assert_poses_close(model.root_pose, TILTED, 1e-15)
+    assert_poses_close(model.root_poses[0], TILTED, 1e-15)
     body.read()
     assert_poses_close(model.poses, poses, 1e-12)
     np.testing.assert_allclose(model.twists[0], twists[0], atol=1e-12)

@@ -69,7 +69,7 @@ def test_a_file_is_sent_as_it_is(tmp_path):
     ("content", "words"),
     [
         (b"", "There is no text on the file /"),
-        (b"hello", "is not XML: syntax error"),
+        (b"hello", "is not XML: Start tag expected"),
         (b"\xff", "is not text"),
     ],
 )

@@ -10,6 +10,7 @@ from urllib.parse import quote, unquote
 
 from lxml import etree
 
+from .errors import DescriptionError
 from .xml import parse_xml
 
 _HAS_SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*://")
@@ -111,8 +112,9 @@ def _around(folder: Path) -> dict[str, str]:
 def package_name(manifest: Path) -> str | None:
     """Read a package's name; None where there is no package."""
     try:
-        name = ElementTree.parse(manifest).findtext("name")
-    except (OSError, ElementTree.ParseError):
+        text = manifest.read_text(encoding="utf-8")
+        name = parse_xml("package manifest", text).findtext("name")
+    except (OSError, UnicodeError, DescriptionError):
         return None
     return name.strip() if name else None
 
