@@ -26,12 +26,15 @@ from gazebo_msgs.srv import (
     SpawnModel,
     SpawnModelResponse,
 )
+from gazebo_ros import gazebo_interface
+from geometry_msgs.msg import Point, Pose, Quaternion
 from ros_testing import REPOSITORY, Listener, wait_for
 from rosgraph_msgs.msg import Clock, Log
 from scipy.spatial.transform import Rotation
 from std_srvs.srv import Empty, EmptyResponse
 
 URDF = str(REPOSITORY / "urdf" / "g1_29dof.urdf")
+LINK = '<link name="link"/>'
 BOX = '<sdf version="1.6"><model name="box"/></sdf>'
 
 
@@ -275,6 +278,35 @@ class TestSpawnModel(unittest.TestCase):
         self.assertEqual(code, 0, output)
         self.assertIn("DeleteModel: successfully deleted model", output)
         self.assertNotIn("guest", self.world().model_names)
+
+    def test_python_nodes_call_the_services_as_functions(self):
+        self.delete_later("g1", "ball")
+        pose = Pose(Point(1.0, 2.0, 3.0), Quaternion(0.0, 0.0, 0.0, 1.0))
+        place = ("", pose, "world", "/gazebo")
+        urdf = Path(URDF).read_text()
+        sdf = BOX.replace("/></sdf>", f">{LINK}</model></sdf>")
+        self.assertIs(
+            gazebo_interface.spawn_urdf_model_client("g1", urdf, *place), True
+        )
+        self.assertIs(
+            gazebo_interface.spawn_sdf_model_client("ball", sdf, *place), True
+        )
+        self.assertEqual(self.model_state("g1", "").pose, pose)
+        self.assertEqual(self.model_state("ball", "").pose, pose)
+        before = self.elbow("g1")
+        configure = gazebo_interface.set_model_configuration_client
+        joints = (["left_elbow_joint"], [0.5], "/gazebo")
+        self.assertIs(configure("g1", "robot_description", *joints), True)
+        self.assertNotEqual(self.elbow("g1"), before)
+
+    def test_what_a_function_could_not_do_is_logged_and_returned(self):
+        configure = gazebo_interface.set_model_configuration_client
+        self.assertIs(configure("nobody", "", [], [], "/gazebo"), False)
+        words = (
+            "/gazebo/set_model_configuration: "
+            "SetModelConfiguration: model does not exist"
+        )
+        self.wait_for_words(words)
 
     def test_what_is_no_model_is_told_in_one_sentence_and_not_spawned(self):
         cases = (

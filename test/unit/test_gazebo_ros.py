@@ -1,5 +1,7 @@
 """The package gazebo_ros that is built where there is none."""
 
+import importlib
+import inspect
 import os
 import shlex
 import shutil
@@ -102,3 +104,18 @@ def test_rosrun_finds_exactly_one_executable(name):
     )
     assert run.returncode == 0, run.stderr
     assert run.stdout.startswith("usage: ")
+
+
+def test_python_nodes_find_the_functions_of_the_original():
+    interface = importlib.import_module("gazebo_ros.gazebo_interface")
+    assert PACKAGE in Path(interface.__file__).resolve().parents
+    spawn = ["model_name", "model_xml", "robot_namespace", "initial_pose"]
+    spawn += ["reference_frame", "gazebo_namespace"]
+    configure = ["model_name", "model_param_name", "joint_names", "joint_positions"]
+    arguments = {
+        "spawn_sdf_model_client": spawn,
+        "spawn_urdf_model_client": spawn,
+        "set_model_configuration_client": [*configure, "gazebo_namespace"],
+    }
+    for name, expected in arguments.items():
+        assert list(inspect.signature(getattr(interface, name)).parameters) == expected

@@ -1,0 +1,1 @@
+"""What Python nodes import from gazebo_ros."""
