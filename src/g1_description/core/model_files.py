@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
 from urllib.parse import unquote
 
 import rospkg
+from lxml import etree
 
 from .errors import DescriptionError
 from .sdf_world import NEWEST, version_number
@@ -15,6 +17,9 @@ from .xml import parse_xml
 
 MODEL_PATH = "GAZEBO_MODEL_PATH"
 """Environment variable with the folders that models lie in."""
+
+RESOURCE_PATH = "GAZEBO_RESOURCE_PATH"
+"""Environment variable with the folders that worlds and media lie in."""
 
 LARGEST_FILE = 10_000_000
 """No robot or model has more bytes: it is something else, or a mistake."""
@@ -36,11 +41,51 @@ def package_names() -> list[str]:
     return list(_packages().list())
 
 
+@lru_cache(maxsize=None)
+def _exported_folders(packages: rospkg.RosPack, attribute: str) -> tuple[str, ...]:
+    """List the folders that ROS packages export to gazebo_ros.
+
+    Args:
+        packages: Where to look.
+        attribute: Of ``<export><gazebo_ros .../></export>`` in a ``package.xml``:
+            folders with colons between them; ``${prefix}`` is the package's own.
+    """
+    found: list[str] = []
+    for name in packages.list():
+        own = packages.get_path(name)
+        for element in _exports_to_gazebo(Path(own, "package.xml")):
+            folders = element.get(attribute, "").replace("${prefix}", own)
+            found += filter(None, folders.split(os.pathsep))
+    return tuple(found)
+
+
+def _exports_to_gazebo(manifest: Path) -> list[etree._Element]:
+    """Read what a package exports to gazebo_ros; nothing where it cannot be read."""
+    try:
+        root = parse_xml("package", manifest.read_bytes().decode(errors="replace"))
+    except (OSError, DescriptionError):
+        return []
+    return root.findall("export/gazebo_ros")
+
+
+def model_folders() -> Iterator[str]:
+    """List the folders that models lie in, in the order they are searched."""
+    yield from listed_folders(MODEL_PATH)
+    yield from _exported_folders(_packages(), "gazebo_model_path")
+    yield str(Path.home() / ".gazebo" / "models")
+
+
+def resource_folders() -> Iterator[str]:
+    """List the folders that worlds and media lie in, in the order they are searched."""
+    yield from listed_folders(RESOURCE_PATH)
+    yield from _exported_folders(_packages(), "gazebo_media_path")
+
+
 def find_folder(name: str) -> str | None:
     """Find the folder of ``package://NAME`` or ``model://NAME``.
 
-    Packages are ROS packages; models lie in the folders of GAZEBO_MODEL_PATH and in
-    ``~/.gazebo/models``, as for Gazebo.
+    Packages are ROS packages; models lie in the folders of GAZEBO_MODEL_PATH, in those
+    that packages export, and in ``~/.gazebo/models``, as for Gazebo.
 
     Args:
         name: The package or model.
@@ -52,10 +97,9 @@ def find_folder(name: str) -> str | None:
         return _packages().get_path(name)
     except rospkg.ResourceNotFound:
         pass
-    own = Path.home() / ".gazebo" / "models"
-    for place in (*map(Path, listed_folders(MODEL_PATH)), own):
-        if (place / name).is_dir() and os.sep not in name and name != "..":
-            return str(place / name)
+    for place in model_folders():
+        if Path(place, name).is_dir() and os.sep not in name and name != "..":
+            return os.path.join(place, name)
     return None
 
 

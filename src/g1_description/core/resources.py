@@ -11,6 +11,7 @@ from urllib.parse import quote, unquote
 from lxml import etree
 
 from .errors import DescriptionError
+from .model_files import resource_folders
 from .xml import parse_xml
 
 _HAS_SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*://")
@@ -123,8 +124,8 @@ def local_path(uri: str, package_folder: Callable[[str], str | None]) -> Path | 
     """Find the file behind a mesh URI.
 
     Args:
-        uri: ``package://NAME/...``, ``model://NAME/...``, ``file:///...`` or an
-            absolute path.
+        uri: ``package://NAME/...``, ``model://NAME/...``, ``file:///...``,
+            ``file://...`` below a folder of Gazebo's resources, or an absolute path.
         package_folder: Gives a package's folder, None if there is no such package.
 
     Returns:
@@ -137,7 +138,7 @@ def local_path(uri: str, package_folder: Callable[[str], str | None]) -> Path | 
         folder = package_folder(package)
         path = None if folder is None else Path(folder) / unquote(inside)
     elif scheme == "file":
-        path = Path(unquote(rest))
+        path = _below_resources(unquote(rest))
     elif os.path.isabs(uri):
         path = Path(uri)
     if path is None:
@@ -147,3 +148,10 @@ def local_path(uri: str, package_folder: Callable[[str], str | None]) -> Path | 
         return path if path.is_file() else None
     except OSError:  # such as a name that is too long
         return None
+
+
+def _below_resources(name: str) -> Path:
+    """Find a file below the folders of Gazebo's resources, unless it is absolute."""
+    places = () if os.path.isabs(name) else resource_folders()
+    paths = (Path(place, name) for place in places)
+    return next((path for path in paths if os.path.isfile(path)), Path(name))

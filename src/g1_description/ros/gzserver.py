@@ -11,7 +11,7 @@ import rospkg
 import rospy
 
 from ..core.command_line import Ignored, OneSentenceParser
-from ..core.model_files import listed_folders
+from ..core.model_files import RESOURCE_PATH, resource_folders
 from . import gzclient
 from .command_line import own_arguments
 
@@ -23,8 +23,6 @@ PHYSICS = {
 
 EMPTY_WORLD = "worlds/empty.world"
 """Name of the world that is there without a file."""
-
-RESOURCE_PATH = "GAZEBO_RESOURCE_PATH"
 
 WITHOUT_MEANING = (
     ("--lockstep",),
@@ -88,7 +86,8 @@ def find_world(name: str) -> str:
     """Find a world file: from the working directory, then the resource path.
 
     Args:
-        name: Path, or name below a folder of GAZEBO_RESOURCE_PATH.
+        name: Path, or name below a folder of GAZEBO_RESOURCE_PATH or one that a
+            package exports.
 
     Returns:
         Absolute path; empty for the empty world.
@@ -98,7 +97,7 @@ def find_world(name: str) -> str:
     """
     if not name:
         return ""
-    for folder in ["", *listed_folders(RESOURCE_PATH)]:
+    for folder in ["", *resource_folders()]:
         path = Path(folder, name)
         if path.is_file():
             return str(path.resolve())
@@ -106,7 +105,8 @@ def find_world(name: str) -> str:
         return ""
     raise argparse.ArgumentTypeError(
         f"there is no world file {name} in {Path.cwd()} "
-        f"nor below {RESOURCE_PATH} ({os.environ.get(RESOURCE_PATH) or 'empty'})"
+        f"nor below {RESOURCE_PATH} ({os.environ.get(RESOURCE_PATH) or 'empty'}) "
+        "and the folders that packages export"
     )
 
 

@@ -28,7 +28,7 @@ from std_srvs.srv import Empty
 
 from ..core.command_line import OneSentenceParser, number
 from ..core.errors import DescriptionError
-from ..core.model_files import MODEL_PATH, listed_folders
+from ..core.model_files import MODEL_PATH, model_folders
 from ..core.rotation import from_rpy
 from ..core.xml import parse_xml
 from .command_line import own_arguments
@@ -51,7 +51,7 @@ def parser() -> OneSentenceParser:
     source = made.add_mutually_exclusive_group(required=True)
     source.add_argument("-file", metavar="PATH", help="the text is in a file")
     source.add_argument("-param", metavar="NAME", help="or on the parameter server")
-    source.add_argument("-database", metavar="NAME", help=f"or below {MODEL_PATH}")
+    source.add_argument("-database", metavar="NAME", help="or below a model path")
     source.add_argument("-stdin", action="store_true", help="or on the input")
     made.add_argument("-model", required=True, help="the model's name in the world")
     for name in "xyz":
@@ -125,15 +125,15 @@ def _read_file(path: str) -> str:
 
 
 def find_in_database(model: str) -> str:
-    """Find a model's SDF file below the folders of GAZEBO_MODEL_PATH."""
-    for folder in listed_folders(MODEL_PATH):
+    """Find a model's SDF file below the folders that models lie in."""
+    for folder in model_folders():
         path = Path(folder, model, "model.sdf")
         if path.is_file():
             return str(path)
     raise DescriptionError(
         f"There is no {model}/model.sdf below {MODEL_PATH} "
-        f"({os.environ.get(MODEL_PATH) or 'empty'}), "
-        "and no other database is asked."
+        f"({os.environ.get(MODEL_PATH) or 'empty'}), ~/.gazebo/models and the "
+        "folders that packages export, and no other database is asked."
     )
 
 
