@@ -23,6 +23,15 @@ SWING = """<robot name="swing"><link name="world"/><link name="mount"><inertial>
 <joint name="anchor" type="fixed"><parent link="world"/><child link="mount"/></joint>
 <joint name="hinge" type="continuous"><parent link="mount"/><child link="bob"/>
 <axis xyz="0 1 0"/></joint></robot>"""
+NEST = """<sdf version="1.7"><model name="nest"><link name="branch"/>
+<model name="egg"><link name="shell"><collision name="oval"><geometry><sphere>
+<radius>0.1</radius></sphere></geometry></collision></link><link name="lid"/>
+<joint name="crack" type="revolute"><parent>shell</parent><child>lid</child>
+<axis><xyz>0 0 1</xyz></axis></joint><model name="yolk"><link name="dot"/></model>
+</model>
+<joint name="glue" type="fixed"><parent>branch</parent><child>egg::shell</child></joint>
+<joint name="white" type="fixed"><parent>branch</parent><child>egg::yolk::dot</child>
+</joint></model></sdf>"""
 FOREVER = {"secs": -1}
 
 
@@ -144,6 +153,41 @@ class TestRules(unittest.TestCase):
         answer = self.simulator.set_joints("swing", {"anchor": 1.0, "hinge": 7.0})
         self.assertTrue(answer["success"])
         self.assertEqual(self.simulator.joint("swing::hinge")["position"], [7.0])
+
+    def properties(self, name):
+        told = self.call("get_model_properties", model_name=name)
+        self.assertTrue(told["success"], told)
+        lists = ("body_names", "geom_names", "joint_names", "child_model_names")
+        return told["parent_model_name"], *(told[name] for name in lists)
+
+    def test_a_model_inside_of_a_model_tells_what_it_is_made_of(self):
+        self.spawn("nest", NEST, [0, 5, 1, *UP])
+        own = ("", ["branch"], [], ["glue", "white"], ["egg"])
+        self.assertEqual(self.properties("nest"), own)
+        egg = ("nest", ["shell", "lid"], ["oval"], ["crack"], ["yolk"])
+        for name in ("nest::egg", "egg"):
+            self.assertEqual(self.properties(name), egg)
+        yolk = ("egg", ["dot"], [], [], [])
+        self.assertEqual(self.properties("nest::egg::yolk"), yolk)
+        for name in ("nest::yolk", "nest::branch", "branch"):
+            told = self.call("get_model_properties", model_name=name)
+            self.assertFalse(told["success"])
+
+    def levels(self):
+        """Tell the loggers' levels by name."""
+        loggers = self.call("get_loggers")["loggers"]
+        return {logger["name"]: logger["level"] for logger in loggers}
+
+    def test_levels_of_loggers_are_those_of_roscpp(self):
+        known = {"debug", "info", "warn", "error", "fatal"}
+        self.assertLessEqual(set(self.levels().values()), known)
+        for level, told in (("WARN", "warn"), ("info", "info")):
+            self.call("set_logger_level", logger="rosout", level=level)
+            self.assertEqual(self.levels()["rosout"], told)
+        for level in ("", "loud", "warning"):
+            answer = self.call("set_logger_level", logger="rosout", level=level)
+            self.assertEqual(answer, {"transport": "service_error"})
+        self.assertEqual(self.levels()["rosout"], "info")
 
 
 if __name__ == "__main__":

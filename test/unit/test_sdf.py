@@ -430,6 +430,25 @@ def test_what_stands_before_the_declaration_does_no_harm(before):
     assert [read.name for read in read_sdf(text).models] == ["m"]
 
 
+def test_models_inside_are_models_unless_they_were_included():
+    core = model(link("d"), name="core")
+    middle = model(link("c") + core, name="middle")
+    included = "<include><uri>model://camera</uri></include>"
+    joints = joint("fixed", "a", "middle::c") + joint(
+        "fixed", "a", "middle::core::d", name="ad"
+    )
+    joints += joint("fixed", "a", "camera::lens", name="al")
+    camera = f'<sdf version="1.7">{model(link("lens"), name="camera")}</sdf>'
+    whole = sdf(model(link("a") + middle + included + joints))
+    (found,) = read_sdf(whole, lambda _: camera).models
+    assembly = found.assembly
+    assert assembly.nested == ("middle", "middle::core")
+    assert [assembly.holder(name) for name in assembly.link_names] == [
+        *("", "middle", "", "middle::core")
+    ]
+    assert [assembly.holder(name) for name in assembly.nested] == ["", "middle"]
+
+
 def test_a_joint_and_a_link_may_have_the_same_name():
     """Old files do it, and Gazebo reads them."""
     inside = A_B + joint(name="b", inside="<pose>0 1 0 0 0 0</pose>")

@@ -60,6 +60,10 @@ class Assembly:
     """Where links are lumped: each link of the file that is there or became part of
     another, with the body that holds it and its pose in that body, shape (7,)."""
 
+    nested: tuple[str, ...] = ()
+    """Models inside that keep a name of their own, such as ``inner::innermost``; the
+    names of what they hold begin with it."""
+
     left_out: tuple[str, ...] = ()
     """A clause for each thing in the file that is not simulated, or not as it is."""
 
@@ -96,6 +100,18 @@ class Assembly:
             positions={**self.positions, **moved},
             left_out=(*self.left_out, f"joints that cannot be at zero begin: {begin}"),
         )
+
+    def holder(self, name: str) -> str:
+        """Name the nested model that holds a thing directly.
+
+        Args:
+            name: Of a link, joint or nested model, as this assembly has it.
+
+        Returns:
+            One of ``nested``; empty for the outermost model.
+        """
+        around = [model for model in self.nested if name.startswith(model + SCOPE)]
+        return max(around, key=len, default="")
 
     def with_link(self, link: Link) -> Assembly:
         """Give the same with one link in the place of that of its name."""

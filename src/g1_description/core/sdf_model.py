@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from lxml import etree
 
-from .assembly import WORLD, Assembly
+from .assembly import SCOPE, WORLD, Assembly
 from .description import Description, Joint, Link
 from .errors import DescriptionError
 from .sdf_frames import MODEL, Frames, Scope
@@ -22,6 +22,7 @@ from .sdf_link import drop_wrong_inertial, read_link
 from .sdf_text import flag, name_of, text_of
 from .sdf_tree import closes_loop, hung
 from .sdf_unread import unread
+from .sdf_world import INCLUDED
 from .tree import find_roots
 
 
@@ -83,6 +84,11 @@ def read_model(element: etree._Element, pose: np.ndarray) -> SdfModel:
             ),
             canonical=first if first != roots[0] else "",
             static=static,
+            nested=tuple(
+                scope.prefix[: -len(SCOPE)]
+                for scope, inner in scopes[1:]
+                if inner.get(INCLUDED) is None
+            ),
             left_out=(
                 *unread(element),
                 *filter(None, left_out),

@@ -22,6 +22,10 @@ _OLDEST = (1, 4)
 _CONVERTED = (1, 3)
 """A version that is converted, where its elements have had other names."""
 
+INCLUDED = "included_from"
+"""Attribute of what was included: Gazebo makes its links those of the model around it,
+while a model that is written inside of another is a model of its own."""
+
 _MOST_INCLUDES = 1000
 _DEEPEST_INCLUDE = 20
 
@@ -211,6 +215,7 @@ def _overridden(
     entity: etree._Element, include: etree._Element, uri: str, left_out: list[str]
 ) -> etree._Element:
     """Give an included model or light what its include says about it."""
+    entity.set(INCLUDED, uri)
     for child in list(include):
         if child.tag == "name":
             entity.set("name", text_of(include, "name") or entity.get("name", ""))

@@ -7,6 +7,7 @@ loop, between two steps.
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -27,7 +28,7 @@ from gazebo_msgs.srv import (
     SpawnModelResponse,
 )
 
-from ..core.assembly import Assembly
+from ..core.assembly import SCOPE, Assembly
 from ..core.description import parse_urdf
 from ..core.errors import (
     DescriptionError,
@@ -163,20 +164,27 @@ class ModelServices(Services):
         """Tell what a model is made of."""
         response = GetModelPropertiesResponse()
         try:
-            model = self._world.model(request.model_name)
+            found = self._world.entities.model(request.model_name)
         except UnknownNameError:
             name = request.model_name
             rospy.logerr("GetModelProperties: model [%s] does not exist", name)
             response.status_message = "GetModelProperties: model does not exist"
             return response
-        response.body_names = list(model.link_names)
+        model, assembly = found.model, found.model.assembly
+        nested = found.scoped[len(model.name + SCOPE) :]
+        response.body_names = _held_by(nested, model.link_names, assembly)
         response.geom_names = [
             shape.name
-            for link in model.assembly.description.links
+            for link in assembly.description.links
             for shape in link.collisions
+            if assembly.holder(link.name) == nested
         ]
-        response.joint_names = list(model.listed_joints)
-        response.is_static = model.assembly.static
+        response.joint_names = _held_by(nested, model.listed_joints, assembly)
+        response.child_model_names = _held_by(nested, assembly.nested, assembly)
+        if nested:
+            outer = assembly.holder(nested)
+            response.parent_model_name = outer.rpartition(SCOPE)[-1] or model.name
+        response.is_static = assembly.static
         response.success = True
         response.status_message = "GetModelProperties: got properties"
         return response
@@ -254,6 +262,18 @@ class ModelServices(Services):
         clause = self._in_vain("the twist is ignored") if twist.any() else ""
         words = "SetModelState: set model state done"
         return True, self._wording.say(words, [clause])
+
+
+def _held_by(model: str, names: Iterable[str], assembly: Assembly) -> list[str]:
+    """Give the names that things have in the model that holds them directly.
+
+    Args:
+        model: One of the assembly's nested models; empty for the outermost.
+        names: Of links, joints or nested models, as the assembly has them.
+        assembly: What the model is part of.
+    """
+    begin = len(model + SCOPE) if model else 0
+    return [name[begin:] for name in names if assembly.holder(name) == model]
 
 
 def prepare_urdf(is_dynamic: bool, request) -> Prepared:

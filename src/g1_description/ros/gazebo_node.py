@@ -29,6 +29,7 @@ from .gazebo_start import make_world, spawn_robot
 from .gazebo_step_services import StepServices
 from .gazebo_topics import StateTopics
 from .gazebo_world_services import UNSETTABLE, WorldServices
+from .loggers import answer_as_roscpp
 from .parameters import GazeboParameters, read_parameters
 from .reconfigure import offer_physics
 from .rosout import publish_log
@@ -247,6 +248,7 @@ def main(given=None, greet=lambda: None) -> None:
         greet: Called when the node can log.
     """
     serve_as_roscpp()
+    answer_as_roscpp()
     start_node("gazebo", disable_rosout=True)
     publish_log()
     greet()

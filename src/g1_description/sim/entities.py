@@ -35,7 +35,7 @@ class Entity:
     """A thing in the world."""
 
     kind: str
-    """model, link, collision, joint or light."""
+    """model, nested model, link, collision, joint or light."""
 
     scoped: str
     """Its name with those of what holds it: model::link::collision."""
@@ -44,7 +44,7 @@ class Entity:
     """Its own name."""
 
     model: Model | None = None
-    """The model that it is or belongs to."""
+    """The model that it is or belongs to, the outermost one."""
 
     row: int = 0
     """Which of the model's links or movable joints it is."""
@@ -115,6 +115,14 @@ class Entities:
                 if entity.kind == "joint":
                     self._joints.setdefault(name, entity)
 
+    def model(self, name: str) -> Entity:
+        """Find a model or nested model by its plain or scoped name.
+
+        Raises:
+            UnknownNameError: If there is none.
+        """
+        return self._found(self._first, name, ("model", "nested model"))
+
     def link(self, name: str) -> Entity:
         """Find a link by its plain or scoped name.
 
@@ -165,6 +173,9 @@ def _parts(model: Model) -> Iterator[Entity]:
         for shape in links[name].collisions:
             scoped = f"{scope}{name}{SCOPE}{shape.name}"
             yield Entity("collision", scoped, shape.name, model, row, shape.pose)
+    for name in model.assembly.nested:
+        plain = name.rpartition(SCOPE)[-1]
+        yield Entity("nested model", scope + name, plain, model)
     for name in model.listed_joints:
         yield Entity("joint", scope + name, name, model, model.joint_row(name))
 
