@@ -151,12 +151,14 @@ def test_what_floats_in_the_world_is_the_base():
 
 
 def test_collisions_are_named_as_gazebo_names_them_when_it_lumps():
-    """Joints in the order of their names; the first of all keeps a plain name."""
+    """Joints in the order of their names; what begins with the body's stays plain."""
     named = BOX.replace("<collision>", '<collision name="hull">')
     parts = [
         link("b", MASS + BOX),
         link("a", MASS + BOX + BOX),
         link("deep", MASS + named),
+        link("basement", MASS + BOX),
+        joint("zz", "fixed", "base", "basement"),
         joint("z", "fixed", "base", "a"),
         joint("y", "fixed", "base", "b"),
         joint("x", "fixed", "b", "deep"),
@@ -168,9 +170,23 @@ def test_collisions_are_named_as_gazebo_names_them_when_it_lumps():
         "base_fixed_joint_lump__hull_collision_2",
         "base_fixed_joint_lump__a_collision_3",
         "base_fixed_joint_lump__a_collision_4",
+        "basement_collision_5",
     ]
     (body,) = lump(link("base"), *parts).description.links
     assert [shape.name for shape in body.collisions][:2] == [
-        "b_collision",
+        "base_fixed_joint_lump__b_collision",
         "base_fixed_joint_lump__hull_collision_1",
+    ]
+
+
+def test_a_bodys_own_collisions_are_named_as_gazebo_names_them():
+    shapes = [
+        BOX.replace("<collision>", f'<collision name="{name}">')
+        for name in ("hull", "base_hull", "")
+    ]
+    (body,) = lump(link("base", MASS + "".join(shapes))).description.links
+    assert [shape.name for shape in body.collisions] == [
+        "base_fixed_joint_lump__hull_collision",
+        "base_hull_collision_1",
+        "base_collision_2",
     ]

@@ -137,15 +137,18 @@ def _merge(name: str, parts: list[tuple[Link, np.ndarray]]) -> Link:
 def _collision_name(body: str, link: str, shape: Shape, number: int) -> str:
     """Name a collision as Gazebo does when it turns URDF into its own format.
 
+    What does not begin with the body's name is told to be lumped: also a collision
+    of the body's own that the file gives another name.
+
     Args:
         body: The link that is left.
         link: The link of the file that has the shape.
         shape: The collision.
         number: Which collision of the body it is, from 0.
     """
-    lumped = f"{body}_fixed_joint_lump__" if number and link != body else ""
     count = f"_{number}" if number else ""
-    return f"{lumped}{shape.name or link}_collision{count}"
+    name = f"{shape.name or link}_collision{count}"
+    return name if name.startswith(body) else f"{body}_fixed_joint_lump__{name}"
 
 
 def combine_inertials(
