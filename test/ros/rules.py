@@ -9,7 +9,9 @@ from io import BytesIO
 import numpy as np
 import rospy
 import rostest
+from dynamic_reconfigure.msg import Config, ConfigDescription, GroupState
 from golden_simulator import QUARTER, UP, Simulator, pose_fields
+from ros_testing import Listener
 from rosgraph.network import encode_ros_handshake_header, read_ros_handshake_header
 
 BOX = """<sdf version="1.6"><model name="in_file">
@@ -188,6 +190,34 @@ class TestRules(unittest.TestCase):
             answer = self.call("set_logger_level", logger="rosout", level=level)
             self.assertEqual(answer, {"transport": "service_error"})
         self.assertEqual(self.levels()["rosout"], "info")
+
+    def test_numbers_are_described_as_gazebo_ros_does_and_begin_as_they_are(self):
+        descriptions = Listener("/gazebo/parameter_descriptions", ConfigDescription)
+        updates = Listener("/gazebo/parameter_updates", Config)
+        told, current = descriptions.wait(), updates.wait()
+        descriptions.close()
+        updates.close()
+        for config in (told.max, told.min, told.dflt, current):
+            self.assertEqual(config.groups, [GroupState("Default", True, 0, 0)])
+        names = {parameter.name for parameter in told.groups[0].parameters}
+        numbers = [numbers_of(c) for c in (told.min, told.dflt, told.max, current)]
+        for config in numbers:
+            self.assertEqual(set(config), names)
+        defaults = {"max_update_rate": 60.0, "sor_pgs_iters": 20, "max_contacts": 100}
+        defaults["sor_pgs_rms_error_tol"] = -1.0
+        now = {"max_update_rate": 1000.0, "sor_pgs_iters": 50, "max_contacts": 20}
+        now["sor_pgs_rms_error_tol"] = 0.0
+        self.assertEqual({name: numbers[1][name] for name in defaults}, defaults)
+        self.assertEqual({name: numbers[3][name] for name in now}, now)
+        for name in names - set(defaults):
+            self.assertEqual(numbers[1][name], numbers[3][name], name)
+        self.assertEqual(rospy.get_param("/gazebo/max_update_rate"), 1000.0)
+
+
+def numbers_of(config):
+    """Give the numbers of a configuration by name."""
+    entries = (*config.bools, *config.ints, *config.doubles)
+    return {entry.name: entry.value for entry in entries}
 
 
 if __name__ == "__main__":

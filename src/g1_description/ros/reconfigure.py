@@ -26,6 +26,28 @@ RANGES = {
 }
 """What each number is clamped to, in Gazebo's order."""
 
+DEFAULTS = {
+    "time_step": 0.001,
+    "max_update_rate": 60.0,
+    "gravity_x": 0.0,
+    "gravity_y": 0.0,
+    "gravity_z": -9.8,
+    "auto_disable_bodies": False,
+    "sor_pgs_precon_iters": 0,
+    "sor_pgs_iters": 20,
+    "sor_pgs_w": 1.3,
+    "sor_pgs_rms_error_tol": -1.0,
+    "cfm": 0.0,
+    "erp": 0.2,
+    "contact_surface_layer": 0.001,
+    "contact_max_correcting_vel": 100.0,
+    "max_contacts": 100,
+}
+"""What gazebo_ros tells as defaults. Nothing begins with them: Gazebo has its own."""
+
+GROUP = {"name": "Default", "state": True, "id": 0, "parent": 0}
+"""The one group, which holds all numbers."""
+
 _KINDS = {float: "double", int: "int", bool: "bool"}
 _MEANINGS = {
     "time_step": "Length of a physics step in [s]",
@@ -36,22 +58,16 @@ _MEANINGS = {
 class PhysicsConfig:
     """What dynamic_reconfigure's server asks of a generated configuration."""
 
-    def __init__(self, properties: PhysicsProperties) -> None:
-        """Describe the numbers.
-
-        Args:
-            properties: The numbers to begin with.
-        """
-        self.defaults = {name: getattr(properties, name) for name in RANGES}
-        self.min = {name: low for name, (low, _) in RANGES.items()}
-        self.max = {name: high for name, (_, high) in RANGES.items()}
+    def __init__(self) -> None:
+        """Describe the numbers."""
+        groups = {"groups": {**GROUP, "groups": {}}}
+        self.defaults = {**DEFAULTS, **groups}
+        self.min = {**{name: low for name, (low, _) in RANGES.items()}, **groups}
+        self.max = {**{name: high for name, (_, high) in RANGES.items()}, **groups}
         self.type = {name: _KINDS[type(low)] for name, (low, _) in RANGES.items()}
         self.config_description = {
-            "name": "Default",
+            **GROUP,
             "type": "",
-            "id": 0,
-            "parent": 0,
-            "state": True,
             "groups": [],
             "parameters": [self._describe(name) for name in RANGES],
         }
@@ -97,17 +113,18 @@ def offer_physics(properties: PhysicsProperties, change) -> Server:
     Returns:
         The server.
     """
-    config = PhysicsConfig(properties)
+    current = {name: getattr(properties, name) for name in RANGES}
     server = None
 
     def changed(values, _):
-        # The server calls this while it is made, with what is so already.
+        # The server calls this while it is made, with defaults that are not so.
         if server is None:
+            values.update(current)
             return values
         kinds = {name: type(low) for name, (low, _) in RANGES.items()}
         numbers = {name: kind(values[name]) for name, kind in kinds.items()}
         values.update(change(numbers))
         return values
 
-    server = _Server(config, changed)
+    server = _Server(PhysicsConfig(), changed)
     return server
