@@ -14,6 +14,7 @@ from fuzz_wire import LENGTH, body_of
 from fuzz_wire import packed as text
 from geometry_msgs.msg import Pose, Twist
 from ros_testing import REPOSITORY
+from scipy.spatial.transform import Rotation
 from std_msgs.msg import String
 
 for folder in REPOSITORY.glob(".venv/lib/python3*/site-packages"):
@@ -25,6 +26,7 @@ MANY = 2**32 - 1
 SHOWN = {"shoulder": 0.25, "elbow": -0.5, "slide": 0.125}
 MALFORMED, MISSING, TWICE = "cannot be read", "are left out", "more than once"
 OFF_AXIS, SILENCE, COMMAND = "off their axes", "Nothing usable", "is ignored"
+TILT = [0.1, 0.0, 0.0]
 KINDS = (MALFORMED, MISSING, TWICE, OFF_AXIS, SILENCE, COMMAND)
 """Words that tell a kind of line from the others."""
 
@@ -130,7 +132,9 @@ def _strange_numbers():
     elsewhere.pose[0].orientation.w = elsewhere.twist[0].linear.x = math.nan
     found["NaN in another model"] = Case(body_of(elsewhere))
     tilted = arm_states(**without_tip)
-    tilted.pose[-1].orientation.x = 0.01
+    q = tilted.pose[-1].orientation
+    turned = Rotation.from_quat([q.x, q.y, q.z, q.w]) * Rotation.from_rotvec(TILT)
+    q.x, q.y, q.z, q.w = turned.as_quat()
     shown = {**without_tip, "slide": 0.0}
     found["a link off its axis"] = Case(body_of(tilted), OFF_AXIS, shown)
     return found
