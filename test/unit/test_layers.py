@@ -19,7 +19,7 @@ ALLOWED = {
     "core": STANDARD
     | {"lxml", "numpy", "rospkg", "urdf_parser_py", "xacro", "yaml", ".core"},
     "sim": STANDARD
-    | {"contextlib", "ctypes", "struct", "numpy"}
+    | {"ctypes", "resource", "signal", "struct", "time", "warnings", "numpy", "PIL"}
     | {"pybullet", "pybullet_utils", ".core", ".sim"},
 }
 ALLOWED["importer"] = (
@@ -71,6 +71,7 @@ def test_messages_that_nodes_import_are_dependencies():
         ("yaml", "pose_text.py"),
         ("pybullet", "bullet.py"),
         ("pybullet_utils", "bullet.py"),
+        ("resource", "read_meshes.py"),
     ],
 )
 def test_only_one_module_imports_it(package, module):

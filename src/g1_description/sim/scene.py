@@ -19,6 +19,7 @@ from ..core.kinematics import Kinematics
 from ..core.transform import IDENTITY, compose
 from ..core.window import Window, matrices, window_around
 from .bullet import connect
+from .meshes import find_meshes
 from .visuals import load_visual
 
 AMBIENT, DIFFUSE, SPECULAR = 0.72, 0.55, 0.06
@@ -84,13 +85,19 @@ class Scene:
             The robot's number, from 0, and a clause for each mesh left out.
         """
         pieces, left_out = [], []
-        for link in description.links:
-            for shape in link.visuals:
-                body, why_not = load_visual(self._client, shape, package_folder)
-                if body is None:
-                    left_out.append(why_not)
-                else:
-                    pieces.append(_Piece(link.name, shape.pose, body))
+        shapes = [
+            (link.name, shape) for link in description.links for shape in link.visuals
+        ]
+        meshes = find_meshes((shape for _, shape in shapes), package_folder)
+        for link, shape in shapes:
+            mesh = meshes[shape.filename] if shape.kind == "mesh" else None
+            if isinstance(mesh, str):
+                left_out.append(mesh)
+                continue
+            bodies, why_not = load_visual(self._client, shape, mesh)
+            pieces += [_Piece(link, shape.pose, body) for body in bodies]
+            if why_not:
+                left_out.append(why_not)
         self._robots.append(
             _Robot(
                 tuple(joint.name for joint in description.movable_joints),

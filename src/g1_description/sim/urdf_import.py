@@ -1,7 +1,7 @@
 """A robot written for PyBullet: what its own URDF import gets wrong is settled first.
 
 PyBullet gives a link without inertial 1 kg, so bodies are lumped before. It fails
-the whole load for one missing mesh, so only meshes that exist are named, by
+the whole load for one missing mesh, so only meshes that were read are named, by
 absolute paths. It needs no visuals: ``scene`` draws them.
 """
 
@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable
+from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
@@ -56,30 +57,30 @@ def load_model(
         DescriptionError: If PyBullet refuses the model or loads something else.
     """
     description, fixed = model.assembly.description.trees[tree], model.trees[tree].fixed
-    text, left_out = prepared_urdf(description, package_folder)
-    number = _load(client, text, model.root_poses[tree], fixed)
+    with tempfile.TemporaryDirectory() as folder:
+        text, left_out = prepared_urdf(
+            description, package_folder, Path(folder), model.assembly.static
+        )
+        file = Path(folder) / "robot.urdf"
+        file.write_text(text, encoding="utf-8")
+        number = _load(client, file, model.root_poses[tree], fixed)
     _write_inertias(client, number, description)
     _check_mass(client, number, description, fixed)
     return number, left_out + _unread_shapes(client, number, description, text)
 
 
-def _load(client: BulletClient, text: str, pose: np.ndarray, fixed: bool) -> int:
+def _load(client: BulletClient, file: Path, pose: np.ndarray, fixed: bool) -> int:
     """Load a prepared URDF; give PyBullet's number for the body."""
-    with tempfile.NamedTemporaryFile("w", suffix=".urdf", encoding="utf-8") as file:
-        file.write(text)
-        file.flush()
-        try:
-            return client.loadURDF(
-                file.name,
-                pose[:3],
-                pose[3:],
-                useFixedBase=fixed,
-                flags=client.URDF_USE_INERTIA_FROM_FILE,
-            )
-        except client.error as error:
-            raise DescriptionError(f"PyBullet cannot load the robot: {error}.") from (
-                error
-            )
+    try:
+        return client.loadURDF(
+            str(file),
+            pose[:3],
+            pose[3:],
+            useFixedBase=fixed,
+            flags=client.URDF_USE_INERTIA_FROM_FILE,
+        )
+    except client.error as error:
+        raise DescriptionError(f"PyBullet cannot load the robot: {error}.") from error
 
 
 def links_of(

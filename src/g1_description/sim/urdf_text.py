@@ -13,7 +13,7 @@ from ..core.assembly import WORLD
 from ..core.description import Description, Inertial, Joint, Link, Shape
 from ..core.errors import LARGEST, DescriptionError
 from ..core.rotation import axes_to_rpy, to_axes
-from .meshes import find_mesh
+from .meshes import Mesh, binary_stl, find_meshes
 
 UNKNOWN = Inertial(1.0, np.zeros(3), np.eye(3))
 """In the place of mass properties that a file does not give. Nothing moves by itself
@@ -22,9 +22,15 @@ where there are such links; without a mass PyBullet finds no contacts."""
 LONGEST_NAME = 1000
 """PyBullet cuts names at 1023 bytes."""
 
+MOST_HULLS = 100
+"""A mesh of more parts becomes one convex hull, instead of one for each."""
+
 
 def prepared_urdf(
-    description: Description, package_folder: Callable[[str], str | None]
+    description: Description,
+    package_folder: Callable[[str], str | None],
+    folder: Path,
+    is_static: bool = False,
 ) -> tuple[str, tuple[str, ...]]:
     """Write a tree of bodies so that PyBullet loads what their file means.
 
@@ -34,6 +40,8 @@ def prepared_urdf(
     Args:
         description: The tree.
         package_folder: Gives a package's folder, None if there is no such package.
+        folder: Where meshes may be written that the text names.
+        is_static: Whether it never moves: then meshes are hollow where their files are.
 
     Returns:
         URDF text, and a clause for each mesh that was left out.
@@ -51,19 +59,26 @@ def prepared_urdf(
         raise DescriptionError(
             f"The name {too_long[0][:40]}... is longer than {LONGEST_NAME} bytes."
         )
+    shapes = [shape for link in description.links for shape in link.collisions]
+    meshes = find_meshes(shapes, package_folder)
+    files: dict[str, list[Path]] = {}
+    for name, mesh in meshes.items():
+        if isinstance(mesh, str):
+            left_out.append(mesh)
+        else:
+            files[name] = _collision_files(mesh, folder / str(len(files)))
     for link in description.links:
         element = ElementTree.SubElement(robot, "link", name=link.name)
         anchor = anchors.get(link.name, np.zeros(3))
         if link.name != WORLD or description.root != WORLD:
             _write_inertial(element, link, anchor)
         for shape in link.collisions:
-            path = None
-            if shape.kind == "mesh":
-                path, why_not = find_mesh(shape.filename, package_folder)
-                if path is None:
-                    left_out.append(why_not)
-                    continue
-            _write_collision(element, shape, anchor, path)
+            if shape.kind != "mesh":
+                _write_collision(element, shape, anchor)
+            for path in files.get(shape.filename, ()):
+                collision = _write_collision(element, shape, anchor, path)
+                if is_static:
+                    collision.set("concave", "yes")
     for joint in description.joints:
         _write_joint(robot, joint, anchors.get(joint.parent, np.zeros(3)))
     text = ElementTree.tostring(robot, encoding="unicode")
@@ -116,9 +131,12 @@ def principal_axes(inertia: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _write_collision(
-    element: ElementTree.Element, shape: Shape, anchor: np.ndarray, path: Path | None
-) -> None:
-    """Add a collision shape; meshes become convex hulls in PyBullet."""
+    element: ElementTree.Element,
+    shape: Shape,
+    anchor: np.ndarray,
+    path: Path | None = None,
+) -> ElementTree.Element:
+    """Add a collision shape; a mesh becomes its convex hull, unless it is concave."""
     collision = ElementTree.SubElement(element, "collision")
     _write_origin(collision, shape.pose[:3] - anchor, to_axes(shape.pose[3:]))
     geometry = ElementTree.SubElement(collision, "geometry")
@@ -134,6 +152,25 @@ def _write_collision(
     else:
         scale = _numbers(shape.size)
         ElementTree.SubElement(geometry, "mesh", filename=str(path), scale=scale)
+    return collision
+
+
+def _collision_files(mesh: Mesh, beginning: Path) -> list[Path]:
+    """Give the files of a mesh: what PyBullet reads itself, or one for each part.
+
+    Args:
+        mesh: The mesh.
+        beginning: What the names of files begin with that are written.
+    """
+    if not mesh.parts:
+        return [mesh.path]
+    corners = [part.corners for part in mesh.parts]
+    if len(corners) > MOST_HULLS:
+        corners = [np.concatenate(corners)]
+    paths = [Path(f"{beginning}_{number}.stl") for number in range(len(corners))]
+    for path, triangles in zip(paths, corners):
+        path.write_bytes(binary_stl(triangles))
+    return paths
 
 
 def _write_joint(

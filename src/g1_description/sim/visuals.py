@@ -2,50 +2,93 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterator, Sequence
+
+import numpy as np
 
 from ..core.description import Shape
 from ..core.surfaces import cylinder, sphere
 from .bullet import BulletClient, pybullet
-from .meshes import find_mesh
+from .meshes import Mesh, Part
+
+MOST_TRIANGLES = 40_000
+"""PyBullet takes 131072 corners of one shape."""
 
 GREY = (0.7, 0.7, 0.7, 1.0)
 """Colour of a shape where its file gives none."""
 
 
 def load_visual(
-    client: BulletClient,
-    shape: Shape,
-    package_folder: Callable[[str], str | None],
-) -> tuple[int | None, str]:
+    client: BulletClient, shape: Shape, mesh: Mesh | None
+) -> tuple[list[int], str]:
     """Load a shape, with a box around it that PyBullet keeps up.
 
     Args:
         client: PyBullet.
-        shape: The shape; a mesh without colour keeps its own.
-        package_folder: Gives a package's folder, None if there is no such package.
+        shape: The shape.
+        mesh: What was found of it if it is a mesh. As in RViz, the colours of the
+            mesh's own materials count more than that of the shape.
 
     Returns:
-        PyBullet's number for the body; or None and a clause that says why not.
+        PyBullet's numbers for its bodies, and a clause that says why there is none.
     """
-    form = _primitive(shape)
-    if shape.kind == "mesh":
-        path, why_not = find_mesh(shape.filename, package_folder)
-        if path is None:
-            return None, why_not
-        form = {"fileName": str(path), "meshScale": list(shape.size)}
-    looks = dict(form)
-    if shape.color is not None or shape.kind != "mesh":
-        looks["rgbaColor"] = list(shape.color or GREY)
-    form.pop("normals", None)
+    color = list(shape.color or GREY)
     kind = pybullet.GEOM_BOX if shape.kind == "box" else pybullet.GEOM_MESH
+    looks = [(_primitive(shape), color)]
+    if mesh is not None:
+        looks = [
+            (form, list(part.color or color))
+            for part in by_color(mesh.parts)
+            for form in _triangles(part, np.array(shape.size))
+        ] or [({"fileName": str(mesh.path), "meshScale": list(shape.size)}, color)]
     try:
-        visual = client.createVisualShape(kind, **looks)
-        solid = client.createCollisionShape(kind, **form)
-        body = client.createMultiBody(0.0, solid, visual)
+        return [_body(client, kind, *look) for look in looks], ""
     except pybullet.error:
-        return None, f"{shape.kind} {shape.filename} cannot be read"
-    return body, ""
+        return [], f"{shape.kind} {shape.filename} cannot be read"
+
+
+def by_color(parts: Sequence[Part]) -> list[Part]:
+    """Put the parts of one colour together."""
+    return [
+        Part(
+            np.concatenate([part.corners for part in parts if part.color == color]),
+            np.concatenate([part.normals for part in parts if part.color == color]),
+            color,
+        )
+        for color in dict.fromkeys(part.color for part in parts)
+    ]
+
+
+def _body(
+    client: BulletClient, kind: int, form: dict[str, object], color: list[float]
+) -> int:
+    """Make a body of a form in PyBullet's words; give PyBullet's number for it."""
+    visual = client.createVisualShape(kind, **form, rgbaColor=color)
+    solid = {name: value for name, value in form.items() if name != "normals"}
+    box = client.createCollisionShape(kind, **solid)
+    return int(client.createMultiBody(0.0, box, visual))
+
+
+def _triangles(part: Part, scale: np.ndarray) -> Iterator[dict[str, object]]:
+    """Write a part of a mesh as PyBullet takes it: so many triangles at a time.
+
+    Args:
+        part: The part.
+        scale: Of the mesh, shape (3,); below zero it is mirrored.
+    """
+    turn = 1 if np.prod(scale) > 0 else -1
+    with np.errstate(all="ignore"):
+        normals = part.normals / scale
+        normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+    corners = (part.corners * scale)[:, ::turn]
+    normals = np.nan_to_num(normals)[:, ::turn]
+    for first in range(0, len(corners), MOST_TRIANGLES):
+        some = slice(first, first + MOST_TRIANGLES)
+        yield {
+            "vertices": corners[some].reshape(-1, 3).tolist(),
+            "normals": normals[some].reshape(-1, 3).tolist(),
+            "indices": list(range(corners[some].size // 3)),
+        }
 
 
 def _primitive(shape: Shape) -> dict[str, object]:

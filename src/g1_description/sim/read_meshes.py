@@ -1,0 +1,105 @@
+"""A program that reads meshes, so that a hostile one ends it and not the simulator.
+
+Its arguments are a folder and files. In the folder it writes for the n-th file
+``n.npz``, or ``n.txt`` with the reason why not. It dies of the first file that takes
+too long; whoever started it goes on with the next.
+"""
+
+from __future__ import annotations
+
+import resource
+import signal
+import sys
+import warnings
+from pathlib import Path
+from urllib.parse import unquote
+
+import numpy as np
+
+from ..core.errors import LARGEST
+from .assimp import Assimp, CannotReadError, RawPart
+
+PATIENCE = 5.0
+"""Longest time of the processor that a file may take, in [s]."""
+
+MEMORY = 4 * 2**30
+"""Most memory that it may take, in bytes."""
+
+MOST_TRIANGLES = 3_000_000
+
+
+def main() -> None:
+    """Read all files."""
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    folder, files = Path(sys.argv[1]), sys.argv[2:]
+    for number, file in enumerate(files):
+        signal.setitimer(signal.ITIMER_PROF, PATIENCE)
+        try:
+            arrays = read(Path(file))
+        except CannotReadError as error:
+            (folder / f"{number}.txt").write_text(str(error), encoding="utf-8")
+            continue
+        # A file that is there is whole.
+        np.savez(folder / "unfinished.npz", **arrays)
+        (folder / "unfinished.npz").rename(folder / f"{number}.npz")
+
+
+def read(path: Path) -> dict[str, np.ndarray]:
+    """Read a mesh.
+
+    Args:
+        path: Its file.
+
+    Returns:
+        Of all parts, one after the other: ``corners`` and ``normals``, shape
+        (n, 3, 3); of each part: ``counts`` of its triangles, shape (m,), and
+        ``colors``, shape (m, 4), NaN where it has none.
+
+    Raises:
+        CannotReadError: If it cannot be read.
+    """
+    parts = [part for part in Assimp().read(path) if len(part.corners)]
+    counts = [len(part.corners) for part in parts]
+    if not parts:
+        raise CannotReadError("it has no triangles")
+    if sum(counts) > MOST_TRIANGLES:
+        raise CannotReadError(
+            f"it has {sum(counts)} triangles; there is room for {MOST_TRIANGLES}"
+        )
+    corners = np.concatenate([part.corners for part in parts])
+    if not (np.abs(corners) <= LARGEST).all():
+        raise CannotReadError("it has corners that are nowhere")
+    return {
+        "corners": corners,
+        "normals": np.concatenate([part.normals for part in parts]),
+        "counts": np.array(counts),
+        "colors": np.array([_color(part, path.parent) for part in parts]),
+    }
+
+
+def _color(part: RawPart, folder: Path) -> tuple[float, ...]:
+    """Give the colour of a part, shape (4,); of a picture the mean."""
+    if part.color is None:
+        return (np.nan,) * 4
+    names = (part.texture, unquote(part.texture))
+    pictures = [folder / name for name in names if name and (folder / name).is_file()]
+    mean = _mean_color(pictures[0]) if pictures else None
+    return (*(mean or part.color[:3]), part.color[3])
+
+
+def _mean_color(picture: Path) -> tuple[float, ...] | None:
+    """Give the mean colour of a picture, from 0 to 1; None if it cannot be read."""
+    from PIL import Image
+
+    try:
+        with warnings.catch_warnings(), Image.open(picture) as image:
+            warnings.simplefilter("error")  # of one that is larger than memory
+            small = image.convert("RGB").resize((1, 1), Image.Resampling.BOX)
+            return tuple(value / 255.0 for value in small.getpixel((0, 0)))
+    except Exception:  # what Pillow raises depends on the format
+        return None
+
+
+if __name__ == "__main__":
+    main()

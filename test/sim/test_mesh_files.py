@@ -1,0 +1,341 @@
+"""Meshes are where and as large as RViz and Gazebo have them; trimesh is the oracle."""
+
+import itertools
+import os
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from dae import box, collada, node, use
+from worlds import find_package
+
+from g1_description.core.camera import Camera
+from g1_description.core.description import Shape, parse_urdf
+from g1_description.core.lumping import lump_fixed_joints
+from g1_description.core.sdf import read_sdf
+from g1_description.core.transform import IDENTITY
+from g1_description.sim import meshes
+from g1_description.sim.meshes import find_meshes
+from g1_description.sim.picture import draw
+from g1_description.sim.scene import Scene
+from g1_description.sim.standing import standing_height
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "ros"))
+from fuzz_xml import broken_meshes
+
+UP = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])
+ASIDE = np.array([1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])
+INERTIAL = (
+    '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" '
+    'iyz="0"/></inertial>'
+)
+RED, BLUE = ("red", "0.9 0.1 0.1 1"), ("blue", "0.1 0.2 0.9 1")
+BALL = trimesh.creation.icosphere(2)
+
+
+def body(*names, color="", scale="1 1 1"):
+    """Write a robot of one link, whose meshes are seen and collide."""
+    material = f'<material name="m"><color rgba="{color}"/></material>' if color else ""
+    shapes = "".join(
+        f'<{kind}><geometry><mesh filename="{name}" scale="{scale}"/></geometry>'
+        f"{material if kind == 'visual' else ''}</{kind}>"
+        for name in names
+        for kind in ("visual", "collision")
+    )
+    return f'<robot name="r"><link name="a">{INERTIAL}{shapes}</link></robot>'
+
+
+def read(*files):
+    """Read meshes as the simulator does; give what was found, in their order."""
+    names = [f"file://{file}" for file in files]
+    found = find_meshes(
+        [Shape("mesh", (1.0,) * 3, np.array(IDENTITY), name) for name in names],
+        find_package,
+    )
+    return [found[name] for name in names]
+
+
+def bounds(mesh):
+    corners = np.concatenate([part.corners for part in mesh.parts]).reshape(-1, 3)
+    return np.array([corners.min(axis=0), corners.max(axis=0)])
+
+
+def two_boxes(meter="1", up="Z_UP"):
+    """Write a red box in front, and above a blue one on a turned and scaled node."""
+    unit = 1.0 / float(meter)
+    inner = node(
+        use("cube", "blue"),
+        f"<rotate>0 0 1 90</rotate><translate>{0.1 * unit} 0 0</translate>",
+    )
+    outer = f"<translate>0 0 {unit}</translate><scale>1 2 1</scale>"
+    return collada(
+        [
+            box("long", np.array([0.2, 0.4, 0.6]) * unit, "red"),
+            box("cube", np.array([0.1, 0.1, 0.1]) * unit, "blue"),
+        ],
+        [
+            node(use("long", "red"), f"<translate>{unit} 0 0</translate>"),
+            node(inner, outer),
+        ],
+        meter=meter,
+        up=up,
+        colors=[RED, BLUE],
+    )
+
+
+@pytest.mark.parametrize("up", ["Z_UP", "Y_UP", "X_UP"])
+@pytest.mark.parametrize("meter", ["1", "0.01", "0.0254"])
+def test_a_dae_counts_its_unit_and_not_its_up_axis(tmp_path, meter, up):
+    file = tmp_path / "x.dae"
+    file.write_text(two_boxes(meter, up))
+    (mesh,) = read(file)
+    wanted = [[-0.05, -0.2, -0.3], [1.1, 0.3, 1.05]]
+    np.testing.assert_allclose(bounds(mesh), wanted, atol=1e-6)
+    seen = trimesh.load(file).bounds * float(meter)
+    np.testing.assert_allclose(bounds(mesh), seen, atol=1e-6)
+    assert len(mesh.parts) == 2
+
+
+def test_one_geometry_in_two_places_is_there_twice(tmp_path):
+    file = tmp_path / "x.dae"
+    nodes = [node(use("a"), f"<translate>{x} 0 0</translate>") for x in (-1, 2)]
+    file.write_text(collada([box("a", [0.2] * 3)], nodes))
+    (mesh,) = read(file)
+    np.testing.assert_allclose(bounds(mesh)[:, 0], [-1.1, 2.1], atol=1e-6)
+    assert [len(part.corners) for part in mesh.parts] == [12, 12]
+
+
+@pytest.mark.parametrize("kind", ["stl", "stl_ascii", "obj", "dae"])
+def test_a_robot_stands_on_its_mesh_whatever_its_kind(tmp_path, kind):
+    file = tmp_path / f"ball.{kind[:3]}"
+    ball = BALL.copy().apply_translation([0.0, 0.0, 0.25])
+    data = ball.export(file_type=kind)
+    file.write_bytes(data if isinstance(data, bytes) else data.encode())
+    robot = lump_fixed_joints(parse_urdf(body(f"file://{file}")))
+    height = standing_height(robot, IDENTITY[3:], find_package)
+    assert height == pytest.approx(0.75, abs=0.004)  # PyBullet's margin
+
+
+def test_parts_of_a_mesh_are_hulls_of_their_own(make_world, tmp_path):
+    """Something small fits between two boxes of one mesh, and into neither."""
+    file = tmp_path / "x.dae"
+    nodes = [node(use("a"), f"<translate>{x} 0 0</translate>") for x in (-1, 1)]
+    file.write_text(collada([box("a", [0.2] * 3)], nodes))
+    world = make_world()
+    assert world.spawn_urdf("two", body(f"file://{file}"), UP) == ()
+    cube = f'<robot name="c"><link name="b">{INERTIAL}<collision><geometry>'
+    cube += '<box size="0.1 0.1 0.1"/></geometry></collision></link></robot>'
+    world.spawn_urdf("cube", cube, UP)
+    assert world.contacts() == set()
+    world.put("cube", ASIDE, np.zeros(6))
+    assert world.contacts() == {("cube::b", "two::a")}
+
+
+@pytest.mark.parametrize("kind", ["stl", "obj"])
+def test_a_static_mesh_is_hollow_where_its_file_is(make_world, tmp_path, kind):
+    """As in Gazebo, whose meshes are no hulls: what is inside of walls is free."""
+    file = tmp_path / f"ring.{kind}"
+    trimesh.creation.annulus(1.0, 1.2, 1.0).export(file)
+    world = make_world()
+    (model,) = read_sdf(
+        '<sdf version="1.6"><model name="walls"><static>true</static><link name="l">'
+        f'<collision name="c"><geometry><mesh><uri>file://{file}</uri></mesh>'
+        "</geometry></collision></link></model></sdf>"
+    ).models
+    assert world.spawn("walls", model.assembly, UP) == ()
+    cube = f'<robot name="c"><link name="b">{INERTIAL}<collision><geometry>'
+    cube += '<box size="0.1 0.1 0.1"/></geometry></collision></link></robot>'
+    world.spawn_urdf("cube", cube, UP)
+    assert world.contacts() == set()
+    world.put("cube", ASIDE, np.zeros(6))
+    assert world.contacts() == {("cube::b", "walls::l")}
+
+
+def shades(scene, places, camera):
+    """Give the colours seen at places in the plane of a view, from 0 to 1."""
+    picture = draw(scene, camera, 200, 200) / 255.0
+    seen = camera.seen(np.array(places)) * [200, -200] + [100, 100]
+    return [picture[int(y), int(x)] for x, y in seen]
+
+
+def assert_colors(seen, wanted):
+    """Compare hues: light makes what is seen darker or brighter as a whole."""
+    for one, other in zip(seen, np.array(wanted, dtype=float)):
+        shade = one @ other / (other @ other)
+        np.testing.assert_allclose(one, shade * other, atol=0.06)
+        assert 0.6 < shade < 1.4
+
+
+FRONT = Camera(np.array([0.0, 0.0, 0.0]), 0.0, 0.0, width=3.0)
+
+
+def side_by_side(first="", second=""):
+    """Write two boxes beside each other, seen from the front, with materials."""
+    return [
+        node(use(name, material), f"<translate>0 {y} 0</translate>")
+        for name, material, y in (("a", first, -0.5), ("b", second, 0.5))
+    ]
+
+
+def test_each_material_of_a_dae_has_its_colour_whatever_the_urdf_says(tmp_path):
+    """As in RViz: a colour of the URDF is for what has none."""
+    file = tmp_path / "x.dae"
+    geometries = [box("a", [0.5] * 3, "red"), box("b", [0.5] * 3, "blue")]
+    file.write_text(
+        collada(geometries, side_by_side("red", "blue"), colors=[RED, BLUE])
+    )
+    for color in ("", "0 1 0 1"):
+        with Scene() as scene:
+            assert scene.add(
+                parse_urdf(body(f"file://{file}", color=color)), find_package
+            ) == (0, ())
+            seen = shades(scene, [[0, -0.5, 0], [0, 0.5, 0]], FRONT)
+        assert_colors(seen, [[0.9, 0.1, 0.1], [0.1, 0.2, 0.9]])
+
+
+def test_what_has_no_material_has_the_colour_of_the_urdf(tmp_path):
+    bare = collada([box("a", [0.5] * 3), box("b", [0.5] * 3)], side_by_side())
+    (tmp_path / "x.dae").write_text(bare)
+    both = trimesh.util.concatenate(
+        [
+            trimesh.creation.box([0.5] * 3).apply_translation([0, y, 0])
+            for y in (-0.5, 0.5)
+        ]
+    )
+    both.export(tmp_path / "x.stl")
+    text = trimesh.exchange.export.export_mesh(both, None, "stl_ascii")
+    (tmp_path / "text.stl").write_text(text)
+    for name in ("x.dae", "x.stl", "text.stl"):
+        with Scene() as scene:
+            mesh = f"file://{tmp_path / name}"
+            scene.add(parse_urdf(body(mesh, color="0.2 0.8 0.4 1")), find_package)
+            seen = shades(scene, [[0, -0.5, 0], [0, 0.5, 0]], FRONT)
+        assert_colors(seen, [[0.2, 0.8, 0.4]] * 2)
+
+
+def test_materials_of_an_obj_have_their_colours_and_pictures_their_mean(tmp_path):
+    from PIL import Image
+
+    stripes = np.zeros((4, 4, 3), np.uint8)
+    stripes[:, ::2] = [200, 100, 0]
+    Image.fromarray(stripes).save(tmp_path / "a b.png")
+    (tmp_path / "x.mtl").write_text(
+        "newmtl one\nKd 0.1 0.2 0.9\nnewmtl two\nKd 1 1 1\nmap_Kd a b.png\n"
+    )
+    lines, corners = ["mtllib x.mtl"], np.indices((2, 2, 2)).reshape(3, 8).T - 0.5
+    for number, (material, y) in enumerate((("one", -0.5), ("two", 0.5))):
+        lines += [f"usemtl {material}"]
+        lines += ["v {} {} {}".format(*c) for c in corners * 0.5 + [0, y, 0]]
+        for face in ([1, 2, 4, 3], [5, 7, 8, 6], [1, 5, 6, 2], [3, 4, 8, 7]):
+            lines += ["f " + " ".join(str(i + 8 * number) for i in face)]
+    (tmp_path / "x.obj").write_text("\n".join(lines))
+    with Scene() as scene:
+        scene.add(parse_urdf(body(f"file://{tmp_path}/x.obj")), find_package)
+        seen = shades(scene, [[0, -0.5, 0], [0, 0.5, 0]], FRONT)
+    assert_colors(seen, [[0.1, 0.2, 0.9], [100 / 255, 50 / 255, 0]])
+
+
+@pytest.mark.parametrize("scale", ["2 2 2", "1 -1 1", "-0.5 1 2"])
+@pytest.mark.parametrize("kind", ["obj", "stl", "dae"])
+def test_a_scale_may_mirror(make_world, tmp_path, kind, scale):
+    file = tmp_path / f"x.{kind}"
+    ball = BALL.copy().apply_translation([0.3, 2.0, -0.4])
+    data = ball.export(file_type=kind)
+    file.write_bytes(data if isinstance(data, bytes) else data.encode())
+    text = body(f"file://{file}", scale=scale)
+    factors = np.array([float(word) for word in scale.split()])
+    wanted = np.sort(ball.bounds * factors, axis=0)
+    with Scene() as scene:
+        assert scene.add(parse_urdf(text), find_package) == (0, ())
+        corners = scene.corners()
+    seen = [corners.min(axis=0), corners.max(axis=0)]
+    np.testing.assert_allclose(seen, wanted, atol=0.005)
+    world = make_world()
+    world.spawn_urdf("r", text, np.array(IDENTITY))
+    number = world.body("r").number
+    np.testing.assert_allclose(world.client.getAABB(number), wanted, atol=0.005)
+
+
+def node_bomb(depth):
+    """Write nodes that use each other ten times each."""
+    nodes = [f'<node id="n0">{use("a")}</node>']
+    for n in range(1, depth):
+        uses = f'<instance_node url="#n{n - 1}"/>' * 10
+        nodes.append(f'<node id="n{n}">{uses}</node>')
+    text = collada(
+        [box("a", [1.0] * 3)], [node(f'<instance_node url="#n{depth - 1}"/>')]
+    )
+    library = f"<library_nodes>{''.join(nodes)}</library_nodes>"
+    return text.replace("<library_visual_scenes>", f"{library}<library_visual_scenes>")
+
+
+@pytest.fixture
+def counted(monkeypatch):
+    """Count the processes that read meshes."""
+    calls = []
+    run = meshes._run
+    monkeypatch.setattr(meshes, "_run", lambda *a: calls.append(a) or run(*a))
+    return calls
+
+
+def test_all_files_of_a_robot_are_read_by_one_process(tmp_path, counted):
+    kinds = ("obj", "dae", "stl_ascii")
+    files = []
+    for number, kind in zip(range(44), itertools.cycle(kinds)):
+        files.append(tmp_path / f"{number}.{kind[:3]}")
+        data = BALL.export(file_type=kind)
+        files[-1].write_bytes(data if isinstance(data, bytes) else data.encode())
+    for found in read(*files):
+        np.testing.assert_allclose(bounds(found), BALL.bounds, atol=1e-6)
+    assert len(counted) == 1
+    read(*files)
+    assert len(counted) == 1
+    time_ns = files[0].stat().st_mtime_ns + 10**9
+    BALL.copy().apply_scale(2.0).export(files[0])
+    os.utime(files[0], ns=(time_ns, time_ns))
+    np.testing.assert_allclose(bounds(read(*files)[0]), 2 * BALL.bounds, atol=1e-6)
+    assert len(counted) == 2
+
+
+def test_hostile_files_end_no_one_and_take_no_other_file_with_them(
+    make_world, tmp_path, counted
+):
+    names = broken_meshes(tmp_path)
+    (tmp_path / "nodes.dae").write_text(node_bomb(9))
+    (tmp_path / "self.dae").write_text(
+        node_bomb(2).replace(
+            '<node id="n0">', '<node id="n0"><instance_node url="#n1"/>'
+        )
+    )
+    for name in ("a_good.obj", "z_good.obj"):
+        BALL.export(tmp_path / name)
+    names = [
+        *names.values(),
+        *(f"file://{tmp_path}/{n}.dae" for n in ("nodes", "self")),
+    ]
+    good = [f"file://{tmp_path}/{name}_good.obj" for name in "az"]
+    began = time.monotonic()
+    left_out = make_world().spawn_urdf("r", body(good[0], *names, good[1]), UP)
+    assert time.monotonic() - began < meshes.PATIENCE + 10.0
+    assert len(counted) < 6
+    for name in names:
+        if not name.endswith(("nan.stl", "flat.stl")):
+            assert [clause for clause in left_out if name in clause], name
+    assert not [clause for clause in left_out if "good" in clause]
+    with Scene() as scene:
+        _, left_out = scene.add(
+            parse_urdf(body(good[0], *names, good[1])), find_package
+        )
+        assert not [clause for clause in left_out if "good" in clause]
+
+
+def test_without_the_library_the_reason_is_told(tmp_path, monkeypatch):
+    hidden = "import ctypes.util\nctypes.util.find_library = lambda name: None\n"
+    (tmp_path / "sitecustomize.py").write_text(hidden)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    BALL.export(tmp_path / "x.obj")
+    (clause,) = read(tmp_path / "x.obj")
+    assert clause.endswith("x.obj cannot be read: the library assimp is not installed")
