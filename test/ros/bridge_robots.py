@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 """Several robots: one bridge for all, a bridge for each, and none for nonsense."""
 
+import re
 import subprocess
 import sys
 import time
@@ -223,7 +224,29 @@ class TestBridgeRobots(unittest.TestCase):
             lambda: self.where("right/left_wrist_yaw_link"), "the right one's hand"
         )
 
-    def test_6_robots_that_make_no_sense_end_the_node_with_a_sentence(self):
+    def test_6_of_a_robot_that_vanished_it_says_so(self):
+        """None of its links has a mass: its model is there, without a link."""
+        statuses = Connected("/diagnostics", DiagnosticArray)
+        self.addCleanup(statuses.close)
+        rospy.set_param("/hollow", re.sub("(?s)<inertial>.*?</inertial>", "", URDF))
+        bridge = subprocess.Popen(
+            [
+                *("rosrun", "g1_description", "link_states_bridge.py"),
+                *("__name:=bridge_of_none", "_model_name:=hollow"),
+                "_robot_description:=/hollow",
+            ]
+        )
+        self.addCleanup(bridge.wait)
+        self.addCleanup(bridge.terminate)
+        for listener in (self.log, statuses):
+            listener.clear()
+        self.log.wait(lambda m: "nothing is left" in m.msg, "a line of the bridge")
+        statuses.wait(
+            lambda m: any("nothing is left of hollow" in s.message for s in m.status),
+            "a status",
+        )
+
+    def test_7_robots_that_make_no_sense_end_the_node_with_a_sentence(self):
         rospy.set_param("/not_a_robot", "hello")
         command = ["rosrun", "g1_description", "link_states_bridge.py"]
         processes = {

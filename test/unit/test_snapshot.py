@@ -71,7 +71,7 @@ def last_line(run):
             "has no joint left_elbow; it has left_elbow_joint, ",
         ),
         (["a" * 300 + ".png", "--model", OURS], "snapshot: [Errno 36] File name"),
-        (["a.png", "--model", ROOT / "test/data/tree.urdf"], "no visual shapes"),
+        (["a.png", "--model", ROOT / "test/data/tree.urdf"], "Nothing can be drawn"),
     ],
 )
 def test_what_is_wrong_is_told_in_one_sentence_and_writes_nothing(

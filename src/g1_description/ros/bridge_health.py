@@ -238,7 +238,10 @@ class BridgeHealth:
                 status.summary(WARN, "no link states come")
                 return status
             if not share.is_there:
-                status.summary(ERROR, f"the simulator has no link of {robot.name}")
+                why = f"the simulator has no link of {robot.name}"
+                if robot.vanishes:
+                    why = f"nothing is left of {robot.name} without links of no mass"
+                status.summary(ERROR, why)
                 return status
             status.summary(OK, f"{len(share.joints.names)} joints are measured")
             if robot.other_publishers:

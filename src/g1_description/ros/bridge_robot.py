@@ -5,6 +5,7 @@ from __future__ import annotations
 import posixpath
 import threading
 import time
+from functools import cached_property
 
 import genpy
 import rospy
@@ -14,6 +15,8 @@ from sensor_msgs.msg import JointState
 from ..core.command_tally import CommandTally
 from ..core.commands import listed, split_command
 from ..core.description import FREE, Description
+from ..core.errors import DescriptionError
+from ..core.lumping import lump_fixed_joints
 from ..core.observer import Share, Sight
 from ..core.throttle import PoseThrottle
 from ..core.whole_states import State, WholeStates
@@ -241,6 +244,14 @@ class BridgedRobot:
         self._whole_states.reset()
         self._tf_stamp, self._unsent = -TF_INTERVAL, None
 
+    @cached_property
+    def vanishes(self) -> bool:
+        """Whether Gazebo leaves nothing of it."""
+        try:
+            return not lump_fixed_joints(self.description).link_names
+        except DescriptionError:
+            return False
+
     def _tell_that_it_came(self, share: Share) -> None:
         """Say that the robot is there, after it was not."""
         if share.is_there and not (self.share and self.share.is_there):
@@ -268,6 +279,11 @@ class BridgedRobot:
             why = f"no usable numbers for {listed(share.broken)}"
         elif share.is_there:
             why = f"no link {listed(share.joints.missing)}"
+        elif self.vanishes:
+            why = (
+                "no link of it: nothing is left where links without mass are dropped, "
+                "with all that hangs on them"
+            )
         else:
             why = "no link of it (is it spawned under this name?)"
         self._complaints.tell(

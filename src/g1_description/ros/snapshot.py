@@ -81,7 +81,10 @@ def frame(
         corners.append(scene.corners())
     points = np.concatenate(corners)
     if not points.size:
-        raise InvalidValueError("The robot has no visual shapes that can be drawn.")
+        raise InvalidValueError(
+            "Nothing can be drawn: the robot has no visual shapes, or none that can be "
+            "read."
+        )
     is_placed = any(robot.T_map_root is not None for robot in moments[0])
     floor = 0.0 if is_placed else float(points[:, 2].min())
     width, height = asked.size

@@ -124,7 +124,9 @@ class World:
         left_out = self._engine.add(model)
         self.models[name] = model
         self._entities = None
-        return assembly.left_out + left_out
+        is_gone = assembly.left_out and not model.link_names
+        nothing = ("nothing is left of the model",) if is_gone else ()
+        return assembly.left_out + left_out + nothing
 
     def delete(self, name: str) -> None:
         """Remove a model.
