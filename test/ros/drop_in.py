@@ -37,8 +37,9 @@ CLIENTS = """<package format="2"><name>clients</name><version>0.0.0</version>
 <description>d</description><maintainer email='a@b.c'>m</maintainer>
 <license>none</license></package>"""
 FEW_SECONDS = 10.0
-SOON = 0.5
-"""Longest time from a reset to TF that goes on in [s] of wall time."""
+SOON = 2.0
+"""Longest time from a reset to TF that goes on in [s] of wall time, beside burners and
+other tests; tools/benchmark --only tf measures it."""
 
 
 class TestDropIn(unittest.TestCase):
