@@ -17,6 +17,7 @@ from gazebo_msgs.msg import LinkStates, WorldState
 from golden_simulator import UP, Simulator, pose_fields
 from ros_testing import Connected, wait_for
 from rosgraph_msgs.msg import Clock
+from scipy.spatial.transform import Rotation
 
 MASS = (
     '<inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" '
@@ -140,10 +141,26 @@ class TestDeviations(unittest.TestCase):
         fields = {"model_name": "", "model_xml": ARM}
         self.assert_refused("spawn_urdf_model", "a model needs a name", **fields)
 
-    def test_3_a_link_that_is_not_the_root_cannot_be_torn_off(self):
-        state = {"link_name": "arm::upper", "pose": pose_fields([0, 0, 5, *UP])}
-        words = "tear arm apart; what can be set is arm::base"
-        self.assert_refused("set_link_state", words, link_state=state)
+    def test_3_a_link_that_is_not_the_root_moves_along_its_joint(self):
+        self.simulator.set_joints("arm", {"hinge": 0.5})
+        base = self.simulator.link("arm::base")["pose"]
+        turned = Rotation.from_rotvec([0.0, 0.25, 0.0]).as_quat()
+        for height, clauses in (
+            (0.0, ""),
+            (
+                5.0,
+                "; hinge brings arm::upper no nearer than 5 m and 0 rad to that pose",
+            ),
+        ):
+            pose = pose_fields([0, 0, height, *turned])
+            state = {"link_name": "arm::upper", "reference_frame": "arm::base"}
+            told = self.call("set_link_state", link_state={**state, "pose": pose})
+            self.assertTrue(told["success"])
+            expected = "SetLinkState: success" + clauses
+            self.assertEqual(told["status_message"], expected)
+            (angle,) = self.simulator.joint("hinge")["position"]
+            self.assertAlmostEqual(angle, 0.25)
+            self.assertEqual(self.simulator.link("arm::base")["pose"], base)
 
     def test_4_the_true_kind_and_damping_of_joints(self):
         hinge, turn = (self.simulator.joint(name) for name in ("hinge", "turn"))

@@ -23,14 +23,11 @@ from gazebo_msgs.srv import (
     SetLinkStateResponse,
 )
 
-from ..core.assembly import SCOPE
-from ..core.commands import listed
 from ..core.description import Inertial
 from ..core.errors import DescriptionError, InvalidValueError, UnknownNameError
 from ..core.rotation import rotate
 from ..core.transform import IDENTITY, compose, inverse
 from ..sim.entities import WORLD_ENTITY, Entity, seen_from
-from ..sim.model import Model
 from .messages import (
     pose_from_array,
     twist_from_array,
@@ -46,6 +43,9 @@ from .wording import (
     checked_pose,
     checked_twist,
 )
+
+NEAR = 1e-4
+"""A link that is this near to the pose asked for is there, in [m] and [rad]."""
 
 LIGHTEST = 1e-9
 """Least mass that a link can be given, in [kg]."""
@@ -90,14 +90,14 @@ class LinkServices(Services):
         return response
 
     def set_state(self, request):
-        """Put a link somewhere, and its model with it."""
+        """Put a link somewhere."""
         try:
             return SetLinkStateResponse(*self.apply_state(request.link_state))
         except InvalidValueError as error:
             return SetLinkStateResponse(False, f"SetLinkState: refused, {error}")
 
     def apply_state(self, state: LinkState) -> tuple[bool, str]:
-        """Put a link somewhere, and its model with it.
+        """Put a link somewhere: a root with its model, others along their joint.
 
         The twist is for the center of mass, along the world's axes whatever the
         frame is, and the frame's own twist is subtracted: so does Gazebo.
@@ -106,11 +106,11 @@ class LinkServices(Services):
             Success and status message.
 
         Raises:
-            InvalidValueError: If the link is not its model's root, or a number is
+            InvalidValueError: If the link is fixed to another one, or a number is
                 none that a link can have.
         """
         try:
-            model, tree = self._tree_of_root(state.link_name)
+            link = self._found_link(state.link_name)
             frame = self._link_frame(state.reference_frame)
         except UnknownNameError as error:
             return False, f"SetLinkState: {error}"
@@ -121,9 +121,16 @@ class LinkServices(Services):
                 "using inertial frame"
             )
         target = compose(frame.pose, pose)
-        self._world.set_root_state(model, target, twist - frame.twist, tree)
-        clause = self._in_vain("the twist is ignored") if twist.any() else ""
-        return True, self._wording.say("SetLinkState: success", [clause])
+        placed = self._world.set_link_state(link, target, twist - frame.twist)
+        clauses = [self._in_vain("the twist is ignored") if twist.any() else ""]
+        if placed and max(placed.distance, placed.angle) > NEAR:
+            clauses.append(
+                f"{placed.joint} brings {link.scoped} no nearer than "
+                f"{round(placed.distance, 4):g} m and {round(placed.angle, 4):g} rad "
+                "to that pose"
+            )
+            rospy.logwarn_throttle_identical(1.0, f"SetLinkState: {clauses[-1]}")
+        return True, self._wording.say("SetLinkState: success", clauses)
 
     def _link_frame(self, name: str) -> Entity:
         """Find a frame for set_link_state; a refusal is in Gazebo's words."""
@@ -135,24 +142,13 @@ class LinkServices(Services):
             )
             raise UnknownNameError("failed") from None
 
-    def _tree_of_root(self, name: str) -> tuple[Model, int]:
-        """Find the tree whose root link it is; a refusal is in Gazebo's words."""
+    def _found_link(self, name: str) -> Entity:
+        """Find a link for set_link_state; a refusal is in Gazebo's words."""
         try:
-            link = self._world.entities.link(name)
+            return self._world.entities.link(name)
         except UnknownNameError:
             rospy.logerr("Updating LinkState: link [%s] does not exist", name)
             raise UnknownNameError("link does not exist") from None
-        model = link.model
-        tree = model.tree_below(link.row)
-        if tree is None:
-            roots = listed(
-                f"{model.name}{SCOPE}{model.link_names[tree.root_row]}"
-                for tree in model.trees
-            )
-            raise InvalidValueError(
-                f"it would tear {model.name} apart; what can be set is {roots}"
-            )
-        return model, tree
 
     def get_properties(self, request):
         """Tell a link's mass; what is static has none."""

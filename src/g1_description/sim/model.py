@@ -228,6 +228,20 @@ class Model:
         self.poses = self._kinematics.link_poses(self.root_poses, self.position)
         self.twists[self._kinematics.links_below(joints)] = 0.0
 
+    def set_joint(self, name: str, position: float, velocity: float) -> None:
+        """Put a joint somewhere, inside its limits, and let it move on from there.
+
+        Args:
+            name: A movable joint.
+            position: In [rad] or [m].
+            velocity: In [rad/s] or [m/s].
+        """
+        row = self.joint_names.index(name)
+        self.position[row] = np.clip(position, self.lower[row], self.upper[row])
+        self.target[row] = self.position[row]
+        self.velocity[row] = velocity
+        self.update()
+
     def set_state(self, pose: np.ndarray, twist: np.ndarray) -> None:
         """Put the model somewhere, joints as they are.
 

@@ -14,12 +14,13 @@ import numpy as np
 from ..core.assembly import SCOPE, Assembly
 from ..core.description import Inertial
 from ..core.errors import DescriptionError
-from ..core.rotation import rotate
+from ..core.rotation import cross, rotate
 from ..core.sdf import EMPTY_WORLD, Light, Sdf, read_sdf
 from ..core.transform import compose
 from .engine import Engine
 from .entities import Entities, Entity, named
 from .jobs import Jobs
+from .link_placing import Placed, joint_above, place_link
 from .model import Model, Report
 from .physics import PhysicsProperties
 from .urdf_import import check_size
@@ -249,6 +250,38 @@ class World:
         """
         model.set_root_state(pose, twist * self.is_dynamic, tree)
         self._engine.write(model)
+
+    def set_link_state(
+        self, entity: Entity, pose: np.ndarray, twist: np.ndarray
+    ) -> Placed | None:
+        """Put a link somewhere: a root with its model, others along their joint.
+
+        Args:
+            entity: The link.
+            pose: Pose in the world, shape (7,).
+            twist: Velocity of its center of mass and its angular velocity, along the
+                world's axes, shape (6,). Ignored in ``kinematic``.
+
+        Returns:
+            How near its joint brought a link that is not the root.
+
+        Raises:
+            InvalidValueError: If it is fixed to another link; nothing is changed.
+        """
+        model = entity.model
+        assert model is not None
+        joint = joint_above(model, entity.name)
+        if joint is None:
+            self.set_root_state(model, pose, twist, model.tree_below(entity.row) or 0)
+            return None
+        inertial = entity.link.inertial
+        twist = np.array(twist, dtype=float) * float(self.is_dynamic)
+        if inertial is not None:
+            lever = rotate(pose[3:], inertial.center_of_mass)
+            twist[:3] -= cross(twist[3:], lever)
+        placed = place_link(model, joint, pose, twist)
+        self._engine.write_joints(model)
+        return placed
 
     def set_link_properties(
         self, entity: Entity, inertial: Inertial, has_gravity: bool
