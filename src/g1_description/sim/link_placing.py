@@ -70,7 +70,12 @@ def place_link(
     twists = np.vstack([model.twists, np.zeros(6)])
     row = names.index(joint.child)
     poses[row], twists[row] = pose, twist
-    joints = measured_joints(model.assembly.description, names)
+    tree = next(
+        tree
+        for tree in model.assembly.description.trees
+        if joint.child in tree.link_names
+    )
+    joints = measured_joints(tree, names)
     measured = measure(poses, twists, joints)
     index = joints.names.index(joint.name)
     model.set_joint(joint.name, measured.position[index], measured.velocity[index])
