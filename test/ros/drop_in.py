@@ -207,7 +207,8 @@ class TestDropIn(unittest.TestCase):
     def test_a_required_server_takes_everything_with_it(self):
         options = ("gui:=true", "server_required:=true", "physics:=magic")
         self.launch("gazebo_ros", "empty_world.launch", *options)
-        wait_for_end(self.mark, 30.0)
+        self.roslaunch.wait(60.0)
+        wait_for_end(self.mark, FEW_SECONDS)
         self.assertEqual(marked_processes(self.mark), {})
         self.assertIn("invalid choice: 'magic'", self.log.read_text())
 
@@ -216,7 +217,8 @@ class TestDropIn(unittest.TestCase):
         self.addCleanup(rospy.delete_param, "/gazebo/physics")
         options = ("gui:=false", "server_required:=true", "physics:=hold")
         self.launch("gazebo_ros", "empty_world.launch", *options)
-        wait_for_end(self.mark, 30.0)
+        self.roslaunch.wait(60.0)
+        wait_for_end(self.mark, FEW_SECONDS)
         self.assertEqual(marked_processes(self.mark), {})
         self.assertRegex(self.log.read_text(), r"\[FATAL\].*magic")
 
