@@ -17,6 +17,7 @@ from g1_description.core.description import Shape, parse_urdf
 from g1_description.core.lumping import lump_fixed_joints
 from g1_description.core.sdf import read_sdf
 from g1_description.core.transform import IDENTITY
+from g1_description.importer.stl import clean_stl, read_stl
 from g1_description.sim import meshes
 from g1_description.sim.meshes import find_meshes
 from g1_description.sim.picture import draw
@@ -117,6 +118,29 @@ def test_a_robot_stands_on_its_mesh_whatever_its_kind(tmp_path, kind):
     robot = lump_fixed_joints(parse_urdf(body(f"file://{file}")))
     height = standing_height(robot, IDENTITY[3:], find_package)
     assert height == pytest.approx(0.75, abs=0.004)  # PyBullet's margin
+
+
+def test_a_text_stl_has_the_triangles_that_the_import_finds(tmp_path):
+    text = BALL.export(file_type="stl_ascii").encode()
+    shifted = BALL.copy().apply_translation([3.0, 0.0, 0.0])
+    more = shifted.export(file_type="stl_ascii").encode()
+    texts = {
+        "plain": text,
+        "CRLF": text.replace(b"\n", b"\r\n"),
+        "tabs": text.replace(b" ", b"\t"),
+        "two solids": text + b"\n" + more,
+        "no name": b"solid\n" + text.split(b"\n", 1)[1],
+        "no end": text.rsplit(b"endsolid", 1)[0],
+    }
+    for name, data in texts.items():
+        file = tmp_path / f"{name}.stl"
+        file.write_bytes(data)
+        (mesh,) = read(file)
+        seen = np.concatenate([part.corners for part in mesh.parts])
+        imported = read_stl(clean_stl(data)[0])
+        np.testing.assert_array_equal(
+            *(np.unique(t.reshape(-1, 9), axis=0) for t in (seen, imported))
+        )
 
 
 def test_parts_of_a_mesh_are_hulls_of_their_own(make_world, tmp_path):
