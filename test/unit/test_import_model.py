@@ -394,7 +394,9 @@ def test_hulls_and_fewer_triangles_are_made_once(bring, source):
     (source / "x.dae").write_text("<COLLADA/>")
     names = ("ring.stl", "ring.obj", "flat.obj", "x.dae")
     inside = "".join(shape(k, n) for k in ("visual", "collision") for n in names)
-    urdf = bring(robot(inside), "--convex-collisions", "--decimate", "50")
+    urdf = bring(
+        robot(inside), "--convex-collisions", "--decimate", "50", "--tolerance", "1"
+    )
     found = {key: path for key, (path, _) in mesh_files(urdf).items()}
     assert {path.name for path in found.values()} == {
         *("ring.stl", "ring_2.stl", "ring_hull.stl", "ring_hull_2.stl"),
@@ -407,6 +409,40 @@ def test_hulls_and_fewer_triangles_are_made_once(bring, source):
         assert len(trimesh.load(found["base", "v", index]).faces) <= 50
     assert "flat.obj kept as it is: it is flat" in bring.told
     assert "x.dae kept as it is: of .dae nothing is made" in bring.told
+
+
+@pytest.mark.parametrize("scale", ["1 1 1", "0.001 0.001 -0.001"])
+@pytest.mark.parametrize("kind", ["visual", "collision"])
+def test_fewer_triangles_move_no_mesh_farther_than_is_allowed(
+    bring, source, scale, kind
+):
+    """In metres of the robot, whatever the unit of the file; trimesh measures it."""
+    unit = 1.0 / float(scale.split()[0])
+    source.mkdir()
+    ball = trimesh.creation.icosphere(3, radius=0.1 * unit)
+    ball.export(source / "x.stl")
+    counts = {}
+    for tolerance in (0.001, 0.004):
+        options = ["--decimate", "8", "--tolerance", str(tolerance), "--force"]
+        options += ["--convex-collisions"]
+        urdf = bring(robot(shape(kind, "x.stl", scale)), *options)
+        ((path, _),) = mesh_files(urdf).values()
+        mesh = trimesh.load(path)
+        farthest = max(
+            trimesh.proximity.closest_point_naive(there, points)[1].max() / unit
+            for there, points in (
+                (ball, np.concatenate([mesh.vertices, mesh.triangles_center])),
+                (mesh, np.concatenate([ball.vertices, ball.triangles_center])),
+            )
+        )
+        assert 0.2 * tolerance < farthest <= tolerance
+        counts[tolerance] = len(mesh.faces)
+        moved = re.search(r"moved no mesh by more than (\S+) mm \(x", bring.told)
+        assert float(moved[1]) / 1000.0 == pytest.approx(farthest, rel=0.1)
+        report = (urdf.parents[1] / "report.md").read_text()
+        assert f"moved by {moved[1]} mm" in report
+        assert f"has {len(mesh.faces)} triangles: fewer cannot be made" in bring.told
+    assert counts[0.004] < counts[0.001] < 1280
 
 
 def test_colours_are_not_decimated_away(bring, source):
@@ -422,29 +458,50 @@ def test_a_folder_brings_all_its_robots_and_their_meshes_once(source, out):
     stl(source / "m" / "x.stl")
     for name in ("a", "b"):
         (source / f"{name}.urdf").write_text(robot(shape("visual", "m/x.stl")))
-    (source / "m" / "deeper.urdf").write_text(robot(""))
-    run([str(source), "--out", str(out)])
-    written = {"urdf/a.urdf", "urdf/b.urdf", "meshes/x.stl", "report.md"}
+    (source / "m" / "deeper").mkdir()
+    (source / "m" / "deeper" / "c.urdf").write_text(robot(shape("visual", "../x.stl")))
+    (source / ".git").mkdir()
+    (source / ".git" / "d.urdf").write_text(robot(""))
+    told = run([str(source), "--out", str(out)])
+    written = {f"urdf/{name}.urdf" for name in "abc"} | {"meshes/x.stl", "report.md"}
     assert set(contents(out)) == written
     report = (out / "report.md").read_text()
     assert report.count("| x.stl |") == 1
-    assert re.findall("^## (.*)", report, re.M) == ["a.urdf", "b.urdf", "Meshes"]
+    assert re.findall("^## (.*)", report, re.M) == [
+        *("a.urdf", "b.urdf", "c.urdf"),
+        "Meshes",
+    ]
+    assert f"c.urdf from {source}/m/deeper/c.urdf: robot r" in told
+    for name in "abc":
+        assert mesh_files(out / "urdf" / f"{name}.urdf")["base", "v", 0][0].is_file()
 
 
-def test_one_wrong_file_of_a_folder_is_named_and_nothing_written(source, out):
-    source.mkdir()
+def test_files_of_one_name_in_a_folder_are_counted(source, out):
+    for number, name in enumerate(("one", "three", "two")):
+        (source / name).mkdir(parents=True)
+        mass = LINK.replace('value="2"', f'value="{number + 1}"').format("l", ROUND, "")
+        (source / name / "r.urdf").write_text(f'<robot name="r">{mass}</robot>')
+    run([str(source), "--out", str(out)])
+    names = ("r", "r_2", "r_3")
+    robots = [read_model(str(out / "urdf" / f"{name}.urdf")) for name in names]
+    assert [robot.description.mass for robot in robots] == [1.0, 2.0, 3.0]
+
+
+def test_one_wrong_file_of_a_folder_is_named_and_left_out(source, out):
+    (source / "sub").mkdir(parents=True)
     (source / "a.urdf").write_text(robot(""))
-    (source / "b.urdf").write_text("<sdf/>")
-    with pytest.raises(DescriptionError, match=r"b\.urdf cannot be used: .*<sdf>"):
-        run([str(source), "--out", str(out)])
-    assert not out.exists()
-    (source / "urdf").mkdir()
-    for name in ("a", "b"):
-        (source / f"{name}.urdf").replace(source / "urdf" / f"{name}.urdf")
-    with pytest.raises(
-        DescriptionError, match=r"no \.urdf in .*; there is urdf/a\.urdf"
-    ):
-        run([str(source)])
+    for name in ("b", "sub/c"):
+        (source / f"{name}.urdf").write_text("<sdf/>")
+    told = run([str(source), "--out", str(out)])
+    assert set(contents(out)) == {"urdf/a.urdf", "report.md"}
+    for name in ("b", "sub/c"):
+        words = f"The model {source}/{name}.urdf cannot be used: "
+        assert words in told
+        assert words in (out / "report.md").read_text()
+    (source / "a.urdf").unlink()
+    words = r"b\.urdf cannot be used: .*<sdf>.*\(2 files, none is a robot\)"
+    with pytest.raises(DescriptionError, match=words):
+        run([str(source), "--out", str(out), "--force"])
 
 
 def test_xacro_is_expanded(source, out):
@@ -573,6 +630,8 @@ def command(*arguments, first="", **options):
         (["no.urdf"], "The model no.urdf cannot be used: There is no file no.urdf"),
         (["."], "There is no .urdf in the folder ."),
         (["r.urdf", "--decimate", "3"], "'3' is no whole number from 4 on"),
+        (["r.urdf", "--tolerance", "-1"], "'-1' is no length in metres"),
+        (["r.urdf", "--tolerance", "a"], "'a' is no length in metres"),
         (["r.urdf", "--out", "/proc/x"], "/proc/.import_model-"),
         (["r.urdf", "--out", ""], "argument --out: '' is no folder"),
         (["~nouser/x"], "There is no folder ~nouser"),
@@ -599,7 +658,9 @@ def test_an_interrupted_import_leaves_nothing(number, source, out, tmp_path):
         ball.export(source / name)
     inside = "".join(shape("visual", name) for name in names)
     (source / "r.urdf").write_text(robot(inside))
-    process = command(source / "r.urdf", "--out", out, "--decimate", "9")
+    process = command(
+        source / "r.urdf", "--out", out, "--decimate", "9", "--tolerance", "9"
+    )
     deadline = time.monotonic() + 60.0
     while not list(tmp_path.glob(".import*/meshes/0.stl")):
         assert time.monotonic() < deadline
@@ -607,7 +668,7 @@ def test_an_interrupted_import_leaves_nothing(number, source, out, tmp_path):
             process.wait(0.02)
     process.send_signal(number)
     _, told = process.communicate(timeout=60)
-    assert told == "import_model: interrupted; nothing was written.\n"
+    assert told.endswith("import_model: interrupted; nothing was written.\n")
     assert process.returncode == 130
     assert [path.name for path in tmp_path.iterdir()] == ["source"]
 

@@ -7,7 +7,8 @@ import pytest
 import trimesh
 
 from g1_description.core.errors import DescriptionError
-from g1_description.importer.shapes import convex_hull, decimated
+from g1_description.importer.deviation import Surface, deviation
+from g1_description.importer.shapes import convex_hull, decimated, decimated_hull
 from g1_description.importer.stl import clean_stl, read_stl, write_stl
 
 BALL = trimesh.creation.icosphere(3)
@@ -110,11 +111,45 @@ def test_a_mesh_with_few_triangles_is_not_decimated():
 @pytest.mark.parametrize("most", [None, 60])
 def test_a_hull_is_convex_and_holds_the_mesh(most):
     mesh = trimesh.creation.annulus(0.5, 1.0, 0.3)
-    triangles = convex_hull(np.asarray(mesh.triangles), most)
+    triangles = convex_hull(np.asarray(mesh.triangles))
+    if most:
+        triangles = decimated_hull(triangles, most)
     hull = trimesh.Trimesh(**trimesh.triangles.to_kwargs(triangles))
     assert hull.is_convex
     assert hull.volume == pytest.approx(np.pi * 0.3, rel=0.1)
     assert most is None or len(triangles) <= most
+
+
+def apart(one, other, limit=np.inf):
+    surfaces = [Surface(np.asarray(m.triangles), 1.0) for m in (one, other)]
+    return deviation(*surfaces, limit)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_surfaces_are_as_far_apart_as_trimesh_says(seed):
+    """Its own search, triangle by triangle, from corners and random points."""
+    random = np.random.RandomState(seed)
+    one = trimesh.creation.box(random.uniform(0.1, 1.0, 3)).subdivide()
+    other = trimesh.creation.icosphere(2, random.uniform(0.2, 0.6))
+    other.apply_translation(random.uniform(-0.3, 0.3, 3))
+    farthest = 0.0
+    for a, b in ((one, other), (other, one)):
+        points = np.concatenate([a.vertices, a.sample(3000)])
+        distances = trimesh.proximity.closest_point_naive(b, points)[1]
+        farthest = max(farthest, distances.max())
+    assert farthest - 1e-9 <= apart(one, other) * 1.03
+    assert apart(one, other) <= farthest * 1.03
+    assert apart(one, other) == pytest.approx(apart(other, one))
+
+
+def test_a_part_that_is_gone_counts():
+    """Each point that is left is where it was: that is one side only."""
+    ball = trimesh.creation.icosphere(2, 0.1).apply_translation([1.0, 0.0, 0.0])
+    box = trimesh.creation.box([0.2] * 3)
+    both = trimesh.util.concatenate([box, ball])
+    assert apart(both, box) == pytest.approx(1.0, abs=0.01)
+    assert apart(both, both) == pytest.approx(0.0, abs=1e-9)
+    assert apart(both, box, limit=0.1) > 0.1
 
 
 def test_a_flat_mesh_has_no_hull():

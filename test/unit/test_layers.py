@@ -25,7 +25,7 @@ ALLOWED = {
 ALLOWED["importer"] = (
     STANDARD
     | {"shutil", "signal", "time"}
-    | {"fast_simplification", "lxml", "numpy", "trimesh", ".core", ".importer"}
+    | {"fast_simplification", "lxml", "numpy", "scipy", "trimesh", ".core", ".importer"}
 )
 FORBIDDEN = {"ros": {"pybullet", "pybullet_utils", "scipy", "urdf_parser_py"}}
 

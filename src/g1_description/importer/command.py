@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import math
+import os
 import sys
 import time
 from pathlib import Path
@@ -13,7 +15,7 @@ from ..core.model_path import named_path, with_robots
 from ..core.model_text import ModelText, read_model
 from .folder import Folder
 from .importing import Import
-from .meshes import Wishes
+from .meshes import TOLERANCE, Wishes
 from .report import report, summary
 from .robot import Robot, open_robot
 from .uris import mesh_prefix
@@ -34,12 +36,23 @@ def parser() -> OneSentenceParser:
     made.add_argument(
         "model",
         help="URDF or xacro file, as for model:= of the launch files; or a folder: "
-        "every .urdf in it",
+        "every .urdf in it and below",
     )
     made.add_argument("--out", type=_folder, metavar="FOLDER", help="where to write")
     made.add_argument("--force", action="store_true", help="replace what is in the way")
     made.add_argument(
-        "--decimate", type=_count, metavar="N", help="at most N triangles per mesh"
+        "--decimate",
+        type=_count,
+        metavar="N",
+        help="N triangles per mesh, or as few as --tolerance allows",
+    )
+    made.add_argument(
+        "--tolerance",
+        type=_distance,
+        default=TOLERANCE,
+        metavar="METRES",
+        help="how far --decimate may move a surface, measured from the old one to the "
+        f"new and back; by default {TOLERANCE}",
     )
     made.add_argument(
         "--convex-collisions",
@@ -61,6 +74,17 @@ def _count(text: str) -> int:
     raise argparse.ArgumentTypeError(f"'{text}' is no whole number from 4 on")
 
 
+def _distance(text: str) -> float:
+    """Read how far a surface may move."""
+    try:
+        distance = float(text)
+    except ValueError:
+        distance = math.nan
+    if 0.0 <= distance < math.inf:
+        return distance
+    raise argparse.ArgumentTypeError(f"'{text}' is no length in metres")
+
+
 def _folder(text: str) -> Path:
     """Read the name of a folder; an empty one would be the working directory."""
     if text:
@@ -68,28 +92,66 @@ def _folder(text: str) -> Path:
     raise argparse.ArgumentTypeError("'' is no folder")
 
 
-def read_models(asked: str) -> list[ModelText]:
-    """Read a file, or all robots in a folder.
+def read_models(asked: str) -> tuple[list[ModelText], list[str]]:
+    """Read a file, or all robots in a folder and below it.
+
+    Returns:
+        The robots, and a sentence for each file of a folder that is none.
 
     Raises:
-        DescriptionError: If one of them is none; the sentence names it.
+        DescriptionError: If there is no robot.
     """
-    names = [asked]
     folder = named_path(asked)
-    if folder.is_dir():
-        names = [str(path) for path in sorted(folder.glob("*.urdf"))]
-        if not names:
-            more = with_robots(folder)
-            raise DescriptionError(f"There is no .urdf in the folder {folder}{more}.")
-    models = []
+    if not folder.is_dir():
+        return [_read(asked)], []
+    names = _urdf_files(folder)
+    if not names:
+        more = with_robots(folder)
+        raise DescriptionError(
+            f"There is no .urdf in the folder {folder} or below it{more}."
+        )
+    models, faults = [], []
     for name in names:
         try:
-            models.append(read_model(name))
-        except G1DescriptionError as error:
-            raise DescriptionError(
-                f"The model {name} cannot be used: {error}"
-            ) from error
-    return models
+            models.append(_read(name))
+        except DescriptionError as error:
+            faults.append(str(error))
+    if not models:
+        more = f" ({len(faults)} files, none is a robot)" if len(faults) > 1 else ""
+        raise DescriptionError(f"{faults[0]}{more}")
+    return models, faults
+
+
+def _urdf_files(folder: Path) -> list[str]:
+    """List the .urdf files in a folder and below it, but for hidden folders."""
+    found = []
+    for place, folders, names in os.walk(str(folder)):
+        folders[:] = sorted(name for name in folders if not name.startswith("."))
+        found += [os.path.join(place, n) for n in sorted(names) if n.endswith(".urdf")]
+    return found
+
+
+def _read(name: str) -> ModelText:
+    """Read a robot.
+
+    Raises:
+        DescriptionError: If it is none; the sentence names it.
+    """
+    try:
+        return read_model(name)
+    except G1DescriptionError as error:
+        raise DescriptionError(f"The model {name} cannot be used: {error}") from error
+
+
+def _open(models: list[ModelText]) -> list[Robot]:
+    """Take robots apart; those whose files have one name are counted."""
+    robots: dict[str, Robot] = {}
+    for model in models:
+        robot = open_robot(model)
+        while robot.name in robots:
+            robot.number += 1
+        robots[robot.name] = robot
+    return list(robots.values())
 
 
 class Progress:
@@ -106,14 +168,16 @@ class Progress:
             print(f"import_model: {done} of {total} meshes", file=sys.stderr)
 
 
-def check_only(robots: list[Robot], wishes: Wishes) -> str:
+def check_only(robots: list[Robot], faults: list[str], wishes: Wishes) -> str:
     """Check robots and write nothing; give the summary of what would be done."""
-    imported = Import(robots, wishes, "../meshes", lambda name, data: None)
+    imported = Import(robots, wishes, "../meshes", lambda name, data: None, faults)
     imported.run(Progress())
     return f"{summary(imported)}\nOnly checked: without --out nothing is written."
 
 
-def import_into(folder: Folder, robots: list[Robot], wishes: Wishes) -> str:
+def import_into(
+    folder: Folder, robots: list[Robot], faults: list[str], wishes: Wishes
+) -> str:
     """Write the folder; give the summary.
 
     Raises:
@@ -124,7 +188,7 @@ def import_into(folder: Folder, robots: list[Robot], wishes: Wishes) -> str:
     folder.protect([*(robot.source for robot in robots), *meshes])
     folder.check([REPORT, *(robot.name for robot in robots)])
     prefix, where = mesh_prefix(folder.target)
-    imported = Import(robots, wishes, prefix, folder.write)
+    imported = Import(robots, wishes, prefix, folder.write, faults)
     with folder.completed():
         imported.run(Progress())
         folder.write(REPORT, report(imported, where).encode("utf-8"))
@@ -139,8 +203,11 @@ def run(arguments: list[str]) -> str:
         OSError: If the folder cannot be written.
     """
     asked = parser().parse_args(arguments)
-    robots = [open_robot(model) for model in read_models(asked.model)]
-    wishes = Wishes(asked.decimate, asked.convex_collisions, asked.keep_missing)
+    models, faults = read_models(asked.model)
+    robots = _open(models)
+    wishes = Wishes(
+        asked.decimate, asked.tolerance, asked.convex_collisions, asked.keep_missing
+    )
     if asked.out is None:
-        return check_only(robots, wishes)
-    return import_into(Folder(asked.out, asked.force), robots, wishes)
+        return check_only(robots, faults, wishes)
+    return import_into(Folder(asked.out, asked.force), robots, faults, wishes)

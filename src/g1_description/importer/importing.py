@@ -31,6 +31,8 @@ class MeshFile:
     triangles: int | None = None
     changes: tuple[str, ...] = ()
     findings: tuple[str, ...] = ()
+    moved: float | None = None
+    """How far fewer triangles moved it, in [m]."""
 
 
 @dataclass
@@ -43,15 +45,24 @@ class Import:
     """What a mesh's name in the URDF begins with."""
 
     write: Write
+    faults: list[str] = field(default_factory=list)
+    """A sentence for each file that is no robot and was left out."""
+
     files: dict[str, MeshFile] = field(default_factory=dict)
     """Meshes of the result by their names in it."""
 
     _places: Places = field(init=False)
     _companions: dict[Path, tuple[dict[str, Path], list[str]]] = field(init=False)
+    _scales: dict[Path, float] = field(default_factory=dict)
+    """By how much the robots magnify a mesh, at most."""
+
     _made: dict[tuple[Path, bool], str | DescriptionError] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Find all files that there will be."""
+        for ref in self._references():
+            if ref.path:
+                self._scales[ref.path] = max(self._scales.get(ref.path, 0.0), ref.scale)
         paths = dict.fromkeys(ref.path for ref in self._references() if ref.path)
         self._companions = {path: companions_of(path) for path in paths}
         beside = (
@@ -116,7 +127,8 @@ class Import:
     def _make(self, path: Path, reference: Reference) -> Mesh:
         """Read a mesh, or a texture as it is."""
         if reference.is_mesh:
-            return make_mesh(path, reference.is_collision, self.wishes)
+            scale = self._scales[path]
+            return make_mesh(path, reference.is_collision, scale, self.wishes)
         try:
             return Mesh(path.read_bytes(), "")
         except OSError as error:
@@ -126,7 +138,7 @@ class Import:
         """Write a mesh with what it names."""
         found, absent = ({}, []) if mesh.name else self._companions[path]
         gone = tuple(f"names {name}, which does not exist" for name in absent)
-        told = mesh.triangles, mesh.changes, mesh.findings + gone
+        told = mesh.triangles, mesh.changes, mesh.findings + gone, mesh.moved
         self.files[name] = MeshFile(name, path, *told)
         self.write(f"meshes/{name}", mesh.data)
         for relative, companion in found.items():

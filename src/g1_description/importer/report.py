@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterator
 
 from .importing import Import, MeshFile
+from .meshes import millimetres
 from .robot import Robot
 
 
@@ -19,6 +20,8 @@ def report(imported: Import, where: str) -> str:
     lines = ["# Import report", "", where, ""]
     for robot in imported.robots:
         lines += _robot_section(robot)
+    if imported.faults:
+        lines += ["## Left out", "", *(f"- {fault}" for fault in imported.faults), ""]
     if imported.files:
         lines += _mesh_section(list(imported.files.values()))
     return "\n".join(lines).rstrip() + "\n"
@@ -28,12 +31,22 @@ def summary(imported: Import) -> str:
     """Write what a user reads on the terminal."""
     lines = []
     for robot in imported.robots:
-        lines.append(f"{os.path.basename(robot.name)}: {_figures(robot)}")
+        lines.append(
+            f"{os.path.basename(robot.name)} from {robot.source}: {_figures(robot)}"
+        )
         lines += [f"  {text}" for text in (*robot.changes, *robot.findings)]
     files = imported.files.values()
     changed = sum(bool(file.changes) for file in files)
     lines.append(f"{len(files)} files of meshes, {changed} changed")
+    moved = {file.moved: file.name for file in files if file.moved is not None}
+    if moved:
+        most = max(moved)
+        lines.append(
+            f"Fewer triangles moved no mesh by more than {millimetres(most)} "
+            f"({moved[most]})."
+        )
     lines += [f"  {file.name} {text}." for file in files for text in file.findings]
+    lines += [f"Left out: {fault}" for fault in imported.faults]
     return "\n".join(lines)
 
 

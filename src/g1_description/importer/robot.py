@@ -34,6 +34,15 @@ class Reference:
         return str(self.element.get("filename", ""))
 
     @property
+    def scale(self) -> float:
+        """By how much a mesh is magnified, on the axis on which that is most."""
+        try:
+            factors = [abs(float(w)) for w in self.element.get("scale", "1").split()]
+        except ValueError:
+            return 1.0
+        return max(factors, default=1.0) or 1.0
+
+    @property
     def is_local(self) -> bool:
         """Whether the name can be a file of this machine at all."""
         return scheme_of(self.name) in ("", *FINDABLE)
@@ -61,6 +70,8 @@ class Robot:
     references: list[Reference]
     changes: list[str] = field(default_factory=list)
     findings: list[str] = field(default_factory=list)
+    number: int = 1
+    """Which of several files of one name it is from."""
 
     @property
     def name(self) -> str:
@@ -68,7 +79,8 @@ class Robot:
         stem = self.source.name
         for suffix in (".xacro", ".urdf"):
             stem = stem[: -len(suffix)] if stem.endswith(suffix) else stem
-        return f"urdf/{stem}.urdf"
+        number = f"_{self.number}" if self.number > 1 else ""
+        return f"urdf/{stem}{number}.urdf"
 
     def text(self) -> bytes:
         """Give the edited URDF."""

@@ -3,16 +3,25 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Callable
 
 import fast_simplification
 import numpy as np
 import trimesh
 
 from ..core.errors import DescriptionError
+from .deviation import Surface, deviation
 
 CELLS = (0.0, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)
 """Corners are joined that are this close, as a share of the largest extent; one after
 the other is tried until there are few enough triangles."""
+
+
+MakeFewer = Callable[[np.ndarray, int], np.ndarray]
+"""Takes triangles and how many may be left."""
+
+TRIES, CLOSE = 8, 1.2
+"""How often a number of triangles is tried, and how close to the least that will do."""
 
 
 def read_obj(path: Path) -> np.ndarray:
@@ -30,6 +39,40 @@ def read_obj(path: Path) -> np.ndarray:
     if not len(triangles) or not np.isfinite(triangles).all():
         raise DescriptionError("it has no triangles")
     return triangles
+
+
+def within(
+    tolerance: float, triangles: np.ndarray, most: int, make_fewer: MakeFewer
+) -> tuple[np.ndarray, float]:
+    """Make fewer triangles of a mesh, as long as its surface stays where it was.
+
+    Args:
+        tolerance: How far the surface may move, in the unit of the corners.
+        triangles: Corners, shape (n, 3, 3).
+        most: How many are wanted.
+        make_fewer: ``decimated`` or ``decimated_hull``.
+
+    Returns:
+        Corners, shape (m, 3, 3): as few as are wanted, or the fewest that were found
+        within the tolerance; and how far the surface moved, see ``deviation``.
+    """
+    fewest, wanted, enough = most, most, len(triangles)
+    best, moved = triangles, 0.0
+    extent = float(np.ptp(triangles.reshape(-1, 3), axis=0).max())
+    surface = Surface(triangles, extent)
+    for _ in range(TRIES):
+        fewer = make_fewer(triangles, wanted)
+        distance = 0.0
+        if len(fewer) < len(triangles):
+            distance = deviation(surface, Surface(fewer, extent), tolerance)
+        if distance <= tolerance:
+            best, moved, enough = fewer, distance, wanted
+        else:
+            fewest = wanted
+        if enough <= CLOSE * fewest:
+            break
+        wanted = int(np.sqrt(fewest * enough))
+    return best, moved
 
 
 def decimated(triangles: np.ndarray, most: int) -> np.ndarray:
@@ -83,12 +126,11 @@ def _welded(mesh: trimesh.Trimesh, cell: float) -> tuple[np.ndarray, np.ndarray]
     return vertices[first], faces[single[is_triangle[single]]]
 
 
-def convex_hull(triangles: np.ndarray, most: int | None = None) -> np.ndarray:
+def convex_hull(triangles: np.ndarray) -> np.ndarray:
     """Make the convex hull of a mesh.
 
     Args:
         triangles: Corners, shape (n, 3, 3).
-        most: How many triangles it may have; None for as many as it takes.
 
     Returns:
         Corners, shape (m, 3, 3).
@@ -96,20 +138,19 @@ def convex_hull(triangles: np.ndarray, most: int | None = None) -> np.ndarray:
     Raises:
         DescriptionError: If the mesh is flat.
     """
-    hull = _hull(triangles)
-    if most is None or len(hull) <= most:
-        return hull
-    # n corners make a hull of at most 2 n - 4 triangles: as many as were asked for.
-    return _hull(decimated(hull, most))
-
-
-def _hull(triangles: np.ndarray) -> np.ndarray:
-    """Make a convex hull, or say that there is none."""
     try:
         hull = _joined(triangles).convex_hull
     except (RuntimeError, ValueError) as error:  # Qhull's is a RuntimeError
         raise DescriptionError("it is flat and has no convex hull") from error
     return np.asarray(hull.triangles)
+
+
+def decimated_hull(triangles: np.ndarray, most: int) -> np.ndarray:
+    """Make fewer triangles of a convex hull, which stays one; see ``decimated``."""
+    # n corners make a hull of at most 2 n - 4 triangles: as many as were asked for.
+    return (
+        triangles if len(triangles) <= most else convex_hull(decimated(triangles, most))
+    )
 
 
 def _joined(triangles: np.ndarray) -> trimesh.Trimesh:
