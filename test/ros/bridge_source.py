@@ -2,6 +2,7 @@
 """States without stamps get the newest time of /clock, each time one."""
 
 import sys
+import time
 import unittest
 
 import rospy
@@ -80,13 +81,16 @@ class TestBridgeSource(unittest.TestCase):
         self.start("_max_rate:=10.0")
         self.settle(0.1)
         self.watched.states.clear()
+        begin = time.monotonic()
         for number in range(500):
             self.tick(0.002)
             self.watched.send(body_of(arm_states(0.001 * number)))
             rospy.rostime.wallsleep(0.001)
         self.settle(0.9)
         stamps = self.stamps()
-        self.assertTrue(5 <= len(stamps) <= 13, len(stamps))
+        # Ten in a second of the clock; where that is slow, ten of the wall's.
+        most = 3.0 + 10.0 * max(1.0, time.monotonic() - begin)
+        self.assertTrue(5 <= len(stamps) <= most, (len(stamps), most))
         self.assertEqual(stamps, sorted(set(stamps)))
 
 
