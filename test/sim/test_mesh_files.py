@@ -364,3 +364,21 @@ def test_without_the_library_the_reason_is_told(tmp_path, monkeypatch):
     BALL.export(tmp_path / "x.obj")
     (clause,) = read(tmp_path / "x.obj")
     assert clause.endswith("x.obj cannot be read: the library assimp is not installed")
+
+
+def test_a_module_in_the_working_directory_is_not_taken(tmp_path, monkeypatch):
+    (tmp_path / "resource.py").write_text("raise ImportError")
+    file = tmp_path / "box.obj"
+    file.write_text(trimesh.creation.box().export(file_type="obj"))
+    monkeypatch.chdir(tmp_path)
+    (mesh,) = read(file)
+    assert not isinstance(mesh, str), mesh
+
+
+def test_a_picture_with_a_name_too_long_for_a_file_costs_its_colour_alone(tmp_path):
+    (tmp_path / "a.mtl").write_text(f"newmtl m\nKd 1 0 0\nmap_Kd {'p' * 300}.png\n")
+    box = trimesh.creation.box().export(file_type="obj", include_texture=False)
+    file = tmp_path / "a.obj"
+    file.write_text(f"mtllib a.mtl\nusemtl m\n{box}")
+    (mesh,) = read(file)
+    assert not isinstance(mesh, str), mesh

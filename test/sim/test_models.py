@@ -286,3 +286,13 @@ def test_too_many_links_are_refused_before_anything_is_made(make_world):
     world = make_world("limp")
     world.spawn_urdf("long", fixed, UP)
     assert world.model("long").link_names == ("l0",)
+
+
+def test_a_model_is_found_beside_a_link_of_its_name(make_world):
+    world = make_world("kinematic")
+    for name, link in (("a", "robot"), ("robot", "b")):
+        text = f'<sdf version="1.7"><model name="{name}"><link name="{link}"/></model>'
+        (model,) = read_sdf(f"{text}</sdf>").models
+        world.spawn(name, model.assembly, np.array([0, 0, 1.0, 0, 0, 0, 1]))
+    assert world.entities.model("robot").scoped == "robot"
+    assert world.entities.link("robot").scoped == "a::robot"

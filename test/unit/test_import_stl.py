@@ -8,7 +8,12 @@ import trimesh
 
 from g1_description.core.errors import DescriptionError
 from g1_description.importer.deviation import Surface, deviation
-from g1_description.importer.shapes import convex_hull, decimated, decimated_hull
+from g1_description.importer.shapes import (
+    convex_hull,
+    decimated,
+    decimated_hull,
+    within,
+)
 from g1_description.importer.stl import clean_stl, read_stl, write_stl
 
 BALL = trimesh.creation.icosphere(3)
@@ -156,3 +161,12 @@ def test_a_flat_mesh_has_no_hull():
     flat = np.array([[[0, 0, 0], [1, 0, 0], [0, 1, 0]]], dtype=float)
     with pytest.raises(DescriptionError, match="flat"):
         convex_hull(flat)
+
+
+def test_a_hull_that_would_become_flat_keeps_more_triangles():
+    lens = trimesh.creation.icosphere(subdivisions=2)
+    lens.apply_scale([0.5, 0.5, 0.0005])
+    hull = convex_hull(np.asarray(lens.triangles))
+    fewer, moved = within(0.002, hull, 4, decimated_hull)
+    assert 4 <= len(fewer) <= len(hull)
+    assert moved <= 0.002

@@ -9,6 +9,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from lxml import etree
@@ -172,7 +173,7 @@ class Description:
         free = (name for name in self.link_names if name not in carried)
         return (self.root, *free)
 
-    @property
+    @cached_property
     def trees(self) -> tuple[Description, ...]:
         """Each tree as a robot of its own, in the order of ``roots``."""
         roots = self.roots

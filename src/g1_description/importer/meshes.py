@@ -144,14 +144,6 @@ def millimetres(distance: float) -> str:
     return f"{1000.0 * distance:.2g} mm"
 
 
-def _too_many(count: int, tolerance: float) -> str:
-    """Say why a mesh has more triangles than were asked for."""
-    return (
-        f"has {count} triangles: fewer cannot be made, or would move it by more than "
-        f"{millimetres(tolerance)}"
-    )
-
-
 def _count(kind: str, data: bytes) -> int | None:
     """Count the triangles of an STL."""
     return len(read_stl(data)) if kind == ".stl" else None

@@ -61,8 +61,11 @@ def within(
     extent = float(np.ptp(triangles.reshape(-1, 3), axis=0).max())
     surface = Surface(triangles, extent)
     for _ in range(TRIES):
-        fewer = make_fewer(triangles, wanted)
         distance = 0.0
+        try:
+            fewer = make_fewer(triangles, wanted)
+        except DescriptionError:  # so few that they have no hull
+            fewer, distance = triangles, np.inf
         if len(fewer) < len(triangles):
             distance = deviation(surface, Surface(fewer, extent), tolerance)
         if distance <= tolerance:

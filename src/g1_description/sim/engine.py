@@ -12,6 +12,7 @@ from ..core.launch_arguments import PHYSICS
 from .body import Body
 from .bullet import connect
 from .contacts import contacts
+from .meshes import find_meshes
 from .model import Model
 from .physics import PhysicsProperties
 from .urdf_import import load_model
@@ -107,6 +108,11 @@ class Engine:
         """Load all trees of a model; links of one model pass through each other."""
         bodies: list[Body] = []
         left_out: list[str] = []
+        # All files are read at once; the trees find them among what is known.
+        find_meshes(
+            [s for link in model.assembly.description.links for s in link.collisions],
+            self._package_folder,
+        )
         for tree in range(len(model.trees)):
             number, clauses = load_model(
                 self._client, model, self._package_folder, tree

@@ -23,6 +23,9 @@ from .model import Model
 
 _Thing = TypeVar("_Thing")
 
+MODELS = ("model", "nested model")
+"""Kinds of things that are models."""
+
 WORLD_FRAMES = ("", "world", "map", "/map")
 """Names of the world's own frame, where nothing has one of them."""
 
@@ -101,6 +104,7 @@ class Entities:
         """
         self._first: dict[str, Entity] = {}
         self._joints: dict[str, Entity] = {}
+        self._models: dict[str, Entity] = {}
         for light in lights:
             self._add(Entity("light", light.name, light.name, T_link_self=light.pose))
         for model in models:
@@ -114,14 +118,16 @@ class Entities:
                 self._first.setdefault(name, entity)
                 if entity.kind == "joint":
                     self._joints.setdefault(name, entity)
+                elif entity.kind in MODELS:
+                    self._models.setdefault(name, entity)
 
     def model(self, name: str) -> Entity:
-        """Find a model or nested model by its plain or scoped name.
+        """Find a model or nested model by its plain or scoped name; nothing hides one.
 
         Raises:
             UnknownNameError: If there is none.
         """
-        return self._found(self._first, name, ("model", "nested model"))
+        return self._found(self._models, name, MODELS)
 
     def link(self, name: str) -> Entity:
         """Find a link by its plain or scoped name.

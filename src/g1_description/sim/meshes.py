@@ -12,7 +12,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -161,7 +161,7 @@ def _read(paths: list[Path], patience: float) -> list[tuple[Part, ...] | str]:
         that ended it only when the time was over.
     """
     with tempfile.TemporaryDirectory() as folder:
-        is_over = _run([folder, *map(str, paths)], patience)
+        is_over = _run(folder, paths, patience)
         results: list[tuple[Part, ...] | str] = []
         for number in range(len(paths)):
             why_not, content = (Path(folder) / f"{number}{s}" for s in (".txt", ".npz"))
@@ -174,11 +174,17 @@ def _read(paths: list[Path], patience: float) -> list[tuple[Part, ...] | str]:
     return results
 
 
-def _run(arguments: list[str], patience: float) -> bool:
-    """Run ``read_meshes``; tell whether it ended by itself."""
+def _run(folder: str, paths: Sequence[Path], patience: float) -> bool:
+    """Run ``read_meshes``; tell whether it ended by itself.
+
+    It runs in the folder of its results: of the folder that we run in Python would
+    take modules first.
+    """
+    files = [os.path.abspath(path) for path in paths]
     try:
         subprocess.run(
-            [sys.executable, "-m", f"{__package__}.read_meshes", *arguments],
+            [sys.executable, "-m", f"{__package__}.read_meshes", folder, *files],
+            cwd=folder,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,

@@ -7,6 +7,7 @@ too long; whoever started it goes on with the next.
 
 from __future__ import annotations
 
+import os
 import resource
 import signal
 import sys
@@ -82,8 +83,9 @@ def _color(part: RawPart, folder: Path) -> tuple[float, ...]:
     """Give the colour of a part, shape (4,); of a picture the mean."""
     if part.color is None:
         return (np.nan,) * 4
-    names = (part.texture, unquote(part.texture))
-    pictures = [folder / name for name in names if name and (folder / name).is_file()]
+    names = filter(None, (part.texture, unquote(part.texture)))
+    # A name may be too long for a file: then a path's own is_file() raises.
+    pictures = [folder / name for name in names if os.path.isfile(folder / name)]
     mean = _mean_color(pictures[0]) if pictures else None
     return (*(mean or part.color[:3]), part.color[3])
 
