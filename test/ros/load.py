@@ -21,7 +21,7 @@ SECONDS = 5.0
 WANTED = float(os.environ.get("LOAD_RATE", "2000"))
 """Calls per second of all clients together."""
 LEAST = float(os.environ.get("LOAD_LEAST", "500"))
-"""Calls per second that must be reached on any machine."""
+"""Calls per second of its processor time that must be reached on any machine."""
 
 
 def requests():
@@ -66,6 +66,7 @@ class TestLoad(unittest.TestCase):
     def test_fifty_clients(self):
         node = Node()
         self.addCleanup(node.kill)
+        cost = node.cost()
         listener = Listener("/gazebo/link_states", LinkStates)
         self.addCleanup(listener.close)
         start = multiprocessing.Barrier(PROCESSES + 1)
@@ -92,10 +93,10 @@ class TestLoad(unittest.TestCase):
             f"processor share {share:.2f}, {node.threads()} threads",
             file=sys.stderr,
         )
-        self.assertGreater(len(latencies) / SECONDS, LEAST)
+        self.assertGreater(len(latencies) / (share * SECONDS), LEAST)
         self.assertLess(late, 1000.0)
-        # What was lost is caught up for a moment, then time runs as on the wall.
-        wait_for(lambda: abs(node.real_time_factor() - 1.0) < 0.05, "the full rate")
+        # A robot that lies on the floor costs more than one that begins to fall.
+        wait_for(lambda: node.cost() < 3.0 * cost, "steps that cost what they did")
         self.assertEqual(node.trouble(), [])
 
 
