@@ -314,7 +314,7 @@ class TestSpawnModel(unittest.TestCase):
             (("-param", "/nowhere"), "", "There is no text on the parameter /nowhere."),
             (("-param", "/empty"), "", "There is no text on the parameter /empty."),
             (("-stdin",), "", "There is no text on the input."),
-            (("-stdin",), "hello", "The text of the input is not XML: syntax error"),
+            (("-stdin",), "hello", "The text of the input is not XML: Start tag"),
             (("-stdin",), "<robot/>", "SpawnModel: Failure - "),
         )
         for source, text, words in cases:

@@ -108,9 +108,11 @@ class TestStates(unittest.TestCase):
                 states, told, seen = (list(one.messages) for one in listeners)
                 self.assertEqual(set(np.diff(stamps_of(states)).tolist()), {gap})
                 told = [message.clock.to_nsec() for message in told]
-                self.assertEqual(set(np.diff(told).tolist()), {gap})
-                # They have no stamps.
-                self.assertLess(abs(len(seen) - len(states)), 0.05 * len(states))
+                # Who is slow gets the newest of these, not all.
+                self.assertEqual(np.diff(told).min(), gap)
+                self.assertEqual(np.median(np.diff(told)), gap)
+                self.assertLess(len(seen), 1.05 * len(states))
+                self.assertGreater(len(seen), 0.5 * len(states))
                 clock.close()
                 links.close()
                 self.doCleanups()
