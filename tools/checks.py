@@ -230,7 +230,7 @@ def run_rostest(runner, file):
     if skips.exists():
         outcome.skipped += skips.read_text().splitlines()
         outcome.passed -= len(outcome.skipped)
-    # It does not say what went wrong around the tests, as in setUpClass.
+    # It does not say what went wrong in subtests and around tests, as in setUpClass.
     if errors.exists():
         outcome.failed.append(errors.read_text())
     # Its own file tells of tests that gave no results at all.

@@ -36,7 +36,11 @@ NODE = SHARED / "clients" / "link_states_bridge_original.py"
 CLIENTS = """<package format="2"><name>clients</name><version>0.0.0</version>
 <description>d</description><maintainer email='a@b.c'>m</maintainer>
 <license>none</license></package>"""
-FEW_SECONDS = 10.0
+LONGEST_END = 30.0
+"""Longest time from Ctrl-C until all is gone on a slow machine, in [s]; roslaunch kills
+a node after 15."""
+SLOW = 150.0
+"""Longest wait for a few seconds of simulated time on a slow machine, in [s]."""
 SOON = 2.0
 """Longest time from a reset to TF that goes on in [s] of wall time, beside burners and
 other tests; tools/benchmark --only tf measures it."""
@@ -126,7 +130,8 @@ class TestDropIn(unittest.TestCase):
 
     def reset_on_a_busy_machine(self):
         """Record for a while, with a reset in it after which TF goes on soon."""
-        self.addCleanup(Burners().close)
+        burners = Burners()
+        self.addCleanup(burners.close)
         record, others = Record(), Others()
         self.addCleanup(record.close)
         self.addCleanup(others.close)
@@ -137,27 +142,30 @@ class TestDropIn(unittest.TestCase):
         self.assertLess(time.monotonic() - moment, SOON)
         self.wait_for_simulated(record, 2.0)
         self.assertGreater(len(record.joints()), 100)
+        burners.close()
         return record, others
 
     @staticmethod
     def wait_for_simulated(record, seconds):
         """Let simulated time pass, by the stamps of joint states."""
         begin = wait_for(record.joints, "joint states")[-1]
-        wait_for(lambda: record.joints()[-1] > begin + seconds * SECOND, f"{seconds} s")
+        end = begin + seconds * SECOND
+        wait_for(lambda: record.joints()[-1] > end, f"{seconds} s", SLOW)
 
     def height(self):
         state = rospy.ServiceProxy("/gazebo/get_model_state", GetModelState)
         return state("g1_robot", "").pose.position.z
 
     def check_that_it_ends(self):
-        """On Ctrl-C, within seconds, with every process gone and none killed."""
+        """On Ctrl-C, with every process gone and none killed."""
         start = time.monotonic()
         self.roslaunch.send_signal(signal.SIGINT)
-        wait_for_end(self.mark, FEW_SECONDS)
+        wait_for_end(self.mark, LONGEST_END)
         self.assertEqual(marked_processes(self.mark), {})
         self.assertEqual(self.roslaunch.wait(), 0)
         rospy.loginfo("ended after %.1f s", time.monotonic() - start)
-        self.assertNotIn("has died", self.log.read_text())
+        for words in ("has died", "escalating"):
+            self.assertNotIn(words, self.log.read_text())
 
     @unittest.skipUnless(LAUNCH.exists(), f"{LAUNCH.name} is not there")
     def test_the_launch_file_of_someone_else_with_our_bridge(self):
@@ -201,14 +209,14 @@ class TestDropIn(unittest.TestCase):
         rospy.wait_for_service(world.resolved_name, 30.0)
         self.assertEqual(world().model_names, ["ground_plane"])
         self.roslaunch.send_signal(signal.SIGINT)
-        wait_for_end(self.mark, FEW_SECONDS)
+        wait_for_end(self.mark, LONGEST_END)
         self.assertEqual(marked_processes(self.mark), {})
 
     def test_a_required_server_takes_everything_with_it(self):
         options = ("gui:=true", "server_required:=true", "physics:=magic")
         self.launch("gazebo_ros", "empty_world.launch", *options)
         self.roslaunch.wait(60.0)
-        wait_for_end(self.mark, FEW_SECONDS)
+        wait_for_end(self.mark, LONGEST_END)
         self.assertEqual(marked_processes(self.mark), {})
         self.assertIn("invalid choice: 'magic'", self.log.read_text())
 
@@ -218,7 +226,7 @@ class TestDropIn(unittest.TestCase):
         options = ("gui:=false", "server_required:=true", "physics:=hold")
         self.launch("gazebo_ros", "empty_world.launch", *options)
         self.roslaunch.wait(60.0)
-        wait_for_end(self.mark, FEW_SECONDS)
+        wait_for_end(self.mark, LONGEST_END)
         self.assertEqual(marked_processes(self.mark), {})
         self.assertRegex(self.log.read_text(), r"\[FATAL\].*magic")
 

@@ -21,10 +21,10 @@ GAZEBO_COLLAPSE = {
 observed is left out: 0.288 m at 1.0 s. See docs/gazebo_compatibility.md."""
 
 
-def thing(shape, surface="", inertia=0.01):
+def thing(shape, surface="", inertia=0.01, mass=1.0):
     inertias = "".join(f"<{i}>{inertia}</{i}>" for i in ("ixx", "iyy", "izz"))
     return f"""<sdf version="1.6"><model name="thing"><link name="body">
-    <inertial><mass>1</mass><inertia>{inertias}</inertia></inertial>
+    <inertial><mass>{mass}</mass><inertia>{inertias}</inertia></inertial>
     <collision name="c"><geometry>{shape}</geometry><surface>{surface}</surface>
     </collision></link></model></sdf>"""
 
@@ -35,10 +35,10 @@ FRICTION = "<friction><ode><mu>{0}</mu><mu2>{0}</mu2></ode></friction>"
 BOUNCE = "<bounce><restitution_coefficient>{}</restitution_coefficient></bounce>"
 
 
-def spawn(world, text, pose=(0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)):
+def spawn(world, text, pose=(0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0), name="thing"):
     (model,) = read_sdf(text).models
-    world.spawn("thing", model.assembly, np.array(pose))
-    return world.model("thing")
+    world.spawn(name, model.assembly, np.array(pose))
+    return world.model(name)
 
 
 @pytest.mark.parametrize("shape", [CUBE, BALL])
@@ -48,6 +48,57 @@ def test_a_thing_dropped_from_a_metre_rests_within_two_millimetres(make_world, s
     world.run(3.0)
     assert model.pose[2] == pytest.approx(0.1, abs=0.002)
     assert np.abs(model.twist).max() < 0.01
+
+
+def crate(mass):
+    """Make a box of 1 m whose mass is spread over it."""
+    return thing("<box><size>1 1 1</size></box>", inertia=mass / 6.0, mass=mass)
+
+
+@pytest.mark.parametrize("depth", [0.005, 0.05, 0.1, 0.2])
+@pytest.mark.parametrize(
+    ("mass", "time_step", "iterations"),
+    [(1.0, 0.001, 50), (200.0, 0.001, 50), (1.0, 0.004, 50), (1.0, 0.01, 200)],
+)
+def test_a_box_put_into_the_floor_comes_out_of_it_and_no_higher(
+    make_world, depth, mass, time_step, iterations
+):
+    world = make_world("limp", time_step=time_step, sor_pgs_iters=iterations)
+    model = spawn(world, crate(mass), (0, 0, 0.5 - depth, 0, 0, 0, 1))
+    highest = 0.0
+    while world.time_ns < 2e9:
+        world.step()
+        highest = max(highest, model.pose[2])
+    assert highest < 0.5 + 0.01
+    assert model.pose[2] == pytest.approx(0.5, abs=0.001)
+
+
+def test_things_put_into_each_other_part_slowly(make_world):
+    """By a tenth of their 1 m, without gravity: as fast as ten times that a second."""
+    world = make_world("limp", gravity=(0.0, 0.0, 0.0))
+    near = spawn(world, crate(1.0), (0, 0, 5.0, 0, 0, 0, 1), "near")
+    far = spawn(world, crate(1.0), (0.9, 0, 5.0, 0, 0, 0, 1), "far")
+    world.run(1.0)
+    assert far.pose[0] - near.pose[0] >= 1.0
+    assert far.twist[0] - near.twist[0] < 1.1
+
+
+def test_ten_boxes_stand_on_each_other_as_if_they_were_hard(make_world):
+    """The highest, ten times as heavy as the others, sinks by less than a millimetre."""
+    world = make_world("limp")
+    models = [
+        spawn(
+            world,
+            thing(CUBE, mass=10.0 if number == 9 else 1.0),
+            (0, 0, 0.1 + 0.2 * number, 0, 0, 0, 1),
+            f"box_{number}",
+        )
+        for number in range(10)
+    ]
+    world.run(5.0)
+    for number, model in enumerate(models):
+        assert model.pose[2] == pytest.approx(0.1 + 0.2 * number, abs=0.001)
+        assert np.abs(model.pose[:2]).max() < 0.001
 
 
 @pytest.mark.parametrize(("mu", "slides"), [(0.2, True), (0.4, False), (1.0, False)])
