@@ -73,18 +73,27 @@ def test_a_box_put_into_the_floor_comes_out_of_it_and_no_higher(
     assert model.pose[2] == pytest.approx(0.5, abs=0.001)
 
 
+def test_other_physics_do_not_throw_what_is_in_the_floor(make_world):
+    world = make_world("limp")
+    model = spawn(world, crate(1.0), (0, 0, 0.4, 0, 0, 0, 1))
+    world.run(0.1)
+    world.change(sor_pgs_iters=60)
+    world.run(0.5)
+    assert model.pose[2] < 0.51
+
+
 def test_things_put_into_each_other_part_slowly(make_world):
-    """By a tenth of their 1 m, without gravity: as fast as ten times that a second."""
+    """Without gravity, so that they keep the speed at which they part."""
     world = make_world("limp", gravity=(0.0, 0.0, 0.0))
     near = spawn(world, crate(1.0), (0, 0, 5.0, 0, 0, 0, 1), "near")
     far = spawn(world, crate(1.0), (0.9, 0, 5.0, 0, 0, 0, 1), "far")
     world.run(1.0)
     assert far.pose[0] - near.pose[0] >= 1.0
-    assert far.twist[0] - near.twist[0] < 1.1
+    assert far.twist[0] - near.twist[0] < 0.31
 
 
 def test_ten_boxes_stand_on_each_other_as_if_they_were_hard(make_world):
-    """The highest, ten times as heavy as the others, sinks by less than a millimetre."""
+    """The highest is ten times as heavy as the others; none sinks by a millimetre."""
     world = make_world("limp")
     models = [
         spawn(

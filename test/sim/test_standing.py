@@ -276,7 +276,7 @@ def test_the_height_is_what_a_stretched_arm_reaches():
 
 @pytest.mark.parametrize(("height", "hits"), [(standing_height, True), (None, False)])
 def test_legs_of_a_hanging_robot_swing_freely_in_hold(make_world, height, hits):
-    """A swing of 0.3 rad has 0.94 rad/s at most; the floor makes it 70."""
+    """A swing of 0.3 rad has 0.94 rad/s at most; the floor makes it 3.8."""
     world = make_world("hold")
     assembly = in_pose(OURS, {})
     z = (height or hanging_height)(assembly, UPRIGHT, find_package)
@@ -291,7 +291,7 @@ def test_legs_of_a_hanging_robot_swing_freely_in_hold(make_world, height, hits):
             world.set_joint_positions("g1", dict.fromkeys(legs, angle))
         world.step()
         fastest = max(fastest, np.abs(model.velocity).max())
-    assert (fastest > 5.0) == hits, fastest
+    assert (fastest > 2.0) == hits, fastest
 
 
 def test_joints_begin_in_the_pose_and_motors_hold_them_there(make_world, g1):
