@@ -6,7 +6,6 @@ import math
 import struct
 import time
 
-import numpy as np
 from gazebo_msgs.msg import LinkStates, ModelStates, WorldState
 from rosgraph_msgs.msg import Clock
 
@@ -164,13 +163,9 @@ class StateTopics:
 
     def _model_states(self) -> PreparedModelStates:
         """Tell the states of all models."""
-        models = self._world.models.values()
         message = PreparedModelStates()
-        message.data = self._models.encode(
-            list(self._world.models),
-            np.array([model.pose for model in models]),
-            np.array([model.twist for model in models]),
-        )
+        names = list(self._world.models)
+        message.data = self._models.encode(names, *self._world.model_states())
         return message
 
     def _world_state(self) -> PreparedWorldState:

@@ -44,7 +44,8 @@ class Body:
         self.number = number
         self.model = model
         """The model that it is the body, or a part, of."""
-        self._tree = model.trees[tree]
+        self.tree = model.trees[tree]
+        """What it is the body of."""
         self._tree_number = tree
         description = model.assembly.description.trees[tree]
         self._link_names = dict(links_of(client, number, description))
@@ -54,7 +55,9 @@ class Body:
         self._efforts = [min(joint.effort, NO_LIMIT) for joint in joints]
         inertial = client.getDynamicsInfo(number, ROOT)[3:5]
         self._T_root_center = np.concatenate(inertial)
-        self._T_center_root = inverse(self._T_root_center)
+        self.T_center_root = inverse(self._T_root_center)
+        """Pose of the root link on its principal axes, shape (7,)."""
+        self._last_read: tuple = ()
         self._damping = np.array([joint.damping for joint in joints])
         self._friction = np.array([joint.friction for joint in joints])
         self._set_dynamics()
@@ -101,7 +104,17 @@ class Body:
     @property
     def moves(self) -> bool:
         """Whether physics can move any of it."""
-        return not self._tree.fixed or bool(self._joints)
+        return self.is_free or self.has_joints
+
+    @property
+    def is_free(self) -> bool:
+        """Whether its root moves by itself."""
+        return not self.tree.fixed
+
+    @property
+    def has_joints(self) -> bool:
+        """Whether any of its joints can move."""
+        return bool(self._joints)
 
     def link_of(self, index: int) -> str:
         """Name the link behind PyBullet's link number; -1 is the root."""
@@ -113,7 +126,7 @@ class Body:
 
     def has_joint(self, name: str) -> bool:
         """Tell whether a movable joint is one of its own."""
-        return self.model.joint_row(name) in self._tree.joints
+        return self.model.joint_row(name) in self.tree.joints
 
     def pass_through(self, other: Body) -> None:
         """Let links not collide with those of another tree of their model.
@@ -143,44 +156,61 @@ class Body:
 
     def write_joints(self) -> None:
         """Give PyBullet the positions and velocities of the model's joints."""
-        rows, model = self._tree.joints, self.model
+        self._last_read = ()
+        rows, model = self.tree.joints, self.model
         for joint, position, velocity in zip(
             self._joints, model.position[rows], model.velocity[rows]
         ):
             self._client.resetJointState(self.number, joint, position, velocity)
 
-    def read(self) -> None:
-        """Take the state of roots and joints from PyBullet."""
-        rows, model = self._tree.joints, self.model
-        if not self._tree.fixed:
-            self._read_root()
+    def read(self) -> bool:
+        """Take the state of root and joints from PyBullet.
+
+        Returns:
+            Whether PyBullet has another one than it had when it was read last.
+        """
+        root = states = ()
+        if self.is_free:
+            root = (
+                *self._client.getBasePositionAndOrientation(self.number),
+                *self._client.getBaseVelocity(self.number),
+            )
         if self._joints:
             states = self._client.getJointStates(self.number, self._joints)
+        if (root, states) == self._last_read:
+            return False
+        self._last_read = root, states
+        if root:
+            self._take_root(*map(np.array, root))
+        if states:
             read = np.array([state[:2] for state in states])
+            rows, model = self.tree.joints, self.model
             model.position[rows], model.velocity[rows] = read.T
+        return True
 
     @property
     def speed(self) -> float:
         """The greatest speed of a joint or of the root, in [m/s] or [rad/s]."""
-        velocity = self.model.velocity[self._tree.joints]
+        velocity = self.model.velocity[self.tree.joints]
         root_twist = self.model.root_twists[self._tree_number]
         return float(np.abs(np.concatenate([velocity, root_twist])).max())
 
     def stop(self) -> None:
         """Take its velocities for zero; PyBullet keeps what it has."""
+        self._last_read = ()
         self.model.root_twists[self._tree_number] = 0.0
-        self.model.velocity[self._tree.joints] = 0.0
+        self.model.velocity[self.tree.joints] = 0.0
 
-    def _read_root(self) -> None:
-        """Take the root's pose and twist from PyBullet."""
-        T_world_center = np.concatenate(
-            self._client.getBasePositionAndOrientation(self.number)
-        )
-        root_pose = compose(T_world_center, self._T_center_root)
-        linear, angular = (
-            np.array(part) for part in self._client.getBaseVelocity(self.number)
-        )
-        lever = root_pose[:3] - T_world_center[:3]
+    def _take_root(
+        self,
+        position: np.ndarray,
+        orientation: np.ndarray,
+        linear: np.ndarray,
+        angular: np.ndarray,
+    ) -> None:
+        """Give the model the root's pose and twist, from those of its center."""
+        root_pose = compose(np.concatenate([position, orientation]), self.T_center_root)
+        lever = root_pose[:3] - position
         root_twist = np.concatenate([linear + cross(angular, lever), angular])
         self.model.root_poses[self._tree_number] = root_pose
         self.model.root_twists[self._tree_number] = root_twist
@@ -216,15 +246,20 @@ class Body:
         PyBullet's own damping overshoots where it is strong for the step, and it
         has no friction. Joints that are held need neither.
         """
-        if not (self._damping.any() or self._friction.any()):
+        if not (self._joints and (self._damping.any() or self._friction.any())):
             return
         self._client.setJointMotorControlArray(
             self.number,
             self._joints,
             self._client.VELOCITY_CONTROL,
             forces=self._friction
-            + self._damping * np.abs(self.model.velocity[self._tree.joints]),
+            + self._damping * np.abs(self.model.velocity[self.tree.joints]),
         )
+
+    @property
+    def has_weightless(self) -> bool:
+        """Whether gravity does not pull one of its links."""
+        return bool(self._weightless)
 
     def float_weightless(self, gravity: tuple[float, float, float]) -> None:
         """Cancel gravity during the next step where a link has none."""
@@ -265,7 +300,7 @@ class Body:
 
     def _row(self, joint: str) -> int:
         """Tell which of its own movable joints a name means."""
-        return int(np.flatnonzero(self._tree.joints == self.model.joint_row(joint))[0])
+        return int(np.flatnonzero(self.tree.joints == self.model.joint_row(joint))[0])
 
     def hold(self) -> None:
         """Let motors hold the joints where they were set, within their efforts."""
@@ -274,7 +309,7 @@ class Body:
                 self.number,
                 self._joints,
                 self._client.POSITION_CONTROL,
-                targetPositions=self.model.target[self._tree.joints],
+                targetPositions=self.model.target[self.tree.joints],
                 forces=self._efforts,
             )
 

@@ -15,6 +15,7 @@ from .contacts import contacts
 from .meshes import find_meshes
 from .model import Model
 from .physics import PhysicsProperties
+from .rigid_models import RigidModels, is_rigid
 from .urdf_import import load_model
 
 STILL = 1e-5
@@ -62,6 +63,7 @@ class Engine:
         self._package_folder = package_folder
         self._client = connect()
         self._bodies: dict[str, tuple[Body, ...]] = {}
+        self._sort()
         self._properties = properties
         self._still_for = self._speed_before = 0.0
         self._may_overlap = False
@@ -105,6 +107,7 @@ class Engine:
                 self._client.removeBody(self._client.getBodyUniqueId(index))
             raise
         self._bodies[model.name] = bodies
+        self._is_sorted = False
         for body in bodies:
             if self.physics == "hold":
                 body.hold()
@@ -136,6 +139,7 @@ class Engine:
         self._wake()
         for body in self._bodies.pop(name, ()):
             self._client.removeBody(body.number)
+        self._is_sorted = False
 
     def replace(self, model: Model) -> None:
         """Give a model other bodies, or leave all as it was.
@@ -157,6 +161,7 @@ class Engine:
         self._client.resetSimulation()
         self._properties.apply(self._client)
         self._bodies.clear()
+        self._is_sorted = False
         for model in models:
             self.add(model)
 
@@ -176,6 +181,7 @@ class Engine:
 
     def weigh(self, model: Model) -> None:
         """Take over which links of a model gravity pulls."""
+        self._is_sorted = False
         for body in self._awake(model):
             body.weigh()
 
@@ -202,19 +208,20 @@ class Engine:
         """Let one time step pass, and give the models their new states."""
         if self._still_for >= REST:
             return
-        for body in self._all_bodies():
+        if not self._is_sorted:
+            self._sort()
+        for body in self._weightless:
             body.float_weightless(self._properties.gravity)
-            if self.physics == "limp":
+        if self.physics == "limp":
+            for body in chain.from_iterable(self._others):
                 body.drag()
         if self._may_overlap:
             self._part_slowly()
         self._client.stepSimulation()
-        for bodies in self._bodies.values():
-            moving = [body for body in bodies if body.moves]
-            for body in moving:
-                body.read()
-            if moving:
-                moving[0].model.update()
+        self._rigid.read()
+        for bodies in self._others:
+            if any([body.read() for body in bodies]):
+                bodies[0].model.update()
         self._watch_for_rest()
 
     def _part_slowly(self) -> None:
@@ -233,6 +240,16 @@ class Engine:
             share *= longest / way
         self._client.setPhysicsEngineParameter(contactERP=share)
 
+    def _sort(self) -> None:
+        """Sort the bodies by what a step does with them."""
+        models = [bodies for bodies in self._bodies.values() if bodies]
+        rigid = [bodies for bodies in models if is_rigid(bodies)]
+        self._rigid = RigidModels(self._client, rigid)
+        others = [bodies for bodies in models if not is_rigid(bodies)]
+        self._others = [[b for b in bodies if b.moves] for bodies in others]
+        self._weightless = [b for b in self._all_bodies() if b.has_weightless]
+        self._is_sorted = True
+
     def _all_bodies(self) -> Iterator[Body]:
         """Walk through the bodies of all models."""
         return chain.from_iterable(self._bodies.values())
@@ -248,11 +265,12 @@ class Engine:
         What becomes faster is about to move, however slow it is: a pole that begins
         to topple.
         """
-        speeds = [body.speed for body in self._all_bodies() if body.moves]
+        speeds = [body.speed for body in chain.from_iterable(self._others)]
+        speeds.append(self._rigid.speed)
         if not all(speed <= STILL for speed in speeds):
             self._wake()
             return
-        speed = max(speeds, default=0.0)
+        speed = max(speeds)
         if self._still_for == 0.0:
             self._speed_before = speed
         self._still_for += self._properties.time_step

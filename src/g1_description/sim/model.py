@@ -11,7 +11,7 @@ from ..core.assembly import WORLD, Assembly
 from ..core.errors import LARGEST, InvalidValueError
 from ..core.kinematics import Kinematics
 from ..core.rotation import cross, rotate
-from ..core.transform import IDENTITY, compose, inverse
+from ..core.transform import compose, inverse
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +83,8 @@ class Model:
         """The trees of its links, in the order of ``Description.roots``."""
         rows = [tree.links for tree in self.trees if not tree.fixed]
         self._moving = np.concatenate([np.zeros(0, dtype=int), *rows])
-        self._T_canonical_model = self._find_model_frame()
+        self.T_carrier_model = self._find_model_frame()
+        """Pose of the model frame in what carries it, shape (7,)."""
         self.robot_namespace = ""
         """Namespace that its spawner gave it; kept as data."""
         self.ode_joints: dict[str, dict[str, float]] = {}
@@ -155,9 +156,17 @@ class Model:
     @property
     def pose(self) -> np.ndarray:
         """Pose of the model frame in the world, shape (7,)."""
+        return compose(self.carrier_pose, self.T_carrier_model)
+
+    @property
+    def carrier_pose(self) -> np.ndarray:
+        """Pose in the world of what carries the model frame, shape (7,).
+
+        That is the canonical link where the file names one, else the first root.
+        """
         if self.assembly.canonical:
-            return compose(self.poses[self.canonical_row], self._T_canonical_model)
-        return compose(self.root_poses[0], inverse(self.assembly.root_pose))
+            return self.poses[self.canonical_row]
+        return self.root_poses[0]
 
     @property
     def twist(self) -> np.ndarray:
@@ -165,12 +174,36 @@ class Model:
         return self.twists[self.canonical_row] if self._n_links else np.zeros(6)
 
     def _find_model_frame(self) -> np.ndarray:
-        """Find the model frame in the canonical link, joints at zero, shape (7,)."""
-        if self._kinematics is None:
-            return np.array(IDENTITY)
-        still = np.zeros(len(self.joint_names))
-        poses = self._kinematics.link_poses(self.assembly.root_poses, still)
+        """Find the model frame in what carries it, joints at zero, shape (7,)."""
+        if not self.assembly.canonical:
+            return inverse(self.assembly.root_pose)
+        poses = self.placed_at(self.assembly.root_poses)
         return inverse(poses[self.canonical_row])
+
+    def placed_at(self, root_poses: np.ndarray) -> np.ndarray:
+        """Place all links with the joints at zero.
+
+        Args:
+            root_poses: Poses of the roots, shape (n_trees, 7), or (7,) for all.
+
+        Returns:
+            Poses of the links, shape (n_links, 7).
+        """
+        if self._kinematics is None:
+            return np.zeros((0, 7))
+        still = np.zeros(len(self.joint_names))
+        return self._kinematics.link_poses(root_poses, still)
+
+    def take(
+        self,
+        root_poses: np.ndarray,
+        root_twists: np.ndarray,
+        poses: np.ndarray,
+        twists: np.ndarray,
+    ) -> None:
+        """Take over a state that was computed elsewhere, in the form of its own."""
+        self.root_poses, self.root_twists = root_poses, root_twists
+        self.poses, self.twists = poses, twists
 
     def update(self) -> None:
         """Compute all links' poses and twists from the roots and the joints."""

@@ -198,6 +198,20 @@ class World:
         twists = [np.zeros((0, 6)), *(model.twists for model in models)]
         return np.concatenate(poses), np.concatenate(twists)
 
+    def model_states(self) -> tuple[np.ndarray, np.ndarray]:
+        """Give the state of all models.
+
+        Returns:
+            Poses of the model frames in the world, shape (n_models, 7), and twists of
+            their canonical links' origins along the world's axes, shape (n_models, 6).
+        """
+        models = self.models.values()
+        carriers = np.array([model.carrier_pose for model in models])
+        offsets = np.array([model.T_carrier_model for model in models])
+        twists = np.array([model.twist for model in models])
+        poses = compose(carriers.reshape(-1, 7), offsets.reshape(-1, 7))
+        return poses, twists.reshape(-1, 6)
+
     def set_joint_positions(self, name: str, positions: Mapping[str, float]) -> Report:
         """Teleport joints of a model; it holds them there in ``hold``.
 
