@@ -37,6 +37,11 @@ class Bench(World):
         (body,) = self._engine._bodies[name]
         return body
 
+    def read_back(self):
+        """Give the models the state that PyBullet has, as a step does."""
+        self._engine._sort()
+        self._engine._moving.read()
+
     def spawn_urdf(self, name, text, pose, fixed_base=False):
         assembly = lump_fixed_joints(parse_urdf(text), self.is_dynamic)
         return self.spawn(name, assembly, pose, fixed_base)

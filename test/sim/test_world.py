@@ -117,12 +117,12 @@ def test_the_root_is_told_by_its_frame_not_its_center_of_mass(
     """What is written to PyBullet comes back, through the center of mass's frame."""
     world = make_world(physics, gravity=(0.0, 0.0, 0.0))
     world.spawn_urdf("thing", robot, TILTED)
-    model, body = world.models["thing"], world.body("thing")
+    model = world.models["thing"]
     twist = np.array([0.3, -0.2, 0.1, 0.5, 0.6, -0.7])
     world.put("thing", TILTED, twist, "")
     poses, twists = model.poses.copy(), model.twists.copy()
     assert_poses_close(model.root_poses[0], TILTED, 1e-15)
-    body.read()
+    world.read_back()
     assert_poses_close(model.poses, poses, 1e-12)
     np.testing.assert_allclose(model.twists[0], twists[0], atol=1e-12)
     if physics != "kinematic":

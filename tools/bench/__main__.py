@@ -19,6 +19,7 @@ from . import (
     standin,
     start_up,
     transforms,
+    worlds,
 )
 from .figures import OWN_MODEL, Bench
 
@@ -29,6 +30,7 @@ PARTS = {
     "standin": standin,
     "commands": commands,
     "start_up": start_up,
+    "worlds": worlds,
     "poses": poses,
     "rates": rates,
     "foot": foot,

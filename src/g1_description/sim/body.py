@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ..core.assembly import SCOPE
@@ -57,7 +59,6 @@ class Body:
         self._T_root_center = np.concatenate(inertial)
         self.T_center_root = inverse(self._T_root_center)
         """Pose of the root link on its principal axes, shape (7,)."""
-        self._last_read: tuple = ()
         self._damping = np.array([joint.damping for joint in joints])
         self._friction = np.array([joint.friction for joint in joints])
         self._set_dynamics()
@@ -156,64 +157,16 @@ class Body:
 
     def write_joints(self) -> None:
         """Give PyBullet the positions and velocities of the model's joints."""
-        self._last_read = ()
         rows, model = self.tree.joints, self.model
         for joint, position, velocity in zip(
             self._joints, model.position[rows], model.velocity[rows]
         ):
             self._client.resetJointState(self.number, joint, position, velocity)
 
-    def read(self) -> bool:
-        """Take the state of root and joints from PyBullet.
-
-        Returns:
-            Whether PyBullet has another one than it had when it was read last.
-        """
-        root = states = ()
-        if self.is_free:
-            root = (
-                *self._client.getBasePositionAndOrientation(self.number),
-                *self._client.getBaseVelocity(self.number),
-            )
-        if self._joints:
-            states = self._client.getJointStates(self.number, self._joints)
-        if (root, states) == self._last_read:
-            return False
-        self._last_read = root, states
-        if root:
-            self._take_root(*map(np.array, root))
-        if states:
-            read = np.array([state[:2] for state in states])
-            rows, model = self.tree.joints, self.model
-            model.position[rows], model.velocity[rows] = read.T
-        return True
-
-    @property
-    def speed(self) -> float:
-        """The greatest speed of a joint or of the root, in [m/s] or [rad/s]."""
-        velocity = self.model.velocity[self.tree.joints]
-        root_twist = self.model.root_twists[self._tree_number]
-        return float(np.abs(np.concatenate([velocity, root_twist])).max())
-
-    def stop(self) -> None:
-        """Take its velocities for zero; PyBullet keeps what it has."""
-        self._last_read = ()
-        self.model.root_twists[self._tree_number] = 0.0
-        self.model.velocity[self.tree.joints] = 0.0
-
-    def _take_root(
-        self,
-        position: np.ndarray,
-        orientation: np.ndarray,
-        linear: np.ndarray,
-        angular: np.ndarray,
-    ) -> None:
-        """Give the model the root's pose and twist, from those of its center."""
-        root_pose = compose(np.concatenate([position, orientation]), self.T_center_root)
-        lever = root_pose[:3] - position
-        root_twist = np.concatenate([linear + cross(angular, lever), angular])
-        self.model.root_poses[self._tree_number] = root_pose
-        self.model.root_twists[self._tree_number] = root_twist
+    def joint_states(self) -> Sequence[tuple]:
+        """Give what PyBullet knows of its joints: position and velocity, and more."""
+        states: Sequence[tuple] = self._client.getJointStates(self.number, self._joints)
+        return states
 
     def push(self, link: str, force: np.ndarray, torque: np.ndarray) -> None:
         """Let a wrench act on a link during the next step.

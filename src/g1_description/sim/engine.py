@@ -14,8 +14,8 @@ from .bullet import connect
 from .contacts import contacts
 from .meshes import find_meshes
 from .model import Model
+from .moving_models import MovingModels
 from .physics import PhysicsProperties
-from .rigid_models import RigidModels, is_rigid
 from .urdf_import import load_model
 
 STILL = 1e-5
@@ -213,15 +213,12 @@ class Engine:
         for body in self._weightless:
             body.float_weightless(self._properties.gravity)
         if self.physics == "limp":
-            for body in chain.from_iterable(self._others):
+            for body in self._jointed:
                 body.drag()
         if self._may_overlap:
             self._part_slowly()
         self._client.stepSimulation()
-        self._rigid.read()
-        for bodies in self._others:
-            if any([body.read() for body in bodies]):
-                bodies[0].model.update()
+        self._moving.read()
         self._watch_for_rest()
 
     def _part_slowly(self) -> None:
@@ -242,12 +239,11 @@ class Engine:
 
     def _sort(self) -> None:
         """Sort the bodies by what a step does with them."""
-        models = [bodies for bodies in self._bodies.values() if bodies]
-        rigid = [bodies for bodies in models if is_rigid(bodies)]
-        self._rigid = RigidModels(self._client, rigid)
-        others = [bodies for bodies in models if not is_rigid(bodies)]
-        self._others = [[b for b in bodies if b.moves] for bodies in others]
-        self._weightless = [b for b in self._all_bodies() if b.has_weightless]
+        models = self._bodies.values()
+        moving = [bodies for bodies in models if any(body.moves for body in bodies)]
+        self._moving = MovingModels(self._client, moving)
+        self._jointed = [body for body in self._all_bodies() if body.has_joints]
+        self._weightless = [body for body in self._all_bodies() if body.has_weightless]
         self._is_sorted = True
 
     def _all_bodies(self) -> Iterator[Body]:
@@ -265,12 +261,10 @@ class Engine:
         What becomes faster is about to move, however slow it is: a pole that begins
         to topple.
         """
-        speeds = [body.speed for body in chain.from_iterable(self._others)]
-        speeds.append(self._rigid.speed)
-        if not all(speed <= STILL for speed in speeds):
+        speed = self._moving.speed
+        if not speed <= STILL:
             self._wake()
             return
-        speed = max(speeds)
         if self._still_for == 0.0:
             self._speed_before = speed
         self._still_for += self._properties.time_step
@@ -279,9 +273,7 @@ class Engine:
         if speed > self._speed_before:
             self._wake()
         else:
-            for body in self._all_bodies():
-                body.stop()
-                body.model.update()
+            self._moving.stop()
 
     def _wake(self) -> None:
         """Go on computing, and count anew for how long all stands still."""

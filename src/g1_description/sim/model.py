@@ -175,35 +175,17 @@ class Model:
 
     def _find_model_frame(self) -> np.ndarray:
         """Find the model frame in what carries it, joints at zero, shape (7,)."""
-        if not self.assembly.canonical:
+        if self._kinematics is None or not self.assembly.canonical:
             return inverse(self.assembly.root_pose)
-        poses = self.placed_at(self.assembly.root_poses)
+        still = np.zeros(len(self.joint_names))
+        poses = self._kinematics.link_poses(self.assembly.root_poses, still)
         return inverse(poses[self.canonical_row])
 
-    def placed_at(self, root_poses: np.ndarray) -> np.ndarray:
-        """Place all links with the joints at zero.
-
-        Args:
-            root_poses: Poses of the roots, shape (n_trees, 7), or (7,) for all.
-
-        Returns:
-            Poses of the links, shape (n_links, 7).
-        """
-        if self._kinematics is None:
-            return np.zeros((0, 7))
-        still = np.zeros(len(self.joint_names))
-        return self._kinematics.link_poses(root_poses, still)
-
-    def take(
-        self,
-        root_poses: np.ndarray,
-        root_twists: np.ndarray,
-        poses: np.ndarray,
-        twists: np.ndarray,
-    ) -> None:
-        """Take over a state that was computed elsewhere, in the form of its own."""
-        self.root_poses, self.root_twists = root_poses, root_twists
-        self.poses, self.twists = poses, twists
+    def stop(self) -> None:
+        """Take all velocities for zero."""
+        self.root_twists[:] = 0.0
+        self.velocity[:] = 0.0
+        self.update()
 
     def update(self) -> None:
         """Compute all links' poses and twists from the roots and the joints."""

@@ -1,0 +1,98 @@
+"""Many models are as each is alone, and cost little more than one."""
+
+import time
+
+import numpy as np
+from oracle import assert_poses_close, forward_kinematics
+from test_free_bodies import FLYING, TWO
+from test_world import ARM, TOP
+
+from g1_description.core.sdf import read_sdf
+
+SDF_BOX = """<sdf version="1.6"><model name="box"><link name="body">
+<inertial><mass>1</mass></inertial><collision name="c"><geometry><box>
+<size>0.2 0.2 0.2</size></box></geometry></collision></link></model></sdf>"""
+HINGED = ARM.replace(
+    '<link name="base">',
+    '<link name="world"/><joint name="w" type="fixed"><parent link="world"/>'
+    '<child link="base"/><origin xyz="0.1 0.2 0.3"/></joint><link name="base">',
+)
+CAST = {"arm": ARM, "top": TOP, "two": TWO, "flying": FLYING, "hinged": HINGED}
+TWIST = np.array([0.3, -0.2, 0.1, 0.5, 0.6, -0.7])
+
+
+def place(number):
+    return np.array([3.0 * number, 0.0, 50.0, 0.0, 0.6, 0.0, 0.8])
+
+
+def throw(world, name, number):
+    """Spawn a model, throw it, and let its joints swing."""
+    world.spawn_urdf(name, CAST[name], place(number), fixed_base=name == "top")
+    world.put(name, place(number), TWIST)
+    model = world.model(name)
+    model.velocity[:] = np.linspace(0.5, 1.0, len(model.velocity))
+    world._engine.write(model)
+    return model
+
+
+def test_models_move_among_others_as_they_do_alone(make_world):
+    together = make_world("limp")
+    models = {name: throw(together, name, n) for n, name in enumerate(CAST)}
+    together.delete("two")
+    models["two"] = throw(together, "two", 2)
+    together.run(0.2)
+    for number, name in enumerate(CAST):
+        alone = make_world("limp")
+        model = throw(alone, name, number)
+        alone.run(0.2)
+        for part in ("poses", "twists", "position", "velocity", "root_poses"):
+            np.testing.assert_allclose(
+                getattr(models[name], part),
+                getattr(model, part),
+                atol=1e-9,
+                err_msg=name,
+            )
+
+
+def test_their_links_are_where_their_joints_bring_them(make_world):
+    """Told by scipy, from the positions that PyBullet has."""
+    world = make_world("limp")
+    models = [throw(world, name, n) for n, name in enumerate(("top", "hinged", "arm"))]
+    world.run(0.2)
+    for model in models:
+        number = world.body(model.name).number
+        joints = range(world.client.getNumJoints(number))
+        positions = {
+            world.client.getJointInfo(number, j)[1].decode(): (
+                world.client.getJointState(number, j)[0]
+            )
+            for j in joints
+        }
+        root = model.root_poses[0]
+        expected = forward_kinematics(CAST[model.name], root, positions)
+        for link, pose in zip(model.link_names, model.poses):
+            assert_poses_close(pose, expected[link], 1e-9)
+
+
+def processor_time(world, steps=100):
+    """Give the least that some steps cost, in [s]."""
+    spent = []
+    for _ in range(3):
+        begin = time.process_time()
+        for _ in range(steps):
+            world.step()
+        spent.append(time.process_time() - begin)
+    return min(spent)
+
+
+def test_fifty_small_models_cost_no_fifty_times_what_one_does(make_world):
+    """4 times was measured; read one by one they cost 50 times as much."""
+    (box,) = read_sdf(SDF_BOX).models
+    costs = []
+    for count in (1, 53):
+        world = make_world("limp")
+        for number in range(count):
+            world.spawn(f"box_{number}", box.assembly, place(number))
+        world.step()
+        costs.append(processor_time(world))
+    assert costs[1] < 12.0 * costs[0]
