@@ -2,8 +2,12 @@
 
 import itertools
 import os
+import resource
+import signal
 import sys
+import threading
 import time
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +22,7 @@ from g1_description.core.lumping import lump_fixed_joints
 from g1_description.core.sdf import read_sdf
 from g1_description.core.transform import IDENTITY
 from g1_description.importer.stl import clean_stl, read_stl
-from g1_description.sim import meshes
+from g1_description.sim import mesh_contents
 from g1_description.sim.meshes import find_meshes
 from g1_description.sim.picture import draw
 from g1_description.sim.scene import Scene
@@ -301,8 +305,8 @@ def node_bomb(depth):
 def counted(monkeypatch):
     """Count the processes that read meshes."""
     calls = []
-    run = meshes._run
-    monkeypatch.setattr(meshes, "_run", lambda *a: calls.append(a) or run(*a))
+    run = mesh_contents._run
+    monkeypatch.setattr(mesh_contents, "_run", lambda *a: calls.append(a) or run(*a))
     return calls
 
 
@@ -344,17 +348,144 @@ def test_hostile_files_end_no_one_and_take_no_other_file_with_them(
     good = [f"file://{tmp_path}/{name}_good.obj" for name in "az"]
     began = time.monotonic()
     left_out = make_world().spawn_urdf("r", body(good[0], *names, good[1]), UP)
-    assert time.monotonic() - began < meshes.PATIENCE + 10.0
+    assert time.monotonic() - began < mesh_contents.PATIENCE + 10.0
     assert len(counted) < 6
     for name in names:
         if not name.endswith(("nan.stl", "flat.stl")):
             assert [clause for clause in left_out if name in clause], name
     assert not [clause for clause in left_out if "good" in clause]
+    (bomb,) = (clause for clause in left_out if "nodes.dae" in clause)
+    assert bomb.endswith("cannot be read: it took more than 5 s of the processor")
     with Scene() as scene:
         _, left_out = scene.add(
             parse_urdf(body(good[0], *names, good[1])), find_package
         )
         assert not [clause for clause in left_out if "good" in clause]
+
+
+@pytest.fixture
+def waiting(tmp_path):
+    """Write a mesh that a reader waits in, between two good ones; give all three."""
+    files = [tmp_path / f"{name}.obj" for name in ("a_good", "waiting", "z_good")]
+    text = BALL.export(file_type="obj", include_texture=False)
+    for file in files:
+        file.write_text(text)
+    files[1].write_text(f"mtllib pipe.mtl\n{text}")
+    os.mkfifo(tmp_path / "pipe.mtl")
+    return files
+
+
+def mend(files):
+    """Let the reader find what it waited for."""
+    pipe = files[1].parent / "pipe.mtl"
+    pipe.unlink()
+    pipe.write_text("newmtl m\nKd 1 0 0\n")
+
+
+def readers():
+    """List the processes of ours that read meshes."""
+    children = Path("/proc/self/task").glob("*/children")
+    numbers = " ".join(file.read_text() for file in children).split()
+    lines = {n: Path(f"/proc/{n}/cmdline").read_bytes() for n in numbers}
+    return [int(number) for number, line in lines.items() if b"read_meshes" in line]
+
+
+@contextmanager
+def killed(files, number):
+    """Send a signal to the reader once it waits."""
+
+    def kill():
+        # Opening ends when the reader has opened it, too.
+        with (files[1].parent / "pipe.mtl").open("w"):
+            for reader in readers():
+                os.kill(reader, number)
+
+    thread = threading.Thread(target=kill, daemon=True)
+    thread.start()
+    yield
+    thread.join(10.0)
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
+def test_a_death_of_the_reader_is_told_of_the_file_that_it_read(
+    waiting, counted, monkeypatch, number
+):
+    with killed(waiting, number):
+        before, clause, after = read(*waiting)
+    for found in (before, after):
+        np.testing.assert_allclose(bounds(found), BALL.bounds, atol=1e-6)
+    assert clause == (
+        f"mesh file://{waiting[1]} cannot be read: its reader died of signal "
+        f"{int(number)} ({signal.strsignal(number)})"
+    )
+    assert len(counted) == 2
+    mend(waiting)
+    assert read(waiting[1]) == [clause]
+    assert len(counted) == 2
+    monkeypatch.setattr(mesh_contents, "DEATH_KEPT", 0.0)
+    (found,) = read(waiting[1])
+    np.testing.assert_allclose(bounds(found), BALL.bounds, atol=1e-6)
+
+
+def test_a_file_that_takes_long_is_told_and_costs_no_other(waiting, monkeypatch):
+    monkeypatch.setattr(mesh_contents, "FILE_PATIENCE", 3.0)
+    before, clause, after = read(*waiting)
+    assert clause.endswith("waiting.obj cannot be read: it took more than 3 s")
+    assert not isinstance(before, str)
+    assert not isinstance(after, str)
+
+
+def test_what_is_not_read_in_time_is_read_when_it_is_asked_for_again(
+    waiting, monkeypatch
+):
+    monkeypatch.setattr(mesh_contents, "PATIENCE", 3.0)
+    _, *clauses = read(*waiting)
+    for clause, file in zip(clauses, waiting[1:]):
+        words = "cannot be read: reading all meshes took more than 3 s"
+        assert clause == f"mesh file://{file} {words}"
+    mend(waiting)
+    monkeypatch.setattr(mesh_contents, "PATIENCE", 60.0)
+    assert not [found for found in read(*waiting) if isinstance(found, str)]
+
+
+def test_a_reader_that_cannot_start_is_told_of_all_files_and_forgotten(
+    tmp_path, monkeypatch, counted
+):
+    files = [tmp_path / f"{name}.obj" for name in "ab"]
+    for file in files:
+        BALL.export(file)
+    (tmp_path / "sitecustomize.py").write_text("import os\nos._exit(3)\n")
+    with monkeypatch.context() as patched:
+        patched.syspath_prepend(str(tmp_path))
+        for clause in read(*files):
+            words = "cannot be read: its reader ended with code 3 before it began"
+            assert clause.endswith(words)
+    assert len(counted) == 1
+    assert not [found for found in read(*files) if isinstance(found, str)]
+
+
+def test_a_file_larger_than_memory_is_told(tmp_path):
+    (tmp_path / "x.dae").touch()
+    os.truncate(tmp_path / "x.dae", 5 * 2**30)
+    (clause,) = read(tmp_path / "x.dae")
+    assert clause.endswith("x.dae cannot be read: it takes more than 4 GiB of memory")
+
+
+def test_a_mistake_in_the_reader_is_told_in_its_own_words(tmp_path):
+    BALL.export(tmp_path / "x.obj")
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (2000, limits[1]))
+    try:
+        (clause,) = read(tmp_path / "x.obj")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert "its reader ended with code 1: OSError: " in clause
+
+
+def test_a_file_that_is_no_mesh_is_told_in_the_words_of_the_library(tmp_path):
+    (tmp_path / "x.dae").write_text("<COLLADA")
+    (clause,) = read(tmp_path / "x.dae")
+    assert clause.endswith("x.dae cannot be read: Unable to read file, malformed XML")
 
 
 def test_without_the_library_the_reason_is_told(tmp_path, monkeypatch):

@@ -28,6 +28,8 @@ PROPERTIES = {
 
 DIFFUSE_TEXTURE = 1
 SUCCESS = 0
+OUT_OF_MEMORY = "std::bad_alloc"
+"""What the library says where memory is at an end."""
 
 
 class _String(ctypes.Structure):
@@ -72,7 +74,7 @@ _FACE = np.dtype([("n_indices", np.uint32), ("indices", np.uintp)], align=True)
 
 
 class CannotReadError(Exception):
-    """A mesh cannot be read; the text says why where that is not for its content."""
+    """A mesh cannot be read; the text says why."""
 
 
 @dataclass(frozen=True)
@@ -107,6 +109,7 @@ class Assimp:
         self._library = ctypes.CDLL(name)
         self._library.aiCreatePropertyStore.restype = ctypes.c_void_p
         self._library.aiImportFileExWithProperties.restype = ctypes.POINTER(_Scene)
+        self._library.aiGetErrorString.restype = ctypes.c_char_p
         self._properties = ctypes.c_void_p(self._library.aiCreatePropertyStore())
         for key, value in PROPERTIES.items():
             self._library.aiSetImportPropertyInteger(self._properties, key, value)
@@ -122,12 +125,18 @@ class Assimp:
 
         Raises:
             CannotReadError: If it cannot be read.
+            MemoryError: If it takes too much memory.
         """
         found = self._library.aiImportFileExWithProperties(
             os.fsencode(path), STEPS, None, self._properties
         )
         if not found:
-            raise CannotReadError
+            why = self._library.aiGetErrorString().decode("utf-8", "replace")
+            raise (
+                MemoryError
+                if why == OUT_OF_MEMORY
+                else CannotReadError(why.strip(" ."))
+            )
         scene = found.contents
         parts = []
         for pointer in scene.meshes[: scene.n_meshes]:

@@ -1,8 +1,9 @@
 """A program that reads meshes, so that a hostile one ends it and not the simulator.
 
-Its arguments are a folder and files. In the folder it writes for the n-th file
-``n.npz``, or ``n.txt`` with the reason why not. It dies of the first file that takes
-too long; whoever started it goes on with the next.
+Its arguments are a folder, the most seconds of the processor and of the clock that a
+file may take, and files. In the folder it writes for the n-th file ``n.npz``, or
+``n.txt`` with the reason why not. It dies of the first file that takes too long;
+whoever started it goes on with the next.
 """
 
 from __future__ import annotations
@@ -20,8 +21,8 @@ import numpy as np
 from ..core.errors import LARGEST
 from .assimp import Assimp, CannotReadError, RawPart
 
-PATIENCE = 5.0
-"""Longest time of the processor that a file may take, in [s]."""
+BEGUN, LAST_WORDS = "begun", "last_words"
+"""Files that tell that it began to read, and of what mistake of its own it ended."""
 
 MEMORY = 4 * 2**30
 """Most memory that it may take, in bytes."""
@@ -33,17 +34,31 @@ def main() -> None:
     """Read all files."""
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    folder, files = Path(sys.argv[1]), sys.argv[2:]
-    for number, file in enumerate(files):
-        signal.setitimer(signal.ITIMER_PROF, PATIENCE)
-        try:
-            arrays = read(Path(file))
-        except CannotReadError as error:
-            (folder / f"{number}.txt").write_text(str(error), encoding="utf-8")
-            continue
-        # A file that is there is whole.
-        np.savez(folder / "unfinished.npz", **arrays)
-        (folder / "unfinished.npz").rename(folder / f"{number}.npz")
+    folder, limits, files = Path(sys.argv[1]), sys.argv[2:4], sys.argv[4:]
+    (folder / BEGUN).touch()
+    try:
+        for number, file in enumerate(files):
+            for timer, limit in zip((signal.ITIMER_PROF, signal.ITIMER_REAL), limits):
+                signal.setitimer(timer, float(limit))
+            _read_to(folder, number, Path(file))
+    except Exception as error:
+        words = f"{type(error).__name__}: {error}"
+        (folder / LAST_WORDS).write_text(words, encoding="utf-8")
+        raise
+
+
+def _read_to(folder: Path, number: int, file: Path) -> None:
+    """Read a mesh, and write what is in it."""
+    try:
+        arrays = read(file)
+    except (CannotReadError, MemoryError) as error:
+        full = f"it takes more than {MEMORY // 2**30} GiB of memory"
+        why_not = full if isinstance(error, MemoryError) else str(error)
+        (folder / f"{number}.txt").write_text(why_not, encoding="utf-8")
+        return
+    # A file that is there is whole.
+    np.savez(folder / "unfinished.npz", **arrays)
+    (folder / "unfinished.npz").rename(folder / f"{number}.npz")
 
 
 def read(path: Path) -> dict[str, np.ndarray]:
@@ -59,6 +74,7 @@ def read(path: Path) -> dict[str, np.ndarray]:
 
     Raises:
         CannotReadError: If it cannot be read.
+        MemoryError: If it takes too much memory.
     """
     parts = [part for part in Assimp().read(path) if len(part.corners)]
     counts = [len(part.corners) for part in parts]

@@ -9,7 +9,8 @@ import numpy as np
 from ..core.description import Shape
 from ..core.surfaces import cylinder, sphere
 from .bullet import BulletClient, pybullet
-from .meshes import Mesh, Part
+from .mesh_contents import Part
+from .meshes import Mesh
 
 MOST_TRIANGLES = 40_000
 """PyBullet takes 131072 corners of one shape."""

@@ -1,0 +1,203 @@
+"""What is in mesh files, read by ``read_meshes`` in processes of their own.
+
+All files of a model are read by one process. Where it dies of a file, that file is
+left out, and another process goes on with the next.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from .read_meshes import BEGUN, LAST_WORDS
+
+PATIENCE = 60.0
+"""Longest time that reading all meshes of a model may take, in [s]."""
+
+FILE_PATIENCE = 20.0
+"""Longest time that one file may take, in [s]: it may name a pipe to read from."""
+
+PROCESSOR_PATIENCE = 5.0
+"""Longest time of the processor that one file may take, in [s]."""
+
+DEATH_KEPT = 60.0
+"""How long the death of a reader is remembered, in [s].
+
+Not for ever: a busy machine or one short of memory may have caused it. But one spawn
+asks several times for the same files.
+"""
+
+MOST_KEPT = 1000
+"""Files whose content is kept, in case they are asked for again."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part of a mesh, of one colour."""
+
+    corners: np.ndarray
+    """Of its triangles, in [m], shape (n, 3, 3)."""
+
+    normals: np.ndarray
+    """At the corners, shape (n, 3, 3)."""
+
+    color: tuple[float, ...] | None
+    """Red, green, blue, opacity from 0 to 1; None where the file gives none."""
+
+
+@dataclass(frozen=True)
+class _File:
+    """A file as it is now."""
+
+    path: Path
+    size: int
+    changed: int
+    """When, in [ns]."""
+
+
+_known: dict[_File, tuple[Part, ...] | str] = {}
+_deaths: dict[_File, tuple[float, str]] = {}
+"""Files that readers died of: when, by the monotonic clock in [s], and a clause."""
+
+
+def mesh_contents(paths: Iterable[Path]) -> dict[Path, tuple[Part, ...] | str]:
+    """Give what is in mesh files; what was read before is remembered.
+
+    Args:
+        paths: Existing files.
+
+    Returns:
+        By file: its parts, or a clause that says why it cannot be read.
+    """
+    files = {}
+    for path in paths:
+        status = path.stat()
+        files[path] = _File(path, status.st_size, status.st_mtime_ns)
+    now = time.monotonic()
+    contents: dict[_File, tuple[Part, ...] | str] = {
+        file: why for file, (when, why) in _deaths.items() if now - when < DEATH_KEPT
+    }
+    contents.update(_known)
+    contents.update(_read_all([f for f in files.values() if f not in contents]))
+    while len(_known) > MOST_KEPT:
+        del _known[next(iter(_known))]
+    return {path: contents[file] for path, file in files.items()}
+
+
+def _read_all(files: list[_File]) -> dict[_File, tuple[Part, ...] | str]:
+    """Read files, and remember what is in them."""
+    late = f"reading all meshes took more than {PATIENCE:g} s"
+    contents: dict[_File, tuple[Part, ...] | str] = dict.fromkeys(files, late)
+    end = time.monotonic() + PATIENCE
+    while files and time.monotonic() < end:
+        paths = [file.path for file in files]
+        results, death, has_begun = _read(paths, end - time.monotonic())
+        read = dict(zip(files, results))
+        contents.update(read)
+        _known.update(read)
+        files = files[len(results) :]
+        if not files or not death:
+            continue
+        if not has_begun:
+            contents.update(dict.fromkeys(files, death))
+            break
+        contents[files[0]] = death
+        _deaths[files[0]] = (time.monotonic(), death)
+        files = files[1:]
+    return contents
+
+
+def _read(
+    paths: list[Path], patience: float
+) -> tuple[list[tuple[Part, ...] | str], str, bool]:
+    """Read files in a process of its own, up to the first that ends it.
+
+    Args:
+        paths: The files.
+        patience: How long all of them may take, in [s].
+
+    Returns:
+        What is in the first files, or why they cannot be read; a clause that says why
+        the process ended, empty where the time was over; whether it began to read.
+    """
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        code = _run(folder, paths, patience)
+        results: list[tuple[Part, ...] | str] = []
+        for number in range(len(paths)):
+            why_not, content = (folder / f"{number}{s}" for s in (".txt", ".npz"))
+            if why_not.exists():
+                results.append(why_not.read_text(encoding="utf-8"))
+            elif content.exists():
+                results.append(_parts(content))
+            else:
+                break
+        has_begun = (folder / BEGUN).exists()
+        death = "" if code is None else _death(code)
+        if (folder / LAST_WORDS).exists():
+            death += f": {(folder / LAST_WORDS).read_text(encoding='utf-8')}"
+        elif death and not has_begun:
+            death += " before it began"
+    return results, death, has_begun
+
+
+def _run(folder: Path, paths: list[Path], patience: float) -> int | None:
+    """Run ``read_meshes``; give its exit code, None if it had to be stopped.
+
+    It runs in the folder of its results: of the folder that we run in Python would
+    take modules first.
+    """
+    program = [sys.executable, "-m", f"{__package__}.read_meshes"]
+    limits = [str(PROCESSOR_PATIENCE), str(FILE_PATIENCE)]
+    files = [os.path.abspath(path) for path in paths]
+    try:
+        return subprocess.run(
+            [*program, folder, *limits, *files],
+            cwd=folder,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            env={
+                **os.environ,
+                "PYTHONPATH": os.pathsep.join(sys.path),
+                "OPENBLAS_NUM_THREADS": "1",
+            },
+            timeout=patience,
+            check=False,
+        ).returncode
+    except subprocess.TimeoutExpired:
+        return None
+
+
+def _death(code: int) -> str:
+    """Say in a clause what ended a reader, by its exit code."""
+    if code == -signal.SIGPROF:
+        return f"it took more than {PROCESSOR_PATIENCE:g} s of the processor"
+    if code == -signal.SIGALRM:
+        return f"it took more than {FILE_PATIENCE:g} s"
+    if code < 0:
+        return f"its reader died of signal {-code} ({signal.strsignal(-code)})"
+    return f"its reader ended with code {code}"
+
+
+def _parts(content: Path) -> tuple[Part, ...]:
+    """Take over what ``read_meshes`` read."""
+    with np.load(content) as arrays:
+        ends = np.cumsum(arrays["counts"])[:-1]
+        return tuple(
+            Part(corners, normals, None if np.isnan(color[0]) else tuple(color))
+            for corners, normals, color in zip(
+                np.split(arrays["corners"], ends),
+                np.split(arrays["normals"], ends),
+                arrays["colors"].tolist(),
+            )
+        )
