@@ -363,6 +363,33 @@ def test_hostile_files_end_no_one_and_take_no_other_file_with_them(
         assert not [clause for clause in left_out if "good" in clause]
 
 
+def test_the_files_longest_not_asked_for_are_forgotten_when_memory_is_full(
+    tmp_path, counted, monkeypatch
+):
+    files = [tmp_path / f"{name}.obj" for name in "abc"]
+    for file in files:
+        BALL.export(file)
+    size = 2 * 9 * 4 * len(BALL.faces)  # corners and normals, four bytes a number
+    monkeypatch.setattr(mesh_contents, "MOST_KEPT", 2.5 * size)
+    a, b, c = files
+    for file in (a, b, a, c):
+        read(file)
+    assert len(counted) == 3
+    read(a, c)
+    assert len(counted) == 3
+    read(b)
+    assert len(counted) == 4
+
+
+def test_what_is_larger_than_memory_for_meshes_is_read_all_the_same(
+    tmp_path, monkeypatch
+):
+    BALL.export(tmp_path / "x.obj")
+    monkeypatch.setattr(mesh_contents, "MOST_KEPT", 100)
+    (mesh,) = read(tmp_path / "x.obj")
+    np.testing.assert_allclose(bounds(mesh), BALL.bounds, atol=1e-6)
+
+
 @pytest.fixture
 def waiting(tmp_path):
     """Write a mesh that a reader waits in, between two good ones; give all three."""

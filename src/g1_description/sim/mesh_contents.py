@@ -36,8 +36,8 @@ Not for ever: a busy machine or one short of memory may have caused it. But one 
 asks several times for the same files.
 """
 
-MOST_KEPT = 1000
-"""Files whose content is kept, in case they are asked for again."""
+MOST_KEPT = 400e6
+"""Most memory of what is kept in case it is asked for again, in bytes."""
 
 
 @dataclass(frozen=True)
@@ -82,15 +82,41 @@ def mesh_contents(paths: Iterable[Path]) -> dict[Path, tuple[Part, ...] | str]:
     for path in paths:
         status = path.stat()
         files[path] = _File(path, status.st_size, status.st_mtime_ns)
-    now = time.monotonic()
+    _forget_deaths()
     contents: dict[_File, tuple[Part, ...] | str] = {
-        file: why for file, (when, why) in _deaths.items() if now - when < DEATH_KEPT
+        file: why for file, (_, why) in _deaths.items()
     }
-    contents.update(_known)
+    for file in files.values():
+        if file in _known:  # what is asked for now comes last
+            contents[file] = _known[file] = _known.pop(file)
     contents.update(_read_all([f for f in files.values() if f not in contents]))
-    while len(_known) > MOST_KEPT:
-        del _known[next(iter(_known))]
+    _make_room()
     return {path: contents[file] for path, file in files.items()}
+
+
+def _forget_deaths() -> None:
+    """Forget the deaths that are too long ago."""
+    now = time.monotonic()
+    for file, (when, _) in list(_deaths.items()):
+        if now - when >= DEATH_KEPT:
+            del _deaths[file]
+
+
+def _make_room() -> None:
+    """Forget the files that were not asked for longest, if all are too large."""
+    sizes = {file: _size(content) for file, content in _known.items()}
+    excess = sum(sizes.values()) - MOST_KEPT
+    for file, size in sizes.items():
+        if excess <= 0:
+            break
+        del _known[file]
+        excess -= size
+
+
+def _size(content: tuple[Part, ...] | str) -> int:
+    """Give about how much memory the content of a file takes, in bytes."""
+    parts = () if isinstance(content, str) else content
+    return 1000 + sum(part.corners.nbytes + part.normals.nbytes for part in parts)
 
 
 def _read_all(files: list[_File]) -> dict[_File, tuple[Part, ...] | str]:
