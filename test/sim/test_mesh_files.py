@@ -23,6 +23,7 @@ from g1_description.core.sdf import read_sdf
 from g1_description.core.transform import IDENTITY
 from g1_description.importer.stl import clean_stl, read_stl
 from g1_description.sim import mesh_contents
+from g1_description.sim.assimp import Assimp
 from g1_description.sim.meshes import find_meshes
 from g1_description.sim.picture import draw
 from g1_description.sim.scene import Scene
@@ -531,6 +532,18 @@ def test_a_module_in_the_working_directory_is_not_taken(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (mesh,) = read(file)
     assert not isinstance(mesh, str), mesh
+
+
+@pytest.mark.parametrize(
+    "name", ["a.png", "ä/b c.png", "x" * 1000], ids=["short", "other letters", "long"]
+)
+def test_names_are_read_whole(tmp_path, name):
+    """The installed library lays out its strings as ours are."""
+    (tmp_path / "a.mtl").write_text(f"newmtl m\nKd 1 0 0\nmap_Kd {name}\n")
+    mesh = BALL.export(file_type="obj", include_texture=False)
+    (tmp_path / "a.obj").write_text(f"mtllib a.mtl\nusemtl m\n{mesh}")
+    (part,) = Assimp().read(tmp_path / "a.obj")
+    assert part.texture == name
 
 
 def test_a_picture_with_a_name_too_long_for_a_file_costs_its_colour_alone(tmp_path):
