@@ -218,6 +218,20 @@ def test_a_root_link_moves_its_model_as_one(make_world):
     np.testing.assert_allclose(model.poses[0, :3] - before[:3], 1e-3 * speed, atol=1e-5)
 
 
+def test_a_link_that_is_the_parent_of_the_world_stays(make_world):
+    link = '<link name="a"><inertial><mass>1</mass></inertial></link>'
+    joint = (
+        '<joint name="j" type="fixed"><parent>a</parent><child>world</child></joint>'
+    )
+    sdf = '<sdf version="1.6"><model name="m">{}</model></sdf>'
+    world = make_world("limp")
+    for name, inside in (("falls", link), ("stays", link + joint)):
+        spawn_sdf(world, name, sdf.format(inside), UP)
+    world.run(0.1)
+    assert_poses_close(world.model("stays").pose, UP, 1e-12)
+    assert world.model("falls").pose[2] < UP[2] - 0.01
+
+
 def test_the_pose_of_a_model_is_that_of_its_first_link(make_world):
     """The arm comes first in the file, and hangs on the base."""
     base = OFFSET.index('<link name="base">')

@@ -6,6 +6,7 @@ is in its parent: that follows from the poses of both links.
 
 from __future__ import annotations
 
+from collections.abc import Container
 from dataclasses import replace
 
 import numpy as np
@@ -23,27 +24,34 @@ KINDS = (*MOVABLE, "fixed")
 """Types of joints that can be simulated."""
 
 
-def carried_by(element: etree._Element, name: str, scope: Scope) -> tuple[str, str]:
+def ends_of(
+    element: etree._Element, scope: Scope, links: Container[str]
+) -> tuple[str, str] | str:
     """Tell which links a joint joins.
+
+    Gazebo takes the world on either side, and goes on without a joint whose links it
+    cannot find.
 
     Args:
         element: The joint.
-        name: Its full name, for the sentences.
         scope: The model that holds it.
+        links: Full names of all links.
 
     Returns:
-        Full names of the parent, which may be ``WORLD``, and of the child.
-
-    Raises:
-        DescriptionError: If one is missing.
+        Full names of the parent and of the child, or ``WORLD``; or a clause that says
+        why there is no such joint.
     """
+    ends = []
     for role in ("parent", "child"):
-        if not text_of(element, role):
-            raise DescriptionError(f"Joint {name} has no {role}.")
-    parent, child = text_of(element, "parent"), text_of(element, "child")
-    if child == WORLD:
-        raise DescriptionError(f"Joint {name} has the world as its child.")
-    return (WORLD if parent == WORLD else scope.full(parent)), scope.full(child)
+        written = text_of(element, role)
+        if not written:
+            return f"it has no {role}"
+        link = WORLD if written == WORLD else scope.full(written)
+        if link != WORLD and link not in links:
+            return f"its {role} {link} is no link of the model"
+        ends.append(link)
+    parent, child = ends
+    return (parent, child) if {*ends} != {WORLD} else "both of its links are the world"
 
 
 def fixed_joint(
@@ -53,13 +61,12 @@ def fixed_joint(
 
     Args:
         name: Name of the joint.
-        ends: Names of its parent, which may be ``WORLD``, and of its child.
+        ends: Names of its parent and of its child, of which one may be ``WORLD``.
         frames: Where the links are.
         listed: Whether the file names the joint.
     """
-    parent, child = ends
-    pose = frames.between(MODEL if parent == WORLD else parent, child)
-    return Joint(name, "fixed", parent, child, pose, listed=listed)
+    pose = frames.between(*(MODEL if end == WORLD else end for end in ends))
+    return Joint(name, "fixed", *ends, pose, listed=listed)
 
 
 def turned_around(joint: Joint) -> Joint:

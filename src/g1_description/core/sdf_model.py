@@ -7,7 +7,6 @@ that close a loop are left out, and those of a kind that cannot be simulated hol
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +16,7 @@ from .assembly import SCOPE, WORLD, Assembly
 from .description import Description, Joint, Link
 from .errors import DescriptionError
 from .sdf_frames import MODEL, Frames, Scope
-from .sdf_joint import KINDS, carried_by, fixed_joint, read_joint
+from .sdf_joint import KINDS, ends_of, fixed_joint, read_joint
 from .sdf_link import drop_wrong_inertial, read_link
 from .sdf_text import flag, name_of, text_of
 from .sdf_tree import closes_loop, hung
@@ -66,7 +65,7 @@ def read_model(element: etree._Element, pose: np.ndarray) -> SdfModel:
         for link in model.findall("link")
     )
     _check_links(name, links, static)
-    joints, odd = _joints(scopes, {link.name for link in links}, name, static)
+    joints, odd = _joints(scopes, {link.name for link in links}, static)
     joints = hung([link.name for link in links], joints)
     if static:
         joints = _held_together(links, joints, frames)
@@ -144,38 +143,43 @@ class _Written:
     scope: Scope
 
     @property
-    def kind(self) -> str:
-        """Its type, empty where the file gives none."""
-        return self.element.get("type", "")
+    def odd(self) -> str:
+        """What about it cannot be simulated; empty where it can be."""
+        kind = self.element.get("type", "")
+        if kind not in KINDS:
+            return kind or "of no type"
+        # Its axis would stand in the world, wherever the model is put.
+        if self.ends[1] == WORLD and kind != "fixed":
+            return f"{kind} with the world as its child"
+        return ""
 
 
 def _joints(
-    scopes: list[tuple[Scope, etree._Element]],
-    links: set[str],
-    model: str,
-    static: bool,
+    scopes: list[tuple[Scope, etree._Element]], links: set[str], static: bool
 ) -> tuple[tuple[Joint, ...], list[str]]:
     """Read the joints of a model that make no loop; all fixed where it is static.
 
     Returns:
         The joints, and a clause for each that is left out or holds still.
     """
-    written = list(_written_joints(scopes, links, model))
+    written, left_out = _written_joints(scopes, links)
     # What cannot be simulated comes last: it holds what nothing else joins.
-    in_order = sorted(written, key=lambda joint: joint.kind not in KINDS)
+    in_order = sorted(written, key=lambda joint: joint.odd != "")
     loops = dict(zip(in_order, closes_loop([joint.ends for joint in in_order])))
-    joints, left_out = [], []
+    joints = []
     for one in written:
         parent, child = one.ends
-        odd = not static and one.kind not in KINDS
-        why = f"is {one.kind or 'of no type'}, which is not simulated" if odd else ""
+        odd = "" if static else one.odd
+        why = f"is {odd}, which is not simulated" if odd else ""
         if loops[one]:
             why = why or f"closes a loop of joints at {child}, which is not simulated"
             left_out.append(f"joint {one.name} is left out: it {why}")
             continue
         joint = fixed_joint(one.name, one.ends, one.scope.frames, listed=not odd)
         if odd:
-            left_out.append(f"joint {one.name} {why}: {child} is fixed to {parent}")
+            held = f"{parent} is fixed to {child}" if child == WORLD else ""
+            held = held or f"{child} is fixed to {parent}"
+            left_out.append(f"joint {one.name} {why}: {held}")
         elif not static:
             joint = read_joint(one.element, joint, one.frame, one.scope)
         joints.append(joint)
@@ -183,23 +187,27 @@ def _joints(
 
 
 def _written_joints(
-    scopes: list[tuple[Scope, etree._Element]], links: set[str], model: str
-) -> Iterator[_Written]:
-    """List the joints of a model, and make their frames known."""
+    scopes: list[tuple[Scope, etree._Element]], links: set[str]
+) -> tuple[list[_Written], list[str]]:
+    """List the joints of a model, and make their frames known.
+
+    Returns:
+        The joints, and a clause for each that Gazebo does not make.
+    """
+    written, left_out = [], []
     for scope, owner in scopes:
         for element in owner.findall("joint"):
             name = scope.full(name_of(element))
-            ends = carried_by(element, name, scope)
-            for role, link in zip(("parent", "child"), ends):
-                if link not in {*links, WORLD}:
-                    raise DescriptionError(
-                        f"Joint {name} of model '{model}' has the {role} {link}, "
-                        "which is no link of it."
-                    )
+            ends = ends_of(element, scope, links)
+            if isinstance(ends, str):
+                left_out.append(f"joint {name} is left out: {ends}")
+                continue
             # Before version 1.7 a joint and a link may have the same name.
             frame = f"{name}::__joint__" if name in scope.frames else name
-            scope.add(frame, element, text_of(element, "child"))
-            yield _Written(element, name, ends, frame, scope)
+            child = text_of(element, "child")
+            scope.add(frame, element, MODEL if child == WORLD else child)
+            written.append(_Written(element, name, ends, frame, scope))
+    return written, left_out
 
 
 def _held_together(
