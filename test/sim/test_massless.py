@@ -7,6 +7,7 @@ import pytest
 
 from g1_description.core.description import parse_urdf
 from g1_description.core.lumping import lump_fixed_joints
+from g1_description.ros.gazebo_start import figures
 
 HIGH = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])
 BOX = '<collision><geometry><box size="0.2 0.2 0.2"/></geometry></collision>'
@@ -54,6 +55,15 @@ def test_one_warning_names_what_gazebo_would_leave_out(make_world):
     assert make_world().spawn_urdf("m", arm(MASS, MASS, MASS), HIGH) == ()
 
 
+def test_at_the_start_no_mass_is_told_where_the_file_gives_none():
+    some, none = (
+        lump_fixed_joints(parse_urdf(text), is_dynamic=False)
+        for text in (arm(root=MASS), arm())
+    )
+    assert figures(some, "kinematic") == "2 joints, 3 links, 2.000 kg, kinematic"
+    assert figures(none, "kinematic") == "2 joints, 3 links, kinematic"
+
+
 @pytest.mark.parametrize("physics", ["hold", "limp"])
 def test_where_things_move_they_vanish_as_in_gazebo(make_world, physics):
     world = make_world(physics)
@@ -72,7 +82,7 @@ def test_contacts_of_what_has_no_mass_are_found(make_world):
 def test_an_unknown_mass_stays_unknown():
     lumped = lump_fixed_joints(parse_urdf(arm()), is_dynamic=False)
     assert all(link.inertial is None for link in lumped.description.links)
-    assert lumped.description.mass == 0
+    assert lumped.description.mass is None
 
 
 CALF = arm(MASS, MASS, MASS).replace('lower="-2" upper="2"', 'lower="-2" upper="-0.5"')

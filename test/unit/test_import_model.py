@@ -148,6 +148,14 @@ def test_meshes_come_along_and_the_source_stays(bring, source):
     assert 'a.STL | 12 | header no longer begins with "solid" |' in report
 
 
+def test_a_mass_is_told_where_the_file_gives_one(bring):
+    """Unknown is not zero."""
+    heavy = LINK.format("a", ROUND, "")
+    for link, words in ((heavy, ", 2 kg, meshes"), ('<link name="a"/>', "), meshes")):
+        urdf = bring(f'<robot name="r">{link}</robot>', "--force")
+        assert words in (urdf.parents[1] / "report.md").read_text()
+
+
 def test_one_name_in_two_folders_is_two_files(bring, source):
     stl(source / "left" / "x.stl", (1, 1, 1))
     stl(source / "right" / "x.stl", (2, 2, 2))

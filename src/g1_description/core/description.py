@@ -193,9 +193,10 @@ class Description:
         )
 
     @property
-    def mass(self) -> float:
-        """Sum of the masses the file gives, in [kg]."""
-        return sum(link.inertial.mass for link in self.links if link.inertial)
+    def mass(self) -> float | None:
+        """Sum of the masses the file gives, in [kg]; None where it gives none."""
+        masses = [link.inertial.mass for link in self.links if link.inertial]
+        return sum(masses) if masses else None
 
     def joint_above(self) -> dict[str, Joint]:
         """Map each link but the root to the joint that carries it."""

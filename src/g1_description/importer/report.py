@@ -54,10 +54,10 @@ def _figures(robot: Robot) -> str:
     """Count what a robot has."""
     found = robot.description
     meshes = sum(ref.is_mesh for ref in robot.references)
+    mass = "" if found.mass is None else f" {found.mass:.6g} kg,"
     return (
         f"robot {found.name}, {len(found.links)} links, {len(found.joints)} joints "
-        f"({len(found.movable_joints)} movable), {found.mass:.6g} kg, "
-        f"meshes in {meshes} places"
+        f"({len(found.movable_joints)} movable),{mass} meshes in {meshes} places"
     )
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import rospy
 
+from ..core.assembly import Assembly
 from ..core.errors import DescriptionError
 from ..core.model_files import find_folder, find_model
 from ..core.sdf import EMPTY_WORLD, Sdf, read_sdf
@@ -78,12 +79,12 @@ def spawn_robot(world: World, parameters: GazeboParameters) -> None:
     assembly, pose = place_robot(p, p.fixed_base and dynamic, dynamic)
     for clause in world.spawn(p.model_name, assembly, pose, p.fixed_base):
         rospy.logwarn("%s: %s", p.model_name, clause)
+    rospy.loginfo("%s: %s", p.model_name, figures(assembly, p.physics))
+
+
+def figures(assembly: Assembly, physics: str) -> str:
+    """Count what a robot has; of its mass say nothing where its file does not."""
     robot = assembly.description
-    rospy.loginfo(
-        "%s: %d joints, %d links, %.3f kg, %s",
-        p.model_name,
-        len(robot.movable_joints),
-        len(assembly.link_names),
-        robot.mass,
-        p.physics,
-    )
+    mass = "" if robot.mass is None else f" {robot.mass:.3f} kg,"
+    joints, links = len(robot.movable_joints), len(assembly.link_names)
+    return f"{joints} joints, {links} links,{mass} {physics}"
