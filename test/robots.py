@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from g1_description.core.description import parse_urdf
+from g1_description.core.urdf import parse_urdf
 
 _NUMBER = st.floats(-3.0, 3.0).map(lambda value: round(value, 6))
 _VECTOR = st.tuples(_NUMBER, _NUMBER, _NUMBER)

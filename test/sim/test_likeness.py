@@ -6,9 +6,9 @@ from conftest import REPOSITORY, VENDOR
 from worlds import find_package
 
 from g1_description.core.camera import Camera
-from g1_description.core.description import parse_urdf
 from g1_description.core.resources import with_absolute_uris
 from g1_description.core.transform import IDENTITY
+from g1_description.core.urdf import parse_urdf
 from g1_description.sim.picture import silhouette
 from g1_description.sim.scene import NOTHING, Scene
 

@@ -17,10 +17,11 @@ from dae import box, collada, node, use
 from worlds import find_package
 
 from g1_description.core.camera import Camera
-from g1_description.core.description import Shape, parse_urdf
+from g1_description.core.description import Shape
 from g1_description.core.lumping import lump_fixed_joints
 from g1_description.core.sdf import read_sdf
 from g1_description.core.transform import IDENTITY
+from g1_description.core.urdf import parse_urdf
 from g1_description.importer.stl import clean_stl, read_stl
 from g1_description.sim import mesh_contents
 from g1_description.sim.assimp import Assimp

@@ -10,7 +10,7 @@ from conftest import REPOSITORY
 ROBOT = '<robot name="r"><link name="a"/></robot>'
 USE_ALL = f"""
 import numpy as np
-from g1_description.core.description import parse_urdf
+from g1_description.core.urdf import parse_urdf
 from g1_description.core.lumping import lump_fixed_joints
 from g1_description.sim.engine import Engine
 from g1_description.sim.physics import PhysicsProperties

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from worlds import find_package
 
 from g1_description.core.camera import VIEWS, Camera, framing
-from g1_description.core.description import parse_urdf
+from g1_description.core.urdf import parse_urdf
 from g1_description.sim.picture import draw, silhouette
 from g1_description.sim.scene import NOTHING, Scene
 

@@ -16,10 +16,10 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 from worlds import find_package
 
-from g1_description.core.description import parse_urdf
 from g1_description.core.lumping import lump_fixed_joints
 from g1_description.core.pose_text import parse_poses
 from g1_description.core.resources import with_absolute_uris
+from g1_description.core.urdf import parse_urdf
 from g1_description.sim.standing import hanging_height, standing_height
 
 OURS = with_absolute_uris(

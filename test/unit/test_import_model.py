@@ -17,10 +17,10 @@ from hypothesis import given, settings
 from robots import chains
 
 from g1_description.core import model_files
-from g1_description.core.description import parse_urdf
 from g1_description.core.errors import DescriptionError
 from g1_description.core.model_text import read_model
 from g1_description.core.resources import local_path, with_absolute_uris
+from g1_description.core.urdf import parse_urdf
 from g1_description.importer.command import run
 from g1_description.importer.folder import Folder
 from g1_description.importer.places import Places

@@ -67,7 +67,7 @@ def test_messages_that_nodes_import_are_dependencies():
 @pytest.mark.parametrize(
     ("package", "module"),
     [
-        ("urdf_parser_py", "description.py"),
+        ("urdf_parser_py", "urdf.py"),
         ("yaml", "pose_text.py"),
         ("pybullet", "bullet.py"),
         ("pybullet_utils", "bullet.py"),

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from robots import chains
 from scipy.spatial.transform import Rotation
 
-from g1_description.core.description import parse_urdf
 from g1_description.core.lumping import lump_fixed_joints
+from g1_description.core.urdf import parse_urdf
 
 MASS = (
     '<inertial><mass value="2"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" '

@@ -6,9 +6,9 @@ import sys
 import pytest
 
 from g1_description.core.absolute_urdf import absolute_urdf
-from g1_description.core.description import parse_urdf
 from g1_description.core.errors import DescriptionError
 from g1_description.core.model_text import read_model
+from g1_description.core.urdf import parse_urdf
 from g1_description.importer.robot import open_robot
 from g1_description.ros import launched_robot
 

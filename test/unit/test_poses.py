@@ -7,7 +7,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.interpolate import BPoly
 
-from g1_description.core.description import parse_urdf
 from g1_description.core.errors import (
     InvalidValueError,
     PoseFileError,
@@ -21,6 +20,7 @@ from g1_description.core.poses import (
     find_pose,
     pose_positions,
 )
+from g1_description.core.urdf import parse_urdf
 
 POSES = parse_poses((REPOSITORY / "config" / "poses.yaml").read_text(), "poses.yaml")
 G1 = parse_urdf((REPOSITORY / "urdf" / "g1_29dof.urdf").read_text())

@@ -18,7 +18,6 @@ from PIL import Image
 
 from g1_description.core.absolute_urdf import absolute_urdf
 from g1_description.core.camera import Camera
-from g1_description.core.description import parse_urdf
 from g1_description.core.errors import DescriptionError
 from g1_description.core.kinematics import Kinematics
 from g1_description.core.lumping import lump_fixed_joints
@@ -27,6 +26,7 @@ from g1_description.core.pose_text import parse_poses
 from g1_description.core.resources import local_path
 from g1_description.core.rotation import rotate
 from g1_description.core.transform import IDENTITY
+from g1_description.core.urdf import parse_urdf
 from g1_description.sim.body import Body
 from g1_description.sim.bullet import connect
 from g1_description.sim.model import Model

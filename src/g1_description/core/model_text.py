@@ -8,10 +8,11 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from .description import Description, parse_urdf
+from .description import Description
 from .errors import DescriptionError
 from .model_files import LARGEST_FILE
 from .model_path import find_model_file, split_arguments
+from .urdf import parse_urdf
 
 PATIENCE = 60.0
 """Longest time that xacro may take, in [s]."""

@@ -8,7 +8,8 @@ from collections.abc import Sequence
 import rosgraph
 import rospy
 
-from ..core.description import Description, parse_urdf
+from ..core.description import Description
+from ..core.urdf import parse_urdf
 from .parameters import RobotParameters
 
 

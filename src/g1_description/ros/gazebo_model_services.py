@@ -29,7 +29,6 @@ from gazebo_msgs.srv import (
 )
 
 from ..core.assembly import SCOPE, Assembly
-from ..core.description import parse_urdf
 from ..core.errors import (
     DescriptionError,
     G1DescriptionError,
@@ -40,6 +39,7 @@ from ..core.lumping import lump_fixed_joints
 from ..core.model_files import find_model
 from ..core.sdf import Light, Sdf, SdfModel, read_sdf
 from ..core.transform import IDENTITY, compose
+from ..core.urdf import parse_urdf
 from ..core.xml import parse_xml
 from ..sim.entities import Entity, seen_from
 from ..sim.world import World

@@ -16,9 +16,9 @@ import rospy
 from sensor_msgs.msg import JointState
 
 from ..core.commands import listed
-from ..core.description import parse_urdf
 from ..core.errors import DescriptionError, G1DescriptionError
 from ..core.motion import minimum_jerk
+from ..core.urdf import parse_urdf
 from .descriptions import find_parameter
 from .newest import NEWEST
 from .shutdown import quiet_when_closing

@@ -8,12 +8,12 @@ import numpy as np
 import rospy
 
 from ..core.assembly import Assembly
-from ..core.description import parse_urdf
 from ..core.errors import DescriptionError
 from ..core.lumping import lump_fixed_joints
 from ..core.model_files import find_folder
 from ..core.poses import ZERO, check_pose, find_pose, pose_positions
 from ..core.rotation import from_rpy
+from ..core.urdf import parse_urdf
 from ..sim.standing import hanging_height, standing_height
 from .parameters import SpawnParameters
 from .pose_files import read_poses

@@ -12,9 +12,10 @@ import rospy
 from sensor_msgs.msg import JointState
 
 from ..core.assembly import base_of
-from ..core.description import Description, parse_urdf
+from ..core.description import Description
 from ..core.errors import DescriptionError, G1DescriptionError
 from ..core.transform import compose, inverse
+from ..core.urdf import parse_urdf
 from .descriptions import find_parameter
 from .newest import NEWEST
 from .transforms import Transforms

@@ -17,11 +17,12 @@ import rospy
 from ..core.absolute_urdf import absolute_urdf
 from ..core.camera import VIEWS, Camera, framing
 from ..core.commands import listed
-from ..core.description import Description, parse_urdf
+from ..core.description import Description
 from ..core.errors import G1DescriptionError, InvalidValueError, UnknownNameError
 from ..core.model_files import find_folder
 from ..core.poses import check_limits, near_first
 from ..core.transform import IDENTITY
+from ..core.urdf import parse_urdf
 from ..sim.picture import draw
 from ..sim.scene import Scene
 from .command_line import own_arguments
