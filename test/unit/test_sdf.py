@@ -1140,6 +1140,15 @@ def test_a_link_inside_may_be_the_parent_of_the_world():
     assert (found.name, found.parent, found.child) == ("inner::xw", "world", "inner::x")
 
 
+def test_what_hangs_on_a_joint_to_the_world_is_placed_in_the_model():
+    on_joint = link("b", '<pose relative_to="aw">0 1 0 0 0 0</pose>')
+    anchor = joint("fixed", "a", "world", "<pose>5 0 0 0 0 0</pose>", name="aw")
+    assembly = read_model(link("a", "<pose>1 2 3 0 0 0</pose>") + on_joint + anchor)
+    assembly = assembly.assembly
+    assert assembly.description.roots == ("world", "b")
+    np.testing.assert_allclose(assembly.root_poses[1], [5, 1, 0, 0, 0, 0, 1])
+
+
 def test_a_joint_that_moves_the_world_holds_still():
     """Where its axis stands in the world is not known before the model stands there."""
     assembly = read_model(A_B + joint("revolute", "b", "world", name="bw")).assembly

@@ -140,11 +140,9 @@ class Assimp:
         )
         if not found:
             why = self._library.aiGetErrorString().decode("utf-8", "replace")
-            raise (
-                MemoryError
-                if why == OUT_OF_MEMORY
-                else CannotReadError(why.strip(" ."))
-            )
+            if why == OUT_OF_MEMORY:
+                raise MemoryError
+            raise CannotReadError(why.strip(" ."))
         scene = found.contents
         parts = []
         for pointer in scene.meshes[: scene.n_meshes]:
