@@ -471,7 +471,7 @@ def test_a_mesh_that_cannot_be_read_is_named(make_world, tmp_path, content):
     mesh = f'<mesh filename="file://{file}"/>'
     text = TOP.replace('<box size="0.2 0.2 0.2"/>', mesh)
     (clause,) = make_world().spawn_urdf("top", text, UPRIGHT)
-    assert clause == f"mesh file://{file} cannot be read"
+    assert clause.startswith(f"mesh file://{file} cannot be read: ")
 
 
 def test_a_mesh_of_another_kind_is_named(make_world, tmp_path):

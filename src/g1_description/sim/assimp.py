@@ -29,7 +29,7 @@ PROPERTIES = {
 DIFFUSE_TEXTURE = 1
 SUCCESS = 0
 OUT_OF_MEMORY = "std::bad_alloc"
-"""What the library says where memory is at an end."""
+"""What the library says last where memory is at an end."""
 
 
 class _String(ctypes.Structure):
@@ -140,7 +140,7 @@ class Assimp:
         )
         if not found:
             why = self._library.aiGetErrorString().decode("utf-8", "replace")
-            if why == OUT_OF_MEMORY:
+            if why.endswith(OUT_OF_MEMORY):
                 raise MemoryError
             raise CannotReadError(why.strip(" ."))
         scene = found.contents
