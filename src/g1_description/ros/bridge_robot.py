@@ -289,6 +289,7 @@ class BridgedRobot:
         self._complaints.tell(
             f"missing {self.name}",
             f"Joints of {self.name} are left out, the simulator has {why}.",
+            stands=True,
         )
 
     def _tell_what_is_off_axis(self, sight: Sight, share: Share) -> None:

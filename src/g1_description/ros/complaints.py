@@ -29,6 +29,9 @@ class _Kind:
 
     period: float
     log: Callable
+    stands: bool
+    """Whether it is a state that lasts, rather than events to be counted."""
+
     told: float = -math.inf
     """When the last line was logged."""
 
@@ -41,6 +44,9 @@ class _Kind:
     count: int = 0
     """How many there were."""
 
+    said: str = ""
+    """The sentence that stands in the log and need not be said again."""
+
     def line(self, now: float) -> str:
         """Give the line that is due, if any; it is told then."""
         if not self.count or now - self.told < self.period:
@@ -49,6 +55,8 @@ class _Kind:
         if now - self.last < OVER:
             others = f" ({self.count - 1} more like it)" if self.count > 1 else ""
             line, self.told = self.sentence + others, now
+            if self.stands:
+                line = self.said = self.sentence
         self.sentence, self.count = "", 0
         return line
 
@@ -75,6 +83,7 @@ class Complaints:
         sentence: str,
         period: float = PERIOD,
         log: Callable = rospy.logwarn,
+        stands: bool = False,
     ) -> None:
         """Log a line, or keep it where one of its kind was logged just now.
 
@@ -83,11 +92,18 @@ class Complaints:
             sentence: What is wrong, with names.
             period: Time between two lines of this kind in [s].
             log: Takes a format and what goes into it.
+            stands: Whether it is a state that is told again and again while it lasts:
+                a line that says what the last one said is left out until it was over.
         """
         now = time.monotonic()
         with self._lock:
-            state = self._kinds.setdefault(kind, _Kind(period, log))
-            state.sentence, state.last = sentence, now
+            state = self._kinds.setdefault(kind, _Kind(period, log, stands))
+            if now - state.last > OVER:
+                state.said = ""
+            state.last = now
+            if sentence == state.said:
+                return
+            state.sentence = sentence
             state.count += 1
         self._news.set()
 
