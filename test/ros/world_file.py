@@ -23,6 +23,9 @@ class TestWorldFile(unittest.TestCase):
         self.assertEqual(
             (physics["time_step"], physics["max_update_rate"]), (0.002, 500)
         )
+        ode = physics["ode_config"]
+        self.assertEqual((ode["sor_pgs_iters"], ode["sor_pgs_w"]), (77, 1.4))
+        self.assertEqual((ode["erp"], ode["cfm"]), (0.3, 0.0))
         board = self.simulator.link("shelf::board")["pose"]
         self.assertEqual(board, [1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])
         sun = self.simulator.call("get_light_properties", light_name="sun")

@@ -555,7 +555,7 @@ def test_version_1_3_has_other_names_for_the_time_step_and_the_rate():
         "</solver></ode></physics>"
     )
     found = read_sdf(sdf(f'<world name="w">{physics}</world>', "1.3"))
-    assert (found.time_step, found.max_update_rate) == (0.002, 500.0)
+    assert found.physics == {"time_step": 0.002, "max_update_rate": 500.0}
 
 
 LOOP = joint("fixed", "b", "c", name="bc") + joint("fixed", "c", "b", name="cb")
@@ -791,7 +791,7 @@ def test_a_world_is_read_and_the_rest_of_it_named():
             "<gravity>0 0 -1.6</gravity><scene/><scene/><gui/>"
             '<physics type="ode"><max_step_size>5</max_step_size></physics>'
             '<physics default="1"><max_step_size>0.002</max_step_size>'
-            "<real_time_update_rate>500</real_time_update_rate><ode/></physics>"
+            "<real_time_update_rate>500</real_time_update_rate><ode/><dart/></physics>"
             '<frame name="f"><pose>0 0 1 0 0 0</pose></frame>'
             + model('<pose relative_to="f">1 0 0 0 0 0</pose>' + link())
             + model("<pose>2 0 0 0 0 0</pose>" + link(), name="n", static=True)
@@ -799,7 +799,7 @@ def test_a_world_is_read_and_the_rest_of_it_named():
         )
     )
     assert found.gravity == (0.0, 0.0, -1.6)
-    assert (found.time_step, found.max_update_rate) == (0.002, 500.0)
+    assert found.physics == {"time_step": 0.002, "max_update_rate": 500.0}
     assert [read.name for read in found.models] == ["m", "n"]
     assert [read.assembly.static for read in found.models] == [False, True]
     np.testing.assert_allclose(
@@ -808,14 +808,40 @@ def test_a_world_is_read_and_the_rest_of_it_named():
     assert set(found.left_out) == {
         "scene of the world is not simulated",
         "gui of the world is not simulated",
-        "ode of the physics of the world is not simulated",
+        "dart of the physics of the world is not simulated",
         "spot of light l is not simulated",
     }
 
 
+def test_the_numbers_of_ode_have_the_names_of_the_service():
+    """All different; what Gazebo writes beside them when it saves a world is told."""
+    found = read_sdf(
+        world(
+            "<physics type='ode'><max_contacts>7</max_contacts><ode><solver>"
+            "<type>quick</type><iters>77</iters><precon_iters>2</precon_iters>"
+            "<sor>1.5</sor><friction_model>cone_model</friction_model></solver>"
+            "<constraints><cfm>0.25</cfm><erp>0.3</erp><contact_surface_layer>0.002"
+            "</contact_surface_layer><contact_max_correcting_vel>10"
+            "</contact_max_correcting_vel></constraints></ode></physics>"
+        )
+    )
+    assert found.physics == {
+        "max_contacts": 7.0,
+        "sor_pgs_precon_iters": 2.0,
+        "sor_pgs_iters": 77.0,
+        "sor_pgs_w": 1.5,
+        "cfm": 0.25,
+        "erp": 0.3,
+        "contact_surface_layer": 0.002,
+        "contact_max_correcting_vel": 10.0,
+    }
+    told = "friction_model of the physics of the world is not simulated"
+    assert found.left_out == (told,)
+
+
 def test_a_file_that_does_not_tell_leaves_the_world_alone():
     found = read_sdf(sdf(model(link()) + model(link(), name="second")))
-    assert (found.gravity, found.time_step, found.max_update_rate) == (None,) * 3
+    assert (found.gravity, found.physics) == (None, {})
     assert [read.name for read in found.models] == ["m"]
     told = "model second is left out: of a file the first model is read"
     assert found.left_out == (told,)
@@ -853,7 +879,7 @@ def test_the_empty_world_is_that_of_gazebo():
     """Numbers from Gazebo 11.1.0: shared/design/gazebo_contract.md."""
     found = read_sdf(EMPTY_WORLD)
     assert found.gravity == (0.0, 0.0, -9.8)
-    assert (found.time_step, found.max_update_rate) == (0.001, 1000.0)
+    assert found.physics == {"time_step": 0.001, "max_update_rate": 1000.0}
     (ground,), (sun,) = found.models, found.lights
     assert (ground.name, ground.assembly.static) == ("ground_plane", True)
     (only,) = ground.assembly.description.links

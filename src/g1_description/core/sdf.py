@@ -6,7 +6,7 @@ SDF: versions 1.3 to 1.9, with the meaning that Gazebo 11 gives them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -17,7 +17,8 @@ from .errors import DescriptionError
 from .sdf_frames import Frames, Scope
 from .sdf_light import Light, read_light
 from .sdf_model import SdfModel, read_model
-from .sdf_text import name_of, optional, text_of, vector
+from .sdf_physics import read_physics
+from .sdf_text import name_of, text_of, vector
 from .sdf_unread import unread
 from .sdf_world import EMPTY_WORLD, whole_document
 
@@ -35,11 +36,8 @@ class Sdf:
     gravity: tuple[float, ...] | None
     """In the world, in [m/s^2]; None where the file does not say."""
 
-    time_step: float | None
-    """In [s]; None where the file does not say."""
-
-    max_update_rate: float | None
-    """Physics steps in a second of real time; None where the file does not say."""
+    physics: Mapping[str, float]
+    """What the file says of the physics, as ``read_physics``."""
 
     left_out: tuple[str, ...]
     """A clause for each thing outside of the models that is not simulated, and for
@@ -83,15 +81,13 @@ def read_sdf(
     read_lights: dict[str, Light] = {}
     for clauses in reader.read(lights, lambda el: _add_light(el, scope, read_lights)):
         left_out += clauses
-    physics = _physics(holder)
     return Sdf(
         models=tuple(
             reader.read(models, lambda m: read_model(m, scope.frames.pose(name_of(m))))
         ),
         lights=tuple(read_lights.values()),
         gravity=_gravity(holder),
-        time_step=optional(physics, "max_step_size", "the physics"),
-        max_update_rate=optional(physics, "real_time_update_rate", "the physics"),
+        physics=read_physics(holder),
         left_out=tuple(dict.fromkeys(left_out)),
     )
 
@@ -158,15 +154,6 @@ def _add_light(
         raise DescriptionError(f"There are two lights of the name {light.name}.")
     lights[light.name] = light
     return unread(element)
-
-
-def _physics(holder: etree._Element) -> etree._Element | None:
-    """Find the physics that count: those that say so, else the first."""
-    all_physics = holder.findall("physics")
-    for physics in all_physics:
-        if physics.get("default", "").lower() in ("true", "1"):
-            return physics
-    return all_physics[0] if all_physics else None
 
 
 def _gravity(holder: etree._Element) -> tuple[float, ...] | None:

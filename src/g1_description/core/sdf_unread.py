@@ -15,7 +15,9 @@ from .sdf_text import read_as
 _READ = {
     "sdf": "world model light",
     "world": "model light frame gravity physics",
-    "physics": "max_step_size real_time_update_rate real_time_factor max_contacts",
+    "physics": "max_step_size real_time_update_rate real_time_factor max_contacts ode",
+    "solver": "type iters precon_iters sor",
+    "constraints": "cfm erp contact_surface_layer contact_max_correcting_vel",
     "light": "pose cast_shadows diffuse specular attenuation direction",
     "attenuation": "range constant linear quadratic",
     "model": "static pose frame link joint model allow_auto_disable",
@@ -33,7 +35,7 @@ _READ = {
     "mesh": "uri scale",
     "surface": "friction bounce",
     "friction": "ode",
-    "ode": "mu mu2",
+    "ode": "mu mu2 solver constraints",
     "bounce": "restitution_coefficient",
     "joint": "pose parent child axis",
     "axis": "xyz limit dynamics use_parent_model_frame",
@@ -48,7 +50,8 @@ _NUMBERS = {
     3: "xyz box/size normal scale direction world/gravity",
     1: "mass ixx ixy ixz iyy iyz izz radius length mu restitution_coefficient lower "
     "upper effort velocity damping dynamics/friction max_step_size "
-    "real_time_update_rate range constant linear quadratic",
+    "real_time_update_rate range constant linear quadratic iters precon_iters sor cfm "
+    "erp contact_surface_layer contact_max_correcting_vel physics/max_contacts",
 }
 """How many numbers the elements have that are read, by tag or parent/tag."""
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import rospy
 
 from ..core.assembly import Assembly
-from ..core.errors import DescriptionError
+from ..core.errors import DescriptionError, InvalidValueError
 from ..core.model_files import find_folder, find_model
 from ..core.sdf import EMPTY_WORLD, Sdf, read_sdf
 from ..sim.physics import GRAVITY
@@ -31,9 +31,10 @@ def make_world(parameters: GazeboParameters) -> tuple[World, GazeboParameters]:
         G1DescriptionError: If the file cannot be read or a model not be loaded.
     """
     content = _content(parameters.world)
-    parameters = replace(parameters, **_physics(content))
+    physics, left_out = _physics(content, parameters)
+    parameters = replace(parameters, **physics)
     world = World(parameters.physics, parameters.properties, find_folder, content)
-    for clause in world.left_out:
+    for clause in (*left_out, *world.left_out):
         rospy.logwarn("%s: %s", parameters.world, clause)
     return world, parameters
 
@@ -51,19 +52,27 @@ def _content(path: str) -> Sdf:
         raise DescriptionError(f"World file {path}: {error}") from error
 
 
-def _physics(content: Sdf) -> dict[str, float]:
-    """Tell what a world file says of physics and no parameter does."""
-    gravity = content.gravity or (None, None, None)
-    told = {
-        "time_step": content.time_step,
-        "max_update_rate": content.max_update_rate,
-        **dict(zip(GRAVITY, gravity)),
-    }
-    return {
-        name: value
-        for name, value in told.items()
-        if value is not None and not rospy.has_param(f"~{name}")
-    }
+def _physics(
+    content: Sdf, parameters: GazeboParameters
+) -> tuple[dict[str, float], list[str]]:
+    """Tell what a world file says of physics and no parameter does.
+
+    Returns:
+        Numbers by the names of parameters, and a clause for each that cannot be.
+    """
+    told = {**content.physics, **dict(zip(GRAVITY, content.gravity or ()))}
+    found, left_out = {}, []
+    for name, value in told.items():
+        if rospy.has_param(f"~{name}"):
+            continue
+        number = type(getattr(parameters, name))(value)
+        try:
+            replace(parameters.properties, **{name: number})
+        except InvalidValueError as error:
+            left_out.append(f"{error}: it is left out")
+        else:
+            found[name] = number
+    return found, left_out
 
 
 def spawn_robot(world: World, parameters: GazeboParameters) -> None:
