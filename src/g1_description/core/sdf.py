@@ -7,7 +7,7 @@ SDF: versions 1.3 to 1.9, with the meaning that Gazebo 11 gives them.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 from lxml import etree
@@ -18,6 +18,7 @@ from .sdf_frames import Frames, Scope
 from .sdf_light import Light, read_light
 from .sdf_model import SdfModel, read_model
 from .sdf_physics import read_physics
+from .sdf_state import State, in_state, read_state
 from .sdf_text import name_of, text_of, vector
 from .sdf_unread import unread
 from .sdf_world import EMPTY_WORLD, whole_document
@@ -38,6 +39,9 @@ class Sdf:
 
     physics: Mapping[str, float]
     """What the file says of the physics, as ``read_physics``."""
+
+    time: float
+    """Simulated time at which it begins, in [s]: when it was saved."""
 
     left_out: tuple[str, ...]
     """A clause for each thing outside of the models that is not simulated, and for
@@ -81,11 +85,16 @@ def read_sdf(
     read_lights: dict[str, Light] = {}
     for clauses in reader.read(lights, lambda el: _add_light(el, scope, read_lights)):
         left_out += clauses
+    state = State()
+    reader.read(holder.findall("state"), lambda element: read_state(element, state))
+    read = reader.read(models, lambda m: read_model(m, scope.frames.pose(name_of(m))))
     return Sdf(
-        models=tuple(
-            reader.read(models, lambda m: read_model(m, scope.frames.pose(name_of(m))))
+        models=tuple(in_state(model, state) for model in read),
+        lights=tuple(
+            replace(light, pose=state.lights.get(light.name, light.pose))
+            for light in read_lights.values()
         ),
-        lights=tuple(read_lights.values()),
+        time=state.time,
         gravity=_gravity(holder),
         physics=read_physics(holder),
         left_out=tuple(dict.fromkeys(left_out)),

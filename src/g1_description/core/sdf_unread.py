@@ -14,7 +14,8 @@ from .sdf_text import read_as
 
 _READ = {
     "sdf": "world model light",
-    "world": "model light frame gravity physics",
+    "world": "model light frame gravity physics state",
+    "state": "model light sim_time real_time wall_time iterations",
     "physics": "max_step_size real_time_update_rate real_time_factor max_contacts ode",
     "solver": "type iters precon_iters sor",
     "constraints": "cfm erp contact_surface_layer contact_max_correcting_vel",

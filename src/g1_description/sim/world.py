@@ -55,13 +55,13 @@ class World:
         """
         self.properties = properties or PhysicsProperties()
         self._engine = Engine(physics, self.properties, package_folder)
-        self.time_ns = 0
-        """Simulated time in [ns]."""
         self.models: dict[str, Model] = {}
         self.lights: dict[str, Light] = {}
         self.jobs = Jobs(self.is_dynamic)
         self._entities: Entities | None = None
         content = content or read_sdf(EMPTY_WORLD)
+        self.time_ns = round(content.time * 1e9)
+        """Simulated time in [ns]."""
         for light in content.lights:
             self.add_light(light)
         left_out = list(content.left_out)

@@ -1,0 +1,116 @@
+"""A world that Gazebo saved begins as it was then, told by scipy and by hand."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from g1_description.core.sdf import read_sdf
+
+HINGES = """<link name="base"/>
+<link name="arm"><pose>0 0 1 0 0 0</pose></link>
+<link name="rod"><pose>1 0 1 0 0 0</pose></link>
+<link name="free"><pose>0 3 0 0 0 0</pose></link>
+<joint name="turn" type="revolute"><parent>base</parent><child>arm</child>
+<axis><xyz>0 0 1</xyz><limit><lower>-2</lower><upper>2</upper></limit></axis></joint>
+<joint name="slide" type="prismatic"><parent>arm</parent><child>rod</child>
+<axis><xyz>1 0 0</xyz><limit><lower>-0.5</lower><upper>0.5</upper></limit></axis>
+</joint>"""
+BASE = np.array([4.0, -1.0, 0.5, 0.3, -0.2, 2.0])
+"""Where the base was, as SDF writes it: x y z roll pitch yaw."""
+
+
+def pose_text(xyz, rotation):
+    numbers = [*xyz, *rotation.as_euler("xyz")]
+    return " ".join(f"{number:.17g}" for number in numbers)
+
+
+def world(state, model=HINGES, pose="9 9 9 0 0 0"):
+    return read_sdf(
+        f'<sdf version="1.7"><world name="w"><model name="m"><pose>{pose}</pose>'
+        f'{model}</model><light name="lamp" type="point"/>{state}</world></sdf>'
+    )
+
+
+def saved(turn, slide):
+    """Write the state of the model with its joints somewhere."""
+    base = Rotation.from_euler("xyz", BASE[3:])
+    arm = base * Rotation.from_rotvec([0.0, 0.0, turn])
+    elbow = BASE[:3] + base.apply([0.0, 0.0, 1.0])
+    places = {
+        "base": (BASE[:3], base),
+        "arm": (elbow, arm),
+        "rod": (elbow + arm.apply([1.0 + slide, 0.0, 0.0]), arm),
+        "free": (np.array([7.0, 7.0, 7.0]), Rotation.from_euler("xyz", [0, 1, 0])),
+    }
+    links = "".join(
+        f'<link name="{name}"><pose>{pose_text(*place)}</pose>'
+        "<velocity>0 0 0 0 0 0</velocity></link>"
+        for name, place in places.items()
+    )
+    root = f"<pose>{pose_text(*places['base'])}</pose><scale>1 1 1</scale>"
+    text = (
+        '<state world_name="w"><sim_time>340 20000000</sim_time><iterations>9'
+        f'</iterations><model name="m">{root}{links}</model><light name="lamp">'
+        "<pose>1 2 3 0 0 0</pose></light></state>"
+    )
+    return text, places
+
+
+@pytest.mark.parametrize(("turn", "slide"), [(0.0, 0.0), (1.25, -0.3), (-1.9, 0.4)])
+def test_all_is_where_it_was_when_the_world_was_saved(make_world, turn, slide):
+    text, places = saved(turn, slide)
+    content = world(text)
+    assert content.left_out == ()
+    assert content.time == pytest.approx(340.02, abs=1e-9)
+    assert list(content.lights[0].pose[:3]) == [1.0, 2.0, 3.0]
+    simulated = make_world(content=content)
+    assert simulated.time_ns == 340_020_000_000
+    model = simulated.model("m")
+    assert dict(zip(model.joint_names, model.position)) == pytest.approx(
+        {"turn": turn, "slide": slide}, abs=1e-9
+    )
+    for name, pose in zip(model.link_names, model.poses):
+        xyz, rotation = places[name]
+        np.testing.assert_allclose(pose[:3], xyz, atol=1e-9)
+        assert (Rotation.from_quat(pose[3:]).inv() * rotation).magnitude() < 1e-9
+
+
+def test_a_joint_beyond_its_limits_begins_at_the_limit():
+    """ODE lets joints go beyond their stops."""
+    text, _ = saved(2.01, 0.0)
+    (model,) = world(text).models
+    assert model.assembly.positions["turn"] == 2.0
+
+
+def test_links_of_models_inside_are_told_by_their_names(make_world):
+    inner = '<link name="a"/><model name="in"><link name="b"/></model>'
+    state = """<state world_name="w"><model name="m"><pose>1 0 0 0 0 0</pose>
+    <link name="a"><pose>1 0 0 0 0 0</pose></link><model name="in">
+    <pose>5 5 5 0 0 0</pose><link name="b"><pose>5 5 5 0 0 0</pose></link></model>
+    </model></state>"""
+    model = make_world(content=world(state, inner)).model("m")
+    places = dict(zip(model.link_names, model.poses[:, :3].tolist()))
+    assert places == {"a": [1.0, 0.0, 0.0], "in::b": [5.0, 5.0, 5.0]}
+
+
+def test_what_a_state_does_not_tell_stays_as_the_file_has_it(make_world):
+    state = '<state><model name="m"><link name="base"/></model><model name="x"/></state>'
+    content = world(state, pose="1 2 3 0 0 0")
+    model = make_world(content=content).model("m")
+    assert model.poses[:, :3].tolist()[0] == [1.0, 2.0, 3.0]
+    assert content.time == 0.0
+
+
+def test_a_state_that_is_wrong_is_left_out_as_a_whole():
+    state = """<state><sim_time>5 0</sim_time><model name="m"><pose>1 1 1 0 0 0</pose>
+    </model><model name="m"><pose>one</pose></model></state>"""
+    content = world(state, pose="1 2 3 0 0 0")
+    (told,) = content.left_out
+    assert told.startswith("state is left out: The pose of the state of m is 'one'")
+    assert content.time == 0.0
+    assert content.models[0].pose[:3].tolist() == [1.0, 2.0, 3.0]
+
+
+def test_models_that_were_put_in_later_are_told():
+    content = world('<state><insertions><model name="n"/></insertions></state>')
+    assert content.left_out == ("insertions of the world is not simulated",)
