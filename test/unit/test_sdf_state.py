@@ -6,9 +6,9 @@ from scipy.spatial.transform import Rotation
 
 from g1_description.core.sdf import read_sdf
 
-HINGES = """<link name="base"/>
-<link name="arm"><pose>0 0 1 0 0 0</pose></link>
-<link name="rod"><pose>1 0 1 0 0 0</pose></link>
+HINGES = """<link name="base"><pose>0.1 0.2 0 0 0 0.5</pose></link>
+<link name="arm"><pose relative_to="base">0 0 1 0 0 0</pose></link>
+<link name="rod"><pose relative_to="arm">1 0 0 0 0 0</pose></link>
 <link name="free"><pose>0 3 0 0 0 0</pose></link>
 <joint name="turn" type="revolute"><parent>base</parent><child>arm</child>
 <axis><xyz>0 0 1</xyz><limit><lower>-2</lower><upper>2</upper></limit></axis></joint>
@@ -97,7 +97,7 @@ def test_what_a_state_does_not_tell_stays_as_the_file_has_it(make_world):
     state = '<state><model name="m"><link name="base"/></model><model name="x"/></state>'
     content = world(state, pose="1 2 3 0 0 0")
     model = make_world(content=content).model("m")
-    assert model.poses[:, :3].tolist()[0] == [1.0, 2.0, 3.0]
+    assert model.pose[:3].tolist() == [1.0, 2.0, 3.0]
     assert content.time == 0.0
 
 
