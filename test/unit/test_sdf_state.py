@@ -69,7 +69,11 @@ def test_all_is_where_it_was_when_the_world_was_saved(make_world, turn, slide):
     assert dict(zip(model.joint_names, model.position)) == pytest.approx(
         {"turn": turn, "slide": slide}, abs=1e-9
     )
-    for name, pose in zip(model.link_names, model.poses):
+    base = Rotation.from_euler("xyz", BASE[3:])
+    frame = base * Rotation.from_rotvec([0.0, 0.0, -0.5])
+    places["the model"] = BASE[:3] - frame.apply([0.1, 0.2, 0.0]), frame
+    found = [*zip(model.link_names, model.poses), ("the model", model.pose)]
+    for name, pose in found:
         xyz, rotation = places[name]
         np.testing.assert_allclose(pose[:3], xyz, atol=1e-9)
         assert (Rotation.from_quat(pose[3:]).inv() * rotation).magnitude() < 1e-9
@@ -94,7 +98,9 @@ def test_links_of_models_inside_are_told_by_their_names(make_world):
 
 
 def test_what_a_state_does_not_tell_stays_as_the_file_has_it(make_world):
-    state = '<state><model name="m"><link name="base"/></model><model name="x"/></state>'
+    state = (
+        '<state><model name="m"><link name="base"/></model><model name="x"/></state>'
+    )
     content = world(state, pose="1 2 3 0 0 0")
     model = make_world(content=content).model("m")
     assert model.pose[:3].tolist() == [1.0, 2.0, 3.0]
