@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """The stand-in answers and does what the real Gazebo was seen to answer and do.
 
-One test method per observation in ../shared/golden. Each agrees, or deviates as
+One test method per observation in test/data/golden. Each agrees, or deviates as
 docs/gazebo_compatibility.md says it shall; none may differ.
 """
 
@@ -12,7 +12,7 @@ from collections import Counter
 
 import rospy
 import rostest
-from golden_cases import GOLDEN, Comparison, as_lists, load_cases, with_numbers
+from golden_cases import Comparison, as_lists, load_cases, with_numbers
 from golden_effects import BEFORE, UNSEEN, Effects
 from golden_page import PAGE, with_table
 from golden_runs import RUNS
@@ -49,9 +49,8 @@ class TestGolden(unittest.TestCase):
 
     @classmethod
     def setUpClass(cls):
-        if GOLDEN.is_dir():
-            cls.simulator = Simulator()
-            cls.addClassCleanup(cls.print_table)
+        cls.simulator = Simulator()
+        cls.addClassCleanup(cls.print_table)
 
     @classmethod
     def print_table(cls):
@@ -160,21 +159,9 @@ def assert_page_is_up_to_date(test):
         test.assertEqual(text, wanted, "it is out of date: run tools/compatibility")
 
 
-def add_methods():
-    """Make a method of each case, or one that is skipped."""
-    if GOLDEN.is_dir():
-        for number, case in enumerate(load_cases(), 1):
-            add_method(number, case)
-        TestGolden.test_999_the_page_tells_the_outcomes = assert_page_is_up_to_date
-        return
-
-    def test_the_observations_of_gazebo(self):
-        self.skipTest("the observations are not here: ../shared/golden is absent")
-
-    TestGolden.test_the_observations_of_gazebo = test_the_observations_of_gazebo
-
-
-add_methods()
+for number, case in enumerate(load_cases(), 1):
+    add_method(number, case)
+TestGolden.test_999_the_page_tells_the_outcomes = assert_page_is_up_to_date
 
 if __name__ == "__main__":
     rospy.init_node("golden_test")

@@ -6,9 +6,9 @@ from fnmatch import fnmatchcase
 
 import numpy as np
 from geometry_msgs.msg import Pose, Twist
-from ros_testing import SHARED
+from ros_testing import REPOSITORY
 
-GOLDEN = SHARED / "golden"
+GOLDEN = REPOSITORY / "test" / "data" / "golden"
 XYZ, XYZW = set("xyz"), set("xyzw")
 NUMBERS = {"nan": math.nan, "inf": math.inf, "-inf": -math.inf}
 

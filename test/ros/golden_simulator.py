@@ -9,13 +9,13 @@ import rospy
 import rosservice
 from golden_cases import GOLDEN, plain, with_numbers
 from golden_joints import measure_joints
-from ros_testing import DEADLINE, SHARED, Listener, wait_for
+from ros_testing import DEADLINE, REPOSITORY, Listener, wait_for
 from rosgraph_msgs.msg import Log
 from scipy.spatial.transform import Rotation
 
 from g1_description.core.resources import with_absolute_uris
 
-G1 = SHARED / "data" / "unitree_g1" / "g1_29dof.urdf"
+G1 = REPOSITORY / "urdf" / "g1_29dof.urdf"
 FILES = {
     "<box>": "box.urdf",
     "<sdf box>": "box.sdf",
