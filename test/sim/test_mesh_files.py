@@ -419,27 +419,39 @@ def readers():
     return [int(number) for number, line in lines.items() if b"read_meshes" in line]
 
 
+def is_asleep_behind_the_first(reader):
+    """Tell whether a reader has read the first file, and does nothing now."""
+    try:
+        folder = Path(f"/proc/{reader}/cmdline").read_text().split("\0")[3]
+        state = Path(f"/proc/{reader}/stat").read_text().rpartition(") ")[2][0]
+    except OSError:  # it has just ended
+        return False
+    return Path(folder, "0.npz").exists() and state == "S"
+
+
 @contextmanager
-def killed(files, number):
-    """Send a signal to the reader once it waits."""
+def killed(number):
+    """Send a signal to the reader once it waits for the pipe: it sleeps for long."""
 
     def kill():
-        # Opening ends when the reader has opened it, too.
-        with (files[1].parent / "pipe.mtl").open("w"):
-            for reader in readers():
-                os.kill(reader, number)
+        looks, end = 0, time.monotonic() + 60.0
+        while looks < 20 and time.monotonic() < end:
+            looks = looks + 1 if any(map(is_asleep_behind_the_first, readers())) else 0
+            time.sleep(0.01)
+        for reader in readers():
+            os.kill(reader, number)
 
     thread = threading.Thread(target=kill, daemon=True)
     thread.start()
     yield
-    thread.join(10.0)
+    thread.join(70.0)
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
 def test_a_death_of_the_reader_is_told_of_the_file_that_it_read(
     waiting, counted, monkeypatch, number
 ):
-    with killed(waiting, number):
+    with killed(number):
         before, clause, after = read(*waiting)
     for found in (before, after):
         np.testing.assert_allclose(bounds(found), BALL.bounds, atol=1e-6)
