@@ -29,8 +29,9 @@ REQUESTS = int(os.environ.get("FUZZ_REQUESTS", "4000"))
 SEED = int(os.environ.get("FUZZ_SEED", "0")) or random.randrange(1, 2**32)
 BATCH = 250
 """Requests between two times that the world is put in order."""
-AT_ONCE = 1.0
-"""Most processor time that an answer may take in [s]."""
+AT_ONCE = 3.0
+"""Most processor time that an answer may take in [s]; a request of 1 MB took 1.2 on a
+machine with more to do than cores."""
 SOON = 5.0
 """Longest time until a new client is answered in [s]."""
 GROWTH = 0.02e6 * REQUESTS
