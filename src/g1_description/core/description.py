@@ -133,6 +133,9 @@ class Description:
     links: tuple[Link, ...]
     joints: tuple[Joint, ...]
 
+    static: bool = False
+    """Whether its file says that it never moves by itself, nor its joints."""
+
     @property
     def movable_joints(self) -> tuple[Joint, ...]:
         """Joints with one degree of freedom, in the order of the file."""

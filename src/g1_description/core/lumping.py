@@ -6,7 +6,8 @@ The names of lumped frames and where they are stay known. A link called "world"
 at the root is the world itself; joints to it are kept, fixed ones too. A link
 without mass on a movable joint vanishes with all that hangs below it, where things
 move by themselves. A floating or
-planar joint is none: what it carries is free, below "world" as anywhere.
+planar joint is none: what it carries is free, below "world" as anywhere. Of a model
+that never moves by itself all joints hold still.
 """
 
 from __future__ import annotations
@@ -46,6 +47,8 @@ def lump_fixed_joints(description: Description, is_dynamic: bool = True) -> Asse
         for joint in description.joints
         if frames[joint.child][0] == joint.child
     )
+    if description.static:
+        joints = tuple(_held(joint) for joint in joints)
     kept = _with_mass(root, bodies, joints)
     massless = [name for name in description.link_names if frames[name][0] not in kept]
     told = [f"link {name} has no mass" for name in massless]
@@ -66,6 +69,7 @@ def lump_fixed_joints(description: Description, is_dynamic: bool = True) -> Asse
     return Assembly(
         description=robot,
         root_poses=_root_poses(description.root, joints, robot.roots),
+        static=description.static,
         frames={link: frame for link, frame in frames.items() if frame[0] in kept},
         left_out=(
             *told,
@@ -193,6 +197,11 @@ def _rehang(joint: Joint, frames: dict[str, tuple[str, np.ndarray]]) -> Joint:
     """Hang a joint on the body that holds its parent link."""
     body, pose = frames[joint.parent]
     return replace(joint, parent=body, pose=compose(pose, joint.pose))
+
+
+def _held(joint: Joint) -> Joint:
+    """Let a joint hold still; no simulator lists one that Gazebo makes nothing of."""
+    return replace(joint, kind="fixed", listed=joint.kind not in FREE)
 
 
 def _with_mass(

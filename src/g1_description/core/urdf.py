@@ -21,6 +21,7 @@ from .description import MOVABLE, Description, Inertial, Joint, Link, Shape
 from .errors import DescriptionError
 from .rotation import from_rpy, to_axes
 from .tree import one_root
+from .urdf_extensions import read_extensions
 from .urdf_parts import keep_parts
 from .xml import parse_xml, part_at_fault
 
@@ -53,6 +54,7 @@ def parse_urdf(text: str) -> Description:
         )
     named = named_colors(element)
     colors = [tuple(visual_colors(link, named)) for link in element.findall("link")]
+    extensions = read_extensions(element)
     keep_parts(element)
     try:
         robot = urdf.URDF.from_xml_string(etree.tostring(element, encoding="utf-8"))
@@ -64,7 +66,13 @@ def parse_urdf(text: str) -> Description:
         ) from error
     links = tuple(_link(link, found) for link, found in zip(robot.links, colors))
     joints = tuple(_joint(joint) for joint in robot.joints)
-    return Description(robot.name, one_root(robot.name, links, joints), links, joints)
+    return Description(
+        name=robot.name,
+        root=one_root(robot.name, links, joints),
+        links=links,
+        joints=joints,
+        static=extensions.static,
+    )
 
 
 def _is_urdf(robot: etree._Element) -> bool:

@@ -1,0 +1,45 @@
+"""What a URDF tells Gazebo beside the robot: its ``<gazebo>`` elements.
+
+They mean what libsdformat 9, from 9.6 on, makes of them for Gazebo 11; of several
+words on one thing the last counts.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from lxml import etree
+
+_FLAGS = {"true": True, "yes": True, "1": True, "false": False, "no": False, "0": False}
+
+
+@dataclass
+class Extensions:
+    """What the ``<gazebo>`` elements of a robot say."""
+
+    static: bool = False
+    """Whether the model never moves by itself, nor its joints."""
+
+
+def read_extensions(robot: etree._Element) -> Extensions:
+    """Read the ``<gazebo>`` elements of a robot.
+
+    Args:
+        robot: The robot element, with all its children.
+    """
+    found = Extensions()
+    for block in robot.findall("gazebo"):
+        for element in block:
+            if element.tag == "static" and not block.get("reference"):
+                found.static = _flag(element)
+    return found
+
+
+def _flag(element: etree._Element) -> bool:
+    """Read a word that says true or false."""
+    return _FLAGS.get(_word(element).lower(), False)
+
+
+def _word(element: etree._Element) -> str:
+    """Give what an element says, as its value or as its text."""
+    return (element.get("value") or element.text or "").strip()

@@ -1,0 +1,58 @@
+"""The <gazebo> elements of a URDF are obeyed where things move by themselves."""
+
+import numpy as np
+import pytest
+from worlds import Bench
+
+from g1_description.core.observer import Observer
+from g1_description.core.urdf import parse_urdf
+
+HIGH = np.array([0.3, 0.0, 2.0, 0.0, 0.0, 0.0, 1.0])
+MASS = (
+    '<inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" '
+    'ixz="0" iyz="0"/></inertial>'
+)
+
+
+def link(name):
+    return f'<link name="{name}">{MASS}</link>'
+
+
+def joint(name, kind, parent, child, z=0.0):
+    return (
+        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/>'
+        f'<child link="{child}"/><origin xyz="1 0 {z}"/><axis xyz="0 1 0"/></joint>'
+    )
+
+
+def robot(*parts):
+    return f'<robot name="r">{"".join(parts)}</robot>'
+
+
+@pytest.fixture(params=["hold", "limp"])
+def world(request):
+    bench = Bench(request.param)
+    yield bench
+    bench.close()
+
+
+def fallen(world, name):
+    """How far a link has come down in half a second, in [m]."""
+    before = world.link_state(name)[0][2]
+    world.run(0.5)
+    return before - world.link_state(name)[0][2]
+
+
+def measured(world, text):
+    """The positions of a robot's joints as the bridge sees them, by name."""
+    observer = Observer({"r": parse_urdf(text)})
+    sight = observer.see(tuple(world.link_names()), *world.link_states(), 0.0)
+    return dict(zip(sight.shares[0].joints.names, sight.measured.position))
+
+
+def test_a_static_robot_does_not_fall_and_is_measured(world):
+    static = "<gazebo><static>true</static></gazebo>"
+    text = robot(link("a"), link("b"), joint("ab", "continuous", "a", "b"), static)
+    world.spawn_urdf("r", text, HIGH)
+    assert fallen(world, "r::a") == fallen(world, "r::b") == 0.0
+    assert measured(world, text) == {"ab": 0.0}
