@@ -56,3 +56,11 @@ def test_a_static_robot_does_not_fall_and_is_measured(world):
     world.spawn_urdf("r", text, HIGH)
     assert fallen(world, "r::a") == fallen(world, "r::b") == 0.0
     assert measured(world, text) == {"ab": 0.0}
+
+
+def test_a_link_without_gravity_does_not_fall(world):
+    off = '<gazebo reference="a"><turnGravityOff>true</turnGravityOff></gazebo>'
+    world.spawn_urdf("r", robot(link("a"), off), HIGH)
+    world.spawn_urdf("other", robot(link("a")), HIGH + np.eye(7)[0])
+    assert fallen(world, "r::a") == pytest.approx(0.0, abs=1e-9)
+    assert fallen(world, "other::a") > 1.0

@@ -63,3 +63,46 @@ def test_the_joints_of_a_static_robot_hold_still():
     ]
     assert len(lumped.description.trees) == 1
     assert lumped.left_out == ()
+
+
+OFF = "<turnGravityOff>true</turnGravityOff>"
+ON = "<turnGravityOff>false</turnGravityOff>"
+
+
+@pytest.mark.parametrize(
+    ("blocks", "pulled"),
+    [
+        ("", True),
+        (gazebo(OFF, "a"), False),
+        (gazebo("<turnGravityOff value='yes'/>", "a"), False),
+        (gazebo("<gravity>0</gravity>", "a"), False),
+        (gazebo("<gravity>false</gravity>", "a"), False),
+        (gazebo("<gravity>true</gravity>", "a"), True),
+        (gazebo(OFF, "a") + gazebo("<material/>", "a"), False),
+        (gazebo(OFF, "a") + gazebo(ON, "a"), True),
+        (gazebo(ON, "a") + gazebo(OFF, "a"), False),
+        (gazebo(OFF, "b") + gazebo(OFF), True),
+    ],
+)
+def test_a_link_has_no_gravity_where_the_file_says_so_last(blocks, pulled):
+    turns = joint("ab", "a", "b", "continuous")
+    first, _ = lump(link("a"), link("b"), turns, blocks).description.links
+    assert first.has_gravity is pulled
+
+
+@pytest.mark.parametrize(
+    ("blocks", "pulled"),
+    [
+        (gazebo(OFF, "c"), False),
+        (gazebo(OFF, "c") + gazebo(ON, "a"), False),
+        (gazebo(ON, "c") + gazebo(OFF, "a"), True),
+        (gazebo(OFF, "c") + gazebo(ON, "b"), False),
+        (gazebo(OFF, "c") + gazebo(ON, "d"), True),
+    ],
+)
+def test_what_is_said_of_a_lumped_link_is_said_of_its_body(blocks, pulled):
+    """After what is said of the body itself; from the body down, by joints' names."""
+    links = [link(name) for name in "dcba"]
+    joints = joint("1", "a", "b"), joint("2", "b", "c"), joint("3", "a", "d")
+    (body,) = lump(*links, *joints, blocks).description.links
+    assert (body.name, body.has_gravity) == ("a", pulled)

@@ -80,8 +80,13 @@ class Link:
 
     visuals: tuple[Shape, ...] = ()
     collisions: tuple[Shape, ...] = ()
-    has_gravity: bool = True
-    """Whether gravity pulls it."""
+    gravity: bool | None = None
+    """Whether gravity pulls it; None where the file does not say, and then it does."""
+
+    @property
+    def has_gravity(self) -> bool:
+        """Whether gravity pulls it."""
+        return self.gravity is not False
 
 
 @dataclass(frozen=True)

@@ -2,12 +2,14 @@
 
 A link on a fixed joint becomes part of the link above it: masses add up by the
 parallel-axis theorem, shapes move along, joints below hang on the link above.
-The names of lumped frames and where they are stay known. A link called "world"
-at the root is the world itself; joints to it are kept, fixed ones too. A link
-without mass on a movable joint vanishes with all that hangs below it, where things
-move by themselves. A floating or
-planar joint is none: what it carries is free, below "world" as anywhere. Of a model
-that never moves by itself all joints hold still.
+What the file says of the gravity of one counts for the whole body, the last word in
+Gazebo's order wins. The names of lumped frames and where they are stay known.
+
+A link called "world" at the root is the world itself; joints to it are kept, fixed
+ones too. A link without mass on a movable joint vanishes with all that hangs below it,
+where things move by themselves. A floating or planar joint is none: what it carries is
+free, below "world" as anywhere. Of a model that never moves by itself all joints hold
+still.
 """
 
 from __future__ import annotations
@@ -125,6 +127,7 @@ def _parts(
 def _merge(name: str, parts: list[tuple[Link, np.ndarray]]) -> Link:
     """Make one link of several that do not move against each other."""
     collisions = [(link.name, s, pose) for link, pose in parts for s in link.collisions]
+    said = [link.gravity for link, _ in parts if link.gravity is not None]
     return Link(
         name=name,
         inertial=combine_inertials(
@@ -135,6 +138,7 @@ def _merge(name: str, parts: list[tuple[Link, np.ndarray]]) -> Link:
             replace(_moved(shape, pose), name=_collision_name(name, link, shape, n))
             for n, (link, shape, pose) in enumerate(collisions)
         ),
+        gravity=said[-1] if said else None,
     )
 
 

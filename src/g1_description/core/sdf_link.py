@@ -40,7 +40,7 @@ def read_link(element: etree._Element, scope: Scope) -> Link:
         inertial=_inertial(element.find("inertial"), name, scope),
         visuals=tuple(_shapes(element, "visual", name, scope)),
         collisions=tuple(_shapes(element, "collision", name, scope)),
-        has_gravity=flag(element, "gravity", True, f"link {name}"),
+        gravity=flag(element, "gravity", True, f"link {name}"),
     )
 
 

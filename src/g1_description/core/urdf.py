@@ -64,7 +64,10 @@ def parse_urdf(text: str) -> Description:
         raise DescriptionError(
             f"The robot description is not URDF: {place}{sentence}."
         ) from error
-    links = tuple(_link(link, found) for link, found in zip(robot.links, colors))
+    links = tuple(
+        replace(_link(link, found), gravity=extensions.gravity.get(link.name))
+        for link, found in zip(robot.links, colors)
+    )
     joints = tuple(_joint(joint) for joint in robot.joints)
     return Description(
         name=robot.name,

@@ -6,7 +6,7 @@ words on one thing the last counts.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from lxml import etree
 
@@ -20,6 +20,9 @@ class Extensions:
     static: bool = False
     """Whether the model never moves by itself, nor its joints."""
 
+    gravity: dict[str, bool] = field(default_factory=dict)
+    """Whether gravity pulls the links of which that is said."""
+
 
 def read_extensions(robot: etree._Element) -> Extensions:
     """Read the ``<gazebo>`` elements of a robot.
@@ -29,9 +32,12 @@ def read_extensions(robot: etree._Element) -> Extensions:
     """
     found = Extensions()
     for block in robot.findall("gazebo"):
+        name = block.get("reference", "")
         for element in block:
-            if element.tag == "static" and not block.get("reference"):
+            if not name and element.tag == "static":
                 found.static = _flag(element)
+            elif element.tag in ("turnGravityOff", "gravity"):
+                found.gravity[name] = _flag(element) == (element.tag == "gravity")
     return found
 
 

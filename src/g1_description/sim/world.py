@@ -313,7 +313,7 @@ class World:
         model = entity.model
         assert model is not None
         before, old = model.assembly, entity.link
-        link = replace(old, inertial=inertial, has_gravity=has_gravity)
+        link = replace(old, inertial=inertial, gravity=has_gravity)
         model.assembly = before.with_link(link)
         if inertial == old.inertial:
             self._engine.weigh(model)
