@@ -64,3 +64,28 @@ def test_a_link_without_gravity_does_not_fall(world):
     world.spawn_urdf("other", robot(link("a")), HIGH + np.eye(7)[0])
     assert fallen(world, "r::a") == pytest.approx(0.0, abs=1e-9)
     assert fallen(world, "other::a") > 1.0
+
+
+@pytest.mark.parametrize(
+    ("tag", "kind"),
+    [("disableFixedJointLumping", "revolute"), ("preserveFixedJoint", "fixed")],
+)
+def test_a_kept_joint_holds_its_link_where_it_is(world, tag, kind):
+    """And hides nothing from the bridge, which measures what the file says moves."""
+    text = robot(
+        *(link(name) for name in "abcd"),
+        joint("ab", "fixed", "a", "b", z=0.2),
+        joint("bc", "continuous", "b", "c"),
+        joint("cd", "fixed", "c", "d"),
+        f'<gazebo reference="ab"><{tag}>true</{tag}></gazebo>',
+    )
+    world.spawn_urdf("r", text, HIGH, fixed_base=True)
+    assert world.entities.joint("ab").joint.kind == kind
+    world.set_joint_positions("r", {"bc": 0.5})
+    before = world.link_state("r::b", "r::a")[0]
+    world.run(0.5)
+    np.testing.assert_allclose(before[:3], [1.0, 0.0, 0.2], atol=1e-9)
+    np.testing.assert_allclose(world.link_state("r::b", "r::a")[0], before, atol=1e-3)
+    model = world.model("r")
+    position = model.position[model.joint_names.index("bc")]
+    assert measured(world, text) == {"bc": pytest.approx(position, abs=2e-3)}

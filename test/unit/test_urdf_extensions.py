@@ -1,14 +1,18 @@
 """What the <gazebo> elements of a URDF say is done as Gazebo does it."""
 
+import numpy as np
 import pytest
 
+from g1_description.core.joints import measured_joints
 from g1_description.core.lumping import lump_fixed_joints
 from g1_description.core.urdf import parse_urdf
+from g1_description.importer.masses import massless_links
 
 MASS = (
     '<inertial><mass value="2"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" '
     'iyz="0"/></inertial>'
 )
+BOX = '<collision><geometry><box size="1 1 1"/></geometry></collision>'
 
 
 def link(name, inside=MASS):
@@ -106,3 +110,78 @@ def test_what_is_said_of_a_lumped_link_is_said_of_its_body(blocks, pulled):
     joints = joint("1", "a", "b"), joint("2", "b", "c"), joint("3", "a", "d")
     (body,) = lump(*links, *joints, blocks).description.links
     assert (body.name, body.has_gravity) == ("a", pulled)
+
+
+STAYS = "<disableFixedJointLumping>true</disableFixedJointLumping>"
+FIXED = "<preserveFixedJoint>1</preserveFixedJoint>"
+GOES = "<disableFixedJointLumping>false</disableFixedJointLumping>"
+
+
+@pytest.mark.parametrize(
+    ("blocks", "kind"),
+    [
+        (gazebo(STAYS, "ab"), "revolute"),
+        (gazebo(STAYS, "ab") + gazebo(GOES, "ab"), "revolute"),
+        (gazebo(FIXED, "ab"), "fixed"),
+        (gazebo(FIXED, "ab") + gazebo(STAYS, "ab"), "fixed"),
+        (gazebo(STAYS + FIXED, "ab"), "fixed"),
+    ],
+)
+def test_a_fixed_joint_is_kept_where_the_file_says_so(blocks, kind):
+    """With what is fixed to its link, and what moves on that."""
+    links = [link(name, MASS + BOX) for name in "abcd"]
+    joints = joint("ab", "a", "b"), joint("bc", "b", "c")
+    lumped = lump(*links, *joints, joint("cd", "c", "d", "continuous"), blocks)
+    first, second = lumped.description.joints
+    assert lumped.link_names == ("a", "b", "d")
+    assert [shape.name for shape in lumped.description.links[1].collisions] == [
+        "b_collision",
+        "b_fixed_joint_lump__c_collision_1",
+    ]
+    assert (first.name, first.kind, second.parent) == ("ab", kind, "b")
+    assert lumped.frames["c"][0] == "b"
+
+
+def test_a_joint_that_is_not_lumped_but_made_to_turn_cannot():
+    lumped = lump(link("a"), link("b"), joint("ab", "a", "b"), gazebo(STAYS, "ab"))
+    (only,) = lumped.description.joints
+    assert (only.lower, only.upper, *only.axis) == (0.0, 0.0, 0.0, 0.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    "block", [gazebo(GOES, "ab"), gazebo(STAYS, "b"), gazebo(FIXED), gazebo(STAYS, "x")]
+)
+def test_other_fixed_joints_are_lumped(block):
+    lumped = lump(link("a"), link("b"), joint("ab", "a", "b"), block)
+    assert lumped.link_names == ("a",)
+
+
+def test_what_is_said_of_a_fixed_joint_means_nothing_for_one_that_moves():
+    moving = joint("ab", "a", "b", "continuous")
+    (only,) = lump(link("a"), link("b"), moving, gazebo(STAYS, "ab")).description.joints
+    assert (only.kind, only.upper) == ("continuous", np.inf)
+
+
+def test_a_joint_to_the_world_is_made_to_turn_too():
+    parts = link("world", ""), link("a"), joint("wa", "world", "a")
+    assert [j.kind for j in lump(*parts).description.joints] == ["fixed"]
+    (only,) = lump(*parts, gazebo(STAYS, "wa")).description.joints
+    assert (only.kind, only.parent) == ("revolute", "world")
+
+
+def test_a_kept_joint_is_fixed_for_the_bridge():
+    """It sees through it what the simulator has lumped all the same."""
+    moving = joint("ab", "a", "b"), joint("bc", "b", "c", "continuous")
+    text = "".join((*map(link, "abc"), *moving, gazebo(STAYS, "ab")))
+    robot = parse_urdf(f'<robot name="r">{text}</robot>')
+    measured = measured_joints(robot, ["a", "c"])
+    assert (measured.names, measured.missing) == (("bc",), ())
+
+
+def test_a_link_without_mass_on_a_kept_joint_is_left_out():
+    """The mass of the body above is not its own."""
+    parts = link("a"), link("b", ""), joint("ab", "a", "b"), gazebo(FIXED, "ab")
+    assert lump(*parts).link_names == ("a",)
+    assert lump(*parts).left_out == ("link b has no mass",)
+    robot = parse_urdf(f'<robot name="r">{"".join(parts)}</robot>')
+    assert massless_links(robot) == ([], ["b"])

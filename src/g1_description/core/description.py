@@ -122,6 +122,10 @@ class Joint:
     listed: bool = True
     """False where no file names it: it only holds links of a static model together."""
 
+    kept_as: str = ""
+    """What a fixed joint is where others are lumped: fixed, or revolute without any
+    way to turn; empty where it is lumped too."""
+
 
 @dataclass(frozen=True)
 class Description:

@@ -5,11 +5,11 @@ parallel-axis theorem, shapes move along, joints below hang on the link above.
 What the file says of the gravity of one counts for the whole body, the last word in
 Gazebo's order wins. The names of lumped frames and where they are stay known.
 
-A link called "world" at the root is the world itself; joints to it are kept, fixed
-ones too. A link without mass on a movable joint vanishes with all that hangs below it,
-where things move by themselves. A floating or planar joint is none: what it carries is
-free, below "world" as anywhere. Of a model that never moves by itself all joints hold
-still.
+A fixed joint that the file wants to be kept stays, and the link on it. A link called
+"world" at the root is the world itself; joints to it are kept, fixed ones too. A link
+without mass on a joint that stays vanishes with all that hangs below it, where things
+move by themselves. A floating or planar joint is none: what it carries is free, below
+"world" as anywhere. Of a model that never moves by itself all joints hold still.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def lump_fixed_joints(description: Description, is_dynamic: bool = True) -> Asse
         The robot as Gazebo would simulate it.
     """
     root = description.root
-    frames = rigid_frames(description, WORLD if root == WORLD else None)
+    frames = rigid_frames(description, as_lumped=True)
     bodies = {
         name: _merge(name, parts) for name, parts in _parts(description, frames).items()
     }
@@ -198,9 +198,16 @@ def _moved(shape: Shape, pose: np.ndarray) -> Shape:
 
 
 def _rehang(joint: Joint, frames: dict[str, tuple[str, np.ndarray]]) -> Joint:
-    """Hang a joint on the body that holds its parent link."""
+    """Hang a joint on the body that holds its parent link.
+
+    A fixed one that is kept as one that turns has the axis that SDF gives one without.
+    """
     body, pose = frames[joint.parent]
-    return replace(joint, parent=body, pose=compose(pose, joint.pose))
+    joint = replace(joint, parent=body, pose=compose(pose, joint.pose))
+    if joint.kept_as != "revolute":
+        return joint
+    axis = np.array([0.0, 0.0, 1.0])
+    return replace(joint, kind="revolute", axis=axis, lower=0.0, upper=0.0)
 
 
 def _held(joint: Joint) -> Joint:

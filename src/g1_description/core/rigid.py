@@ -6,28 +6,32 @@ from collections.abc import Collection
 
 import numpy as np
 
+from .assembly import WORLD
 from .description import Description
 from .transform import IDENTITY, compose, inverse
 from .tree import below
 
 
 def rigid_frames(
-    description: Description, apart: str | None = None
+    description: Description, as_lumped: bool = False
 ) -> dict[str, tuple[str, np.ndarray]]:
     """Find what each link is rigidly part of.
 
     Args:
         description: Any robot.
-        apart: A link that holds nothing, though joints may be fixed to it.
+        as_lumped: Whether only what Gazebo lumps counts: the world holds nothing then,
+            nor does a joint that the file wants to be kept.
 
     Returns:
         For each link the uppermost link that fixed joints hold it to, and its pose
         in that link's frame, shape (7,).
     """
     root = description.root
+    apart = WORLD if as_lumped and root == WORLD else None
     frames: dict[str, tuple[str, np.ndarray]] = {root: (root, IDENTITY)}
     for joint in below([root], description.joints):
-        if joint.kind == "fixed" and joint.parent != apart:
+        is_kept = joint.parent == apart or (as_lumped and joint.kept_as)
+        if joint.kind == "fixed" and not is_kept:
             body, pose = frames[joint.parent]
             frames[joint.child] = (body, compose(pose, joint.pose))
         else:

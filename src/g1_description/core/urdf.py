@@ -21,7 +21,7 @@ from .description import MOVABLE, Description, Inertial, Joint, Link, Shape
 from .errors import DescriptionError
 from .rotation import from_rpy, to_axes
 from .tree import one_root
-from .urdf_extensions import read_extensions
+from .urdf_extensions import Extensions, read_extensions
 from .urdf_parts import keep_parts
 from .xml import parse_xml, part_at_fault
 
@@ -65,10 +65,9 @@ def parse_urdf(text: str) -> Description:
             f"The robot description is not URDF: {place}{sentence}."
         ) from error
     links = tuple(
-        replace(_link(link, found), gravity=extensions.gravity.get(link.name))
-        for link, found in zip(robot.links, colors)
+        _link(link, found, extensions) for link, found in zip(robot.links, colors)
     )
-    joints = tuple(_joint(joint) for joint in robot.joints)
+    joints = tuple(_joint(joint, extensions) for joint in robot.joints)
     return Description(
         name=robot.name,
         root=one_root(robot.name, links, joints),
@@ -95,7 +94,9 @@ def _pose(owner: str, origin: urdf.Pose | None) -> np.ndarray:
     return np.concatenate([numbers[:3], from_rpy(numbers[3:])])
 
 
-def _link(link: urdf.Link, colors: Sequence[tuple[float, ...] | None]) -> Link:
+def _link(
+    link: urdf.Link, colors: Sequence[tuple[float, ...] | None], extensions: Extensions
+) -> Link:
     """Read a link element, with the colours of its visual shapes."""
     return Link(
         name=link.name,
@@ -105,6 +106,7 @@ def _link(link: urdf.Link, colors: Sequence[tuple[float, ...] | None]) -> Link:
             for visual, color in zip(link.visuals, colors)
         ),
         collisions=tuple(_shape(link.name, shape) for shape in link.collisions),
+        gravity=extensions.gravity.get(link.name),
     )
 
 
@@ -150,7 +152,7 @@ def _shape(link: str, element: urdf.Visual | urdf.Collision) -> Shape:
     return Shape(kind, sizes, pose, name=name)
 
 
-def _joint(joint: urdf.Joint) -> Joint:
+def _joint(joint: urdf.Joint, extensions: Extensions) -> Joint:
     """Read a joint element."""
     axis = np.array(joint.axis or [1.0, 0.0, 0.0], dtype=float)
     length = np.linalg.norm(axis)
@@ -187,4 +189,5 @@ def _joint(joint: urdf.Joint) -> Joint:
         velocity=float(limit.velocity) if limit is not None else np.inf,
         damping=float(dynamics.damping or 0.0) if dynamics is not None else 0.0,
         friction=float(dynamics.friction or 0.0) if dynamics is not None else 0.0,
+        kept_as=extensions.kept.get(joint.name, "") if joint.type == "fixed" else "",
     )

@@ -12,6 +12,9 @@ from lxml import etree
 
 _FLAGS = {"true": True, "yes": True, "1": True, "false": False, "no": False, "0": False}
 
+_KEPT = {"disableFixedJointLumping": "revolute", "preserveFixedJoint": "fixed"}
+"""What fixed joints are that are not lumped; where both are said, the latter."""
+
 
 @dataclass
 class Extensions:
@@ -22,6 +25,9 @@ class Extensions:
 
     gravity: dict[str, bool] = field(default_factory=dict)
     """Whether gravity pulls the links of which that is said."""
+
+    kept: dict[str, str] = field(default_factory=dict)
+    """What the fixed joints are that are not lumped, fixed or revolute."""
 
 
 def read_extensions(robot: etree._Element) -> Extensions:
@@ -38,6 +44,9 @@ def read_extensions(robot: etree._Element) -> Extensions:
                 found.static = _flag(element)
             elif element.tag in ("turnGravityOff", "gravity"):
                 found.gravity[name] = _flag(element) == (element.tag == "gravity")
+            elif element.tag in _KEPT and _flag(element):
+                kind = _KEPT[element.tag]
+                found.kept[name] = "fixed" if found.kept.get(name) == "fixed" else kind
     return found
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from lxml import etree
 
-from ..core.assembly import WORLD
 from ..core.description import Description, Inertial
 from ..core.rigid import rigid_frames
 
@@ -21,8 +20,7 @@ def massless_links(description: Description) -> tuple[list[str], list[str]]:
         it. And those that have none of their own nor any they are fixed to: their mass
         is not known, and Gazebo leaves them out.
     """
-    apart = WORLD if description.root == WORLD else None
-    frames = rigid_frames(description, apart)
+    frames = rigid_frames(description, as_lumped=True)
     with_mass = {
         frames[link.name][0]
         for link in description.links
