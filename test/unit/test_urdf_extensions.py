@@ -185,3 +185,83 @@ def test_a_link_without_mass_on_a_kept_joint_is_left_out():
     assert lump(*parts).left_out == ("link b has no mass",)
     robot = parse_urdf(f'<robot name="r">{"".join(parts)}</robot>')
     assert massless_links(robot) == ([], ["b"])
+
+
+@pytest.mark.parametrize(
+    ("blocks", "own", "lumped"),
+    [
+        (gazebo("<mu1>0.3</mu1>", "a"), 0.3, None),
+        (gazebo("<mu1 value='.3'/>", "b"), None, 0.3),
+        (gazebo("<mu1>0.3</mu1>", "a") + gazebo("<mu1>2</mu1>", "a"), 2.0, None),
+        (gazebo("<mu1>0.3</mu1>"), None, None),
+        (gazebo("<mu2>0.3</mu2>", "a"), None, None),
+    ],
+)
+def test_mu1_is_the_friction_of_the_shapes_of_its_link(blocks, own, lumped):
+    links = link("a", MASS + BOX * 2), link("b", BOX)
+    (body,) = lump(*links, joint("ab", "a", "b"), blocks).description.links
+    assert [shape.friction for shape in body.collisions] == [own, own, lumped]
+
+
+@pytest.mark.parametrize(
+    ("blocks", "clauses"),
+    [
+        ("", ()),
+        (gazebo("<plugin/><sensor/>") + gazebo("<material>m</material>", "a"), ()),
+        (gazebo("<visual/><maxContacts>9</maxContacts><mu1>1</mu1>", "a"), ()),
+        (gazebo("<mu1>0.5</mu1><mu2>0.5</mu2>", "a"), ()),
+        (gazebo("<selfCollide>false</selfCollide>", "a"), ()),
+        (gazebo("<dampingFactor>0.0</dampingFactor>", "a"), ()),
+        (gazebo("<mu1>0.5</mu1><mu2>0.7</mu2>", "a"), ("mu2",)),
+        (gazebo("<kp>1</kp><kd>1</kd>", "a") + gazebo("<kp>2</kp>", "b"), ("kp, kd",)),
+        (gazebo("<selfCollide>1</selfCollide>", "a"), ("selfCollide",)),
+        (gazebo("<mu1>0.5</mu1><static>true</static>", "ab"), ("mu1, static",)),
+        (gazebo(STAYS, "a"), ("disableFixedJointLumping",)),
+        (gazebo("<x:kp xmlns:x='y'>1</x:kp>", "a"), ("kp",)),
+    ],
+)
+def test_what_is_not_simulated_is_named_once(blocks, clauses):
+    lumped = lump(link("a"), link("b"), joint("ab", "a", "b"), blocks)
+    begin = "of the <gazebo> elements these are not simulated: "
+    assert lumped.left_out == tuple(begin + tags for tags in clauses)
+
+
+@pytest.mark.parametrize(
+    ("block", "clause"),
+    [
+        (
+            gazebo("<static>maybe</static>"),
+            "static is left out: The static is 'maybe', neither true nor false",
+        ),
+        (
+            gazebo("<turnGravityOff/>", "a"),
+            "turnGravityOff of a is left out: The turnGravityOff is '', neither true "
+            "nor false",
+        ),
+        (
+            gazebo("<gravity>9.8</gravity>", "a"),
+            "gravity of a is left out: The gravity is '9.8', neither true nor false",
+        ),
+        (
+            gazebo("<mu1>much</mu1>", "a"),
+            "mu1 of a is left out: The mu1 is 'much', which is not a number",
+        ),
+        (
+            gazebo("<mu1>-1</mu1>", "a"),
+            "mu1 of a is left out: The mu1 has the numbers [-1.0], not all are from 0 "
+            "to 1e+09",
+        ),
+        (
+            gazebo(OFF, "arm") + gazebo(OFF, "leg") + gazebo("<material/>", "eye"),
+            "<gazebo> refers to what is no link or joint: arm, leg",
+        ),
+    ],
+)
+def test_what_is_wrong_is_left_out_by_name(block, clause):
+    """The robot is as it is without."""
+    lumped = lump(link("a", MASS + BOX), block)
+    (body,) = lumped.description.links
+    assert lumped.left_out == (clause,)
+    assert not lumped.static
+    assert body.has_gravity
+    assert body.collisions[0].friction is None

@@ -145,6 +145,9 @@ class Description:
     static: bool = False
     """Whether its file says that it never moves by itself, nor its joints."""
 
+    left_out: tuple[str, ...] = ()
+    """A clause for each thing that its file tells a simulator and that is not read."""
+
     @property
     def movable_joints(self) -> tuple[Joint, ...]:
         """Joints with one degree of freedom, in the order of the file."""

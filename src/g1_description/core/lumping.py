@@ -74,6 +74,7 @@ def lump_fixed_joints(description: Description, is_dynamic: bool = True) -> Asse
         static=description.static,
         frames={link: frame for link, frame in frames.items() if frame[0] in kept},
         left_out=(
+            *description.left_out,
             *told,
             *(f"joint {j.name} is {j.kind}, {j.child} is free" for j in free),
         ),

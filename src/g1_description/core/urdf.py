@@ -74,6 +74,7 @@ def parse_urdf(text: str) -> Description:
         links=links,
         joints=joints,
         static=extensions.static,
+        left_out=extensions.left_out,
     )
 
 
@@ -105,7 +106,12 @@ def _link(
             replace(_shape(link.name, visual), color=color)
             for visual, color in zip(link.visuals, colors)
         ),
-        collisions=tuple(_shape(link.name, shape) for shape in link.collisions),
+        collisions=tuple(
+            replace(
+                _shape(link.name, shape), friction=extensions.friction.get(link.name)
+            )
+            for shape in link.collisions
+        ),
         gravity=extensions.gravity.get(link.name),
     )
 
