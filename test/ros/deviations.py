@@ -37,6 +37,15 @@ BALL = """<sdf version="1.6"><model name="m"><link name="l"/><link name="k"/>
 GUI = """<sdf version="1.6"><model name="m"><link name="l">
 <sensor name="eye" type="camera"/></link>
 <plugin name="p" filename="f.so"/></model></sdf>"""
+EYE = f"""<robot name="eye"><link name="body">{MASS}</link>
+<link name="eye">{MASS}</link><link name="lid">{MASS}</link>
+<joint name="neck" type="fixed"><parent link="body"/><child link="eye"/></joint>
+<joint name="hem" type="fixed"><parent link="eye"/><child link="lid"/></joint>
+<gazebo reference="neck"><disableFixedJointLumping>true</disableFixedJointLumping>
+<provideFeedback>true</provideFeedback></gazebo>
+<gazebo reference="hem"><preserveFixedJoint>true</preserveFixedJoint></gazebo>
+<gazebo reference="eye"><turnGravityOff>true</turnGravityOff><kp>1e6</kp>
+<sensor name="camera" type="camera"/></gazebo></robot>"""
 BAD = (math.nan, math.inf, -math.inf, 1e300)
 
 
@@ -191,6 +200,31 @@ class TestDeviations(unittest.TestCase):
         self.assertIn("; model n is left out", answer["status_message"])
         for name in ("eye", "ball", "two"):
             self.call("delete_model", model_name=name)
+
+    def test_5_of_a_urdf_what_gazebo_elements_say_is_done_or_told(self):
+        answer = self.spawn("eye", EYE)
+        self.assertEqual(
+            answer["status_message"],
+            "SpawnModel: Successfully spawned entity; of the <gazebo> elements these "
+            "are not simulated: provideFeedback, kp",
+        )
+        found = self.call("get_model_properties", model_name="eye")
+        self.assertEqual(found["body_names"], ["body", "eye", "lid"])
+        self.assertEqual(found["joint_names"], ["neck", "hem"])
+        self.assertFalse(found["is_static"])
+        kinds = [self.simulator.joint(name)["type"] for name in ("neck", "hem")]
+        self.assertEqual(kinds, [0, 3])
+        pulled = [
+            self.call("get_link_properties", link_name=f"eye::{name}")["gravity_mode"]
+            for name in ("body", "eye", "lid")
+        ]
+        self.assertEqual(pulled, [True, False, True])
+        self.call("delete_model", model_name="eye")
+        static = "<gazebo><static>true</static></gazebo></robot>"
+        self.assertTrue(self.spawn("eye", EYE.replace("</robot>", static))["success"])
+        found = self.call("get_model_properties", model_name="eye")
+        self.assertTrue(found["is_static"])
+        self.call("delete_model", model_name="eye")
 
     def test_6_a_model_can_be_commanded_when_spawn_answers(self):
         self.call("unpause_physics")

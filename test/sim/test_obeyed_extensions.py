@@ -89,3 +89,13 @@ def test_a_kept_joint_holds_its_link_where_it_is(world, tag, kind):
     model = world.model("r")
     position = model.position[model.joint_names.index("bc")]
     assert measured(world, text) == {"bc": pytest.approx(position, abs=2e-3)}
+
+
+def test_a_static_robot_hangs_on_the_world_and_can_be_put_elsewhere(world):
+    static = "<gazebo><static>true</static></gazebo>"
+    hung = joint("wa", "continuous", "world", "a", z=1.0)
+    world.spawn_urdf("r", robot('<link name="world"/>', link("a"), hung, static), HIGH)
+    assert world.link_state("r::a")[0][:3] == pytest.approx([1.3, 0.0, 3.0])
+    world.put("r", HIGH + np.eye(7)[1], np.zeros(6))
+    assert fallen(world, "r::a") == 0.0
+    assert world.link_state("r::a")[0][:3] == pytest.approx([1.3, 1.0, 3.0])

@@ -1,7 +1,7 @@
 """What a URDF tells Gazebo beside the robot: its ``<gazebo>`` elements.
 
-They mean what the newest libsdformat 9 makes of them for Gazebo 11; of several words on
-one thing the last counts. What is wrong or not simulated is left out by name.
+They mean what libsdformat 9, from 9.9.1 on, makes of them for Gazebo 11; of several
+words on one thing the last counts. What is wrong or not simulated is left out by name.
 """
 
 from __future__ import annotations
