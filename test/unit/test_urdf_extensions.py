@@ -178,6 +178,13 @@ def test_a_kept_joint_is_fixed_for_the_bridge():
     assert (measured.names, measured.missing) == (("bc",), ())
 
 
+def test_the_bridge_sees_the_world_through_what_is_fixed_to_it():
+    joints = joint("wa", "world", "a"), joint("wb", "world", "b", "continuous")
+    text = "".join((link("world", ""), link("a"), link("b"), *joints))
+    robot = parse_urdf(f'<robot name="r">{text}</robot>')
+    assert measured_joints(robot, ["a", "b"]).names == ("wb",)
+
+
 def test_a_link_without_mass_on_a_kept_joint_is_left_out():
     """The mass of the body above is not its own."""
     parts = link("a"), link("b", ""), joint("ab", "a", "b"), gazebo(FIXED, "ab")
@@ -210,7 +217,9 @@ def test_mu1_is_the_friction_of_the_shapes_of_its_link(blocks, own, lumped):
         (gazebo("<plugin/><sensor/>") + gazebo("<material>m</material>", "a"), ()),
         (gazebo("<visual/><maxContacts>9</maxContacts><mu1>1</mu1>", "a"), ()),
         (gazebo("<mu1>0.5</mu1><mu2>0.5</mu2>", "a"), ()),
-        (gazebo("<selfCollide>false</selfCollide>", "a"), ()),
+        (gazebo("<canonicalBody>a</canonicalBody>", "a"), ()),
+        (gazebo("<selfCollide>false</selfCollide><laserRetro/>", "a"), ()),
+        (gazebo("<provideFeedback>0</provideFeedback>", "ab"), ()),
         (gazebo("<dampingFactor>0.0</dampingFactor>", "a"), ()),
         (gazebo("<mu1>0.5</mu1><mu2>0.7</mu2>", "a"), ("mu2",)),
         (gazebo("<kp>1</kp><kd>1</kd>", "a") + gazebo("<kp>2</kp>", "b"), ("kp, kd",)),
@@ -232,6 +241,10 @@ def test_what_is_not_simulated_is_named_once(blocks, clauses):
         (
             gazebo("<static>maybe</static>"),
             "static is left out: The static is 'maybe', neither true nor false",
+        ),
+        (
+            gazebo(f"<static>{'x' * 1000}</static>"),
+            f"static is left out: The static is '{'x' * 40}', neither true nor false",
         ),
         (
             gazebo("<turnGravityOff/>", "a"),

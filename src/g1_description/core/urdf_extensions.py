@@ -88,7 +88,7 @@ def read_extensions(robot: etree._Element) -> Extensions:
     if unread:
         told = "of the <gazebo> elements these are not simulated"
         wrong.append(f"{told}: {listed(unread)}")
-    found.left_out = tuple(dict.fromkeys(wrong))
+    found.left_out = tuple(wrong)
     return found
 
 
