@@ -1,4 +1,4 @@
-"""Round shapes as triangles, fine enough to look round."""
+"""Triangles: where they face, and round shapes made of them."""
 
 from __future__ import annotations
 
@@ -22,6 +22,21 @@ class Surface:
 
     triangles: np.ndarray
     """Rows of ``vertices``, anticlockwise seen from outside, shape (m, 3)."""
+
+
+def triangle_normals(corners: np.ndarray) -> np.ndarray:
+    """Find where triangles face.
+
+    Args:
+        corners: Anticlockwise seen from outside, shape (n, 3, 3).
+
+    Returns:
+        Unit vectors, shape (n, 3); zero where a triangle has no area.
+    """
+    edges = np.diff(corners.astype(float), axis=1)
+    normals = np.cross(edges[:, 0], edges[:, 1])
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    return normals / np.where(lengths > 0.0, lengths, 1.0)
 
 
 def sphere(radius: float) -> Surface:

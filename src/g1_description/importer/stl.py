@@ -7,6 +7,7 @@ import re
 import numpy as np
 
 from ..core.errors import DescriptionError
+from ..core.surfaces import triangle_normals
 
 _HEADER, _HEAD, _TRIANGLE = 80, 84, 50
 _RECORD = np.dtype(
@@ -70,11 +71,8 @@ def write_stl(triangles: np.ndarray) -> bytes:
     Returns:
         Content of the file, with unit normals; zero where a triangle has no area.
     """
-    edges = np.diff(triangles.astype(float), axis=1)
-    normals = np.cross(edges[:, 0], edges[:, 1])
-    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
     records = np.zeros(len(triangles), _RECORD)
-    records["normal"] = normals / np.where(lengths > 0.0, lengths, 1.0)
+    records["normal"] = triangle_normals(triangles)
     records["triangle"] = triangles
     count = np.array(len(triangles), "<u4")
     return b"binary STL".ljust(_HEADER) + count.tobytes() + records.tobytes()

@@ -1,7 +1,8 @@
 """Meshes as PyBullet can be given them: its own readers trust the numbers in a file.
 
-A binary STL it may read itself, once its length was checked. All else is read by the
-library that RViz reads with, in a process of its own for all files of a model.
+A binary STL it may read itself, once its length and numbers were checked. All else is
+read by the library that RViz reads with, in a process of its own for all files of a
+model.
 """
 
 from __future__ import annotations
@@ -14,8 +15,11 @@ from pathlib import Path
 import numpy as np
 
 from ..core.description import Shape
+from ..core.errors import LARGEST
 from ..core.resources import local_path
+from ..core.surfaces import triangle_normals
 from .mesh_contents import Part, mesh_contents
+from .read_meshes import tells_direction
 
 KINDS = (".dae", ".obj", ".stl")
 """Kinds of meshes that Gazebo takes."""
@@ -56,7 +60,7 @@ def find_meshes(
             found[name] = f"mesh {name} does not exist"
         elif path.suffix.lower() not in KINDS:
             found[name] = f"mesh {name} is none of {', '.join(KINDS)}"
-        elif is_binary_stl(path):
+        elif is_sound_stl(path):
             found[name] = Mesh(path)
         else:
             unread[name] = path
@@ -70,25 +74,33 @@ def find_meshes(
     return found
 
 
-def is_binary_stl(path: Path) -> bool:
+def is_sound_stl(path: Path) -> bool:
     """Tell whether a file is a binary STL that PyBullet can be given.
 
     Such a file is as long as its number of triangles says; PyBullet computes that in
-    32 bits and reads beyond the end.
+    32 bits and reads beyond the end. And it has normals: what has none is black.
 
     Args:
         path: An existing file.
     """
+    if path.suffix.lower() != ".stl":
+        return False
     try:
         size = path.stat().st_size
         with path.open("rb") as file:
             head = file.read(_STL_HEAD)
+        count = struct.unpack_from("<I", head.ljust(_STL_HEAD), _STL_HEAD - 4)[0]
+        if not count or size != _STL_HEAD + count * _STL_TRIANGLE:
+            return False
+        records = np.fromfile(str(path), _RECORD, count, offset=_STL_HEAD)
     except OSError:
         return False
-    if path.suffix.lower() != ".stl" or len(head) < _STL_HEAD:
-        return False
-    (count,) = struct.unpack_from("<I", head, _STL_HEAD - 4)
-    return bool(count > 0 and size == _STL_HEAD + count * _STL_TRIANGLE)
+    with np.errstate(invalid="ignore"):
+        if not (np.abs(records["corners"]) <= LARGEST).all():
+            return False
+    mute = records["corners"][~tells_direction(records["normal"])]
+    # What has no area is not seen: it needs no normal.
+    return not triangle_normals(mute).any()
 
 
 def binary_stl(corners: np.ndarray) -> bytes:

@@ -19,6 +19,7 @@ from urllib.parse import unquote
 import numpy as np
 
 from ..core.errors import LARGEST
+from ..core.surfaces import triangle_normals
 from .assimp import Assimp, CannotReadError, RawPart
 
 BEGUN, LAST_WORDS = "begun", "last_words"
@@ -28,6 +29,9 @@ MEMORY = 4 * 2**30
 """Most memory that it may take, in bytes."""
 
 MOST_TRIANGLES = 3_000_000
+
+LEAST_NORMAL = 0.001
+"""Square of the length that a normal has at least, if it tells a direction."""
 
 
 def main() -> None:
@@ -89,10 +93,29 @@ def read(path: Path) -> dict[str, np.ndarray]:
         raise CannotReadError("it has corners that are nowhere")
     return {
         "corners": corners,
-        "normals": np.concatenate([part.normals for part in parts]),
+        "normals": _normals(corners, np.concatenate([p.normals for p in parts])),
         "counts": np.array(counts),
         "colors": np.array([_color(part, path.parent) for part in parts]),
     }
+
+
+def tells_direction(normals: np.ndarray) -> np.ndarray:
+    """Tell of normals, shape (..., 3), which are long enough to be some."""
+    with np.errstate(all="ignore"):
+        squares = (normals.astype(float) ** 2).sum(axis=-1)
+        return (squares >= LEAST_NORMAL) & (squares < np.inf)
+
+
+def _normals(corners: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """Put that of the triangle in the place of each normal that tells no direction.
+
+    Args:
+        corners: Of triangles, shape (n, 3, 3).
+        normals: At the corners, shape (n, 3, 3).
+    """
+    own = triangle_normals(corners)[:, np.newaxis]
+    told = tells_direction(normals)[..., np.newaxis]
+    return np.where(told, normals, own).astype(normals.dtype)
 
 
 def _color(part: RawPart, folder: Path) -> tuple[float, ...]:
