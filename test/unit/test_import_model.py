@@ -13,10 +13,12 @@ import numpy as np
 import pytest
 import trimesh
 from conftest import REPOSITORY, VENDOR
+from dae import box, collada, node, use
 from hypothesis import given, settings
 from robots import chains
 
 from g1_description.core import model_files
+from g1_description.core.description import Shape
 from g1_description.core.errors import DescriptionError
 from g1_description.core.model_text import read_model
 from g1_description.core.resources import local_path, with_absolute_uris
@@ -24,6 +26,7 @@ from g1_description.core.urdf import parse_urdf
 from g1_description.importer.command import run
 from g1_description.importer.folder import Folder
 from g1_description.importer.places import Places
+from g1_description.sim.meshes import find_meshes
 
 LINK = '<link name="{}"><inertial><mass value="2"/><inertia {}/></inertial>{}</link>'
 ROUND = 'ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"'
@@ -44,6 +47,12 @@ def stl(path, extents=(1.0, 2.0, 3.0), header=b"solid made by a CAD program"):
     path.parent.mkdir(parents=True, exist_ok=True)
     data = trimesh.creation.box(extents).export(file_type="stl")
     path.write_bytes(header.ljust(80) + data[80:])
+
+
+def dae(inside=""):
+    """Write a DAE of a box, with something more in it."""
+    text = collada([box("a", [1.0] * 3)], [node(use("a"))])
+    return text.replace("<library_effects>", f"{inside}<library_effects>")
 
 
 def contents(folder):
@@ -219,10 +228,81 @@ def test_a_missing_mesh_is_named_and_taken_out(bring, source):
     for words in (
         "nowhere.stl (visual of link base) does not exist; taken out",
         "package://no_such_package/x.stl (collision of link base) does not exist",
-        "cut.stl (collision of link base) is left out: it is cut short",
+        "cut.stl (collision of link base) cannot be read: it is no text that begins",
     ):
         assert words in bring.told
         assert words in (urdf.parents[1] / "report.md").read_text()
+
+
+def faults(told):
+    """Give what is told of files that cannot be read, by their names."""
+    return dict(
+        re.findall(
+            r"(\S+)(?: \(.*\))? cannot be read: (.*?)(?:; taken out)?\.?$", told, re.M
+        )
+    )
+
+
+@pytest.mark.parametrize("options", [[], ["--decimate", "9", "--convex-collisions"]])
+def test_the_import_and_the_stand_in_agree_on_what_can_be_read(bring, source, options):
+    """More files than are read at once, so that the last come from another process."""
+    source.mkdir()
+    ball = trimesh.creation.icosphere(2)
+    binary = ball.export(file_type="stl")
+    text = ball.export(file_type="stl_ascii").encode()
+    obj = ball.export(file_type="obj", header="").encode()
+    files = {
+        "cut.dae": dae().encode()[:500],
+        "stl.dae": binary,
+        "no_scene.dae": re.sub("<scene>.*</scene>", "", dae()).encode(),
+        "no_unit.dae": dae().replace('meter="1"', 'meter="0"').encode(),
+        "far.obj": obj + b"f 1 2 999999\n",
+        "no_faces.obj": b"v 0 0 0\nv 1 0 0\nv 0 1 0\n",
+        "upper.STL": text.upper(),
+        "behind.stl": binary + b"\0\0\0",
+        "cut.stl": binary[:-1],
+        "nan.stl": re.sub(rb"vertex \S+", b"vertex nan", text, count=1),
+        **{f"good_{n}.obj": obj for n in range(9)},
+        "good.dae": dae().encode(),
+        "good.stl": binary,
+        "text.stl": text,
+    }
+    for name, data in files.items():
+        (source / name).write_bytes(data)
+    inside = "".join(shape("visual", name) for name in files)
+    urdf = bring(robot(inside), *options)
+    found = find_meshes(
+        [
+            Shape("mesh", (1.0,) * 3, np.zeros(7), f"file://{source / name}")
+            for name in files
+        ],
+        model_files.find_folder,
+    )
+    clauses = "\n".join(f"  {c}" for c in found.values() if isinstance(c, str))
+    refused = {name.split("/")[-1]: why for name, why in faults(clauses).items()}
+    assert faults(bring.told) == refused
+    assert set(refused) == {name for name in [*files][:10]}
+    assert len(mesh_files(urdf)) == len(files) - len(refused)
+
+
+def test_an_stl_of_text_or_without_normals_becomes_binary_with_them(bring, source):
+    source.mkdir()
+    ball = trimesh.creation.icosphere(2)
+    (source / "text.stl").write_text(ball.export(file_type="stl_ascii"))
+    data = bytearray(ball.export(file_type="stl"))
+    for start in range(84, len(data), 50):
+        data[start : start + 12] = bytes(12)
+    (source / "zero.stl").write_bytes(data)
+    urdf = bring(robot(shape("visual", "text.stl") + shape("visual", "zero.stl")))
+    for path, _ in mesh_files(urdf).values():
+        written = np.frombuffer(path.read_bytes(), "12<f4, <u2", offset=84)[
+            "f0"
+        ].reshape(-1, 4, 3)
+        np.testing.assert_allclose(written[:, 0], ball.face_normals, atol=1e-3)
+        np.testing.assert_allclose(written[:, 1:], ball.triangles, atol=1e-6)
+    report = (urdf.parents[1] / "report.md").read_text()
+    assert "| 320 | text made binary |" in report
+    assert "| 320 | normals made anew |" in report
 
 
 def test_a_missing_mesh_stays_if_asked_for(bring):
@@ -248,8 +328,11 @@ def test_materials_and_textures_come_along(bring, source):
         "newmtl m\nmap_Kd -s 1 1 1 ../pictures/w.png\nbump skin 1.png\nmap_Ks no.png\n"
     )
     (source / "y.dae").write_text(
-        "<COLLADA><image><init_from>pictures/t.png</init_from></image>"
-        "<image><init_from>a%20b.png</init_from></image></COLLADA>"
+        dae(
+            "<library_images>"
+            '<image id="a"><init_from>pictures/t.png</init_from></image>'
+            '<image id="b"><init_from>a%20b.png</init_from></image></library_images>'
+        )
     )
     material = (
         '<material name="m"><texture filename="pictures/t.png"/></material>'
@@ -286,10 +369,12 @@ def test_only_images_of_a_dae_are_files(bring, source):
     for name in ("a.png", "b.png"):
         (source / name).write_bytes(b"PNG")
     (source / "x.dae").write_text(
-        '<COLLADA><image id="empty"/><surface><init_from>tex_img</init_from></surface>'
-        '<image id="tex_img">\n<init_from>a.png</init_from></image><surface>'
-        "<init_from>tex_img</init_from></surface><library_images><image>"
-        "<init_from><ref>b.png</ref></init_from></image></library_images></COLLADA>"
+        dae(
+            '<image id="empty"/><surface><init_from>tex_img</init_from></surface>'
+            '<image id="tex_img">\n<init_from>a.png</init_from></image><surface>'
+            "<init_from>tex_img</init_from></surface><library_images><image>"
+            "<init_from><ref>b.png</ref></init_from></image></library_images>"
+        )
     )
     urdf = bring(robot(shape("visual", "x.dae")))
     assert set(contents(urdf.parents[1] / "meshes")) == {"x.dae", "a.png", "b.png"}
@@ -302,8 +387,11 @@ def test_what_a_mesh_names_keeps_its_place(bring, source):
         (source / name).parent.mkdir(parents=True, exist_ok=True)
         (source / name).write_bytes(b"PNG " + name.encode())
     (source / "x.dae").write_text(
-        "<COLLADA><image><init_from>a_b.png</init_from></image>"
-        "<image><init_from>c_d/t u/w.png</init_from></image></COLLADA>"
+        dae(
+            '<library_images><image id="a"><init_from>a_b.png</init_from></image>'
+            '<image id="b"><init_from>c_d/t u/w.png</init_from></image>'
+            "</library_images>"
+        )
     )
     textures = "".join(
         f'<material name="{name}"><texture filename="{name}"/></material>'
@@ -399,7 +487,7 @@ def test_hulls_and_fewer_triangles_are_made_once(bring, source):
     mesh.export(source / "ring.stl")
     mesh.export(source / "ring.obj")
     (source / "flat.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
-    (source / "x.dae").write_text("<COLLADA/>")
+    (source / "x.dae").write_text(dae())
     names = ("ring.stl", "ring.obj", "flat.obj", "x.dae")
     inside = "".join(shape(k, n) for k in ("visual", "collision") for n in names)
     urdf = bring(

@@ -14,7 +14,7 @@ from g1_description.importer.shapes import (
     decimated_hull,
     within,
 )
-from g1_description.importer.stl import clean_stl, read_stl, write_stl
+from g1_description.importer.stl import clean_header, is_binary, write_stl
 
 BALL = trimesh.creation.icosphere(3)
 BINARY = BALL.export(file_type="stl")
@@ -26,57 +26,23 @@ def loaded(data):
 
 
 def test_a_clean_file_stays_as_it_is():
-    assert clean_stl(BINARY) == (BINARY, ())
+    assert clean_header(BINARY) == (BINARY, ())
 
 
 def test_a_binary_header_does_not_begin_with_solid():
     for beginning in (b"solid left_hip", b"  SOLID x", b"solid"):
         header = beginning.ljust(80)
-        data, changes = clean_stl(header + BINARY[80:])
+        data, changes = clean_header(header + BINARY[80:])
         assert changes == ('header no longer begins with "solid"',)
         assert not data.lstrip().lower().startswith(b"solid")
         assert data[80:] == BINARY[80:]
         assert data[:80].split()[1:] == beginning.split()[1:]
 
 
-@pytest.mark.parametrize("text", [TEXT, TEXT.upper(), TEXT.replace(b"\n", b"\r\n")])
-def test_text_becomes_binary(text):
-    data, changes = clean_stl(text)
-    assert changes == ("text made binary",)
-    np.testing.assert_allclose(loaded(data).bounds, BALL.bounds, atol=1e-6)
-    assert loaded(data).volume == pytest.approx(BALL.volume, rel=1e-5)
-
-
-def test_two_solids_in_one_text_are_both_there():
-    other = trimesh.creation.box().apply_translation([5, 0, 0])
-    data, _ = clean_stl(TEXT + other.export(file_type="stl_ascii").encode())
-    assert len(read_stl(data)) == len(BALL.faces) + 12
-    assert loaded(data).bounds[1, 0] == pytest.approx(5.5)
-
-
-def test_what_is_behind_the_triangles_is_cut_off():
-    data, changes = clean_stl(BINARY + b"\0\0\0")
-    assert data == BINARY
-    assert changes == ("3 bytes behind the triangles cut off",)
-
-
-@pytest.mark.parametrize(
-    "data",
-    [
-        b"",
-        b"solid",
-        BINARY[:200],
-        BINARY[:84],
-        b"solid x\nendsolid x\n" * 9,
-        TEXT.replace(b"vertex 0", b"vertex x", 1).replace(b"vertex -0", b"vertex x", 1),
-        TEXT + b"\nvertex 1 1 1",
-        BINARY[:96] + b"\0\0\xc0\x7f" + BINARY[100:],
-    ],
-    ids=["empty", "word", "cut", "head", "no facet", "no number", "odd", "NaN"],
-)
-def test_what_has_no_triangles_is_refused(data):
-    with pytest.raises(DescriptionError):
-        clean_stl(data)
+def test_binary_is_what_is_as_long_as_it_says():
+    assert is_binary(BINARY)
+    for data in (b"", BINARY[:84], BINARY[:-1], BINARY + b"\0", TEXT):
+        assert not is_binary(data)
 
 
 def test_written_triangles_have_unit_normals():

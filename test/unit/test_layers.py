@@ -25,7 +25,8 @@ ALLOWED = {
 ALLOWED["importer"] = (
     STANDARD
     | {"shutil", "signal", "time"}
-    | {"fast_simplification", "lxml", "numpy", "scipy", "trimesh", ".core", ".importer"}
+    | {"fast_simplification", "lxml", "numpy", "scipy", "trimesh"}
+    | {".core", ".sim", ".importer"}
 )
 FORBIDDEN = {"ros": {"pybullet", "pybullet_utils", "scipy", "urdf_parser_py"}}
 
@@ -83,10 +84,11 @@ def test_only_one_module_imports_it(package, module):
     assert readers == [module]
 
 
-def test_the_bridge_does_without_pybullet():
+@pytest.mark.parametrize("program", ["ros.bridge_node", "importer.command"])
+def test_the_bridge_and_the_import_do_without_pybullet(program):
     pytest.importorskip("rospy", reason="rospy is not there")
-    node = "g1_description.ros.bridge_node"
-    code = f"import sys, {node}; sys.exit('pybullet' in sys.modules)"
+    module = f"g1_description.{program}"
+    code = f"import sys, {module}; sys.exit('pybullet' in sys.modules)"
     path = os.pathsep.join([str(SOURCE.parent), *sys.path])
     environment = {**os.environ, "PYTHONPATH": path}
     assert subprocess.run([sys.executable, "-c", code], env=environment).returncode == 0

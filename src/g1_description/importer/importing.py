@@ -11,7 +11,7 @@ from typing import Callable
 from ..core.errors import DescriptionError
 from .companions import companions_of
 from .masses import impossible_inertias, massless_links, write_zero_masses
-from .meshes import Mesh, Wishes, make_mesh
+from .meshes import Mesh, Reader, Wishes, make_mesh, read_bytes
 from .places import Places
 from .robot import Reference, Robot
 
@@ -52,6 +52,7 @@ class Import:
     """Meshes of the result by their names in it."""
 
     _places: Places = field(init=False)
+    _reader: Reader = field(init=False)
     _companions: dict[Path, tuple[dict[str, Path], list[str]]] = field(init=False)
     _scales: dict[Path, float] = field(default_factory=dict)
     """By how much the robots magnify a mesh, at most."""
@@ -71,6 +72,8 @@ class Import:
             for name in found
         )
         self._places = Places([*paths, *beside])
+        meshes = (ref.path for ref in self._references() if ref.is_mesh and ref.path)
+        self._reader = Reader(dict.fromkeys(meshes))
 
     def _references(self) -> Iterable[Reference]:
         """Give the files that all robots name."""
@@ -104,7 +107,7 @@ class Import:
             if isinstance(made, str):
                 reference.element.set("filename", f"{self.prefix}/{made}")
                 return
-            why = f"is left out: {made}"
+            why = f"cannot be read: {made}"
         fate = "the URDF still names it" if self.wishes.keep_missing else "taken out"
         robot.findings.append(f"{reference.name} ({reference.owner}) {why}; {fate}.")
         if not self.wishes.keep_missing:
@@ -126,13 +129,10 @@ class Import:
 
     def _make(self, path: Path, reference: Reference) -> Mesh:
         """Read a mesh, or a texture as it is."""
-        if reference.is_mesh:
-            scale = self._scales[path]
-            return make_mesh(path, reference.is_collision, scale, self.wishes)
-        try:
-            return Mesh(path.read_bytes(), "")
-        except OSError as error:
-            raise DescriptionError(f"it cannot be read: {error.strerror}") from error
+        if not reference.is_mesh:
+            return Mesh(read_bytes(path), "")
+        scale = self._scales[path]
+        return make_mesh(path, self._reader, reference.is_collision, scale, self.wishes)
 
     def _write_mesh(self, path: Path, name: str, mesh: Mesh) -> None:
         """Write a mesh with what it names."""

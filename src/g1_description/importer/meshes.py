@@ -2,25 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from ..core.errors import DescriptionError
+from ..sim import meshes
 from .companions import companions_of
 from .shapes import (
     MakeFewer,
     convex_hull,
     decimated,
     decimated_hull,
-    read_obj,
     within,
 )
-from .stl import clean_stl, read_stl, write_stl
+from .stl import clean_header, is_binary, read_stl, write_stl
 
 TOLERANCE = 0.002
 """How far a surface may move where nothing is asked for, in [m]."""
+
+AT_A_TIME = 10
+"""Files that are read by one process, which takes a moment to begin.
+
+All of them may take their whole time of the processor, and the last is not too late.
+"""
 
 
 @dataclass(frozen=True)
@@ -55,14 +62,44 @@ class Mesh:
     """How far its surface moved, in [m]; None where no triangle was taken away."""
 
 
-def make_mesh(path: Path, is_collision: bool, scale: float, wishes: Wishes) -> Mesh:
+class Reader:
+    """Reads the files of an import as the stand-in and snapshot do."""
+
+    def __init__(self, paths: Iterable[Path]) -> None:
+        """Begin with none.
+
+        Args:
+            paths: Existing files, in the order in which they will be asked for.
+        """
+        self._paths = [path for path in paths if path.suffix.lower() in meshes.KINDS]
+        self._found: dict[Path, meshes.Mesh | str] = {}
+
+    def read(self, path: Path) -> meshes.Mesh:
+        """Read a file, and those that come after it.
+
+        Raises:
+            DescriptionError: If it cannot be read.
+        """
+        if path not in self._found:
+            first = self._paths.index(path)
+            self._found = meshes.open_meshes(self._paths[first : first + AT_A_TIME])
+        found = self._found[path]
+        if isinstance(found, str):
+            raise DescriptionError(found)
+        return found
+
+
+def make_mesh(
+    path: Path, reader: Reader, is_collision: bool, scale: float, wishes: Wishes
+) -> Mesh:
     """Make a mesh of the result.
 
-    STL is cleaned; OBJ and DAE are kept, with their materials. Hulls are made of STL
-    and OBJ, of decimated meshes STL and OBJ without materials.
+    STL becomes binary; OBJ and DAE are kept, with their materials. Hulls are made of
+    STL and OBJ, of decimated meshes STL and OBJ without materials.
 
     Args:
         path: An existing file.
+        reader: Reads it.
         is_collision: Whether it is for collisions.
         scale: By how much the robot magnifies it, in [m] per unit of the file.
         wishes: What to make of it.
@@ -71,25 +108,25 @@ def make_mesh(path: Path, is_collision: bool, scale: float, wishes: Wishes) -> M
         The mesh.
 
     Raises:
-        DescriptionError: If it cannot be read.
+        DescriptionError: If it cannot be read; a clause says why.
     """
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise DescriptionError(f"it cannot be read: {error.strerror}") from error
-    if not data:
-        raise DescriptionError("it is empty")
     kind = path.suffix.lower()
-    changes: tuple[str, ...] = ()
-    if kind == ".stl":
-        data, changes = clean_stl(data)
-    kept = Mesh(data, "", _count(kind, data), changes, _unread(kind))
+    data = read_bytes(path)
+    if kind not in meshes.KINDS:
+        told = (
+            f"neither Gazebo nor the stand-in reads {kind or 'a file without suffix'}"
+        )
+        kept = Mesh(data, "", findings=(told,))
+        triangles = None
+    else:
+        parts = reader.read(path).parts
+        triangles = _corners(parts) if parts else read_stl(data)
+        kept = _as_stl(data, parts) if kind == ".stl" else Mesh(data, "")
     wants_hull = is_collision and wishes.convex_collisions
     if not wants_hull and wishes.most_triangles is None:
         return kept
-    if kind not in (".stl", ".obj"):
+    if triangles is None or kind == ".dae":
         return _as_it_is(kept, f"kept as it is: of {kind} nothing is made")
-    triangles = read_stl(data) if kind == ".stl" else read_obj(path)
     if wants_hull:
         return _hull(kept, path, triangles, scale, wishes)
     if kind == ".obj" and any(companions_of(path)):
@@ -98,6 +135,38 @@ def make_mesh(path: Path, is_collision: bool, scale: float, wishes: Wishes) -> M
     if kind == ".obj" and fewer.moved is not None:
         return replace(fewer, name=f"{path.stem}.stl")
     return fewer
+
+
+def read_bytes(path: Path) -> bytes:
+    """Read a file.
+
+    Raises:
+        DescriptionError: If it cannot be read; a clause says why.
+    """
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise DescriptionError(str(error.strerror)) from error
+
+
+def _corners(parts: tuple[meshes.Part, ...]) -> np.ndarray:
+    """Give the corners of all triangles of a mesh, shape (n, 3, 3)."""
+    return np.concatenate([part.corners for part in parts])
+
+
+def _as_stl(data: bytes, parts: tuple[meshes.Part, ...]) -> Mesh:
+    """Make a binary STL that all take for one.
+
+    Args:
+        data: Content of a file.
+        parts: What was read of it; empty where it is sound and binary.
+    """
+    if not parts:
+        data, changes = clean_header(data)
+    else:
+        changes = ("normals made anew" if is_binary(data) else "text made binary",)
+        data = write_stl(_corners(parts))
+    return Mesh(data, "", len(read_stl(data)), changes)
 
 
 def _hull(
@@ -142,18 +211,6 @@ def _fewer(
 def millimetres(distance: float) -> str:
     """Write a distance in [m] for people."""
     return f"{1000.0 * distance:.2g} mm"
-
-
-def _count(kind: str, data: bytes) -> int | None:
-    """Count the triangles of an STL."""
-    return len(read_stl(data)) if kind == ".stl" else None
-
-
-def _unread(kind: str) -> tuple[str, ...]:
-    """Tell if a kind of mesh is not for everybody."""
-    if kind in (".stl", ".obj", ".dae"):
-        return ()
-    return (f"neither Gazebo nor the stand-in reads {kind or 'a file without suffix'}",)
 
 
 def _as_it_is(mesh: Mesh, why: str) -> Mesh:

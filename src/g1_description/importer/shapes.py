@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Callable
 
 import fast_simplification
@@ -22,23 +21,6 @@ MakeFewer = Callable[[np.ndarray, int], np.ndarray]
 
 TRIES, CLOSE = 8, 1.2
 """How often a number of triangles is tried, and how close to the least that will do."""
-
-
-def read_obj(path: Path) -> np.ndarray:
-    """Read the triangles of an OBJ file, shape (n, 3, 3).
-
-    Raises:
-        DescriptionError: If there are none, or it is no OBJ.
-    """
-    try:
-        mesh = trimesh.load(path, force="mesh", process=False, skip_materials=True)
-        triangles = np.asarray(mesh.triangles, dtype=float)
-    # What trimesh raises depends on where in the file it stumbles.
-    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as why:
-        raise DescriptionError(f"it is no OBJ: {why}") from why
-    if not len(triangles) or not np.isfinite(triangles).all():
-        raise DescriptionError("it has no triangles")
-    return triangles
 
 
 def within(

@@ -122,11 +122,12 @@ class Assimp:
         for key, value in PROPERTIES.items():
             self._library.aiSetImportPropertyInteger(self._properties, key, value)
 
-    def read(self, path: Path) -> list[RawPart]:
+    def read(self, path: Path, steps: int = STEPS) -> list[RawPart]:
         """Read a mesh.
 
         Args:
             path: Its file.
+            steps: What the library does with it.
 
         Returns:
             Its parts, placed as the file's nodes place them.
@@ -136,7 +137,7 @@ class Assimp:
             MemoryError: If it takes too much memory.
         """
         found = self._library.aiImportFileExWithProperties(
-            os.fsencode(path), STEPS, None, self._properties
+            os.fsencode(path), steps, None, self._properties
         )
         if not found:
             why = self._library.aiGetErrorString().decode("utf-8", "replace")

@@ -19,12 +19,11 @@ from ..core.errors import LARGEST
 from ..core.resources import local_path
 from ..core.surfaces import triangle_normals
 from .mesh_contents import Part, mesh_contents
-from .read_meshes import tells_direction
+from .read_meshes import STL_HEAD, STL_TRIANGLE, tells_direction
 
 KINDS = (".dae", ".obj", ".stl")
 """Kinds of meshes that Gazebo takes."""
 
-_STL_HEAD, _STL_TRIANGLE = 84, 50
 _RECORD = np.dtype(
     [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")]
 )
@@ -53,24 +52,42 @@ def find_meshes(
     """
     names = [shape.filename for shape in shapes if shape.kind == "mesh"]
     found: dict[str, Mesh | str] = {}
-    unread: dict[str, Path] = {}
+    paths: dict[str, Path] = {}
     for name in dict.fromkeys(names):
         path = local_path(name, package_folder)
         if path is None:
             found[name] = f"mesh {name} does not exist"
         elif path.suffix.lower() not in KINDS:
             found[name] = f"mesh {name} is none of {', '.join(KINDS)}"
-        elif is_sound_stl(path):
-            found[name] = Mesh(path)
         else:
-            unread[name] = path
-    contents = mesh_contents(unread.values())
-    for name, path in unread.items():
-        content = contents[path]
-        if isinstance(content, str):
-            found[name] = f"mesh {name} cannot be read" + (content and f": {content}")
+            paths[name] = path
+    meshes = open_meshes(paths.values())
+    for name, path in paths.items():
+        mesh = meshes[path]
+        if isinstance(mesh, str):
+            mesh = f"mesh {name} cannot be read" + (mesh and f": {mesh}")
+        found[name] = mesh
+    return found
+
+
+def open_meshes(paths: Iterable[Path]) -> dict[Path, Mesh | str]:
+    """Open mesh files; this decides for the whole package what can be read.
+
+    Args:
+        paths: Existing files of these ``KINDS``.
+
+    Returns:
+        By file: a mesh, or a clause that says why it cannot be read.
+    """
+    found: dict[Path, Mesh | str] = {}
+    unread = []
+    for path in dict.fromkeys(paths):
+        if is_sound_stl(path):
+            found[path] = Mesh(path)
         else:
-            found[name] = Mesh(path, content)
+            unread.append(path)
+    for path, content in mesh_contents(unread).items():
+        found[path] = content if isinstance(content, str) else Mesh(path, content)
     return found
 
 
@@ -88,11 +105,11 @@ def is_sound_stl(path: Path) -> bool:
     try:
         size = path.stat().st_size
         with path.open("rb") as file:
-            head = file.read(_STL_HEAD)
-        count = struct.unpack_from("<I", head.ljust(_STL_HEAD), _STL_HEAD - 4)[0]
-        if not count or size != _STL_HEAD + count * _STL_TRIANGLE:
+            head = file.read(STL_HEAD)
+        count = struct.unpack_from("<I", head.ljust(STL_HEAD), STL_HEAD - 4)[0]
+        if not count or size != STL_HEAD + count * STL_TRIANGLE:
             return False
-        records = np.fromfile(str(path), _RECORD, count, offset=_STL_HEAD)
+        records = np.fromfile(str(path), _RECORD, count, offset=STL_HEAD)
     except OSError:
         return False
     with np.errstate(invalid="ignore"):
@@ -112,4 +129,4 @@ def binary_stl(corners: np.ndarray) -> bytes:
     records = np.zeros(len(corners), _RECORD)
     records["corners"] = corners
     count = struct.pack("<I", len(corners))
-    return bytes(_STL_HEAD - 4) + count + records.tobytes()
+    return bytes(STL_HEAD - 4) + count + records.tobytes()

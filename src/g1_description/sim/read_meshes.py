@@ -11,6 +11,7 @@ from __future__ import annotations
 import os
 import resource
 import signal
+import struct
 import sys
 import warnings
 from pathlib import Path
@@ -20,7 +21,7 @@ import numpy as np
 
 from ..core.errors import LARGEST
 from ..core.surfaces import triangle_normals
-from .assimp import Assimp, CannotReadError, RawPart
+from .assimp import TRIANGULATE, Assimp, CannotReadError, RawPart
 
 BEGUN, LAST_WORDS = "begun", "last_words"
 """Files that tell that it began to read, and of what mistake of its own it ended."""
@@ -29,6 +30,9 @@ MEMORY = 4 * 2**30
 """Most memory that it may take, in bytes."""
 
 MOST_TRIANGLES = 3_000_000
+
+STL_HEAD, STL_TRIANGLE = 84, 50
+"""Bytes of a binary STL: before its triangles, and of each of them."""
 
 LEAST_NORMAL = 0.001
 """Square of the length that a normal has at least, if it tells a direction."""
@@ -80,7 +84,11 @@ def read(path: Path) -> dict[str, np.ndarray]:
         CannotReadError: If it cannot be read.
         MemoryError: If it takes too much memory.
     """
-    parts = [part for part in Assimp().read(path) if len(part.corners)]
+    library = Assimp()
+    try:
+        parts = [part for part in library.read(path) if len(part.corners)]
+    except CannotReadError as error:
+        raise CannotReadError(_fault(library, path) or str(error)) from error
     counts = [len(part.corners) for part in parts]
     if not parts:
         raise CannotReadError("it has no triangles")
@@ -97,6 +105,44 @@ def read(path: Path) -> dict[str, np.ndarray]:
         "counts": np.array(counts),
         "colors": np.array([_color(part, path.parent) for part in parts]),
     }
+
+
+def _fault(library: Assimp, path: Path) -> str:
+    """Say what is wrong with a refused file where the library's words tell less.
+
+    What has corners that are no numbers it takes out, and then tells of nothing left.
+    """
+    fault = _stl_fault(path) if path.suffix.lower() == ".stl" else ""
+    if fault:
+        return fault
+    try:
+        parts = library.read(path, TRIANGULATE)
+    except CannotReadError:
+        return ""
+    if not sum(len(part.corners) for part in parts):
+        return "it has no triangles"
+    sound = all(np.isfinite(part.corners).all() for part in parts)
+    return "" if sound else "it has corners that are no numbers"
+
+
+def _stl_fault(path: Path) -> str:
+    """Say why a file is neither kind of STL; empty if that is not what is wrong."""
+    try:
+        with path.open("rb") as file:
+            head = file.read(STL_HEAD)
+            size = file.seek(0, os.SEEK_END)
+    except OSError:
+        return ""
+    (count,) = struct.unpack_from("<I", head.ljust(STL_HEAD, b"\0"), STL_HEAD - 4)
+    needed = STL_HEAD + count * STL_TRIANGLE
+    # The number of triangles has a zero byte, which text has not.
+    is_text = head.lstrip().startswith(b"solid") and b"\0" not in head
+    if not size or size == needed or is_text:
+        return ""
+    return (
+        'it is no text that begins with "solid" in small letters, and its '
+        f"{size} bytes are not the {needed} of {count} triangles"
+    )
 
 
 def tells_direction(normals: np.ndarray) -> np.ndarray:
