@@ -841,3 +841,33 @@ def test_check_urdf_takes_the_vendors_robot(vendor):
         check=True,
     )
     assert "Successfully Parsed" in check.stdout
+
+
+def checked(urdf):
+    """Give what check_urdf, which reads as RViz does, says of a file."""
+    command = ["check_urdf", str(urdf)]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+@pytest.mark.skipif(not shutil.which("check_urdf"), reason="check_urdf is not there")
+def test_names_that_rviz_wants_are_given_and_told(bring, source):
+    seen = (
+        '<visual><geometry><box size="1 1 1"/></geometry>'
+        '<material><color rgba="0 1 0 1"/></material></visual>'
+    )
+    text = f"<!-- mine -->{robot(seen)}".replace('<robot name="r">', "<robot>")
+    urdf = bring(text)
+    assert "No name given for the robot" in checked(source / "r.urdf").stderr
+    found = checked(urdf)
+    assert found.returncode == 0
+    assert "rror" not in found.stdout + found.stderr
+    assert '<robot name="r">' in urdf.read_text()
+    assert ": robot r, 1 links" in bring.told
+    report = (urdf.parents[1] / "report.md").read_text()
+    changed = report[report.index("### Changed") :]
+    for sentence in (
+        "The robot, which had no name, is named r, as its file.",
+        "A material of link base, which had no name, is named material_1.",
+    ):
+        assert sentence in changed
+        assert sentence in bring.told

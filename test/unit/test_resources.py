@@ -1,6 +1,7 @@
 """Relative mesh names become absolute; files behind URIs are found."""
 
 import pytest
+from lxml import etree
 
 from g1_description.core.errors import DescriptionError
 from g1_description.core.resources import local_path, with_absolute_uris
@@ -109,3 +110,19 @@ def test_a_robot_without_a_name_gets_one_for_rviz(tmp_path):
     assert text.startswith('<robot name="b1">')
     kept = with_absolute_uris('<robot name="own"/>', tmp_path, name="b1")
     assert 'name="own"' in kept
+
+
+def test_a_material_without_a_name_gets_one_for_rviz(tmp_path):
+    """It leaves out a visual without it. Names that are there are nobody else's."""
+    colors = '<color rgba="0 1 0 1"/></material>'
+    text = (
+        '<robot name="r"><material name="material_1"/><link name="a">'
+        f"<visual><material>{colors}</visual><visual><material>{colors}</visual>"
+        f'<visual><material name="">{colors}</visual>'
+        f'<visual><material name="material_3">{colors}</visual></link>'
+        '<gazebo reference="a"><material>Gazebo/Red</material></gazebo></robot>'
+    )
+    root = etree.fromstring(with_absolute_uris(text, tmp_path, name="r"))
+    names = [material.get("name") for material in root.iterfind("link//material")]
+    assert names == ["material_2", "material_4", "", "material_3"]
+    assert root.find("gazebo/material").attrib == {}

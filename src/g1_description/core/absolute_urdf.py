@@ -22,8 +22,8 @@ def read_absolute(asked: str) -> ModelText:
         asked: The model, as for ``read_model``. Its file stays as it is.
 
     Returns:
-        The robot; its text has absolute mesh URIs, and the file's name where it gives
-        the robot none.
+        The robot; its text has absolute mesh URIs, and the names that RViz wants: for
+        the robot that of the file.
 
     Raises:
         DescriptionError: If there is no such model, or it is no robot.

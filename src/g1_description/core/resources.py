@@ -12,6 +12,7 @@ from lxml import etree
 
 from .errors import DescriptionError
 from .model_files import resource_folders
+from .urdf_names import give_names
 from .xml import parse_xml
 
 _HAS_SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*://")
@@ -47,7 +48,8 @@ def with_absolute_uris(
         text: URDF as XML text.
         folder: Folder of the URDF file, which relative names start from.
         package_folder: Gives a package's folder, None if there is no such package.
-        name: Of the robot where the text gives none, which RViz refuses.
+        name: Of the robot where the text gives none; with it materials get names, too,
+            that have none. RViz wants both.
 
     Returns:
         The same XML with ``file://`` URIs in place of plain paths.
@@ -57,7 +59,7 @@ def with_absolute_uris(
     """
     root = parse_xml("robot description", text, keep_comments=True)
     if name is not None:
-        root.set("name", root.get("name", name))
+        give_names(root, name)
     for element in root.iter("mesh", "texture"):
         file = element.get("filename", "")
         if not file:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from lxml import etree
@@ -11,6 +11,7 @@ from ..core.description import Description
 from ..core.model_files import find_folder
 from ..core.model_text import ModelText
 from ..core.resources import FINDABLE, find_file, scheme_of
+from ..core.urdf_names import give_names
 from ..core.xml import parse_xml
 
 
@@ -92,13 +93,17 @@ class Robot:
 def open_robot(model: ModelText) -> Robot:
     """Take a URDF apart; comments, order and unknown tags stay as they are.
 
+    Names that RViz wants and that are not there are given, and told.
+
     Args:
         model: The robot, whose text was found to be harmless.
 
     Returns:
-        The robot, unchanged.
+        The robot, else unchanged.
     """
     root = parse_xml("robot description", model.text, keep_comments=True)
+    changes = give_names(root, model.path.stem)
+    description = replace(model.description, name=root.get("name"))
     folder = model.path.parent
     references = []
     for element in root.iter("mesh", "texture"):
@@ -109,7 +114,7 @@ def open_robot(model: ModelText) -> Robot:
             references.append(
                 Reference(element, f"{whose} {name}", path, kind == "collision")
             )
-    return Robot(model.path, model.description, root, references)
+    return Robot(model.path, description, root, references, changes)
 
 
 def _owner(element: etree._Element) -> tuple[str, str]:
