@@ -311,6 +311,18 @@ def test_a_missing_mesh_stays_if_asked_for(bring):
     assert "the URDF still names it" in bring.told
 
 
+@pytest.mark.parametrize("options", [[], ["--keep-missing"]])
+@pytest.mark.parametrize("element", ["<texture/>", '<texture filename=""/>'])
+def test_a_texture_without_a_name_is_told_as_that(bring, element, options):
+    """There is no name that could stay."""
+    material = f'<material name="green"><color rgba="0 1 0 1"/>{element}</material>'
+    urdf = bring(robot("", links=material), *options)
+    sentence = "The texture of material green names no file; taken out."
+    assert f"\n  {sentence}\n" in bring.told
+    assert f"\n- {sentence}\n" in (urdf.parents[1] / "report.md").read_text()
+    assert "<texture" not in urdf.read_text()
+
+
 def test_what_is_elsewhere_stays(bring):
     urdf = bring(robot(shape("visual", "http://host/x.stl")))
     assert 'filename="http://host/x.stl"' in urdf.read_text()

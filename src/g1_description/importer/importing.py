@@ -98,6 +98,12 @@ class Import:
 
     def _settle(self, robot: Robot, reference: Reference) -> None:
         """Give a mesh or texture its place, or take it out of the URDF."""
+        if not reference.name:
+            kind = reference.element.tag
+            told = f"The {kind} of {reference.owner} names no file; taken out."
+            robot.findings.append(told)
+            reference.remove()
+            return
         if not reference.is_local:
             robot.findings.append(f"{reference.name} ({reference.owner}) is elsewhere.")
             return
