@@ -22,6 +22,7 @@ import numpy as np
 from .assembly import WORLD, Assembly
 from .commands import listed
 from .description import FREE, Description, Inertial, Joint, Link, Shape
+from .inertias import fault_of
 from .rigid import rigid_frames
 from .rotation import to_axes
 from .transform import IDENTITY, compose
@@ -54,7 +55,11 @@ def lump_fixed_joints(description: Description, is_dynamic: bool = True) -> Asse
     kept = _with_mass(root, bodies, joints)
     massless = [name for name in description.link_names if frames[name][0] not in kept]
     told = [f"link {name} has no mass" for name in massless]
-    if not is_dynamic:
+    if is_dynamic:
+        told += _impossible(
+            bodies[name] for name in description.link_names if name in kept
+        )
+    else:
         kept = set(bodies)
         told = [_unlike_gazebo(massless)] if massless else []
     held = tuple(j for j in joints if j.child in kept and j.kind not in FREE)
@@ -87,6 +92,17 @@ def _unlike_gazebo(massless: list[str]) -> str:
         f"{listed(massless)} have no mass or hang on what has none, Gazebo would leave "
         "them out"
     )
+
+
+def _impossible(bodies: Iterable[Link]) -> list[str]:
+    """Say which bodies have an inertia that none has, if any."""
+    found = [body.name for body in bodies if body.inertial and fault_of(body.inertial)]
+    if not found:
+        return []
+    return [
+        f"inertia of {listed(found)} is one that no body has, moments are not positive "
+        "or one is greater than the other two together"
+    ]
 
 
 def _children(joints: Iterable[Joint]) -> set[str]:

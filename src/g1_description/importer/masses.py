@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import numpy as np
 from lxml import etree
 
 from ..core.description import Description, Inertial
+from ..core.inertias import fault_of
 from ..core.rigid import rigid_frames
-
-ROUNDING = 1e-9
-"""Share by which a sum of moments may be missed and still hold."""
 
 
 def massless_links(description: Description) -> tuple[list[str], list[str]]:
@@ -69,20 +66,7 @@ def impossible_inertias(description: Description) -> list[str]:
     for link in description.links:
         if link.inertial is None:
             continue
-        fault = _fault(link.inertial)
+        fault = fault_of(link.inertial)
         if fault:
             sentences.append(f"Link {link.name}: {fault}.")
     return sentences
-
-
-def _fault(inertial: Inertial) -> str:
-    """Say what is wrong with an inertial; empty if nothing is."""
-    if inertial.mass == 0.0:
-        return "mass 0 with an inertia" if inertial.inertia.any() else ""
-    moments = np.linalg.eigvalsh(inertial.inertia)
-    told = ", ".join(f"{moment:.6g}" for moment in moments)
-    if moments[0] <= 0.0:
-        return f"inertia is not positive, principal moments {told}"
-    if moments[2] > (moments[0] + moments[1]) * (1.0 + ROUNDING):
-        return f"inertia breaks the triangle inequality, principal moments {told}"
-    return ""
