@@ -867,7 +867,7 @@ def test_names_that_rviz_wants_are_given_and_told(bring, source):
         '<visual><geometry><box size="1 1 1"/></geometry>'
         '<material><color rgba="0 1 0 1"/></material></visual>'
     )
-    text = f"<!-- mine -->{robot(seen)}".replace('<robot name="r">', "<robot>")
+    text = f"<!-- mine -->{robot(2 * seen)}".replace('<robot name="r">', "<robot>")
     urdf = bring(text)
     assert "No name given for the robot" in checked(source / "r.urdf").stderr
     found = checked(urdf)
@@ -879,7 +879,8 @@ def test_names_that_rviz_wants_are_given_and_told(bring, source):
     changed = report[report.index("### Changed") :]
     for sentence in (
         "The robot, which had no name, is named r, as its file.",
-        "A material of link base, which had no name, is named material_1.",
+        "Materials that had no name are named material_1 (link base), material_2 "
+        "(link base).",
     ):
         assert sentence in changed
         assert sentence in bring.told

@@ -19,7 +19,7 @@ def give_names(root: etree._Element, name: str) -> list[str]:
         name: For the robot.
 
     Returns:
-        A sentence for each name that was given.
+        A sentence for the robot, and one for all materials, that got a name.
     """
     told = []
     if root.get("name") is None:
@@ -27,13 +27,13 @@ def give_names(root: etree._Element, name: str) -> list[str]:
         told.append(f"The robot, which had no name, is named {name}, as its file.")
     taken = {material.get("name") for material in root.iter("material")}
     free = (f"material_{number}" for number in count(1))
+    given = []
     for link in root.findall("link"):
         for material in link.findall("visual/material"):
             if material.get("name") is None:
                 new = next(word for word in free if word not in taken)
                 material.set("name", new)
-                told.append(
-                    f"A material of link {link.get('name')}, which had no name, is "
-                    f"named {new}."
-                )
+                given.append(f"{new} (link {link.get('name')})")
+    if given:
+        told.append(f"Materials that had no name are named {', '.join(given)}.")
     return told
