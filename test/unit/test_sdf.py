@@ -581,7 +581,6 @@ LOOP = joint("fixed", "b", "c", name="bc") + joint("fixed", "c", "b", name="cb")
         (sdf(model("<link/>")), "A link of the SDF has no name"),
         (sdf(model(A_B + link("a"))), "two of the name a in model 'm'"),
         (sdf(model(link("world"))), "link called world"),
-        (sdf(model(link("a", collision("<box/>") * 2))), "collision c twice"),
         (
             sdf(model(A_B + link("c") + joint() + joint(child="c"))),
             "the joint ab twice",
@@ -1129,6 +1128,24 @@ def test_a_joint_without_its_links_is_left_out_with_the_reason(ends, why, static
     found = [one.name for one in assembly.description.joints if one.listed]
     assert found == ["ad"]
     assert assembly.left_out == (f"joint ab is left out: {why}",)
+
+
+@pytest.mark.parametrize("tag", ["collision", "visual"])
+def test_shapes_of_one_name_are_all_there_and_named(tag):
+    shapes = collision("<box/>", tag=tag) + collision("<sphere/>", tag=tag)
+    other = collision("<box/>", tag="visual" if tag == "collision" else "collision")
+    alone = model(link("a", shapes), name="inner")
+    assembly = read_model(link("a", shapes + other) + link("b", other) + alone).assembly
+    first, _, inner = assembly.description.links
+    found = [first, inner]
+    found = [one.collisions if tag == "collision" else one.visuals for one in found]
+    assert [[(s.kind, s.name) for s in one] for one in found] == [
+        [("box", "c"), ("sphere", "c")]
+    ] * 2
+    assert assembly.left_out == (
+        f"link a has 2 {tag}s of the name c",
+        f"link inner::a has 2 {tag}s of the name c",
+    )
 
 
 @pytest.mark.parametrize("version", ["1.6", "1.7"])

@@ -85,13 +85,9 @@ def _shapes(
     element: etree._Element, tag: str, link: str, scope: Scope
 ) -> Iterator[Shape]:
     """Read the visuals or the collisions of a link, those that can be simulated."""
-    names = set()
     for shape in element.findall(tag):
-        name = name_of(shape)
-        if name in names:
-            raise DescriptionError(f"Link {link} has the {tag} {name} twice.")
-        names.add(name)
-        yield from _shape(shape, f"{tag} {name} of link {link}", link, scope)
+        owner = f"{tag} {name_of(shape)} of link {link}"
+        yield from _shape(shape, owner, link, scope)
 
 
 def _shape(

@@ -6,6 +6,7 @@ their default; everything else is named.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 
 from lxml import etree
@@ -95,6 +96,7 @@ def unread(root: etree._Element) -> tuple[str, ...]:
     clauses: dict[str, None] = {}
     waiting = [(root, _owner(root, "", ""), "")]
     for element, owner, scope in waiting:
+        clauses.update(dict.fromkeys(_namesakes(element, owner)))
         for child in element:
             tag = etree.QName(child).localname
             if tag in _LOOKS:
@@ -111,6 +113,17 @@ def unread(root: etree._Element) -> tuple[str, ...]:
             elif tag not in ("model", "light", "world"):
                 waiting.append((child, _owner(child, scope, owner), scope))
     return tuple(filter(None, clauses))
+
+
+def _namesakes(element: etree._Element, owner: str) -> Iterator[str]:
+    """Name the shapes of a link that have one name: Gazebo takes them, and so do we."""
+    if element.tag != "link":
+        return
+    shapes = (child for child in element if child.tag in ("collision", "visual"))
+    counts = Counter((shape.tag, shape.get("name", "")) for shape in shapes)
+    for (tag, name), count in counts.items():
+        if count > 1:
+            yield f"{owner} has {count} {tag}s of the name {name}"
 
 
 def _owner(element: etree._Element, scope: str, above: str) -> str:
