@@ -46,12 +46,43 @@ def test_links_without_mass_are_there_and_move(make_world, inside):
     np.testing.assert_allclose(world.link_state("tip")[0][:3], [2, 0, 1], atol=1e-12)
 
 
-def test_one_warning_names_what_gazebo_would_leave_out(make_world):
-    told = make_world().spawn_urdf("m", arm(root=MASS, tip=MASS), HIGH)
-    assert told == (
-        "middle, tip, wart have no mass or hang on what has none, Gazebo would leave "
-        "them out",
-    )
+@pytest.mark.parametrize(
+    ("inside", "told"),
+    [
+        ({"root": MASS, "tip": MASS}, "middle has no mass and tip, wart hang on it"),
+        ({"root": MASS}, "middle, tip, wart have no mass"),
+        ({"tip": MASS}, "root, middle have no mass and tip, wart hang on them"),
+        ({"middle": MASS, "tip": MASS}, "root has no mass and middle, tip, wart hang"),
+    ],
+)
+def test_one_warning_names_what_gazebo_would_leave_out(make_world, inside, told):
+    (line,) = make_world().spawn_urdf("m", arm(**inside), HIGH)
+    assert line.startswith(told) and line.endswith(": Gazebo would leave them out")
+
+
+@pytest.mark.parametrize(
+    ("hand", "told"),
+    [
+        ("", "arm, hand have no mass: Gazebo would leave them out"),
+        (MASS, "arm has no mass and hand hangs on it: Gazebo would leave them out"),
+        (None, "arm has no mass: Gazebo would leave it out"),
+    ],
+)
+def test_of_one_link_the_warning_speaks_as_of_one(make_world, hand, told):
+    text = arm(MASS).split('<link name="middle">')[0] + '<link name="arm"/>'
+    ends = [("root", "arm")]
+    if hand is not None:
+        text += f'<link name="hand">{hand}</link>'
+        ends.append(("arm", "hand"))
+    for parent, child in ends:
+        text += (
+            f'<joint name="{child}" type="revolute"><parent link="{parent}"/>'
+            f'<child link="{child}"/>{LIMIT}</joint>'
+        )
+    assert make_world().spawn_urdf("m", f"{text}</robot>", HIGH) == (told,)
+
+
+def test_where_all_has_a_mass_nothing_is_told(make_world):
     assert make_world().spawn_urdf("m", arm(MASS, MASS, MASS), HIGH) == ()
 
 

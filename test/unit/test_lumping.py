@@ -108,13 +108,22 @@ def test_a_link_without_mass_vanishes_with_all_below_it():
     lumped = lump(
         link("base"),
         link("ghost", ""),
+        link("shade", ""),
         link("hand"),
+        link("finger"),
         joint("one", "continuous", "base", "ghost"),
-        joint("two", "continuous", "ghost", "hand"),
+        joint("nought", "fixed", "ghost", "shade"),
+        joint("two", "continuous", "shade", "hand"),
+        joint("three", "continuous", "hand", "finger"),
     )
     assert lumped.description.link_names == ("base",)
     assert lumped.description.joints == ()
-    assert lumped.left_out == ("link ghost has no mass", "link hand has no mass")
+    assert lumped.left_out == (
+        "link ghost has no mass",
+        "link shade has no mass",
+        "link hand hangs on ghost, which has no mass",
+        "link finger hangs on ghost, which has no mass",
+    )
 
 
 def test_a_robot_without_any_mass_has_no_bodies():

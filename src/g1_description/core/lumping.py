@@ -52,16 +52,28 @@ def lump_fixed_joints(description: Description, is_dynamic: bool = True) -> Asse
     )
     if description.static:
         joints = tuple(_held(joint) for joint in joints)
-    kept = _with_mass(root, bodies, joints)
-    massless = [name for name in description.link_names if frames[name][0] not in kept]
-    told = [f"link {name} has no mass" for name in massless]
+    massless = _massless(root, bodies, joints)
+    why = {
+        name: massless[frames[name][0]]
+        for name in description.link_names
+        if frames[name][0] in massless
+    }
+    told = [
+        f"link {name} has no mass"
+        if frames[name][0] == body
+        else f"link {name} hangs on {body}, which has no mass"
+        for name, body in why.items()
+    ]
+    kept = set(bodies) - set(massless)
     if is_dynamic:
         told += _impossible(
             bodies[name] for name in description.link_names if name in kept
         )
     else:
         kept = set(bodies)
-        told = [_unlike_gazebo(massless)] if massless else []
+        bare = [name for name, body in why.items() if frames[name][0] == body]
+        hanging = [name for name, body in why.items() if frames[name][0] != body]
+        told = [_unlike_gazebo(bare, hanging)] if why else []
     held = tuple(j for j in joints if j.child in kept and j.kind not in FREE)
     free = tuple(j for j in joints if j.child in kept and j.kind in FREE)
     if root == WORLD and free and not any(joint.parent == WORLD for joint in held):
@@ -86,12 +98,19 @@ def lump_fixed_joints(description: Description, is_dynamic: bool = True) -> Asse
     )
 
 
-def _unlike_gazebo(massless: list[str]) -> str:
-    """Say which links are there though Gazebo would leave them out."""
-    return (
-        f"{listed(massless)} have no mass or hang on what has none, Gazebo would leave "
-        "them out"
-    )
+def _unlike_gazebo(bare: list[str], hanging: list[str]) -> str:
+    """Say which links are there though Gazebo would leave them out.
+
+    Args:
+        bare: Links without mass.
+        hanging: Links with mass that hang on them.
+    """
+    one, alone = len(bare) == 1, len(bare) + len(hanging) == 1
+    words = f"{listed(bare)} {'has' if one else 'have'} no mass"
+    if hanging:
+        verb = "hangs" if len(hanging) == 1 else "hang"
+        words += f" and {listed(hanging)} {verb} on {'it' if one else 'them'}"
+    return f"{words}: Gazebo would leave {'it' if alone else 'them'} out"
 
 
 def _impossible(bodies: Iterable[Link]) -> list[str]:
@@ -232,12 +251,21 @@ def _held(joint: Joint) -> Joint:
     return replace(joint, kind="fixed", listed=joint.kind not in FREE)
 
 
-def _with_mass(
+def _massless(
     root: str, bodies: dict[str, Link], joints: tuple[Joint, ...]
-) -> set[str]:
-    """Find the bodies that have mass and hang on bodies that have mass."""
-    kept = {root} if root == WORLD or bodies[root].inertial is not None else set()
+) -> dict[str, str]:
+    """Find the bodies that have no mass, and all that hang on them.
+
+    Returns:
+        Of each its own name where it has no mass, else the name of the nearest body
+        above it that has none.
+    """
+    found: dict[str, str] = {}
+    if root != WORLD and bodies[root].inertial is None:
+        found[root] = root
     for joint in below([root], joints):
-        if joint.parent in kept and bodies[joint.child].inertial is not None:
-            kept.add(joint.child)
-    return kept
+        if bodies[joint.child].inertial is None:
+            found[joint.child] = joint.child
+        elif joint.parent in found:
+            found[joint.child] = found[joint.parent]
+    return found
