@@ -310,3 +310,16 @@ def test_a_model_is_found_beside_a_link_of_its_name(make_world):
         world.spawn(name, model.assembly, np.array([0, 0, 1.0, 0, 0, 0, 1]))
     assert world.entities.model("robot").scoped == "robot"
     assert world.entities.link("robot").scoped == "a::robot"
+
+
+@pytest.mark.parametrize("physics", ["kinematic", "hold", "limp"])
+def test_a_joint_whose_limits_are_in_the_wrong_order_goes_anywhere(make_world, physics):
+    world = make_world(physics)
+    text = GANTRY.replace('lower="-1" upper="1"', 'lower="1" upper="-1"')
+    (told,) = world.spawn_urdf("gantry", text, UP)
+    assert told.startswith("joint rail has no limits: ")
+    assert not world.set_joint_positions("gantry", {"rail": 3.0}).clamped
+    for _ in range(3):
+        world.step()
+    rail = world.model("gantry").joint_names.index("rail")
+    assert world.model("gantry").position[rail] == pytest.approx(3.0, abs=1e-3)

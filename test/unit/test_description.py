@@ -17,6 +17,9 @@ def joint(kind="continuous", parent="a", child="b", inside=""):
     )
 
 
+LIMIT = '<limit lower="{}" upper="{}" effort="7" velocity="8"/>'
+
+
 def robot(inside):
     return f'<robot name="r">{inside}</robot>'
 
@@ -41,8 +44,12 @@ def robot(inside):
         (robot(A_B + joint(inside='<axis xyz="0 0 0"/>')), "no direction"),
         (robot(A_B + joint(inside='<axis xyz="0 0"/>')), "not URDF"),
         (
-            robot(A_B + joint(inside='<limit lower="1" upper="0" effort="1"/>')),
-            "not URDF|lower limit 1.0 above its upper 0.0",
+            robot(A_B + joint("revolute", inside=LIMIT.format("nan", "1"))),
+            "limits of joint ab are nan to 1: no position is left",
+        ),
+        (
+            robot(A_B + joint("prismatic", inside=LIMIT.format("inf", "inf"))),
+            "limits of joint ab are inf to inf: no position is left",
         ),
         (
             robot(
@@ -63,6 +70,24 @@ def robot(inside):
 def test_a_wrong_file_is_refused_with_facts(text, words):
     with pytest.raises(DescriptionError, match=words):
         parse_urdf(text)
+
+
+@pytest.mark.parametrize(
+    ("kind", "becomes"), [("revolute", "continuous"), ("prismatic", "prismatic")]
+)
+def test_limits_in_the_wrong_order_are_none_as_in_gazebo(kind, becomes):
+    text = robot(BODY + BODY.replace('name="a"', 'name="b"'))
+    text = text.replace(
+        "</robot>", joint(kind, inside=LIMIT.format(1, -1)) + "</robot>"
+    )
+    description = parse_urdf(text)
+    (found,) = description.joints
+    assert (found.kind, found.lower, found.upper) == (becomes, -np.inf, np.inf)
+    assert (found.effort, found.velocity) == (7.0, 8.0)
+    told = lump_fixed_joints(description).left_out
+    assert told == (
+        "joint ab has no limits: its lower one, 1, is above its upper one, -1",
+    )
 
 
 BODY = (

@@ -119,6 +119,9 @@ class Joint:
     damping: float = 0.0
     friction: float = 0.0
 
+    remark: str = ""
+    """A clause on what it is in spite of what the file says; empty for most."""
+
     listed: bool = True
     """False where no file names it: it only holds links of a static model together."""
 

@@ -94,6 +94,7 @@ def lump_fixed_joints(description: Description, is_dynamic: bool = True) -> Asse
             *description.left_out,
             *told,
             *(f"joint {j.name} is {j.kind}, {j.child} is free" for j in free),
+            *(joint.remark for joint in held if joint.remark),
         ),
     )
 

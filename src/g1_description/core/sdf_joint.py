@@ -13,6 +13,7 @@ import numpy as np
 from lxml import etree
 
 from .assembly import WORLD
+from .bounds import position_limits
 from .description import MOVABLE, Joint
 from .errors import LARGEST, DescriptionError
 from .rotation import rotate
@@ -103,7 +104,9 @@ def read_joint(
     if kind == "fixed":
         return joint
     owner, axis = f"joint {joint.name}", element.find("axis")
-    lower, upper = _bounds(axis, owner) if kind != "continuous" else (-np.inf, np.inf)
+    lower, upper, remark = -np.inf, np.inf, ""
+    if kind != "continuous":
+        lower, upper, remark = _bounds(axis, owner)
     free = np.isinf([lower, upper]).all()
     dynamics = None if axis is None else axis.find("dynamics")
     limit = None if axis is None else axis.find("limit")
@@ -118,6 +121,7 @@ def read_joint(
         velocity=_most(limit, "velocity", owner),
         damping=number(dynamics, "damping", 0.0, owner, 0.0),
         friction=number(dynamics, "friction", 0.0, owner, 0.0),
+        remark=remark,
     )
 
 
@@ -136,16 +140,16 @@ def _axis(
     return rotate(T_child_given[3:], unit(f"axis of {owner}", xyz))
 
 
-def _bounds(axis: etree._Element | None, owner: str) -> tuple[float, float]:
-    """Read the limits of a position, infinite where SDF's numbers mean none."""
+def _bounds(axis: etree._Element | None, owner: str) -> tuple[float, float, str]:
+    """Read the limits of a position, infinite where SDF's numbers mean none.
+
+    Returns:
+        Lower and upper limit, and a clause if they are not those of the file.
+    """
     limit = None if axis is None else axis.find("limit")
     lower = _limit(limit, "lower", -np.inf, owner)
     upper = _limit(limit, "upper", np.inf, owner)
-    if not lower <= upper or lower == np.inf or upper == -np.inf:
-        raise DescriptionError(
-            f"The limits of {owner} are {lower:g} to {upper:g}: no position is left."
-        )
-    return lower, upper
+    return position_limits(owner, lower, upper)
 
 
 def _most(limit: etree._Element | None, tag: str, owner: str) -> float:

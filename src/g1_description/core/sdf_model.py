@@ -160,7 +160,8 @@ def _joints(
     """Read the joints of a model that make no loop; all fixed where it is static.
 
     Returns:
-        The joints, and a clause for each that is left out or holds still.
+        The joints, and a clause for each that is left out, holds still or is not as it
+        is written.
     """
     written, left_out = _written_joints(scopes, links)
     # What cannot be simulated comes last: it holds what nothing else joins.
@@ -182,6 +183,7 @@ def _joints(
             left_out.append(f"joint {one.name} {why}: {held}")
         elif not static:
             joint = read_joint(one.element, joint, one.frame, one.scope)
+            left_out += [joint.remark] if joint.remark else []
         joints.append(joint)
     return tuple(joints), left_out
 

@@ -15,7 +15,7 @@ from lxml import etree
 from urdf_parser_py import urdf
 from urdf_parser_py.xml_reflection import core as xml_reflection
 
-from .bounds import checked
+from .bounds import checked, position_limits
 from .colors import named_colors, visual_colors
 from .description import MOVABLE, Description, Inertial, Joint, Link, Shape
 from .errors import DescriptionError
@@ -41,8 +41,8 @@ def parse_urdf(text: str) -> Description:
         text: URDF as XML text.
 
     Returns:
-        The robot, checked to be one tree with unit axes and ordered limits. Its name is
-        empty where the file gives none.
+        The robot, checked to be one tree with unit axes and ordered limits, infinite
+        where the file's are not in order. Its name is empty where the file gives none.
 
     Raises:
         DescriptionError: If the text is not XML, not URDF, or not one tree.
@@ -175,16 +175,14 @@ def _joint(joint: urdf.Joint, extensions: Extensions) -> Joint:
     if dynamics is not None:
         numbers = [dynamics.damping or 0.0, dynamics.friction or 0.0]
         checked(f"the dynamics of joint {joint.name}", numbers)
-    bounded = limit is not None and joint.type in ("revolute", "prismatic")
-    lower = float(limit.lower or 0.0) if bounded else -np.inf
-    upper = float(limit.upper or 0.0) if bounded else np.inf
-    if not lower <= upper:
-        raise DescriptionError(
-            f"Joint {joint.name} has its lower limit {lower} above its upper {upper}."
-        )
+    lower, upper, remark = -np.inf, np.inf, ""
+    if limit is not None and joint.type in ("revolute", "prismatic"):
+        bounds = [float(limit.lower or 0.0), float(limit.upper or 0.0)]
+        lower, upper, remark = position_limits(f"joint {joint.name}", *bounds)
+    turns_on = joint.type == "revolute" and np.isinf([lower, upper]).all()
     return Joint(
         name=joint.name,
-        kind=joint.type,
+        kind="continuous" if turns_on else joint.type,
         parent=joint.parent,
         child=joint.child,
         pose=_pose(f"joint {joint.name}", joint.origin),
@@ -196,4 +194,5 @@ def _joint(joint: urdf.Joint, extensions: Extensions) -> Joint:
         damping=float(dynamics.damping or 0.0) if dynamics is not None else 0.0,
         friction=float(dynamics.friction or 0.0) if dynamics is not None else 0.0,
         kept_as=extensions.kept.get(joint.name, "") if joint.type == "fixed" else "",
+        remark=remark,
     )
