@@ -66,6 +66,40 @@ def test_what_stands_before_the_declaration_does_no_harm(write, before):
     assert open_robot(read_model(str(file))).root.get("name") == "r"
 
 
+PREFIXED = (
+    ROBOT.replace("<robot", '<robot a:b="1"')
+    .replace('<link name="a"', '<link c:d="2" name="a"')
+    .replace("</robot>", '<sensor:camera name="eye"><x:y/></sensor:camera></robot>')
+)
+
+
+def test_a_prefix_needs_no_namespace(write):
+    file = write("r.urdf", PREFIXED)
+    assert PREFIXED.count(":") == 5
+    assert read_model(str(file)).description.name == "r"
+    text = absolute_urdf(str(file))
+    assert '<sensor:camera name="eye"><x:y/></sensor:camera>' in text
+    assert parse_urdf(text).link_names == ("a",)
+    copy = open_robot(read_model(str(file))).text().decode()
+    assert "<x:y/>" in copy and parse_urdf(copy).link_names == ("a",)
+
+
+@pytest.mark.parametrize(
+    ("after", "words"),
+    [
+        ("<c>", "not XML: Opening and ending tag mismatch: c line 1 and robot"),
+        ("&b;", "not XML: Entity 'b' not defined"),
+        ("\x01", "invalid Char value 1"),
+        ("<c d='1' d='2'/>", "not XML: Attribute d redefined"),
+    ],
+)
+def test_beside_an_undeclared_prefix_all_other_faults_are_told(write, after, words):
+    text = PREFIXED.replace("</robot>", f"{after}</robot>")
+    assert words in refusal(write("r.urdf", text))
+    declared = f"<!DOCTYPE robot>{PREFIXED}"
+    assert "has a DOCTYPE" in refusal(write("s.urdf", declared))
+
+
 def test_a_line_is_counted_from_the_first_one_of_the_file(write):
     told = refusal(write("r.urdf", f"\n{DECLARATION}\n<robot>\n<link>\n</robot>"))
     assert "line 5" in told

@@ -1156,6 +1156,18 @@ def test_shapes_of_one_name_are_all_there_and_named(tag):
     )
 
 
+def test_a_prefix_needs_no_namespace():
+    """TinyXML knows none; a prefix that is declared is no other case."""
+    inside = link("a", '<x:camera x:y="1"><pose/></x:camera>' + collision("<x:box/>"))
+    known = model(inside).replace("<model", '<model xmlns:x="http://x"')
+    for text in (model(inside), known):
+        (found,) = read_sdf(sdf(text)).models
+        assert found.assembly.left_out == (
+            "camera of link a is not simulated",
+            "box in collision c of link a is not simulated",
+        )
+
+
 @pytest.mark.parametrize("version", ["1.6", "1.7"])
 def test_a_link_may_be_the_parent_of_the_world(version):
     """Gazebo fixes it; it is the world that its libsdformat complains of."""

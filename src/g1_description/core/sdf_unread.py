@@ -98,7 +98,7 @@ def unread(root: etree._Element) -> tuple[str, ...]:
     for element, owner, scope in waiting:
         clauses.update(dict.fromkeys(_namesakes(element, owner)))
         for child in element:
-            tag = etree.QName(child).localname
+            tag = child.tag.rpartition("}")[2].rpartition(":")[2]
             if tag in _LOOKS:
                 continue
             clauses[_read_as(child, owner)] = None

@@ -47,6 +47,8 @@ def keep_parts(robot: etree._Element) -> None:
     robot.set("name", name)
     waiting = [robot]
     for element in waiting:
+        for key in [key for key in element.attrib if ":" in key]:
+            del element.attrib[key]  # of another format; its prefix may be unknown
         for child in _surplus(element):
             element.remove(child)
         waiting.extend(element)

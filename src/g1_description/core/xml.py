@@ -2,7 +2,8 @@
 
 Nothing is fetched, no file is opened for an entity, and a document that declares
 entities is refused: what it means could be a thousand times its length. What stands
-before the XML declaration is passed over, as TinyXML does it in Gazebo and RViz.
+before the XML declaration is passed over, and a namespace need not be declared, as
+for TinyXML in Gazebo and RViz: an undeclared prefix is part of the name.
 """
 
 from __future__ import annotations
@@ -35,7 +36,31 @@ def parse_xml(what: str, text: str, keep_comments: bool = False) -> etree._Eleme
     Raises:
         DescriptionError: If it is not XML, or declares entities.
     """
-    parser = etree.XMLParser(
+    declaration = _DECLARATION.match(text)
+    if declaration:
+        text = declaration[1] + text[declaration.end() :]
+    parser = _parser(keep_comments)
+    try:
+        data = text.lstrip("\ufeff").encode("utf-8")
+        try:
+            root = etree.fromstring(data, parser)
+        except SyntaxError:
+            if not parser.error_log or _faults(parser):
+                raise
+            root = etree.fromstring(data, _parser(keep_comments, recover=True))
+    # A reader's ParseError is a SyntaxError, a character that is none a ValueError.
+    except (SyntaxError, ValueError) as error:
+        # The text of a ParseError repeats the line, behind the name of no file.
+        why = next(iter(_faults(parser)), getattr(error, "msg", None) or error)
+        raise DescriptionError(f"The {what} is not XML: {why}.") from error
+    if root.getroottree().docinfo.doctype:
+        raise DescriptionError(f"The {what} has a DOCTYPE; no entities are read.")
+    return root
+
+
+def _parser(keep_comments: bool, recover: bool = False) -> etree.XMLParser:
+    """Make a reader that does no harm; one that recovers takes what is no XML."""
+    return etree.XMLParser(
         resolve_entities=False,
         no_network=True,
         load_dtd=False,
@@ -43,20 +68,17 @@ def parse_xml(what: str, text: str, keep_comments: bool = False) -> etree._Eleme
         remove_comments=not keep_comments,
         remove_pis=not keep_comments,
         encoding="utf-8",
+        recover=recover,
     )
-    declaration = _DECLARATION.match(text)
-    if declaration:
-        text = declaration[1] + text[declaration.end() :]
-    try:
-        root = etree.fromstring(text.lstrip("\ufeff").encode("utf-8"), parser)
-    # A reader's ParseError is a SyntaxError, a character that is none a ValueError.
-    except (SyntaxError, ValueError) as error:
-        # The text of a ParseError repeats the line, behind the name of no file.
-        why = getattr(error, "msg", None) or error
-        raise DescriptionError(f"The {what} is not XML: {why}.") from error
-    if root.getroottree().docinfo.doctype:
-        raise DescriptionError(f"The {what} has a DOCTYPE; no entities are read.")
-    return root
+
+
+def _faults(parser: etree.XMLParser) -> list[str]:
+    """Tell what was wrong with a document, but for its namespaces."""
+    return [
+        f"{entry.message}, line {entry.line}, column {entry.column}"
+        for entry in parser.error_log
+        if entry.domain != etree.ErrorDomains.NAMESPACE
+    ]
 
 
 def part_at_fault(
