@@ -6,6 +6,8 @@ import pytest
 
 from g1_description.core.errors import DescriptionError
 from g1_description.core.model_files import find_model
+from g1_description.core.resources import package_name
+from g1_description.ros import gazebo_start
 
 
 @pytest.fixture
@@ -76,6 +78,28 @@ def test_a_config_that_is_wrong_is_told(folder):
         config.write_text(text)
         with pytest.raises(DescriptionError, match=words):
             find_model("model://my lamp")
+
+
+def test_a_model_is_in_the_encoding_that_it_declares(folder):
+    text = '<?xml version="1.0" encoding="ISO-8859-1"?><model><sdf>ü.sdf</sdf></model>'
+    (folder / "model.config").write_bytes(text.encode("latin-1"))
+    (folder / "ü.sdf").write_bytes(
+        '<?xml version="1.0" encoding="cp1252"?>€'.encode("cp1252")
+    )
+    assert find_model("model://my lamp") == "€"
+    (folder / "ü.sdf").write_bytes(b"\xff")
+    assert find_model("model://my lamp") == "\ufffd"
+
+
+def test_a_world_and_a_manifest_are_in_the_encoding_that_they_declare(tmp_path):
+    begin = '<?xml version="1.0" encoding="ISO-8859-1"?>'
+    world = f'{begin}<sdf version="1.7"><light name="ü"/></sdf>'.encode("latin-1")
+    (tmp_path / "l.world").write_bytes(world)
+    (light,) = gazebo_start._content(str(tmp_path / "l.world")).lights
+    assert light.name == "ü"
+    manifest = f"{begin}<package><name>p</name><author>ü</author></package>"
+    (tmp_path / "package.xml").write_bytes(manifest.encode("latin-1"))
+    assert package_name(tmp_path / "package.xml") == "p"
 
 
 def test_what_no_model_can_be_is_not_read(folder):

@@ -66,6 +66,35 @@ def test_what_stands_before_the_declaration_does_no_harm(write, before):
     assert open_robot(read_model(str(file))).root.get("name") == "r"
 
 
+LATIN = '<?xml version="1.0" encoding="{}"?>\n<robot name="é"><link name="a"/></robot>'
+
+
+@pytest.mark.parametrize("before", ["", "\n", "<!-- ü -->"])
+@pytest.mark.parametrize("encoding", ["ISO-8859-1", "windows-1252", "latin1"])
+def test_a_file_is_in_the_encoding_that_it_declares(write, encoding, before):
+    file = write("r.urdf")
+    file.write_bytes((before + LATIN.format(encoding)).encode(encoding))
+    model = read_model(str(file))
+    assert model.description.name == "é"
+    assert model.text.startswith(f"{before}\n<robot")
+    assert parse_urdf(absolute_urdf(str(file))).name == "é"
+
+
+@pytest.mark.parametrize("encoding", ["ISO-8859-1", "us-ascii", "utf-16", "none"])
+def test_what_is_utf_8_is_read_as_that_whatever_it_declares(write, encoding):
+    file = write("r.urdf", LATIN.format(encoding))
+    assert read_model(str(file)).description.name == "é"
+
+
+@pytest.mark.parametrize(
+    "encoding", ["us-ascii", "utf-8", "utf-16", "zlib", "punycode", "idna", "none"]
+)
+def test_bytes_that_are_in_no_encoding_of_the_file_are_refused(write, encoding):
+    file = write("r.urdf")
+    file.write_bytes(LATIN.format(encoding).encode("latin-1"))
+    assert f"Line 2 of {file} is not UTF-8, and no other encoding" in refusal(file)
+
+
 PREFIXED = (
     ROBOT.replace("<robot", '<robot a:b="1"')
     .replace('<link name="a"', '<link c:d="2" name="a"')

@@ -65,6 +65,13 @@ def test_a_file_is_sent_as_it_is(tmp_path):
     assert spawn_model.read_text(source(file=str(file))) == text
 
 
+def test_a_file_in_another_encoding_is_sent_without_its_declaration(tmp_path):
+    file = tmp_path / "robot.urdf"
+    text = '<?xml version="1.0" encoding="ISO-8859-1"?><robot name="ü"/>'
+    file.write_bytes(text.encode("latin-1"))
+    assert spawn_model.read_text(source(file=str(file))) == '<robot name="ü"/>'
+
+
 @pytest.mark.parametrize(
     ("content", "words"),
     [

@@ -13,7 +13,7 @@ from lxml import etree
 
 from .errors import DescriptionError
 from .sdf_world import NEWEST, version_number
-from .xml import parse_xml
+from .xml import decoded, parse_xml
 
 MODEL_PATH = "GAZEBO_MODEL_PATH"
 """Environment variable with the folders that models lie in."""
@@ -62,7 +62,7 @@ def _exported_folders(packages: rospkg.RosPack, attribute: str) -> tuple[str, ..
 def _exports_to_gazebo(manifest: Path) -> list[etree._Element]:
     """Read what a package exports to gazebo_ros; nothing where it cannot be read."""
     try:
-        root = parse_xml("package", manifest.read_bytes().decode(errors="replace"))
+        root = parse_xml("package", decoded(manifest.read_bytes(), "replace"))
     except (OSError, DescriptionError):
         return []
     return root.findall("export/gazebo_ros")
@@ -134,7 +134,7 @@ def find_model(uri: str) -> str | None:
             return None
         if file.stat().st_size > LARGEST_FILE:
             raise DescriptionError(f"{file} is too large to be a model.")
-        return file.read_text(encoding="utf-8", errors="replace")
+        return decoded(file.read_bytes(), "replace")
     except OSError as error:
         raise DescriptionError(f"{place} cannot be read: {error.strerror}.") from error
 
@@ -148,7 +148,7 @@ def _model_file(folder: Path) -> Path:
     config = folder / "model.config"
     if not config.is_file():
         return folder / "model.sdf"
-    text = config.read_text(encoding="utf-8", errors="replace")
+    text = decoded(config.read_bytes(), "replace")
     files = parse_xml(f"file {config}", text).findall("sdf")
     best, known = None, (0, 0)
     for element in files:

@@ -13,6 +13,7 @@ from .errors import DescriptionError
 from .model_files import LARGEST_FILE
 from .model_path import find_model_file, split_arguments
 from .urdf import parse_urdf
+from .xml import decoded
 
 PATIENCE = 60.0
 """Longest time that xacro may take, in [s]."""
@@ -68,10 +69,13 @@ def _read(path: Path) -> str:
     except OSError as error:
         raise DescriptionError(f"{path} cannot be read: {error.strerror}.") from error
     try:
-        return data.decode("utf-8-sig")
+        return decoded(data)
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
-        raise DescriptionError(f"Line {line} of {path} is not UTF-8.") from error
+        raise DescriptionError(
+            f"Line {line} of {path} is not UTF-8, and no other encoding is declared "
+            "that it could be."
+        ) from error
 
 
 def _expand(path: Path, arguments: dict[str, str]) -> str:

@@ -13,7 +13,7 @@ from lxml import etree
 from .errors import DescriptionError
 from .model_files import resource_folders
 from .urdf_names import give_names
-from .xml import parse_xml
+from .xml import decoded, parse_xml
 
 _HAS_SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*://")
 
@@ -115,7 +115,7 @@ def _around(folder: Path) -> dict[str, str]:
 def package_name(manifest: Path) -> str | None:
     """Read a package's name; None where there is no package."""
     try:
-        text = manifest.read_text(encoding="utf-8")
+        text = decoded(manifest.read_bytes())
         name = parse_xml("package manifest", text).findtext("name")
     except (OSError, UnicodeError, DescriptionError):
         return None

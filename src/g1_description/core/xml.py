@@ -11,6 +11,7 @@ from __future__ import annotations
 import copy
 import re
 from collections.abc import Callable
+from contextlib import suppress
 
 from lxml import etree
 
@@ -20,6 +21,50 @@ _DECLARATION = re.compile(
     r"((?:\s|\ufeff|<!--(?:(?!-->).)*-->)*)<\?xml\s(?:(?!\?>).)*\?>", re.DOTALL
 )
 """The XML declaration, and the blanks and comments before it."""
+
+_ENCODING = re.compile(r"""\sencoding\s*=\s*["']([\w.-]+)["']""", re.ASCII)
+
+_ASCII = "".join(map(chr, range(128)))
+
+
+def decoded(data: bytes, errors: str = "strict") -> str:
+    """Give the text of an XML file.
+
+    Args:
+        data: The file: UTF-8, whatever it declares, or what it declares.
+        errors: What ``bytes.decode`` does about a file that is neither.
+
+    Returns:
+        The text; without its declaration, where that tells another encoding.
+
+    Raises:
+        UnicodeDecodeError: If the file is neither.
+    """
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        encoding = _declared_encoding(data)
+    with suppress(UnicodeDecodeError):
+        return _without_declaration(data.decode(encoding))
+    return data.decode("utf-8", errors)
+
+
+def _declared_encoding(data: bytes) -> str:
+    """Find the encoding that an XML file declares; UTF-8 where it is no known one."""
+    declaration = _DECLARATION.match(data.decode("latin-1"))
+    if declaration:
+        named = _ENCODING.search(declaration[0], declaration.end(1))
+        with suppress(LookupError, UnicodeError):
+            # Only in an extension of ASCII the declaration itself can be read.
+            if named and _ASCII.encode().decode(named[1]) == _ASCII:
+                return named[1]
+    return "utf-8"
+
+
+def _without_declaration(text: str) -> str:
+    """Take the XML declaration out of a document, and leave what stands before it."""
+    declaration = _DECLARATION.match(text)
+    return declaration[1] + text[declaration.end() :] if declaration else text
 
 
 def parse_xml(what: str, text: str, keep_comments: bool = False) -> etree._Element:
@@ -36,9 +81,7 @@ def parse_xml(what: str, text: str, keep_comments: bool = False) -> etree._Eleme
     Raises:
         DescriptionError: If it is not XML, or declares entities.
     """
-    declaration = _DECLARATION.match(text)
-    if declaration:
-        text = declaration[1] + text[declaration.end() :]
+    text = _without_declaration(text)
     parser = _parser(keep_comments)
     try:
         data = text.lstrip("\ufeff").encode("utf-8")

@@ -11,6 +11,7 @@ from ..core.assembly import Assembly
 from ..core.errors import DescriptionError, InvalidValueError
 from ..core.model_files import find_folder, find_model
 from ..core.sdf import EMPTY_WORLD, Sdf, read_sdf
+from ..core.xml import decoded
 from ..sim.physics import GRAVITY
 from ..sim.world import World
 from .parameters import GazeboParameters
@@ -47,7 +48,7 @@ def _content(path: str) -> Sdf:
     if not file.is_file():
         raise DescriptionError(f"There is no world file {path}.")
     try:
-        return read_sdf(file.read_text(encoding="utf-8", errors="replace"), find_model)
+        return read_sdf(decoded(file.read_bytes(), "replace"), find_model)
     except DescriptionError as error:
         raise DescriptionError(f"World file {path}: {error}") from error
 

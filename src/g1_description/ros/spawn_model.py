@@ -30,7 +30,7 @@ from ..core.command_line import OneSentenceParser, number
 from ..core.errors import DescriptionError
 from ..core.model_files import MODEL_PATH, model_folders
 from ..core.rotation import from_rpy
-from ..core.xml import parse_xml
+from ..core.xml import decoded, parse_xml
 from .command_line import own_arguments
 from .messages import pose_from_array
 from .shutdown import start_node
@@ -115,7 +115,7 @@ def read_text(asked: argparse.Namespace) -> str:
 def _read_file(path: str) -> str:
     """Read a file."""
     try:
-        return Path(path).read_text(encoding="utf-8")
+        return decoded(Path(path).read_bytes())
     except OSError as error:
         raise DescriptionError(
             f"The file {path} cannot be read: {error.strerror}."
