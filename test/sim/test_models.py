@@ -2,12 +2,14 @@
 
 import numpy as np
 import pytest
+from gazebo_msgs.srv import SpawnModelRequest
 from oracle import assert_poses_close
 from scipy.spatial.transform import Rotation
 
 from g1_description.core.errors import DescriptionError, UnknownNameError
 from g1_description.core.sdf import read_sdf
 from g1_description.core.transform import compose, inverse
+from g1_description.ros.gazebo_model_services import prepare_sdf
 
 MASS = (
     '<inertial><origin xyz="{}"/><mass value="1"/><inertia ixx="0.02" iyy="0.03" '
@@ -310,6 +312,39 @@ def test_a_model_is_found_beside_a_link_of_its_name(make_world):
         world.spawn(name, model.assembly, np.array([0, 0, 1.0, 0, 0, 0, 1]))
     assert world.entities.model("robot").scoped == "robot"
     assert world.entities.link("robot").scoped == "a::robot"
+
+
+WRONG = '<model name="bad"/>'
+DARK = '<light name="dark" type="laser"/>'
+GOOD = '<model name="good"><link name="a"/></model>'
+BAD_HAS_NO_LINKS = "Model 'bad' has no links."
+
+
+@pytest.mark.parametrize(
+    ("inside", "words"),
+    [
+        (WRONG, BAD_HAS_NO_LINKS),
+        (f'<world name="w"><scene/>{WRONG}</world>', BAD_HAS_NO_LINKS),
+        (
+            f'<world name="w">{WRONG}{DARK}</world>',
+            "Light dark is of type 'laser'; there are: point, directional, spot. "
+            f"{BAD_HAS_NO_LINKS}",
+        ),
+        (
+            '<world name="w"><include><uri>lamp</uri></include></world>',
+            "It has no model and no light (include of lamp is left out: Models are "
+            "found by model://NAME, file://FOLDER and a folder's absolute path).",
+        ),
+        (
+            f'<world name="w">{GOOD}{GOOD.replace("good", "fine")}{WRONG}</world>',
+            "It has 2 models and 0 lights; one model or light can be spawned at a time "
+            "(model bad is left out: Model 'bad' has no links).",
+        ),
+    ],
+)
+def test_a_request_that_cannot_be_met_has_the_reason_alone(inside, words):
+    request = SpawnModelRequest(model_xml=f'<sdf version="1.7">{inside}</sdf>')
+    assert prepare_sdf(True, request).refusal == (f"SpawnModel: Failure - {words}",)
 
 
 @pytest.mark.parametrize("physics", ["kinematic", "hold", "limp"])

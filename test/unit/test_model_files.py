@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from g1_description.core.errors import DescriptionError
+from g1_description.core.errors import DescriptionError, NoSuchModelError
 from g1_description.core.model_files import find_model
 from g1_description.core.resources import package_name
 from g1_description.ros import gazebo_start
@@ -17,6 +17,12 @@ def folder(tmp_path, monkeypatch):
     folder.mkdir()
     (folder / "model.sdf").write_text("model.sdf")
     return folder
+
+
+def refusal(uri):
+    with pytest.raises(NoSuchModelError) as caught:
+        find_model(uri)
+    return str(caught.value)
 
 
 def write_config(folder, **files):
@@ -35,9 +41,13 @@ def write_config(folder, **files):
 def test_a_folder_without_a_config_has_a_model_sdf(folder):
     assert find_model("model://my lamp") == "model.sdf"
     assert find_model("model://my lamp/") == "model.sdf"
-    assert find_model("model://nowhere") is None
+    assert refusal("model://nowhere") == (
+        "There is no package 'nowhere', and no folder 'nowhere' below "
+        f"GAZEBO_MODEL_PATH ({folder.parent}), ~/.gazebo/models and the folders that "
+        "packages export."
+    )
     (folder / "model.sdf").unlink()
-    assert find_model("model://my lamp") is None
+    assert refusal("model://my lamp") == f"There is no file {folder}/model.sdf."
 
 
 @pytest.mark.parametrize(
@@ -63,8 +73,10 @@ def test_a_folder_may_be_named_by_its_path(folder):
         assert find_model(uri) == "lamp.sdf"
     assert find_model(f"file://{folder}".replace(" ", "%20")) == "lamp.sdf"
     assert find_model("model://my lamp/lamp.sdf") == "lamp.sdf"
-    for absent in (f"file://{folder}/x", "lamp.sdf", "http://host/lamp", "model://"):
-        assert find_model(absent) is None
+    assert refusal(f"file://{folder}/x") == f"There is no file {folder}/x."
+    for unknown in ("lamp.sdf", "http://host/lamp"):
+        assert refusal(unknown).startswith("Models are found by model://NAME, ")
+    assert refusal("model://").startswith("There is no package ''")
 
 
 def test_a_config_that_is_wrong_is_told(folder):

@@ -18,6 +18,10 @@ class DescriptionError(G1DescriptionError):
     """A robot description cannot be read or makes no robot."""
 
 
+class NoSuchModelError(DescriptionError):
+    """There is no model where one is looked for."""
+
+
 class PoseFileError(G1DescriptionError):
     """A file of poses cannot be read, or holds something else."""
 

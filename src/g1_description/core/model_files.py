@@ -11,7 +11,7 @@ from urllib.parse import unquote
 import rospkg
 from lxml import etree
 
-from .errors import DescriptionError
+from .errors import DescriptionError, NoSuchModelError
 from .sdf_world import NEWEST, version_number
 from .xml import decoded, parse_xml
 
@@ -103,7 +103,15 @@ def find_folder(name: str) -> str | None:
     return None
 
 
-def find_model(uri: str) -> str | None:
+def searched_folders() -> str:
+    """Say where models are searched."""
+    return (
+        f"{MODEL_PATH} ({os.environ.get(MODEL_PATH) or 'empty'}), ~/.gazebo/models and "
+        "the folders that packages export"
+    )
+
+
+def find_model(uri: str) -> str:
     """Read the SDF file of a model.
 
     Args:
@@ -112,10 +120,29 @@ def find_model(uri: str) -> str | None:
 
     Returns:
         The text of the file that its ``model.config`` names, without that of its
-        ``model.sdf``; None where there is none.
+        ``model.sdf``.
 
     Raises:
+        NoSuchModelError: If there is none.
         DescriptionError: If ``model.config`` is wrong, or names what is no file.
+    """
+    place = _model_place(uri)
+    try:
+        file = _model_file(place) if place.is_dir() else place
+        if not file.is_file():
+            raise NoSuchModelError(f"There is no file {file}.")
+        if file.stat().st_size > LARGEST_FILE:
+            raise DescriptionError(f"{file} is too large to be a model.")
+        return decoded(file.read_bytes(), "replace")
+    except OSError as error:
+        raise DescriptionError(f"{place} cannot be read: {error.strerror}.") from error
+
+
+def _model_place(uri: str) -> Path:
+    """Find the folder or file that the URI of an include means.
+
+    Raises:
+        NoSuchModelError: If that cannot be.
     """
     scheme, separator, name = uri.partition("://")
     if not separator:
@@ -123,20 +150,17 @@ def find_model(uri: str) -> str | None:
     if scheme in ("model", "package"):
         name, _, inside = name.partition("/")
         folder = find_folder(name) if name else None
-        place = Path(folder or os.devnull, unquote(inside))
-    elif scheme == "file" and os.path.isabs(name):
-        place = Path(unquote(name))
-    else:
-        return None
-    try:
-        file = _model_file(place) if place.is_dir() else place
-        if not file.is_file():
-            return None
-        if file.stat().st_size > LARGEST_FILE:
-            raise DescriptionError(f"{file} is too large to be a model.")
-        return decoded(file.read_bytes(), "replace")
-    except OSError as error:
-        raise DescriptionError(f"{place} cannot be read: {error.strerror}.") from error
+        if folder is None:
+            raise NoSuchModelError(
+                f"There is no package '{name}', and no folder '{name}' below "
+                f"{searched_folders()}."
+            )
+        return Path(folder, unquote(inside))
+    if scheme == "file" and os.path.isabs(name):
+        return Path(unquote(name))
+    raise NoSuchModelError(
+        "Models are found by model://NAME, file://FOLDER and a folder's absolute path."
+    )
 
 
 def _model_file(folder: Path) -> Path:

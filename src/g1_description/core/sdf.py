@@ -13,7 +13,7 @@ from typing import TypeVar
 from lxml import etree
 
 from .assembly import WORLD
-from .errors import DescriptionError
+from .errors import DescriptionError, NoSuchModelError
 from .sdf_frames import Frames, Scope
 from .sdf_light import Light, read_light
 from .sdf_model import SdfModel, read_model
@@ -47,17 +47,27 @@ class Sdf:
     """A clause for each thing outside of the models that is not simulated, and for
     each model or light that cannot be."""
 
+    refused: tuple[str, ...] = ()
+    """The reason alone, a sentence, for each model or light that is wrong."""
 
-def read_sdf(
-    text: str, find_model: Callable[[str], str | None] = lambda uri: None
-) -> Sdf:
+
+def no_model(uri: str) -> str:
+    """Find no model at all.
+
+    Raises:
+        NoSuchModelError: Always.
+    """
+    raise NoSuchModelError("There is no such model.")
+
+
+def read_sdf(text: str, find_model: Callable[[str], str] = no_model) -> Sdf:
     """Read an SDF document.
 
     Args:
         text: SDF as XML text.
         find_model: Gives the SDF text behind the URI of an include, such as
-            ``model://NAME``, None if there is none. The ground plane and the sun
-            are there even so.
+            ``model://NAME``; raises a NoSuchModelError if there is none. The ground
+            plane and the sun are there even so.
 
     Returns:
         The models and lights of its world, or those outside of one; in the order
@@ -71,8 +81,10 @@ def read_sdf(
     world = root.find("world")
     holder = root if world is None else world
     models, lights = holder.findall("model"), holder.findall("light")
-    left_out += [*_surplus(root), *unread(root), *unread(holder)]
-    if world is None:
+    left_out += [*_surplus(root), *unread(root)]
+    if world is not None:
+        left_out += unread(world)
+    else:
         models = models[:1]
         if not models and not lights:
             found = f": {', '.join(left_out)}" if left_out else ""
@@ -98,6 +110,7 @@ def read_sdf(
         gravity=_gravity(holder),
         physics=read_physics(holder),
         left_out=tuple(dict.fromkeys(left_out)),
+        refused=tuple(reader.refused),
     )
 
 
@@ -125,6 +138,8 @@ class _Reader:
                 what is wrong is refused.
         """
         self._left_out = left_out
+        self.refused: list[str] = []
+        """The reason for each model or light that is left out."""
 
     def read(
         self,
@@ -145,6 +160,8 @@ class _Reader:
                     raise
                 thing = f"{element.tag} {element.get('name', '')}".rstrip()
                 self._left_out.append(f"{thing} is left out: {error}".rstrip("."))
+                if element.tag != "frame":
+                    self.refused.append(str(error))
         return found
 
 

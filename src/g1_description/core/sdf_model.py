@@ -174,7 +174,8 @@ def _joints(
         why = f"is {odd}, which is not simulated" if odd else ""
         if loops[one]:
             why = why or f"closes a loop of joints at {child}, which is not simulated"
-            left_out.append(f"joint {one.name} is left out: it {why}")
+            why = f"it {why}" if parent != child else f"both of its links are {child}"
+            left_out.append(f"joint {one.name} is left out: {why}")
             continue
         joint = fixed_joint(one.name, one.ends, one.scope.frames, listed=not odd)
         if odd:

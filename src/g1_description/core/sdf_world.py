@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 
 from lxml import etree
 
-from .errors import DescriptionError
+from .errors import DescriptionError, NoSuchModelError
 from .sdf_text import text_of
 from .xml import parse_xml
 
@@ -70,14 +70,14 @@ EMPTY_WORLD = f"""<sdf version="1.7"><world name="default">
 
 
 def whole_document(
-    text: str, find_model: Callable[[str], str | None]
+    text: str, find_model: Callable[[str], str]
 ) -> tuple[etree._Element, list[str]]:
     """Read a document and put what it includes where it is included.
 
     Args:
         text: SDF as XML text.
-        find_model: Gives the SDF text behind a URI, None if there is none; raises a
-            DescriptionError if it cannot be read.
+        find_model: Gives the SDF text behind a URI; raises a NoSuchModelError if there
+            is none, another DescriptionError if it cannot be read.
 
     Returns:
         The root element without includes, and a clause for each include, or part of
@@ -172,16 +172,18 @@ def _includes(element: etree._Element) -> Iterator[etree._Element]:
 def _included(
     include: etree._Element,
     chain: tuple[str, ...],
-    find_model: Callable[[str], str | None],
+    find_model: Callable[[str], str],
     left_out: list[str],
 ) -> etree._Element | None:
     """Read what is to be included; None where it is not found."""
     uri = _uri(include, chain)
-    found = find_model(uri)
-    found = _BUILT_IN.get(uri) if found is None else found
-    if found is None:
-        left_out.append(f"include of {uri} is left out: there is no such model")
-        return None
+    try:
+        found = find_model(uri)
+    except NoSuchModelError as error:
+        if uri not in _BUILT_IN:
+            left_out.append(f"include of {uri} is left out: {error}".rstrip("."))
+            return None
+        found = _BUILT_IN[uri]
     return _overridden(_entity(uri, found, left_out), include, uri, left_out)
 
 

@@ -314,10 +314,13 @@ def _only_content(sdf: Sdf) -> SdfModel | Light:
         DescriptionError: If there is not one.
     """
     things = (*sdf.models, *sdf.lights)
-    if len(things) != 1:
-        left_out = f" ({'; '.join(sdf.left_out)})" if sdf.left_out else ""
-        raise DescriptionError(
-            f"It has {len(sdf.models)} models and {len(sdf.lights)} lights; one model "
-            f"or light can be spawned at a time{left_out}."
-        )
-    return things[0]
+    if len(things) == 1:
+        return things[0]
+    left_out = f" ({'; '.join(sdf.left_out)})" if sdf.left_out else ""
+    if not things:
+        why = " ".join(sdf.refused)
+        raise DescriptionError(why or f"It has no model and no light{left_out}.")
+    raise DescriptionError(
+        f"It has {len(sdf.models)} models and {len(sdf.lights)} lights; one model or "
+        f"light can be spawned at a time{left_out}."
+    )

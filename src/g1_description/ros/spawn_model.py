@@ -10,7 +10,6 @@ Calls: spawn_urdf_model or spawn_sdf_model (gazebo_msgs/SpawnModel),
 from __future__ import annotations
 
 import argparse
-import os
 import re
 import sys
 import time
@@ -28,7 +27,7 @@ from std_srvs.srv import Empty
 
 from ..core.command_line import OneSentenceParser, number
 from ..core.errors import DescriptionError
-from ..core.model_files import MODEL_PATH, model_folders
+from ..core.model_files import model_folders, searched_folders
 from ..core.rotation import from_rpy
 from ..core.xml import decoded, parse_xml
 from .command_line import own_arguments
@@ -131,9 +130,8 @@ def find_in_database(model: str) -> str:
         if path.is_file():
             return str(path)
     raise DescriptionError(
-        f"There is no {model}/model.sdf below {MODEL_PATH} "
-        f"({os.environ.get(MODEL_PATH) or 'empty'}), ~/.gazebo/models and the "
-        "folders that packages export, and no other database is asked."
+        f"There is no {model}/model.sdf below {searched_folders()}, and no other "
+        "database is asked."
     )
 
 
