@@ -46,6 +46,10 @@ EYE = f"""<robot name="eye"><link name="body">{MASS}</link>
 <gazebo reference="hem"><preserveFixedJoint>true</preserveFixedJoint></gazebo>
 <gazebo reference="eye"><turnGravityOff>true</turnGravityOff><kp>1e6</kp>
 <sensor name="camera" type="camera"/></gazebo></robot>"""
+
+TWIN = '<collision name="c"><geometry><sphere/></geometry></collision>'
+TWINS = f"""<sdf version="1.6"><model name="m"><link name="l">{TWIN}{TWIN}</link>
+</model></sdf>"""
 BAD = (math.nan, math.inf, -math.inf, 1e300)
 
 
@@ -225,6 +229,32 @@ class TestDeviations(unittest.TestCase):
         found = self.call("get_model_properties", model_name="eye")
         self.assertTrue(found["is_static"])
         self.call("delete_model", model_name="eye")
+
+    def test_5_what_gazebo_takes_is_taken_and_told(self):
+        answer = self.spawn("twins", TWINS, "spawn_sdf_model")
+        self.assertEqual(
+            answer["status_message"],
+            "SpawnModel: Successfully spawned entity; link l has 2 collisions of the "
+            "name c",
+        )
+        told = self.call("get_model_properties", model_name="twins")
+        self.assertEqual(told["geom_names"], ["c", "c"])
+        odd = ARM.replace('lower="-1" upper="1.2"', 'lower="1" upper="-1"')
+        odd = odd.replace(f'<link name="upper">{MASS}', '<link name="upper"><x:y/>')
+        answer = self.spawn("odd", odd)
+        self.assertEqual(
+            answer["status_message"],
+            "SpawnModel: Successfully spawned entity; link upper has no mass; link "
+            "lower hangs on upper, which has no mass",
+        )
+        answer = self.spawn("free", odd.replace("<x:y/>", f"<x:y/>{MASS}"))
+        self.assertEqual(
+            answer["status_message"],
+            "SpawnModel: Successfully spawned entity; joint hinge has no limits: its "
+            "lower one, 1, is above its upper one, -1",
+        )
+        for name in ("twins", "odd", "free"):
+            self.call("delete_model", model_name=name)
 
     def test_6_a_model_can_be_commanded_when_spawn_answers(self):
         self.call("unpause_physics")
