@@ -4,15 +4,35 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING
+from typing import Protocol, TypeVar
 
 from .errors import DescriptionError
 
-if TYPE_CHECKING:
-    from .description import Joint, Link
+
+class Named(Protocol):
+    """A link: all that a tree needs of it."""
+
+    @property
+    def name(self) -> str:
+        """Its name."""
 
 
-def one_root(name: str, links: tuple[Link, ...], joints: tuple[Joint, ...]) -> str:
+class Edge(Named, Protocol):
+    """A joint: all that a tree needs of it."""
+
+    @property
+    def parent(self) -> str:
+        """Name of the link that carries it."""
+
+    @property
+    def child(self) -> str:
+        """Name of the link that it carries."""
+
+
+_Edge = TypeVar("_Edge", bound=Edge)
+
+
+def one_root(name: str, links: Sequence[Named], joints: Sequence[Edge]) -> str:
     """Find the root link, and check that the joints make one tree.
 
     Args:
@@ -36,7 +56,7 @@ def one_root(name: str, links: tuple[Link, ...], joints: tuple[Joint, ...]) -> s
 
 
 def find_roots(
-    name: str, links: tuple[Link, ...], joints: tuple[Joint, ...]
+    name: str, links: Sequence[Named], joints: Sequence[Edge]
 ) -> tuple[str, ...]:
     """Find the root links, and check that the joints make trees.
 
@@ -92,7 +112,7 @@ def find_roots(
     return roots
 
 
-def _loop(link: str, joints: Sequence[Joint]) -> str:
+def _loop(link: str, joints: Sequence[Edge]) -> str:
     """Name the links of the loop that a link is in or hangs on."""
     parents = {joint.child: joint.parent for joint in joints}
     walked: dict[str, None] = {}
@@ -105,7 +125,7 @@ def _loop(link: str, joints: Sequence[Joint]) -> str:
     return f"{', '.join(reversed(loop[:5]))}{more}"
 
 
-def depth_first(root: str, joints: Sequence[Joint]) -> Iterator[str]:
+def depth_first(root: str, joints: Sequence[Edge]) -> Iterator[str]:
     """Walk through a tree as urdfdom does: the joints of a link by their names.
 
     Args:
@@ -115,7 +135,7 @@ def depth_first(root: str, joints: Sequence[Joint]) -> Iterator[str]:
     Yields:
         The root and the links below it, each before what hangs on it.
     """
-    hanging: dict[str, list[Joint]] = {}
+    hanging: dict[str, list[Edge]] = {}
     for joint in sorted(joints, key=lambda joint: joint.name, reverse=True):
         hanging.setdefault(joint.parent, []).append(joint)
     stack = [root]
@@ -125,7 +145,7 @@ def depth_first(root: str, joints: Sequence[Joint]) -> Iterator[str]:
         stack.extend(joint.child for joint in hanging.get(link, ()))
 
 
-def below(roots: Iterable[str], joints: Sequence[Joint]) -> Iterator[Joint]:
+def below(roots: Iterable[str], joints: Sequence[_Edge]) -> Iterator[_Edge]:
     """Walk down trees, so that each joint comes after the one above it.
 
     Args:
@@ -135,7 +155,7 @@ def below(roots: Iterable[str], joints: Sequence[Joint]) -> Iterator[Joint]:
     Yields:
         The joints below the roots.
     """
-    hanging: dict[str, list[Joint]] = {}
+    hanging: dict[str, list[_Edge]] = {}
     for joint in joints:
         hanging.setdefault(joint.parent, []).append(joint)
     links = [*roots]
