@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import threading
 import time
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import rosgraph
 import rospy
@@ -16,13 +16,12 @@ from gazebo_msgs.srv import GetPhysicsProperties
 from ..core.commands import listed
 from .bridge_robot import START, BridgedRobot
 from .command_sender import FAILURES as SERVICE_FAILURES
+from .command_sender import CommandSender
 from .complaints import Complaints
 from .own_node import FAILURES
 from .registration import keep_in_touch
 from .shutdown import quiet_when_closing
-
-if TYPE_CHECKING:
-    from .bridge_node import BridgeNode
+from .state_source import StateSource
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
@@ -92,23 +91,35 @@ class BridgeHealth:
     long to answer or be gone.
     """
 
-    def __init__(self, bridge: BridgeNode, complaints: Complaints) -> None:
+    def __init__(
+        self,
+        gazebo: str,
+        source: StateSource,
+        sender: CommandSender,
+        robots: Sequence[BridgedRobot],
+        complaints: Complaints,
+    ) -> None:
         """Prepare the diagnostics.
 
         Args:
-            bridge: The node.
+            gazebo: Namespace of the simulator.
+            source: Where states come from.
+            sender: Where commands go.
+            robots: What the bridge knows of each robot.
             complaints: Where to tell what is wrong.
         """
-        self._bridge = bridge
+        self._source = source
+        self._sender = sender
+        self._robots = robots
         self._complaints = complaints
         self._stopped = threading.Event()
         self._began = time.monotonic()
-        self._pause = PauseWatch(bridge.gazebo)
+        self._pause = PauseWatch(gazebo)
         self._updater = Updater()
         self._updater.setHardwareID("none")
         self._updater.add("link states", self._tell_link_states)
         self._updater.add("commands", self._tell_commands)
-        for robot in bridge.robots:
+        for robot in robots:
             self._updater.add(f"{robot.name} joints", self._joints_of(robot))
 
     def start(self) -> None:
@@ -127,7 +138,7 @@ class BridgeHealth:
     def _watch_forever(self) -> None:
         """Find out whether the simulator is paused, when it is silent."""
         while not self._stopped.wait(ASK_PAUSED):
-            age = self._bridge.source.age
+            age = self._source.age
             if age is not None and age < ASK_PAUSED:
                 self._pause.forget()
             else:
@@ -136,12 +147,12 @@ class BridgeHealth:
     @property
     def _is_stale(self) -> bool:
         """Whether states stay away, and nobody asked for that."""
-        age = self._bridge.source.age
+        age = self._source.age
         return age is None or (age > STALE and not self._pause.is_paused)
 
     def _tell_of_silence(self) -> None:
         """Say that link states stay away, or that a command does."""
-        source, waiting = self._bridge.source, self._bridge.sender.waiting
+        source, waiting = self._source, self._sender.waiting
         age = source.age
         is_early = time.monotonic() - self._began <= START
         if age is None and not is_early and not self._pause.is_paused:
@@ -165,13 +176,13 @@ class BridgeHealth:
 
     def _why(self) -> str:
         """Tell what is known of why states stay away."""
-        if self._bridge.source.is_connected:
+        if self._source.is_connected:
             return "the simulator is silent"
         return "there is no simulator"
 
     def _tell_link_states(self, status):
         """Report whether states come."""
-        source = self._bridge.source
+        source = self._source
         age = source.age
         status.add("malformed messages", source.malformed)
         status.add("messages passed over for newer ones", source.passed_over)
@@ -191,12 +202,12 @@ class BridgeHealth:
 
     def _tell_commands(self, status):
         """Report what became of the commands."""
-        counts = self._bridge.sender.counts
-        waiting = self._bridge.sender.waiting
+        counts = self._sender.counts
+        waiting = self._sender.waiting
         status.add("sent", sum(count.sent for count in counts.values()))
         status.add("refused", sum(count.refused for count in counts.values()))
         recent = time.monotonic() - RECENT
-        tallies = [robot.tally for robot in self._bridge.robots]
+        tallies = [robot.tally for robot in self._robots]
         status.summary(OK, "commands are obeyed")
         if not all(tally.is_empty for tally in tallies):
             told = f"nothing was clamped or ignored in the last {RECENT:g} s"
@@ -205,7 +216,7 @@ class BridgeHealth:
         if refused:
             reason = counts[refused[0]].reason
             status.summary(WARN, f"{listed(refused)} was refused: {reason}")
-        for robot in self._bridge.robots:
+        for robot in self._robots:
             if robot.ignored and robot.ignored[0] > recent:
                 why = robot.ignored[1]
                 status.mergeSummary(WARN, f"ignored in one to {robot.name}: {why}")
@@ -220,7 +231,7 @@ class BridgeHealth:
 
     def _add_counts(self, status, robot: BridgedRobot) -> None:
         """Report how many positions were clamped and ignored, by joint."""
-        scope = f"{robot.name}::" if len(self._bridge.robots) > 1 else ""
+        scope = f"{robot.name}::" if len(self._robots) > 1 else ""
         tally = robot.tally
         for what, counts in (("clamped", tally.clamped), ("ignored", tally.ignored)):
             # A copy: commands come meanwhile.
@@ -272,7 +283,7 @@ class BridgeHealth:
     def _find_other_publishers(self, publishers: dict[str, list[str]]) -> None:
         """Find other nodes that publish the robots' joint states; tell of new ones."""
         own = rospy.get_name()
-        for robot in self._bridge.robots:
+        for robot in self._robots:
             topic = robot.joint_states.name
             others = [node for node in publishers.get(topic, ()) if node != own]
             known, robot.other_publishers = robot.other_publishers, others

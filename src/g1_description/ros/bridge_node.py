@@ -83,14 +83,12 @@ class BridgeNode:
             robots: Names and descriptions of the robots.
         """
         p = parameters
-        self.gazebo = p.gazebo
-        """Namespace of the simulator."""
         self._complaints = Complaints()
-        self.robots = [
+        self._robots = [
             BridgedRobot(robot, description, p, self._complaints)
             for robot, description in robots
         ]
-        self._observer = Observer({r.name: r.description for r in self.robots})
+        self._observer = Observer({r.name: r.description for r in self._robots})
         self._stamps = RisingStamps()
         self._sight: Sight | None = None
         self._has_clock = self._has_new_time = False
@@ -102,20 +100,22 @@ class BridgeNode:
         )
         self._static_broadcaster = tf2_ros.StaticTransformBroadcaster()
         self._broadcast_static_frames(p, robots)
-        self.sender = CommandSender(
+        self._sender = CommandSender(
             f"{p.gazebo}/set_model_configuration",
             {robot.name: robot.description for robot, _ in robots},
             self._complaints.tell,
         )
-        self.sender.start()
-        for robot in self.robots:
-            robot.listen(self.sender)
-        self.source = StateSource(p.gazebo, p.max_rate, self._take, self._complaints)
-        self.source.start()
+        self._sender.start()
+        for robot in self._robots:
+            robot.listen(self._sender)
+        self._source = StateSource(p.gazebo, p.max_rate, self._take, self._complaints)
+        self._source.start()
         self._stopped = threading.Event()
         rospy.on_shutdown(self._stopped.set)
         threading.Thread(target=self._keep_up, daemon=True).start()
-        BridgeHealth(self, self._complaints).start()
+        BridgeHealth(
+            p.gazebo, self._source, self._sender, self._robots, self._complaints
+        ).start()
 
     def _broadcast_static_frames(
         self,
@@ -147,7 +147,7 @@ class BridgeNode:
 
         robot_state_publisher sends them by a timer, which waits for the clock.
         """
-        is_certain = not self._has_clock or self.source.age > PAUSED
+        is_certain = not self._has_clock or self._source.age > PAUSED
         if self._fixed_edges and is_certain:
             self._send_static({**self._static_edges, **self._fixed_edges})
             self._fixed_edges = {}
@@ -186,7 +186,7 @@ class BridgeNode:
         with quiet_when_closing():
             self._broadcast(
                 robot.publish(stamp, sight, share, again)
-                for robot, share in zip(self.robots, sight.shares)
+                for robot, share in zip(self._robots, sight.shares)
             )
 
     def _broadcast(self, edges: Iterable[TransformStamped | None]) -> None:
@@ -201,29 +201,29 @@ class BridgeNode:
             "time", "Time went back: starting anew.", 1.0, rospy.loginfo
         )
         self._observer.reset()
-        for robot in self.robots:
+        for robot in self._robots:
             robot.reset()
 
     def _keep_up(self) -> None:
         """Do what no message would, until the node is shut down."""
         while not self._stopped.wait(UPKEEP):
             with quiet_when_closing():
-                self.source.look_after()
+                self._source.look_after()
                 self._tf.flush()
-                for robot in self.robots:
+                for robot in self._robots:
                     robot.flush()
                 is_wanted = self._is_wanted_again()
-                with self.source.lock:
+                with self._source.lock:
                     if self._stands_still:
                         self._send_fixed()
                         if is_wanted:
                             self._show_again()
-                        self._broadcast(robot.settle() for robot in self.robots)
+                        self._broadcast(robot.settle() for robot in self._robots)
 
     @property
     def _stands_still(self) -> bool:
         """Whether there was a state, and none follows, of this time or another."""
-        age, now = self.source.age, rospy.Time.now().to_nsec()
+        age, now = self._source.age, rospy.Time.now().to_nsec()
         self._has_clock = self._has_clock or now > 0
         went_back = self._has_clock and now < self._stamps.last - BEHIND
         return age is not None and age > STILL and not went_back
@@ -240,7 +240,7 @@ class BridgeNode:
 
     def _show_again(self) -> None:
         """Show the last state on TF once more."""
-        for robot in self.robots:
+        for robot in self._robots:
             robot.reset()
         self._publish(stamp_from_ns(self._stamps.again()), again=True)
 
