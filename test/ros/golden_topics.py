@@ -93,6 +93,11 @@ def one_per_step(simulator, name):
     """Count the messages of some steps; a step waits for whom listens."""
     listener = Connected(*TOPICS[name])
     steps = 60
+    wait_for(  # what connected on our side may not yet have on theirs
+        lambda: simulator.call("step", steps=1)["success"] and listener.messages,
+        "the first message",
+    )
+    listener.clear()
     assert simulator.call("step", steps=steps)["success"]
     with contextlib.suppress(AssertionError):
         listener.wait(lambda _: len(listener.messages) >= steps)

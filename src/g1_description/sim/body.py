@@ -117,6 +117,10 @@ class Body:
         """Whether any of its joints can move."""
         return bool(self._joints)
 
+    def can_move(self, index: int) -> bool:
+        """Tell whether physics can move a link, given by PyBullet's number."""
+        return self.is_free or (self.has_joints and index != ROOT)
+
     def link_of(self, index: int) -> str:
         """Name the link behind PyBullet's link number; -1 is the root."""
         return self._link_names[index]

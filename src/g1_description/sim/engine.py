@@ -15,16 +15,12 @@ from .contacts import contacts
 from .meshes import find_meshes
 from .model import Model
 from .moving_models import MovingModels
+from .parting import Parting
 from .physics import PhysicsProperties
 from .urdf_import import load_model
 
 STILL = 1e-5
 """What is slower stands still, in [m/s] or [rad/s]."""
-
-PARTING = 0.3
-"""What was put into each other parts at this speed at most, in [m/s]. ODE has such a
-bound for each contact, Gazebo's ``max_vel``; what is slower than its 0.01 m/s would be
-slow to watch, and what is thrown at this speed rises by 5 mm."""
 
 REST = 0.1
 """The world rests when all in it stood still for so long and became no faster, in [s]
@@ -66,7 +62,7 @@ class Engine:
         self._sort()
         self._properties = properties
         self._still_for = self._speed_before = 0.0
-        self._may_overlap = False
+        self._parting = Parting(self._client)
         properties.apply(self._client)
 
     def close(self) -> None:
@@ -81,7 +77,7 @@ class Engine:
     def set_properties(self, properties: PhysicsProperties) -> None:
         """Compute with other numbers from now on."""
         self._wake()
-        self._may_overlap = True
+        self._parting.look()
         self._properties = properties
         properties.apply(self._client)
 
@@ -112,7 +108,7 @@ class Engine:
             if self.physics == "hold":
                 body.hold()
         self._wake()
-        self._may_overlap = True
+        self._parting.look()
         return left_out
 
     def _load(self, model: Model) -> tuple[tuple[Body, ...], tuple[str, ...]]:
@@ -138,7 +134,7 @@ class Engine:
         """Take a model's bodies away, if it has any."""
         self._wake()
         for body in self._bodies.pop(name, ()):
-            self._client.removeBody(body.number)
+            self._remove(body)
         self._is_sorted = False
 
     def replace(self, model: Model) -> None:
@@ -150,7 +146,12 @@ class Engine:
         old = self._bodies.get(model.name, ())
         self.add(model)
         for body in old:
-            self._client.removeBody(body.number)
+            self._remove(body)
+
+    def _remove(self, body: Body) -> None:
+        """Take a body away."""
+        self._client.removeBody(body.number)
+        self._parting.forget(body.number)
 
     def rebuild(self, models: Iterable[Model]) -> None:
         """Build everything anew: PyBullet's solver remembers contacts.
@@ -159,6 +160,7 @@ class Engine:
             models: All models, in the state their bodies shall have.
         """
         self._client.resetSimulation()
+        self._parting = Parting(self._client)
         self._properties.apply(self._client)
         self._bodies.clear()
         self._is_sorted = False
@@ -167,13 +169,13 @@ class Engine:
 
     def write(self, model: Model) -> None:
         """Take over a model's pose, joints and velocities."""
-        self._may_overlap = True
+        self._parting.look()
         for body in self._awake(model):
             body.write()
 
     def write_joints(self, model: Model) -> None:
         """Take over a model's joints, and hold them there in ``hold``."""
-        self._may_overlap = True
+        self._parting.look()
         for body in self._awake(model):
             body.write_joints()
             if self.physics == "hold":
@@ -215,33 +217,17 @@ class Engine:
         if self.physics == "limp":
             for body in self._jointed:
                 body.drag()
-        if self._may_overlap:
-            self._part_slowly()
+        self._parting.bound(self._by_number, self._properties)
         self._client.stepSimulation()
         self._moving.read()
         self._watch_for_rest()
-
-    def _part_slowly(self) -> None:
-        """Bound the speed at which things part that were put into each other.
-
-        PyBullet has one number for all contacts: the part of its depth that each loses
-        in a step, by a velocity that is kept. While something is deep it is less.
-        """
-        self._client.performCollisionDetection()
-        points = self._client.getContactPoints() or ()
-        deepest = -min((point[8] for point in points), default=0.0)
-        share = self._properties.erp
-        way, longest = share * deepest, PARTING * self._properties.time_step
-        self._may_overlap = way > longest
-        if self._may_overlap:
-            share *= longest / way
-        self._client.setPhysicsEngineParameter(contactERP=share)
 
     def _sort(self) -> None:
         """Sort the bodies by what a step does with them."""
         models = self._bodies.values()
         moving = [bodies for bodies in models if any(body.moves for body in bodies)]
         self._moving = MovingModels(self._client, moving)
+        self._by_number = {body.number: body for body in self._all_bodies()}
         self._jointed = [body for body in self._all_bodies() if body.has_joints]
         self._weightless = [body for body in self._all_bodies() if body.has_weightless]
         self._is_sorted = True
