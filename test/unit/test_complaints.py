@@ -58,3 +58,12 @@ def test_a_state_that_lasts_is_told_once_until_it_changes_or_was_over(log):
         time.sleep(0.05)
     tell_until(lambda: len(log.lines) == 3, told, log, "that", stands=True)
     assert log.lines[2] == "that"
+
+
+def test_a_state_that_was_left_before_its_turn_is_not_told(log):
+    told = Complaints()
+    tell_until(lambda: log.lines, told, log, "this", stands=True)
+    told.tell("kind", "that", PERIOD, log, stands=True)
+    end = time.monotonic() + 6 * PERIOD
+    tell_until(lambda: time.monotonic() > end, told, log, "this", stands=True)
+    assert log.lines == ["this"]

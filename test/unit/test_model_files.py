@@ -7,6 +7,7 @@ import pytest
 from g1_description.core.errors import DescriptionError, NoSuchModelError
 from g1_description.core.model_files import find_model
 from g1_description.core.resources import package_name
+from g1_description.core.xml import decoded
 from g1_description.ros import gazebo_start
 
 
@@ -102,6 +103,12 @@ def test_a_model_is_in_the_encoding_that_it_declares(folder):
     for begin in (b"", b'<?xml version="1.0" encoding="us-ascii"?>'):
         (folder / "ü.sdf").write_bytes(begin + b"\xff")
         assert find_model("model://my lamp") == f"{begin.decode()}\ufffd"
+
+
+@pytest.mark.parametrize("codec", ["idna", "unicode_escape", "punycode", "palmos"])
+def test_what_is_an_encoding_of_python_alone_does_not_count(codec):
+    text = f'<?xml version="1.0" encoding="{codec}"?><a>\\u0041.xn--9.'
+    assert decoded(text.encode() + b"\xff", "replace") == f"{text}\ufffd"
 
 
 def test_a_world_and_a_manifest_are_in_the_encoding_that_they_declare(tmp_path):

@@ -99,12 +99,13 @@ PREFIXED = (
     ROBOT.replace("<robot", '<robot a:b="1"')
     .replace('<link name="a"', '<link c:d="2" name="a"')
     .replace("</robot>", '<sensor:camera name="eye"><x:y/></sensor:camera></robot>')
+    .replace("</robot>", "<gazebo><foo:bar/></gazebo></robot>")
 )
 
 
 def test_a_prefix_needs_no_namespace(write):
     file = write("r.urdf", PREFIXED)
-    assert PREFIXED.count(":") == 5
+    assert PREFIXED.count(":") == 6
     assert read_model(str(file)).description.name == "r"
     text = absolute_urdf(str(file))
     assert '<sensor:camera name="eye"><x:y/></sensor:camera>' in text

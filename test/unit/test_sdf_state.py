@@ -79,6 +79,23 @@ def test_all_is_where_it_was_when_the_world_was_saved(make_world, turn, slide):
         assert (Rotation.from_quat(pose[3:]).inv() * rotation).magnitude() < 1e-9
 
 
+def test_a_door_that_hangs_on_the_world_is_as_open_as_it_was(make_world):
+    """Its first link carries the model's frame, so its pose in the state is turned."""
+    door = """<link name="door"><pose>0.5 0 0 0 0 0</pose></link>
+    <joint name="hinge" type="revolute"><parent>world</parent><child>door</child>
+    <pose>-0.5 0 0 0 0 0</pose><axis><xyz>0 0 1</xyz><limit><lower>-1</lower>
+    <upper>1</upper></limit></axis></joint>"""
+    turned = Rotation.from_rotvec([0.0, 0.0, 0.8])
+    place = turned.apply([0.5, 0.0, 0.0]) + np.array([1.0, 2.0, 0.0])
+    state = (
+        f'<state><model name="m"><pose>1 2 0 0 0 0.8</pose><link name="door"><pose>'
+        f"{pose_text(place, turned)}</pose></link></model></state>"
+    )
+    model = make_world(content=world(state, door, "1 2 0 0 0 0")).model("m")
+    assert model.position == pytest.approx([0.8], abs=1e-9)
+    np.testing.assert_allclose(model.poses[0][:3], place, atol=1e-9)
+
+
 def test_a_joint_beyond_its_limits_begins_at_the_limit():
     """ODE lets joints go beyond their stops."""
     text, _ = saved(2.01, 0.0)
@@ -115,6 +132,12 @@ def test_a_state_that_is_wrong_is_left_out_as_a_whole():
     assert told.startswith("state is left out: The pose of the state of m is 'one'")
     assert content.time == 0.0
     assert content.models[0].pose[:3].tolist() == [1.0, 2.0, 3.0]
+
+
+def test_a_time_of_one_number_is_told():
+    content = world("<state><sim_time>5</sim_time></state>")
+    (told,) = content.left_out
+    assert told.startswith("sim_time of the world is '5' and is read as")
 
 
 def test_models_that_were_put_in_later_are_told():

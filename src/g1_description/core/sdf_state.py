@@ -78,14 +78,16 @@ def in_state(model: SdfModel, state: State) -> SdfModel:
         model: As the file has it.
         state: The world's state; what it does not tell stays as it is.
     """
-    pose = state.models.get(model.name, model.pose)
     links = state.links.get(model.name, {})
     assembly = model.assembly
     description = assembly.description
-    if description.root in links:
-        # Joints move what carries the model frame, so the root tells where it was.
+    pose = state.models.get(model.name, model.pose)
+    # Joints move what carries the model frame, so the root tells where it was.
+    if description.root == WORLD:
+        pose = model.pose
+    elif description.root in links:
         pose = compose(links[description.root], inverse(assembly.root_pose))
-    poses = {WORLD: pose, **links}
+    poses = {**links, WORLD: pose}
     roots = [
         compose(inverse(pose), links[root]) if root in links else placed
         for root, placed in zip(description.roots, assembly.root_poses)

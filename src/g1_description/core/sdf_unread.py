@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from lxml import etree
 
 from .sdf_text import read_as
+from .xml import local_name
 
 _READ = {
     "sdf": "world model light",
@@ -49,6 +50,7 @@ _LOOKS = ("material",)
 
 _NUMBERS = {
     6: "pose",
+    2: "sim_time",
     3: "xyz box/size normal scale direction world/gravity",
     1: "mass ixx ixy ixz iyy iyz izz radius length mu restitution_coefficient lower "
     "upper effort velocity damping dynamics/friction max_step_size "
@@ -98,7 +100,7 @@ def unread(root: etree._Element) -> tuple[str, ...]:
     for element, owner, scope in waiting:
         clauses.update(dict.fromkeys(_namesakes(element, owner)))
         for child in element:
-            tag = child.tag.rpartition("}")[2].rpartition(":")[2]
+            tag = local_name(child)
             if tag in _LOOKS:
                 continue
             clauses[_read_as(child, owner)] = None

@@ -14,6 +14,7 @@ from .bounds import checked
 from .commands import listed
 from .errors import DescriptionError
 from .sdf_text import numbers
+from .xml import local_name
 
 _KEPT = {"disableFixedJointLumping": "revolute", "preserveFixedJoint": "fixed"}
 """What fixed joints are that are not lumped; where both are said, the latter."""
@@ -60,6 +61,7 @@ def read_extensions(robot: etree._Element) -> Extensions:
     found = Extensions()
     links = {link.get("name") for link in robot.findall("link")}
     joints = {joint.get("name") for joint in robot.findall("joint")}
+    known = links | joints
     wrong, unknown, unread = [], [], []
     for block in robot.findall("gazebo"):
         name = block.get("reference", "")
@@ -68,11 +70,13 @@ def read_extensions(robot: etree._Element) -> Extensions:
             *(_OF_LINK if name in links else ()),
             *(_OF_JOINT if name in joints else ()),
         )
+        mu1 = block.find("mu1")
+        friction = None if mu1 is None else _word(mu1)
         for element in block:
-            tag = etree.QName(element).localname
-            if _says_nothing(tag, element):
+            tag = local_name(element)
+            if _says_nothing(tag, _word(element), friction):
                 continue
-            if name and name not in links | joints:
+            if name and name not in known:
                 unknown.append(name)
             elif tag not in readable:
                 unread.append(tag)
@@ -116,12 +120,16 @@ def _flag(tag: str, word: str) -> bool:
     return _FLAGS[word.lower()]
 
 
-def _says_nothing(tag: str, element: etree._Element) -> bool:
-    """Tell whether it is no loss that an element is not read."""
-    word = _word(element)
+def _says_nothing(tag: str, word: str, friction: str | None) -> bool:
+    """Tell whether it is no loss that an element is not read.
+
+    Args:
+        tag: The element's.
+        word: What it says.
+        friction: What the ``mu1`` beside it says, None where there is none.
+    """
     if tag == "mu2":  # friction is the same both ways
-        mu1 = element.getparent().find("mu1")
-        return mu1 is not None and _word(mu1) == word
+        return word == friction
     is_off = not word.strip("0.") or _FLAGS.get(word.lower()) is False
     return tag in _SILENT or (tag in _OFF and is_off)
 

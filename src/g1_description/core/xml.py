@@ -24,6 +24,9 @@ _DECLARATION = re.compile(
 
 _ENCODING = re.compile(r"""\sencoding\s*=\s*["']([\w.-]+)["']""", re.ASCII)
 
+_CHARSET = re.compile(r"(ascii|us|iso|latin|windows|cp|koi|mac|gb|big|euc|shift)", re.I)
+"""How the names of charsets begin; Python has encodings that are none."""
+
 _ASCII = "".join(map(chr, range(128)))
 
 
@@ -56,8 +59,9 @@ def _declared_encoding(data: bytes) -> str:
         named = _ENCODING.search(declaration[0], declaration.end(1))
         with suppress(LookupError, UnicodeError):
             # Only in an extension of ASCII the declaration itself can be read.
-            if named and _ASCII.encode().decode(named[1]) == _ASCII:
-                return named[1]
+            name = named[1] if named else ""
+            if _CHARSET.match(name) and _ASCII.encode().decode(name) == _ASCII:
+                return name
     return "utf-8"
 
 
@@ -122,6 +126,11 @@ def _faults(parser: etree.XMLParser) -> list[str]:
         for entry in parser.error_log
         if entry.domain != etree.ErrorDomains.NAMESPACE
     ]
+
+
+def local_name(element: etree._Element) -> str:
+    """Give the tag of an element without its prefix, declared or not."""
+    return str(element.tag).rpartition("}")[2].rpartition(":")[2]
 
 
 def part_at_fault(

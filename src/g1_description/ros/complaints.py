@@ -102,6 +102,7 @@ class Complaints:
                 state.said = ""
             state.last = now
             if sentence == state.said:
+                state.sentence, state.count = "", 0
                 return
             state.sentence = sentence
             state.count += 1
