@@ -134,6 +134,18 @@ def test_a_state_that_is_wrong_is_left_out_as_a_whole():
     assert content.models[0].pose[:3].tolist() == [1.0, 2.0, 3.0]
 
 
+def test_a_later_state_wins_in_what_it_tells():
+    first = """<state><sim_time>5 0</sim_time><model name="m"><pose>1 1 1 0 0 0</pose>
+    </model></state>"""
+    lamp = '<light name="lamp"><pose>1 2 3 0 0 0</pose></light>'
+    content = world(f"{first}<state>{lamp}</state>")
+    assert content.time == 5.0
+    assert content.models[0].pose[:3].tolist() == [1.0, 1.0, 1.0]
+    assert content.lights[0].pose[:3].tolist() == [1.0, 2.0, 3.0]
+    content = world(f"{first}{first.replace('1 1 1', '2 2 2').replace('5 0', '6 0')}")
+    assert (content.time, content.models[0].pose[0]) == (6.0, 2.0)
+
+
 def test_a_time_of_one_number_is_told():
     content = world("<state><sim_time>5</sim_time></state>")
     (told,) = content.left_out

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
+from functools import reduce
 from typing import TypeVar
 
 from lxml import etree
@@ -97,8 +98,9 @@ def read_sdf(text: str, find_model: Callable[[str], str] = no_model) -> Sdf:
     read_lights: dict[str, Light] = {}
     for clauses in reader.read(lights, lambda el: _add_light(el, scope, read_lights)):
         left_out += clauses
-    state = State()
-    reader.read(holder.findall("state"), lambda element: read_state(element, state))
+    state = reduce(
+        State.then, reader.read(holder.findall("state"), read_state), State()
+    )
     read = reader.read(models, lambda m: read_model(m, scope.frames.pose(name_of(m))))
     return Sdf(
         models=tuple(in_state(model, state) for model in read),
@@ -106,7 +108,7 @@ def read_sdf(text: str, find_model: Callable[[str], str] = no_model) -> Sdf:
             replace(light, pose=state.lights.get(light.name, light.pose))
             for light in read_lights.values()
         ),
-        time=state.time,
+        time=state.time or 0.0,
         gravity=_gravity(holder),
         physics=read_physics(holder),
         left_out=tuple(dict.fromkeys(left_out)),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -12,16 +13,16 @@ from .description import Description
 from .joints import measured_joints
 from .measurement import measure
 from .sdf_model import SdfModel
-from .sdf_text import name_of, pose_of, vector
+from .sdf_text import name_of, pose_of, text_of, vector
 from .transform import compose, inverse
 
 
-@dataclass
+@dataclass(frozen=True)
 class State:
     """When a world was saved, and where its models, links and lights were."""
 
-    time: float = 0.0
-    """Simulated time in [s]."""
+    time: float | None = None
+    """Simulated time in [s]; None where it is not told."""
 
     models: dict[str, np.ndarray] = field(default_factory=dict)
     """Poses in the world by name, shape (7,); likewise the others."""
@@ -31,43 +32,52 @@ class State:
 
     lights: dict[str, np.ndarray] = field(default_factory=dict)
 
+    def then(self, later: State) -> State:
+        """Give this state with what a later one tells of it."""
+        return State(
+            time=self.time if later.time is None else later.time,
+            models={**self.models, **later.models},
+            links={**self.links, **later.links},
+            lights={**self.lights, **later.lights},
+        )
 
-def read_state(element: etree._Element, state: State) -> None:
-    """Read a state element of a world; it wins over what was read before.
 
-    Args:
-        element: The element.
-        state: Takes what it tells.
+def read_state(element: etree._Element) -> State:
+    """Read a state element of a world.
 
     Raises:
-        DescriptionError: If a pose or the time is wrong, or a name is missing; nothing
-            of the element is taken then.
+        DescriptionError: If a pose or the time is wrong, or a name is missing.
     """
-    found = State(state.time, {**state.models}, {**state.links}, {**state.lights})
-    saved = [found.time, 0.0]
-    seconds, nanoseconds = vector(element, "sim_time", saved, "the state", 0.0)
-    found.time = float(seconds + 1e-9 * nanoseconds)
-    for model in element.findall("model"):
-        name = name_of(model)
-        if model.find("pose") is not None:
-            found.models[name], _ = pose_of(model, f"the state of {name}")
-        found.links[name] = _links(model, "")
-    for light in element.findall("light"):
-        name = name_of(light)
-        if light.find("pose") is not None:
-            found.lights[name], _ = pose_of(light, f"the state of {name}")
-    vars(state).update(vars(found))
+    time = None
+    if text_of(element, "sim_time"):
+        seconds, nanoseconds = vector(element, "sim_time", [0, 0], "the state", 0.0)
+        time = float(seconds + 1e-9 * nanoseconds)
+    models = element.findall("model")
+    return State(
+        time=time,
+        models=_poses(models),
+        links={name_of(model): _links(model, "") for model in models},
+        lights=_poses(element.findall("light")),
+    )
 
 
 def _links(model: etree._Element, prefix: str) -> dict[str, np.ndarray]:
     """Read where the links of a model, and of those inside it, are in the world."""
-    found = {}
-    for link in model.findall("link"):
-        name = prefix + name_of(link)
-        if link.find("pose") is not None:
-            found[name], _ = pose_of(link, f"the state of {name}")
+    found = _poses(model.findall("link"), prefix)
     for inner in model.findall("model"):
         found.update(_links(inner, f"{prefix}{name_of(inner)}{SCOPE}"))
+    return found
+
+
+def _poses(
+    elements: Iterable[etree._Element], prefix: str = ""
+) -> dict[str, np.ndarray]:
+    """Read where things are in the world, by name, if it is told."""
+    found = {}
+    for element in elements:
+        name = prefix + name_of(element)
+        if element.find("pose") is not None:
+            found[name], _ = pose_of(element, f"the state of {name}")
     return found
 
 
