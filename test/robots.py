@@ -6,12 +6,31 @@ import numpy as np
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from g1_description.core.lumping import lump_fixed_joints
 from g1_description.core.urdf import parse_urdf
 
 _NUMBER = st.floats(-3.0, 3.0).map(lambda value: round(value, 6))
 _VECTOR = st.tuples(_NUMBER, _NUMBER, _NUMBER)
 _AXIS = _VECTOR.filter(lambda axis: np.linalg.norm(axis) > 0.1)
 _KIND = st.sampled_from(["revolute", "continuous", "prismatic", "fixed"])
+
+
+MASS = (
+    '<inertial><mass value="2"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" '
+    'iyz="0"/></inertial>'
+)
+BOX = '<collision><geometry><box size="1 1 1"/></geometry></collision>'
+
+
+def link(name, inside=MASS):
+    """Write a link of a URDF, with mass."""
+    return f'<link name="{name}">{inside}</link>'
+
+
+def lump(*parts, is_dynamic=True):
+    """Make what a simulator builds of a URDF's links and joints."""
+    robot = parse_urdf(f'<robot name="r">{"".join(parts)}</robot>')
+    return lump_fixed_joints(robot, is_dynamic)
 
 
 def _text(vector):

@@ -4,21 +4,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from robots import chains
+from robots import BOX, MASS, chains, link, lump
 from scipy.spatial.transform import Rotation
 
 from g1_description.core.lumping import lump_fixed_joints
 from g1_description.core.urdf import parse_urdf
-
-MASS = (
-    '<inertial><mass value="2"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" '
-    'iyz="0"/></inertial>'
-)
-BOX = '<collision><geometry><box size="1 1 1"/></geometry></collision>'
-
-
-def link(name, inside=MASS):
-    return f'<link name="{name}">{inside}</link>'
 
 
 def joint(name, kind, parent, child, inside=""):
@@ -26,11 +16,6 @@ def joint(name, kind, parent, child, inside=""):
         f'<joint name="{name}" type="{kind}"><parent link="{parent}"/>'
         f'<child link="{child}"/>{inside}</joint>'
     )
-
-
-def lump(*parts):
-    text = f'<robot name="r">{"".join(parts)}</robot>'
-    return lump_fixed_joints(parse_urdf(text))
 
 
 def point_masses(inertial, placement):

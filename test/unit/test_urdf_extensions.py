@@ -2,21 +2,11 @@
 
 import numpy as np
 import pytest
+from robots import BOX, MASS, link, lump
 
 from g1_description.core.joints import measured_joints
-from g1_description.core.lumping import lump_fixed_joints
 from g1_description.core.urdf import parse_urdf
 from g1_description.importer.masses import massless_links
-
-MASS = (
-    '<inertial><mass value="2"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" '
-    'iyz="0"/></inertial>'
-)
-BOX = '<collision><geometry><box size="1 1 1"/></geometry></collision>'
-
-
-def link(name, inside=MASS):
-    return f'<link name="{name}">{inside}</link>'
 
 
 def joint(name, parent, child, kind="fixed"):
@@ -29,11 +19,6 @@ def joint(name, parent, child, kind="fixed"):
 def gazebo(inside, reference=None):
     named = f' reference="{reference}"' if reference else ""
     return f"<gazebo{named}>{inside}</gazebo>"
-
-
-def lump(*parts, is_dynamic=True):
-    robot = parse_urdf(f'<robot name="r">{"".join(parts)}</robot>')
-    return lump_fixed_joints(robot, is_dynamic)
 
 
 @pytest.mark.parametrize(
