@@ -6,20 +6,32 @@ import re
 
 import numpy as np
 
-from ..core.surfaces import triangle_normals
+from .surfaces import triangle_normals
 
-_HEADER, _HEAD, _TRIANGLE = 80, 84, 50
-_RECORD = np.dtype(
-    [("normal", "<f4", 3), ("triangle", "<f4", (3, 3)), ("attribute", "<u2")]
+HEAD = 84
+"""Bytes before the triangles: a header and their number."""
+
+RECORD = np.dtype(
+    [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")]
 )
+"""A triangle."""
+
+_HEADER = HEAD - 4
+
+
+def triangle_count(head: bytes) -> int:
+    """Tell how many triangles a binary file has by its beginning."""
+    return int(np.frombuffer(head.ljust(HEAD, b"\0"), "<u4", 1, _HEADER)[0])
+
+
+def binary_size(head: bytes) -> int:
+    """Tell how many bytes a binary file has by its beginning."""
+    return HEAD + RECORD.itemsize * triangle_count(head)
 
 
 def is_binary(data: bytes) -> bool:
     """Tell whether a file is as long as its number of triangles says."""
-    if len(data) < _HEAD:
-        return False
-    count = int(np.frombuffer(data, "<u4", 1, _HEADER)[0])
-    return len(data) == _HEAD + _TRIANGLE * count
+    return len(data) == binary_size(data)
 
 
 def clean_header(data: bytes) -> tuple[bytes, tuple[str, ...]]:
@@ -50,7 +62,7 @@ def read_stl(data: bytes) -> np.ndarray:
     Returns:
         Corners of the triangles, in the unit of the file, shape (n, 3, 3).
     """
-    return np.frombuffer(data, _RECORD, offset=_HEAD)["triangle"]
+    return np.frombuffer(data, RECORD, offset=HEAD)["corners"]
 
 
 def write_stl(triangles: np.ndarray) -> bytes:
@@ -62,8 +74,8 @@ def write_stl(triangles: np.ndarray) -> bytes:
     Returns:
         Content of the file, with unit normals; zero where a triangle has no area.
     """
-    records = np.zeros(len(triangles), _RECORD)
+    records = np.zeros(len(triangles), RECORD)
     records["normal"] = triangle_normals(triangles)
-    records["triangle"] = triangles
+    records["corners"] = triangles
     count = np.array(len(triangles), "<u4")
     return b"binary STL".ljust(_HEADER) + count.tobytes() + records.tobytes()

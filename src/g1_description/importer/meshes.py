@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ..core.errors import DescriptionError
+from ..core.stl import clean_header, is_binary, read_stl, write_stl
 from ..sim import meshes
 from .companions import companions_of
 from .shapes import (
@@ -18,7 +19,6 @@ from .shapes import (
     decimated_hull,
     within,
 )
-from .stl import clean_header, is_binary, read_stl, write_stl
 
 TOLERANCE = 0.002
 """How far a surface may move where nothing is asked for, in [m]."""

@@ -7,7 +7,6 @@ model.
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,16 +16,13 @@ import numpy as np
 from ..core.description import Shape
 from ..core.errors import LARGEST
 from ..core.resources import local_path
+from ..core.stl import HEAD, RECORD, binary_size, triangle_count
 from ..core.surfaces import triangle_normals
 from .mesh_contents import Part, mesh_contents
-from .read_meshes import STL_HEAD, STL_TRIANGLE, tells_direction
+from .read_meshes import tells_direction
 
 KINDS = (".dae", ".obj", ".stl")
 """Kinds of meshes that Gazebo takes."""
-
-_RECORD = np.dtype(
-    [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")]
-)
 
 
 @dataclass(frozen=True)
@@ -105,11 +101,11 @@ def is_sound_stl(path: Path) -> bool:
     try:
         size = path.stat().st_size
         with path.open("rb") as file:
-            head = file.read(STL_HEAD)
-        count = struct.unpack_from("<I", head.ljust(STL_HEAD), STL_HEAD - 4)[0]
-        if not count or size != STL_HEAD + count * STL_TRIANGLE:
+            head = file.read(HEAD)
+        count = triangle_count(head)
+        if not count or size != binary_size(head):
             return False
-        records = np.fromfile(str(path), _RECORD, count, offset=STL_HEAD)
+        records = np.fromfile(str(path), RECORD, count, offset=HEAD)
     except OSError:
         return False
     with np.errstate(invalid="ignore"):
@@ -118,15 +114,3 @@ def is_sound_stl(path: Path) -> bool:
     mute = records["corners"][~tells_direction(records["normal"])]
     # What has no area is not seen: it needs no normal.
     return not triangle_normals(mute).any()
-
-
-def binary_stl(corners: np.ndarray) -> bytes:
-    """Write triangles so that PyBullet reads them.
-
-    Args:
-        corners: In [m], shape (n, 3, 3).
-    """
-    records = np.zeros(len(corners), _RECORD)
-    records["corners"] = corners
-    count = struct.pack("<I", len(corners))
-    return bytes(STL_HEAD - 4) + count + records.tobytes()

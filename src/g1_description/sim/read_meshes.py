@@ -11,7 +11,6 @@ from __future__ import annotations
 import os
 import resource
 import signal
-import struct
 import sys
 import warnings
 from pathlib import Path
@@ -20,6 +19,7 @@ from urllib.parse import unquote
 import numpy as np
 
 from ..core.errors import LARGEST
+from ..core.stl import HEAD, binary_size, triangle_count
 from ..core.surfaces import triangle_normals
 from .assimp import TRIANGULATE, Assimp, CannotReadError, RawPart
 
@@ -30,9 +30,6 @@ MEMORY = 4 * 2**30
 """Most memory that it may take, in bytes."""
 
 MOST_TRIANGLES = 3_000_000
-
-STL_HEAD, STL_TRIANGLE = 84, 50
-"""Bytes of a binary STL: before its triangles, and of each of them."""
 
 LEAST_NORMAL = 0.001
 """Square of the length that a normal has at least, if it tells a direction."""
@@ -129,19 +126,18 @@ def _stl_fault(path: Path) -> str:
     """Say why a file is neither kind of STL; empty if that is not what is wrong."""
     try:
         with path.open("rb") as file:
-            head = file.read(STL_HEAD)
+            head = file.read(HEAD)
             size = file.seek(0, os.SEEK_END)
     except OSError:
         return ""
-    (count,) = struct.unpack_from("<I", head.ljust(STL_HEAD, b"\0"), STL_HEAD - 4)
-    needed = STL_HEAD + count * STL_TRIANGLE
+    needed = binary_size(head)
     # The number of triangles has a zero byte, which text has not.
     is_text = head.lstrip().startswith(b"solid") and b"\0" not in head
     if not size or size == needed or is_text:
         return ""
     return (
         'it is no text that begins with "solid" in small letters, and its '
-        f"{size} bytes are not the {needed} of {count} triangles"
+        f"{size} bytes are not the {needed} of {triangle_count(head)} triangles"
     )
 
 

@@ -13,7 +13,8 @@ from ..core.assembly import WORLD
 from ..core.description import Description, Inertial, Joint, Link, Shape
 from ..core.errors import LARGEST, DescriptionError
 from ..core.rotation import axes_to_rpy, to_axes
-from .meshes import Mesh, binary_stl, find_meshes
+from ..core.stl import write_stl
+from .meshes import Mesh, find_meshes
 
 UNKNOWN = Inertial(1.0, np.zeros(3), np.eye(3))
 """In the place of mass properties that a file does not give. Nothing moves by itself
@@ -169,7 +170,7 @@ def _collision_files(mesh: Mesh, beginning: Path) -> list[Path]:
         corners = [np.concatenate(corners)]
     paths = [Path(f"{beginning}_{number}.stl") for number in range(len(corners))]
     for path, triangles in zip(paths, corners):
-        path.write_bytes(binary_stl(triangles))
+        path.write_bytes(write_stl(triangles))
     return paths
 
 
