@@ -1,5 +1,6 @@
 """A subscriber on a raw socket, which reads when the test wants it to."""
 
+import select
 import socket
 from xmlrpc.client import ServerProxy
 
@@ -37,6 +38,13 @@ class RawSubscriber:
         """Read on to a message whose bytes are accepted; give all up to it."""
         read = [self._receive()]
         while not accept(read[-1]):
+            read.append(self._receive())
+        return read
+
+    def read_all(self, quiet=0.5):
+        """Read on until nothing has come for so long, in [s]; give all of it."""
+        read = []
+        while select.select([self._socket], [], [], quiet)[0]:
             read.append(self._receive())
         return read
 
