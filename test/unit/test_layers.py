@@ -1,6 +1,5 @@
-"""Each layer imports only what it may."""
+"""Layers import only what they may, no module imports itself, rooms are small."""
 
-import ast
 import os
 import subprocess
 import sys
@@ -8,48 +7,119 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import pytest
+from layers import MOST_IN_A_ROOM, Layers
 
 SOURCE = Path(__file__).parents[2] / "src" / "g1_description"
+LAYERS = Layers(SOURCE)
 STANDARD = {"__future__", "argparse", "collections", "contextlib", "copy"}
 STANDARD |= {"dataclasses", "difflib", "functools", "itertools", "logging", "math"}
-STANDARD |= {"os", "pathlib", "re", "stat"}
+STANDARD |= {"os", "pathlib", "re", "shutil", "stat"}
 STANDARD |= {"subprocess", "sys", "tempfile", "types", "typing"}
 STANDARD |= {"urllib", "xml"}
-ALLOWED = {
-    "core": STANDARD
-    | {"lxml", "numpy", "rospkg", "urdf_parser_py", "xacro", "yaml", ".core"},
+FOREIGN = {
+    "core": STANDARD | {"lxml", "numpy", "rospkg", "urdf_parser_py", "xacro", "yaml"},
     "sim": STANDARD
     | {"ctypes", "resource", "signal", "struct", "time", "warnings", "numpy", "PIL"}
-    | {"pybullet", "pybullet_utils", ".core", ".sim"},
+    | {"pybullet", "pybullet_utils"},
+    "importer": STANDARD
+    | {"signal", "time"}
+    | {"fast_simplification", "lxml", "numpy", "scipy", "trimesh"},
 }
-ALLOWED["importer"] = (
-    STANDARD
-    | {"shutil", "signal", "time"}
-    | {"fast_simplification", "lxml", "numpy", "scipy", "trimesh"}
-    | {".core", ".sim", ".importer"}
-)
+"""What layers may import of others."""
+
+BELOW = {
+    "core": {"core"},
+    "sim": {"core", "sim"},
+    "ros": {"core", "sim", "ros"},
+    "importer": {"core", "sim", "importer"},
+}
+"""What layers may import of ours."""
+
 FORBIDDEN = {"ros": {"pybullet", "pybullet_utils", "scipy", "urdf_parser_py"}}
 
 
-def imported_packages(path):
-    """List what a module imports: top-level packages, or our own layers."""
-    for node in ast.walk(ast.parse(path.read_text(), feature_version=(3, 8))):
-        if isinstance(node, ast.Import):
-            yield from (alias.name.split(".")[0] for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            own = {0: None, 1: path.parent.name, 2: (node.module or "").split(".")[0]}
-            layer = own[node.level]
-            yield (node.module or "").split(".")[0] if layer is None else f".{layer}"
+def strangers(layers, layer):
+    """List what modules of a layer import and may not: pairs of module and import."""
+    found = []
+    for name in layers.of_layer(layer):
+        foreign = layers.foreign(name)
+        wrong = foreign - FOREIGN.get(layer, foreign)
+        wrong |= foreign & FORBIDDEN.get(layer, set())
+        wrong |= {m for m in layers.own(name) if m.split(".")[0] not in BELOW[layer]}
+        found += [(name, module) for module in sorted(wrong)]
+    return found
 
 
-@pytest.mark.parametrize("layer", [*ALLOWED, *FORBIDDEN])
+def test_all_layers_are_known():
+    assert {name.split(".")[0] for name in LAYERS.paths} == set(BELOW)
+
+
+@pytest.mark.parametrize("layer", BELOW)
 def test_a_layer_imports_only_what_it_may(layer):
-    files = list((SOURCE / layer).glob("*.py"))
-    assert files
-    for path in files:
-        found = set(imported_packages(path))
-        assert found <= ALLOWED.get(layer, found), path.name
-        assert not found & FORBIDDEN.get(layer, set()), path.name
+    assert LAYERS.of_layer(layer)
+    assert strangers(LAYERS, layer) == []
+
+
+def test_imports_name_modules():
+    """Not folders, and nothing that is not there."""
+    for name in LAYERS.paths:
+        assert LAYERS.own(name) <= set(LAYERS.paths), name
+
+
+def test_no_module_imports_itself_in_a_circle():
+    assert LAYERS.circles() == []
+
+
+@pytest.fixture()
+def write(tmp_path):
+    """Give what writes modules, and what reads them as layers."""
+
+    def write_all(**texts):
+        for name, text in texts.items():
+            path = tmp_path / f"{name.replace('__', '/')}.py"
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text)
+        return Layers(tmp_path)
+
+    return write_all
+
+
+@pytest.mark.parametrize(
+    ("module", "text", "wrong"),
+    [
+        ("core__a", "import rospy", "rospy"),
+        ("core__room__a", "import rospy.names", "rospy"),
+        ("core__room__a", "from g1_description.sim.b import c", "sim.b"),
+        ("core__room__a", "from g1_description.sim import b", "sim.b"),
+        ("core__room__a", "def f():\n    import pybullet", "pybullet"),
+        ("core__room__deeper__a", "from ....sim.b import c", "sim.b"),
+        ("core__a", "if TYPE_CHECKING:\n    from ..sim.b import c", "sim.b"),
+        ("sim__room__a", "from g1_description.ros.b import c", "ros.b"),
+        ("ros__room__a", "import scipy.linalg", "scipy"),
+        ("importer__a", "from g1_description.ros.b import c", "ros.b"),
+    ],
+)
+def test_a_stranger_is_found(write, module, text, wrong):
+    layers = write(sim__b="", ros__b="", **{module: text})
+    name = module.replace("__", ".")
+    assert strangers(layers, module.split("__")[0]) == [(name, wrong)]
+
+
+def test_circles_are_found(write):
+    layers = write(
+        core__a="from .b import x",
+        core__b="from g1_description.core.room.c import x",
+        core__room__c="if TYPE_CHECKING:\n    from g1_description.core.a import x",
+        core__d="from .a import x",
+    )
+    assert layers.circles() == ["core.a", "core.b", "core.room.c"]
+
+
+def test_full_rooms_and_stretched_imports_are_found(write):
+    many = {f"core__room__m{number}": "" for number in range(MOST_IN_A_ROOM + 1)}
+    layers = write(core__a="", core__room__b="from ..a import x", **many)
+    assert layers.full_rooms() == ["core/room"]
+    assert layers.stretched() == ["core.room.b"]
 
 
 def test_messages_that_nodes_import_are_dependencies():
@@ -59,7 +129,7 @@ def test_messages_that_nodes_import_are_dependencies():
         for element in ET.parse(SOURCE.parents[1] / "package.xml").getroot()
         if element.tag in {"depend", "exec_depend"}
     }
-    used = {name for path in SOURCE.glob("*/*.py") for name in imported_packages(path)}
+    used = {package for name in LAYERS.paths for package in LAYERS.foreign(name)}
     messages = {name for name in used if name.endswith(("_msgs", "_srvs"))}
     assert {"gazebo_msgs", "std_srvs"} <= messages
     assert messages <= named
@@ -68,20 +138,15 @@ def test_messages_that_nodes_import_are_dependencies():
 @pytest.mark.parametrize(
     ("package", "module"),
     [
-        ("urdf_parser_py", "urdf.py"),
-        ("yaml", "pose_text.py"),
-        ("pybullet", "bullet.py"),
-        ("pybullet_utils", "bullet.py"),
-        ("resource", "read_meshes.py"),
+        ("urdf_parser_py", "core.urdf"),
+        ("yaml", "core.pose_text"),
+        ("pybullet", "sim.bullet"),
+        ("pybullet_utils", "sim.bullet"),
+        ("resource", "sim.read_meshes"),
     ],
 )
 def test_only_one_module_imports_it(package, module):
-    readers = [
-        path.name
-        for path in SOURCE.glob("*/*.py")
-        if package in set(imported_packages(path))
-    ]
-    assert readers == [module]
+    assert [n for n in LAYERS.paths if package in LAYERS.foreign(n)] == [module]
 
 
 @pytest.mark.parametrize("program", ["ros.bridge_node", "importer.command"])
