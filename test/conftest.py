@@ -25,7 +25,7 @@ def g1_file(request):
 @pytest.fixture(scope="session")
 def g1(g1_file):
     """Give the text of both G1 files in turn, with absolute mesh URIs."""
-    from g1_description.core.resources import with_absolute_uris
+    from g1_description.core.files.uris import with_absolute_uris
 
     return with_absolute_uris(g1_file.read_text(), g1_file.parent)
 

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 from conftest import REPOSITORY
 
-from g1_description.core.lumping import lump_fixed_joints
-from g1_description.core.urdf import parse_urdf
+from g1_description.core.robot.lumping import lump_fixed_joints
+from g1_description.core.urdf.reader import parse_urdf
 from g1_description.sim.entities import Entity, seen_from
 from g1_description.sim.physics import PhysicsProperties
 from g1_description.sim.world import World

@@ -13,7 +13,7 @@ from ros_testing import DEADLINE, REPOSITORY, Listener, wait_for
 from rosgraph_msgs.msg import Log
 from scipy.spatial.transform import Rotation
 
-from g1_description.core.resources import with_absolute_uris
+from g1_description.core.files.uris import with_absolute_uris
 
 G1 = REPOSITORY / "urdf" / "g1_29dof.urdf"
 FILES = {

@@ -5,8 +5,8 @@ import pytest
 from conftest import VENDOR
 from test_world import ARM
 
-from g1_description.core.resources import with_absolute_uris
-from g1_description.core.sdf import read_sdf
+from g1_description.core.files.uris import with_absolute_uris
+from g1_description.core.sdf.world import read_sdf
 
 GAZEBO_COLLAPSE = {
     0.1: 0.790,

@@ -8,10 +8,10 @@ from robots import world_poses
 from scipy.spatial.transform import Rotation
 from worlds import Bench
 
-from g1_description.core.description import Inertial
 from g1_description.core.errors import DescriptionError
-from g1_description.core.sdf import read_sdf
-from g1_description.sim.jobs import Span
+from g1_description.core.robot.description import Inertial
+from g1_description.core.sdf.world import read_sdf
+from g1_description.sim.forces import Span
 
 BODY = """<robot name="body"><link name="body"><inertial>
 <origin xyz="0.1 0.02 -0.03"/><mass value="2"/>
@@ -151,7 +151,7 @@ def test_a_mass_that_cannot_be_loaded_changes_nothing(make_world, monkeypatch):
     def spoiled(*arguments):
         raise DescriptionError("too late")
 
-    monkeypatch.setattr("g1_description.sim.urdf_import._check_mass", spoiled)
+    monkeypatch.setattr("g1_description.sim.bullet.load._check_mass", spoiled)
     inertial = Inertial(20.0, np.zeros(3), np.eye(3))
     with pytest.raises(DescriptionError, match="too late"):
         world.set_link_properties(world.entities.link("body::body"), inertial, True)

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from conftest import VENDOR
 
-from g1_description.core.lumping import lump_fixed_joints
-from g1_description.core.model_text import read_model
-from g1_description.core.resources import with_absolute_uris
+from g1_description.core.files.load import read_model
+from g1_description.core.files.uris import with_absolute_uris
+from g1_description.core.robot.lumping import lump_fixed_joints
 from g1_description.importer.command import run
 
 STANDING = np.array([0.0, 0.0, 0.793, 0.0, 0.0, 0.0, 1.0])

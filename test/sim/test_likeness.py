@@ -5,12 +5,12 @@ import pytest
 from conftest import REPOSITORY, VENDOR
 from worlds import find_package
 
-from g1_description.core.camera import Camera
-from g1_description.core.resources import with_absolute_uris
+from g1_description.core.files.uris import with_absolute_uris
 from g1_description.core.transform import IDENTITY
-from g1_description.core.urdf import parse_urdf
-from g1_description.sim.picture import silhouette
-from g1_description.sim.scene import NOTHING, Scene
+from g1_description.core.urdf.reader import parse_urdf
+from g1_description.sim.render.camera import Camera
+from g1_description.sim.render.picture import silhouette
+from g1_description.sim.render.scene import NOTHING, Scene
 
 OURS = REPOSITORY / "urdf" / "g1_29dof.urdf"
 BENT = {

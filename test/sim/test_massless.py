@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from g1_description.core.lumping import lump_fixed_joints
-from g1_description.core.urdf import parse_urdf
+from g1_description.core.robot.lumping import lump_fixed_joints
+from g1_description.core.urdf.reader import parse_urdf
 from g1_description.ros.gazebo_start import figures
 
 HIGH = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])

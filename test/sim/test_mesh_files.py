@@ -17,18 +17,18 @@ import trimesh
 from dae import box, collada, node, use
 from worlds import find_package
 
-from g1_description.core.camera import Camera
-from g1_description.core.description import Shape
-from g1_description.core.lumping import lump_fixed_joints
-from g1_description.core.sdf import read_sdf
+from g1_description.core.robot.description import Shape
+from g1_description.core.robot.lumping import lump_fixed_joints
+from g1_description.core.sdf.world import read_sdf
 from g1_description.core.transform import IDENTITY
-from g1_description.core.urdf import parse_urdf
-from g1_description.sim import mesh_contents
-from g1_description.sim.assimp import Assimp
-from g1_description.sim.meshes import find_meshes
-from g1_description.sim.picture import draw
-from g1_description.sim.scene import Scene
-from g1_description.sim.standing import standing_height
+from g1_description.core.urdf.reader import parse_urdf
+from g1_description.sim.bullet.standing import standing_height
+from g1_description.sim.meshes import contents as mesh_contents
+from g1_description.sim.meshes.assimp import Assimp
+from g1_description.sim.meshes.shapes import find_meshes
+from g1_description.sim.render.camera import Camera
+from g1_description.sim.render.picture import draw
+from g1_description.sim.render.scene import Scene
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "ros"))
 from fuzz_xml import broken_meshes

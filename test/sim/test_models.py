@@ -7,7 +7,7 @@ from oracle import assert_poses_close
 from scipy.spatial.transform import Rotation
 
 from g1_description.core.errors import DescriptionError, UnknownNameError
-from g1_description.core.sdf import read_sdf
+from g1_description.core.sdf.world import read_sdf
 from g1_description.core.transform import compose, inverse
 from g1_description.ros.gazebo_model_services import prepare_sdf
 

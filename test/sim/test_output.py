@@ -10,12 +10,12 @@ from conftest import REPOSITORY
 ROBOT = '<robot name="r"><link name="a"/></robot>'
 USE_ALL = f"""
 import numpy as np
-from g1_description.core.urdf import parse_urdf
-from g1_description.core.lumping import lump_fixed_joints
-from g1_description.sim.engine import Engine
+from g1_description.core.urdf.reader import parse_urdf
+from g1_description.core.robot.lumping import lump_fixed_joints
+from g1_description.sim.bullet.engine import Engine
 from g1_description.sim.physics import PhysicsProperties
-from g1_description.sim.scene import Scene
-from g1_description.sim.standing import standing_height
+from g1_description.sim.render.scene import Scene
+from g1_description.sim.bullet.standing import standing_height
 robot = parse_urdf('{ROBOT}')
 Engine("hold", PhysicsProperties(), str).close()
 standing_height(lump_fixed_joints(robot), np.array([0.0, 0.0, 0.0, 1.0]), str)
@@ -53,7 +53,7 @@ def test_what_was_printed_before_is_seen():
 
 def test_a_pybullet_that_is_broken_is_told():
     done = run(
-        "import sys; sys.modules['pybullet'] = None\nimport g1_description.sim.bullet"
+        "import sys; sys.modules['pybullet'] = None\nimport g1_description.sim.bullet.client"
     )
     assert "import of pybullet halted" in done.stderr
     assert done.returncode == 1

@@ -16,11 +16,11 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 from worlds import find_package
 
-from g1_description.core.lumping import lump_fixed_joints
-from g1_description.core.pose_text import parse_poses
-from g1_description.core.resources import with_absolute_uris
-from g1_description.core.urdf import parse_urdf
-from g1_description.sim.standing import hanging_height, standing_height
+from g1_description.core.files.uris import with_absolute_uris
+from g1_description.core.poses.yaml_text import parse_poses
+from g1_description.core.robot.lumping import lump_fixed_joints
+from g1_description.core.urdf.reader import parse_urdf
+from g1_description.sim.bullet.standing import hanging_height, standing_height
 
 OURS = with_absolute_uris(
     (REPOSITORY / "urdf" / "g1_29dof.urdf").read_text(), REPOSITORY / "urdf"

@@ -5,8 +5,8 @@ import pytest
 from conftest import REPOSITORY
 from scipy.spatial.transform import Rotation
 
-from g1_description.core.observer import Observer
-from g1_description.core.urdf import parse_urdf
+from g1_description.core.bridge.observer import Observer
+from g1_description.core.urdf.reader import parse_urdf
 
 LEFT_OUT = (
     "floating",

@@ -11,7 +11,7 @@ from g1_description.core.errors import (
     InvalidValueError,
     UnknownNameError,
 )
-from g1_description.sim.engine import PHYSICS
+from g1_description.sim.bullet.engine import PHYSICS
 
 UPRIGHT = np.array([0.0, 0.0, 0.793, 0.0, 0.0, 0.0, 1.0])
 TILTED = np.concatenate(
@@ -449,7 +449,7 @@ def test_a_spawn_that_fails_late_leaves_no_body_behind(make_world, monkeypatch):
     def spoiled(*arguments):
         raise DescriptionError("too late")
 
-    monkeypatch.setattr("g1_description.sim.urdf_import._check_mass", spoiled)
+    monkeypatch.setattr("g1_description.sim.bullet.load._check_mass", spoiled)
     with pytest.raises(DescriptionError, match="too late"):
         world.spawn_urdf("arm", ARM.replace(heavier, 'mass value="6"'), UPRIGHT)
     assert world.client.getNumBodies() == 1

@@ -7,7 +7,7 @@ for module in ("rospy", "tf2_ros", "gazebo_msgs.msg"):
     pytest.importorskip(module, reason=f"{module} is not there")
 
 from g1_description.core.errors import InvalidValueError  # noqa: E402
-from g1_description.core.urdf import parse_urdf  # noqa: E402
+from g1_description.core.urdf.reader import parse_urdf  # noqa: E402
 from g1_description.ros.frames import base_child, static_edges  # noqa: E402
 from g1_description.ros.parameters import (  # noqa: E402
     BridgeParameters,

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from g1_description.core.command_tally import LONGEST_NAME, NAMES, CommandTally
-from g1_description.core.commands import split_command
+from g1_description.core.bridge.command_tally import LONGEST_NAME, NAMES, CommandTally
+from g1_description.core.bridge.commands import split_command
 
 LIMITS = {"knee": (-0.1, 2.9), "wheel": (-math.inf, math.inf)}
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from g1_description.core.errors import DescriptionError
-from g1_description.core.lumping import lump_fixed_joints
-from g1_description.core.urdf import parse_urdf
+from g1_description.core.robot.lumping import lump_fixed_joints
+from g1_description.core.urdf.reader import parse_urdf
 
 A_B = '<link name="a"/><link name="b"/>'
 

@@ -17,16 +17,16 @@ from dae import box, collada, node, use
 from hypothesis import given, settings
 from robots import chains
 
-from g1_description.core import model_files
-from g1_description.core.description import Shape
 from g1_description.core.errors import DescriptionError
-from g1_description.core.model_text import read_model
-from g1_description.core.resources import local_path, with_absolute_uris
-from g1_description.core.urdf import parse_urdf
+from g1_description.core.files import model_files
+from g1_description.core.files.load import read_model
+from g1_description.core.files.uris import local_path, with_absolute_uris
+from g1_description.core.robot.description import Shape
+from g1_description.core.urdf.reader import parse_urdf
 from g1_description.importer.command import run
 from g1_description.importer.folder import Folder
 from g1_description.importer.places import Places
-from g1_description.sim.meshes import find_meshes
+from g1_description.sim.meshes.shapes import find_meshes
 
 LINK = '<link name="{}"><inertial><mass value="2"/><inertia {}/></inertial>{}</link>'
 ROUND = 'ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"'

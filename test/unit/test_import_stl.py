@@ -7,7 +7,6 @@ import pytest
 import trimesh
 
 from g1_description.core.errors import DescriptionError
-from g1_description.core.stl import clean_header, is_binary, write_stl
 from g1_description.importer.deviation import Surface, deviation
 from g1_description.importer.shapes import (
     convex_hull,
@@ -15,6 +14,7 @@ from g1_description.importer.shapes import (
     decimated_hull,
     within,
 )
+from g1_description.sim.meshes.stl import clean_header, is_binary, write_stl
 
 BALL = trimesh.creation.icosphere(3)
 BINARY = BALL.export(file_type="stl")

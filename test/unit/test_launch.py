@@ -7,7 +7,7 @@ import subprocess
 import pytest
 from conftest import REPOSITORY
 
-from g1_description.core.launch_arguments import CHOICES
+from g1_description.core.files.launch_arguments import CHOICES
 
 FOUND = shutil.which("roslaunch") and shutil.which("rospack")
 HERE = (

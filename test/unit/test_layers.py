@@ -138,11 +138,11 @@ def test_messages_that_nodes_import_are_dependencies():
 @pytest.mark.parametrize(
     ("package", "module"),
     [
-        ("urdf_parser_py", "core.urdf"),
-        ("yaml", "core.pose_text"),
-        ("pybullet", "sim.bullet"),
-        ("pybullet_utils", "sim.bullet"),
-        ("resource", "sim.read_meshes"),
+        ("urdf_parser_py", "core.urdf.reader"),
+        ("yaml", "core.poses.yaml_text"),
+        ("pybullet", "sim.bullet.client"),
+        ("pybullet_utils", "sim.bullet.client"),
+        ("resource", "sim.meshes.read_meshes"),
     ],
 )
 def test_only_one_module_imports_it(package, module):

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from robots import BOX, MASS, chains, link, lump
 from scipy.spatial.transform import Rotation
 
-from g1_description.core.lumping import lump_fixed_joints
-from g1_description.core.urdf import parse_urdf
+from g1_description.core.robot.lumping import lump_fixed_joints
+from g1_description.core.urdf.reader import parse_urdf
 
 
 def joint(name, kind, parent, child, inside=""):

@@ -5,10 +5,10 @@ import sys
 
 import pytest
 
-from g1_description.core.absolute_urdf import absolute_urdf
 from g1_description.core.errors import DescriptionError
-from g1_description.core.model_text import read_model
-from g1_description.core.urdf import parse_urdf
+from g1_description.core.files.absolute_urdf import absolute_urdf
+from g1_description.core.files.load import read_model
+from g1_description.core.urdf.reader import parse_urdf
 from g1_description.importer.robot import open_robot
 from g1_description.ros import launched_robot
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from robots import robot
 
-from g1_description.core.observer import Observer
-from g1_description.core.urdf import parse_urdf
+from g1_description.core.bridge.observer import Observer
+from g1_description.core.urdf.reader import parse_urdf
 
 
 def turned(angle):

@@ -12,15 +12,15 @@ from g1_description.core.errors import (
     PoseFileError,
     UnknownNameError,
 )
-from g1_description.core.motion import minimum_jerk
-from g1_description.core.pose_text import parse_poses, with_pose
-from g1_description.core.poses import (
+from g1_description.core.poses.motion import minimum_jerk
+from g1_description.core.poses.pose import (
     Pose,
     check_pose,
     find_pose,
     pose_positions,
 )
-from g1_description.core.urdf import parse_urdf
+from g1_description.core.poses.yaml_text import parse_poses, with_pose
+from g1_description.core.urdf.reader import parse_urdf
 
 POSES = parse_poses((REPOSITORY / "config" / "poses.yaml").read_text(), "poses.yaml")
 G1 = parse_urdf((REPOSITORY / "urdf" / "g1_29dof.urdf").read_text())

@@ -12,10 +12,10 @@ from lxml import etree
 from scipy.spatial.transform import Rotation
 
 from g1_description.core.errors import DescriptionError, NoSuchModelError
-from g1_description.core.kinematics import Kinematics
-from g1_description.core.sdf import EMPTY_WORLD, read_sdf
-from g1_description.core.sdf_joint import turned_around
-from g1_description.core.sdf_tree import hung
+from g1_description.core.robot.kinematics import Kinematics
+from g1_description.core.sdf.model.joint import turned_around
+from g1_description.core.sdf.model.tree import hung
+from g1_description.core.sdf.world import EMPTY_WORLD, read_sdf
 from g1_description.core.transform import IDENTITY
 
 GOLDEN = Path(__file__).resolve().parents[1] / "data" / "golden" / "models"

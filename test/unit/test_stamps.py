@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from g1_description.core.stamps import INSTANT, RisingStamps
+from g1_description.core.bridge.stamps import INSTANT, RisingStamps
 
 times = st.integers(1, 10**12)
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from g1_description.core.bridge.throttle import PoseThrottle
 from g1_description.core.rotation import from_axis_angle
-from g1_description.core.throttle import PoseThrottle
 
 HOME = np.array([0.0, 0.0, 0.793, 0.0, 0.0, 0.0, 1.0])
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from robots import BOX, MASS, link, lump
 
-from g1_description.core.joints import measured_joints
-from g1_description.core.urdf import parse_urdf
+from g1_description.core.bridge.joints import measured_joints
+from g1_description.core.urdf.reader import parse_urdf
 from g1_description.importer.masses import massless_links
 
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from g1_description.core.whole_states import OVERDUE, UNSEEN, State, WholeStates
+from g1_description.core.bridge.whole_states import OVERDUE, UNSEEN, State, WholeStates
 
 PERIOD = 0.005
 """Time between two states in [s]."""

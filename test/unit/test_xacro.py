@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from g1_description.core.errors import DescriptionError
-from g1_description.core.model_text import read_model
+from g1_description.core.files.load import read_model
 
 LIMITS = """
 joint_limits:

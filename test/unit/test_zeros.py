@@ -8,12 +8,12 @@ from hypothesis import strategies as st
 from oracle import forward_kinematics
 from robots import chains, world_poses
 
-from g1_description.core.joints import measured_joints
-from g1_description.core.kinematics import Kinematics
-from g1_description.core.lumping import lump_fixed_joints
-from g1_description.core.measurement import measure
-from g1_description.core.observer import Observer
-from g1_description.core.urdf import parse_urdf
+from g1_description.core.bridge.joints import measured_joints
+from g1_description.core.bridge.measurement import measure
+from g1_description.core.bridge.observer import Observer
+from g1_description.core.robot.kinematics import Kinematics
+from g1_description.core.robot.lumping import lump_fixed_joints
+from g1_description.core.urdf.reader import parse_urdf
 
 G1 = parse_urdf((REPOSITORY / "urdf" / "g1_29dof.urdf").read_text())
 BODIES = lump_fixed_joints(G1)

@@ -16,7 +16,7 @@ from gazebo_msgs.msg import ModelState
 
 from bench.motion import PATIENCE, Commands, robot
 from bench.nodes import wait_for
-from g1_description.core.kinematics import Kinematics
+from g1_description.core.robot.kinematics import Kinematics
 from g1_description.core.transform import IDENTITY
 
 RATE = 100  # [Hz]

@@ -13,11 +13,11 @@ from gazebo_msgs.msg import LinkStates, WorldState
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
-from g1_description.core.assembly import SCOPE
-from g1_description.core.lumping import lump_fixed_joints
-from g1_description.core.model_files import find_folder
-from g1_description.core.resources import with_absolute_uris
-from g1_description.core.urdf import parse_urdf
+from g1_description.core.files.model_files import find_folder
+from g1_description.core.files.uris import with_absolute_uris
+from g1_description.core.robot.assembly import SCOPE
+from g1_description.core.robot.lumping import lump_fixed_joints
+from g1_description.core.urdf.reader import parse_urdf
 from g1_description.ros.link_states import LinkStatesEncoder
 from g1_description.sim.world import World
 

@@ -16,24 +16,24 @@ from bench import report
 from bench.figures import Bench
 from PIL import Image
 
-from g1_description.core.absolute_urdf import absolute_urdf
-from g1_description.core.camera import Camera
 from g1_description.core.errors import DescriptionError
-from g1_description.core.kinematics import Kinematics
-from g1_description.core.lumping import lump_fixed_joints
-from g1_description.core.model_files import find_folder
-from g1_description.core.pose_text import parse_poses
-from g1_description.core.resources import local_path
+from g1_description.core.files.absolute_urdf import absolute_urdf
+from g1_description.core.files.model_files import find_folder
+from g1_description.core.files.uris import local_path
+from g1_description.core.poses.yaml_text import parse_poses
+from g1_description.core.robot.kinematics import Kinematics
+from g1_description.core.robot.lumping import lump_fixed_joints
 from g1_description.core.rotation import rotate
 from g1_description.core.transform import IDENTITY
-from g1_description.core.urdf import parse_urdf
-from g1_description.sim.body import Body
-from g1_description.sim.bullet import connect
+from g1_description.core.urdf.reader import parse_urdf
+from g1_description.sim.bullet.body import Body
+from g1_description.sim.bullet.client import connect
+from g1_description.sim.bullet.load import load_model
+from g1_description.sim.bullet.standing import standing_height
 from g1_description.sim.model import Model
-from g1_description.sim.picture import silhouette
-from g1_description.sim.scene import NOTHING, Scene
-from g1_description.sim.standing import standing_height
-from g1_description.sim.urdf_import import load_model
+from g1_description.sim.render.camera import Camera
+from g1_description.sim.render.picture import silhouette
+from g1_description.sim.render.scene import NOTHING, Scene
 from g1_description.sim.world import World
 
 ROOT = Path(__file__).resolve().parents[2]

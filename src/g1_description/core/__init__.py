@@ -1,1 +1,1 @@
-"""Robot mathematics: knows numpy and URDF, neither ROS nor PyBullet."""
+"""What needs no ROS client library, no PyBullet and no clock."""

@@ -1,1 +1,1 @@
-"""The import of robots from elsewhere: core and trimesh, not ROS, not PyBullet."""
+"""import_model: the vendor's models made ready for this package."""

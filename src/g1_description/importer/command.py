@@ -9,10 +9,11 @@ import sys
 import time
 from pathlib import Path
 
-from ..core.command_line import OneSentenceParser
-from ..core.errors import DescriptionError, G1DescriptionError
-from ..core.model_path import named_path, with_robots
-from ..core.model_text import ModelText, read_model
+from g1_description.core.cli import OneSentenceParser
+from g1_description.core.errors import DescriptionError, G1DescriptionError
+from g1_description.core.files.find import named_path, with_robots
+from g1_description.core.files.load import ModelText, read_model
+
 from .folder import Folder
 from .importing import Import
 from .meshes import TOLERANCE, Wishes

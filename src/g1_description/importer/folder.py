@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from ..core.errors import DescriptionError
+from g1_description.core.errors import DescriptionError
 
 
 class Folder:

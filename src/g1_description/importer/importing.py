@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Callable
 
-from ..core.errors import DescriptionError
+from g1_description.core.errors import DescriptionError
+
 from .companions import companions_of
 from .masses import impossible_inertias, massless_links, write_zero_masses
 from .meshes import Mesh, Reader, Wishes, make_mesh, read_bytes

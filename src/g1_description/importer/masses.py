@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from lxml import etree
 
-from ..core.description import Description, Inertial
-from ..core.inertias import fault_of
-from ..core.rigid import rigid_frames
+from g1_description.core.robot.description import Description, Inertial
+from g1_description.core.robot.inertias import fault_of
+from g1_description.core.robot.rigid import rigid_frames
 
 
 def massless_links(description: Description) -> tuple[list[str], list[str]]:

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ..core.errors import DescriptionError
-from ..core.stl import clean_header, is_binary, read_stl, write_stl
-from ..sim import meshes
+from g1_description.core.errors import DescriptionError
+from g1_description.sim.meshes import shapes as meshes
+from g1_description.sim.meshes.stl import clean_header, is_binary, read_stl, write_stl
+
 from .companions import companions_of
 from .shapes import (
     MakeFewer,

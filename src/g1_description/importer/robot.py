@@ -7,12 +7,12 @@ from pathlib import Path
 
 from lxml import etree
 
-from ..core.description import Description
-from ..core.model_files import find_folder
-from ..core.model_text import ModelText
-from ..core.resources import FINDABLE, find_file, scheme_of
-from ..core.urdf_names import give_names
-from ..core.xml import parse_xml
+from g1_description.core.files.load import ModelText
+from g1_description.core.files.model_files import find_folder
+from g1_description.core.files.uris import FINDABLE, find_file, scheme_of
+from g1_description.core.robot.description import Description
+from g1_description.core.urdf.names import give_names
+from g1_description.core.xml import parse_xml
 
 
 @dataclass

@@ -8,7 +8,8 @@ import fast_simplification
 import numpy as np
 import trimesh
 
-from ..core.errors import DescriptionError
+from g1_description.core.errors import DescriptionError
+
 from .deviation import Surface, deviation
 
 CELLS = (0.0, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)

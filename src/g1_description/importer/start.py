@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
-from ..core.errors import G1DescriptionError
+from g1_description.core.errors import G1DescriptionError
 
 
 def main() -> None:

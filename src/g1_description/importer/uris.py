@@ -6,8 +6,8 @@ import os
 import re
 from pathlib import Path
 
-from ..core.model_files import find_folder
-from ..core.resources import package_name
+from g1_description.core.files.model_files import find_folder
+from g1_description.core.files.uris import package_name
 
 
 def mesh_prefix(folder: Path) -> tuple[str, str]:

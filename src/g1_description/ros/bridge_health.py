@@ -13,7 +13,8 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from diagnostic_updater import Updater
 from gazebo_msgs.srv import GetPhysicsProperties
 
-from ..core.commands import listed
+from g1_description.core.bridge.commands import listed
+
 from .bridge_robot import START, BridgedRobot
 from .command_sender import FAILURES as SERVICE_FAILURES
 from .command_sender import CommandSender

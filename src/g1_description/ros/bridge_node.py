@@ -26,12 +26,13 @@ import tf2_ros
 from geometry_msgs.msg import TransformStamped
 from tf2_msgs.msg import TFMessage
 
-from ..core.commands import listed
-from ..core.description import Description
-from ..core.errors import G1DescriptionError
-from ..core.observer import Observer, Sight
-from ..core.stamps import RisingStamps
-from ..core.transform import IDENTITY
+from g1_description.core.bridge.commands import listed
+from g1_description.core.bridge.observer import Observer, Sight
+from g1_description.core.bridge.stamps import RisingStamps
+from g1_description.core.errors import G1DescriptionError
+from g1_description.core.robot.description import Description
+from g1_description.core.transform import IDENTITY
+
 from .bridge_health import BridgeHealth
 from .bridge_robot import BridgedRobot
 from .command_sender import CommandSender

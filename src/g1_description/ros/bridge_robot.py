@@ -12,14 +12,15 @@ import rospy
 from geometry_msgs.msg import TransformStamped
 from sensor_msgs.msg import JointState
 
-from ..core.command_tally import CommandTally
-from ..core.commands import listed, split_command
-from ..core.description import FREE, Description
-from ..core.errors import DescriptionError
-from ..core.lumping import lump_fixed_joints
-from ..core.observer import Share, Sight
-from ..core.throttle import PoseThrottle
-from ..core.whole_states import State, WholeStates
+from g1_description.core.bridge.command_tally import CommandTally
+from g1_description.core.bridge.commands import listed, split_command
+from g1_description.core.bridge.observer import Share, Sight
+from g1_description.core.bridge.throttle import PoseThrottle
+from g1_description.core.bridge.whole_states import State, WholeStates
+from g1_description.core.errors import DescriptionError
+from g1_description.core.robot.description import FREE, Description
+from g1_description.core.robot.lumping import lump_fixed_joints
+
 from .command_sender import CommandCount, CommandSender
 from .complaints import Complaints
 from .direct_publisher import DirectPublisher

@@ -8,8 +8,9 @@ from collections.abc import Sequence
 import rosgraph
 import rospy
 
-from ..core.description import Description
-from ..core.urdf import parse_urdf
+from g1_description.core.robot.description import Description
+from g1_description.core.urdf.reader import parse_urdf
+
 from .parameters import RobotParameters
 
 

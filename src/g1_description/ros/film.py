@@ -9,7 +9,8 @@ import numpy as np
 import rospy
 from PIL import Image
 
-from ..core.errors import InvalidValueError
+from g1_description.core.errors import InvalidValueError
+
 from .picture_files import in_colors, palette_of
 from .robot_watch import PATIENCE, Moment, NotThereError, RobotWatch, wait_until
 

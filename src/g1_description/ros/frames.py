@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..core.assembly import base_of
-from ..core.description import Description
+from g1_description.core.robot.assembly import base_of
+from g1_description.core.robot.description import Description
+
 from .parameters import BridgeParameters
 
 

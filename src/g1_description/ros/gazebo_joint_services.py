@@ -21,9 +21,10 @@ from gazebo_msgs.srv import (
     SetModelConfigurationResponse,
 )
 
-from ..core.assembly import SCOPE
-from ..core.errors import InvalidValueError, UnknownNameError
-from ..sim.model import Report
+from g1_description.core.errors import InvalidValueError, UnknownNameError
+from g1_description.core.robot.assembly import SCOPE
+from g1_description.sim.model import Report
+
 from .spans import span_of
 from .wording import Services, checked, clamped
 

@@ -23,11 +23,16 @@ from gazebo_msgs.srv import (
     SetLinkStateResponse,
 )
 
-from ..core.description import Inertial
-from ..core.errors import DescriptionError, InvalidValueError, UnknownNameError
-from ..core.rotation import rotate
-from ..core.transform import IDENTITY, compose, inverse
-from ..sim.entities import WORLD_ENTITY, Entity, seen_from
+from g1_description.core.errors import (
+    DescriptionError,
+    InvalidValueError,
+    UnknownNameError,
+)
+from g1_description.core.robot.description import Inertial
+from g1_description.core.rotation import rotate
+from g1_description.core.transform import IDENTITY, compose, inverse
+from g1_description.sim.entities import WORLD_ENTITY, Entity, seen_from
+
 from .messages import (
     pose_from_array,
     twist_from_array,

@@ -28,21 +28,22 @@ from gazebo_msgs.srv import (
     SpawnModelResponse,
 )
 
-from ..core.assembly import SCOPE, Assembly
-from ..core.errors import (
+from g1_description.core.errors import (
     DescriptionError,
     G1DescriptionError,
     InvalidValueError,
     UnknownNameError,
 )
-from ..core.lumping import lump_fixed_joints
-from ..core.model_files import find_model
-from ..core.sdf import Light, Sdf, SdfModel, read_sdf
-from ..core.transform import IDENTITY, compose
-from ..core.urdf import parse_urdf
-from ..core.xml import parse_xml
-from ..sim.entities import Entity, seen_from
-from ..sim.world import World
+from g1_description.core.files.model_files import find_model
+from g1_description.core.robot.assembly import SCOPE, Assembly
+from g1_description.core.robot.lumping import lump_fixed_joints
+from g1_description.core.sdf.world import Light, Sdf, SdfModel, read_sdf
+from g1_description.core.transform import IDENTITY, compose
+from g1_description.core.urdf.reader import parse_urdf
+from g1_description.core.xml import parse_xml
+from g1_description.sim.entities import Entity, seen_from
+from g1_description.sim.world import World
+
 from .messages import pose_from_array, stamp_from_ns, twist_from_array
 from .wording import FRAME_NOT_FOUND, Services, Wording, checked_pose, checked_twist
 

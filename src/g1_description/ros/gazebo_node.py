@@ -20,8 +20,9 @@ from concurrent.futures import CancelledError, Future
 import rospy
 from gazebo_msgs.msg import LinkState, ModelState
 
-from ..core.errors import G1DescriptionError, InvalidValueError
-from ..sim.world import World
+from g1_description.core.errors import G1DescriptionError, InvalidValueError
+from g1_description.sim.world import World
+
 from .gazebo_joint_services import JointServices
 from .gazebo_link_services import LinkServices
 from .gazebo_model_services import ModelServices

@@ -7,13 +7,14 @@ from pathlib import Path
 
 import rospy
 
-from ..core.assembly import Assembly
-from ..core.errors import DescriptionError, InvalidValueError
-from ..core.model_files import find_folder, find_model
-from ..core.sdf import EMPTY_WORLD, Sdf, read_sdf
-from ..core.xml import decoded
-from ..sim.physics import GRAVITY
-from ..sim.world import World
+from g1_description.core.errors import DescriptionError, InvalidValueError
+from g1_description.core.files.model_files import find_folder, find_model
+from g1_description.core.robot.assembly import Assembly
+from g1_description.core.sdf.world import EMPTY_WORLD, Sdf, read_sdf
+from g1_description.core.xml import decoded
+from g1_description.sim.physics import GRAVITY
+from g1_description.sim.world import World
+
 from .parameters import GazeboParameters
 from .robot_start import place_robot
 

@@ -5,13 +5,13 @@ Everything here runs in the simulator's loop, between two steps.
 
 from __future__ import annotations
 
+from g1_description.core.bridge.commands import listed
+from g1_description.core.errors import InvalidValueError, UnknownNameError
+from g1_description.core.poses.pose import near_first
+from g1_description.sim.model import Model
+from g1_description.sim.world import World
 from g1_description.srv import Step, StepModel, StepModelResponse, StepResponse
 
-from ..core.commands import listed
-from ..core.errors import InvalidValueError, UnknownNameError
-from ..core.poses import near_first
-from ..sim.model import Model
-from ..sim.world import World
 from .messages import pose_from_array, stamp_from_ns, twist_from_array
 from .stepper import Stepper
 from .wording import Services, Wording, checked, checked_pose, clamped

@@ -9,7 +9,8 @@ import time
 from gazebo_msgs.msg import LinkStates, ModelStates, WorldState
 from rosgraph_msgs.msg import Clock
 
-from ..sim.world import World
+from g1_description.sim.world import World
+
 from .direct_publisher import DirectPublisher
 from .link_states import LinkStatesEncoder
 from .messages import (

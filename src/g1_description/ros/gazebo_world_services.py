@@ -24,14 +24,14 @@ from gazebo_msgs.srv import (
 from std_msgs.msg import ColorRGBA
 from std_srvs.srv import Empty, EmptyResponse
 
+from g1_description.core.errors import InvalidValueError, UnknownNameError
+from g1_description.sim.physics import GRAVITY, PhysicsProperties
+from g1_description.sim.world import World
 from g1_description.srv import (
     SetRealTimeFactor,
     SetRealTimeFactorResponse,
 )
 
-from ..core.errors import InvalidValueError, UnknownNameError
-from ..sim.physics import GRAVITY, PhysicsProperties
-from ..sim.world import World
 from .messages import vector_to_array
 from .stepper import Stepper
 from .wording import Services, Wording, checked, checked_pose

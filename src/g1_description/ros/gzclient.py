@@ -9,7 +9,8 @@ import sys
 import rospkg
 import rospy
 
-from ..core.command_line import Ignored, OneSentenceParser
+from g1_description.core.cli import Ignored, OneSentenceParser
+
 from .command_line import own_arguments
 from .shutdown import start_node
 

@@ -10,8 +10,9 @@ from pathlib import Path
 import rospkg
 import rospy
 
-from ..core.command_line import Ignored, OneSentenceParser
-from ..core.model_files import RESOURCE_PATH, resource_folders
+from g1_description.core.cli import Ignored, OneSentenceParser
+from g1_description.core.files.model_files import RESOURCE_PATH, resource_folders
+
 from . import gzclient
 from .command_line import own_arguments
 

@@ -9,12 +9,17 @@ from __future__ import annotations
 import argparse
 import sys
 
-from ..core.absolute_urdf import read_absolute
-from ..core.command_line import OneSentenceParser
-from ..core.description import Description
-from ..core.errors import G1DescriptionError, InvalidValueError
-from ..core.launch_arguments import check_arguments, check_for_empty, words_of_parent
-from ..core.poses import ZERO, check_pose, find_pose
+from g1_description.core.cli import OneSentenceParser
+from g1_description.core.errors import G1DescriptionError, InvalidValueError
+from g1_description.core.files.absolute_urdf import read_absolute
+from g1_description.core.files.launch_arguments import (
+    check_arguments,
+    check_for_empty,
+    words_of_parent,
+)
+from g1_description.core.poses.pose import ZERO, check_pose, find_pose
+from g1_description.core.robot.description import Description
+
 from .pose_files import read_poses
 
 

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..core.errors import WireFormatError
+from g1_description.core.errors import WireFormatError
 
 _COUNT = struct.Struct("<I")
 _SEQ_AND_STAMP = struct.Struct("<III")

@@ -8,8 +8,8 @@ from dataclasses import dataclass, fields
 
 import rospy
 
-from ..core.errors import InvalidValueError
-from ..sim.physics import PhysicsProperties
+from g1_description.core.errors import InvalidValueError
+from g1_description.sim.physics import PhysicsProperties
 
 
 @dataclass(frozen=True)

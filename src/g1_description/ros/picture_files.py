@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from ..core.errors import InvalidValueError
+from g1_description.core.errors import InvalidValueError
+
 from .whole_file import write_whole
 
 COLORS = 255

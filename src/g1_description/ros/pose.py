@@ -8,10 +8,17 @@ from pathlib import Path
 
 import rosgraph
 
-from ..core.command_line import OneSentenceParser, number
-from ..core.errors import G1DescriptionError, PoseFileError
-from ..core.pose_text import check_name
-from ..core.poses import ZERO, Pose, check_pose, find_pose, pose_positions
+from g1_description.core.cli import OneSentenceParser, number
+from g1_description.core.errors import G1DescriptionError, PoseFileError
+from g1_description.core.poses.pose import (
+    ZERO,
+    Pose,
+    check_pose,
+    find_pose,
+    pose_positions,
+)
+from g1_description.core.poses.yaml_text import check_name
+
 from .command_line import own_arguments
 from .pose_files import package_file, read_file, read_poses, save_pose, user_file
 from .posed_robot import NoAnswerError, PosedRobot

@@ -6,10 +6,11 @@ from pathlib import Path
 
 import rospkg
 
-from ..core.errors import PoseFileError
-from ..core.model_files import find_folder
-from ..core.pose_text import parse_poses, with_pose
-from ..core.poses import Pose
+from g1_description.core.errors import PoseFileError
+from g1_description.core.files.model_files import find_folder
+from g1_description.core.poses.pose import Pose
+from g1_description.core.poses.yaml_text import parse_poses, with_pose
+
 from .whole_file import write_whole
 
 PACKAGE = "g1_description"

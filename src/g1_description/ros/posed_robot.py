@@ -15,10 +15,11 @@ import numpy as np
 import rospy
 from sensor_msgs.msg import JointState
 
-from ..core.commands import listed
-from ..core.errors import DescriptionError, G1DescriptionError
-from ..core.motion import minimum_jerk
-from ..core.urdf import parse_urdf
+from g1_description.core.bridge.commands import listed
+from g1_description.core.errors import DescriptionError, G1DescriptionError
+from g1_description.core.poses.motion import minimum_jerk
+from g1_description.core.urdf.reader import parse_urdf
+
 from .descriptions import find_parameter
 from .newest import NEWEST
 from .shutdown import quiet_when_closing

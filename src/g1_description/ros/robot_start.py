@@ -7,14 +7,15 @@ from dataclasses import replace
 import numpy as np
 import rospy
 
-from ..core.assembly import Assembly
-from ..core.errors import DescriptionError
-from ..core.lumping import lump_fixed_joints
-from ..core.model_files import find_folder
-from ..core.poses import ZERO, check_pose, find_pose, pose_positions
-from ..core.rotation import from_rpy
-from ..core.urdf import parse_urdf
-from ..sim.standing import hanging_height, standing_height
+from g1_description.core.errors import DescriptionError
+from g1_description.core.files.model_files import find_folder
+from g1_description.core.poses.pose import ZERO, check_pose, find_pose, pose_positions
+from g1_description.core.robot.assembly import Assembly
+from g1_description.core.robot.lumping import lump_fixed_joints
+from g1_description.core.rotation import from_rpy
+from g1_description.core.urdf.reader import parse_urdf
+from g1_description.sim.bullet.standing import hanging_height, standing_height
+
 from .parameters import SpawnParameters
 from .pose_files import read_poses
 

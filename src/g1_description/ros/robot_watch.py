@@ -11,11 +11,12 @@ import numpy as np
 import rospy
 from sensor_msgs.msg import JointState
 
-from ..core.assembly import base_of
-from ..core.description import Description
-from ..core.errors import DescriptionError, G1DescriptionError
-from ..core.transform import compose, inverse
-from ..core.urdf import parse_urdf
+from g1_description.core.errors import DescriptionError, G1DescriptionError
+from g1_description.core.robot.assembly import base_of
+from g1_description.core.robot.description import Description
+from g1_description.core.transform import compose, inverse
+from g1_description.core.urdf.reader import parse_urdf
+
 from .descriptions import find_parameter
 from .newest import NEWEST
 from .transforms import Transforms

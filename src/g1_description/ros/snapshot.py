@@ -14,17 +14,22 @@ import numpy as np
 import rosgraph
 import rospy
 
-from ..core.absolute_urdf import absolute_urdf
-from ..core.camera import VIEWS, Camera, framing
-from ..core.commands import listed
-from ..core.description import Description
-from ..core.errors import G1DescriptionError, InvalidValueError, UnknownNameError
-from ..core.model_files import find_folder
-from ..core.poses import check_limits, near_first
-from ..core.transform import IDENTITY
-from ..core.urdf import parse_urdf
-from ..sim.picture import draw
-from ..sim.scene import Scene
+from g1_description.core.bridge.commands import listed
+from g1_description.core.errors import (
+    G1DescriptionError,
+    InvalidValueError,
+    UnknownNameError,
+)
+from g1_description.core.files.absolute_urdf import absolute_urdf
+from g1_description.core.files.model_files import find_folder
+from g1_description.core.poses.pose import check_limits, near_first
+from g1_description.core.robot.description import Description
+from g1_description.core.transform import IDENTITY
+from g1_description.core.urdf.reader import parse_urdf
+from g1_description.sim.render.camera import VIEWS, Camera, framing
+from g1_description.sim.render.picture import draw
+from g1_description.sim.render.scene import Scene
+
 from .command_line import own_arguments
 from .film import film, record
 from .picture_files import write_film, write_picture

@@ -5,8 +5,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from ..core.camera import VIEWS
-from ..core.command_line import OneSentenceParser, number
+from g1_description.core.cli import OneSentenceParser, number
+from g1_description.sim.render.camera import VIEWS
+
 from .film import check_length
 from .picture_files import check_place
 

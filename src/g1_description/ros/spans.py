@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..sim.jobs import Span
+from g1_description.sim.forces import Span
 
 
 def span_of(start_time, duration, now_ns: int) -> Span:

@@ -25,11 +25,12 @@ from gazebo_msgs.srv import (
 )
 from std_srvs.srv import Empty
 
-from ..core.command_line import OneSentenceParser, number
-from ..core.errors import DescriptionError
-from ..core.model_files import model_folders, searched_folders
-from ..core.rotation import from_rpy
-from ..core.xml import decoded, parse_xml
+from g1_description.core.cli import OneSentenceParser, number
+from g1_description.core.errors import DescriptionError
+from g1_description.core.files.model_files import model_folders, searched_folders
+from g1_description.core.rotation import from_rpy
+from g1_description.core.xml import decoded, parse_xml
+
 from .command_line import own_arguments
 from .messages import pose_from_array
 from .shutdown import start_node

@@ -18,7 +18,8 @@ import rospy
 from gazebo_msgs.srv import GetPhysicsProperties, SetModelConfiguration, SpawnModel
 from std_srvs.srv import Empty
 
-from ..core.errors import G1DescriptionError
+from g1_description.core.errors import G1DescriptionError
+
 from .messages import pose_from_array
 from .parameters import SpawnParameters, read_parameters
 from .robot_start import place_robot

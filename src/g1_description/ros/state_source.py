@@ -10,7 +10,8 @@ from collections.abc import Callable
 import rosgraph
 import rospy
 
-from ..core.errors import WireFormatError
+from g1_description.core.errors import WireFormatError
+
 from .backlog import Backlog
 from .complaints import Complaints
 from .link_states import LinkStatesArrays, LinkStatesDecoder

@@ -7,7 +7,7 @@ import shutil
 from contextlib import suppress
 from pathlib import Path
 
-from ..core.errors import InvalidValueError
+from g1_description.core.errors import InvalidValueError
 
 
 def write_whole(path: Path, content: bytes) -> None:

@@ -6,10 +6,11 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from ..core.errors import LARGEST, InvalidValueError
-from ..core.rotation import normalized
-from ..sim.model import Report
-from ..sim.world import World
+from g1_description.core.errors import LARGEST, InvalidValueError
+from g1_description.core.rotation import normalized
+from g1_description.sim.model import Report
+from g1_description.sim.world import World
+
 from .messages import pose_to_array, twist_to_array
 
 _SCOPE = "did you forget to scope the link by model name?"

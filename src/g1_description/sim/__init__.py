@@ -1,1 +1,1 @@
-"""The simulated world on PyBullet: knows core, not ROS."""
+"""The simulated world, backed by PyBullet."""

@@ -13,12 +13,13 @@ from typing import TypeVar
 
 import numpy as np
 
-from ..core.assembly import SCOPE
-from ..core.description import Joint, Link
-from ..core.errors import UnknownNameError
-from ..core.rotation import conjugate, rotate
-from ..core.sdf import Light
-from ..core.transform import IDENTITY, compose, inverse
+from g1_description.core.errors import UnknownNameError
+from g1_description.core.robot.assembly import SCOPE
+from g1_description.core.robot.description import Joint, Link
+from g1_description.core.rotation import conjugate, rotate
+from g1_description.core.sdf.world import Light
+from g1_description.core.transform import IDENTITY, compose, inverse
+
 from .model import Model
 
 _Thing = TypeVar("_Thing")

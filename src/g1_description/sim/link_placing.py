@@ -6,13 +6,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..core.assembly import WORLD
-from ..core.description import MOVABLE, Joint
-from ..core.errors import InvalidValueError
-from ..core.joints import measured_joints
-from ..core.measurement import measure
-from ..core.rotation import angle_between
-from ..core.transform import compose, inverse
+from g1_description.core.bridge.joints import measured_joints
+from g1_description.core.bridge.measurement import measure
+from g1_description.core.errors import InvalidValueError
+from g1_description.core.robot.assembly import WORLD
+from g1_description.core.robot.description import MOVABLE, Joint
+from g1_description.core.rotation import angle_between
+from g1_description.core.transform import compose, inverse
+
 from .model import Model
 
 

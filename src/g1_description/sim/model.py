@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..core.assembly import WORLD, Assembly
-from ..core.errors import LARGEST, InvalidValueError
-from ..core.kinematics import Kinematics
-from ..core.rotation import cross, rotate
-from ..core.transform import compose, inverse
+from g1_description.core.errors import LARGEST, InvalidValueError
+from g1_description.core.robot.assembly import WORLD, Assembly
+from g1_description.core.robot.kinematics import Kinematics
+from g1_description.core.rotation import cross, rotate
+from g1_description.core.transform import compose, inverse
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,19 +11,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..core.assembly import SCOPE, Assembly
-from ..core.description import Inertial
-from ..core.errors import DescriptionError
-from ..core.rotation import cross, rotate
-from ..core.sdf import EMPTY_WORLD, Light, Sdf, read_sdf
-from ..core.transform import compose
-from .engine import Engine
+from g1_description.core.errors import DescriptionError
+from g1_description.core.robot.assembly import SCOPE, Assembly
+from g1_description.core.robot.description import Inertial
+from g1_description.core.rotation import cross, rotate
+from g1_description.core.sdf.world import EMPTY_WORLD, Light, Sdf, read_sdf
+from g1_description.core.transform import compose
+from g1_description.sim.bullet.engine import Engine
+from g1_description.sim.bullet.load import check_size
+
 from .entities import Entities, Entity, named
-from .jobs import Jobs
+from .forces import Jobs
 from .link_placing import Placed, joint_above, place_link
 from .model import Model, Report
 from .physics import PhysicsProperties
-from .urdf_import import check_size
 
 
 class World:

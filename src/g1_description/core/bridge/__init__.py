@@ -1,0 +1,1 @@
+"""What the bridge computes: joint positions from link poses, stamps, commands."""

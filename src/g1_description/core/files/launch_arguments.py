@@ -1,0 +1,91 @@
+"""What the launch files take: a mistake is told before anything starts."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+from g1_description.core.bridge.commands import listed
+from g1_description.core.errors import InvalidValueError, UnknownNameError
+from g1_description.core.poses.pose import near_first
+
+PHYSICS = ("kinematic", "hold", "limp")
+
+CHOICES = {"sim": ("standin", "gazebo"), "physics": PHYSICS}
+"""What there is, by argument."""
+
+FLAGS = ("fixed_base", "paused", "use_sim_time")
+"""Arguments that are true or false."""
+
+NUMBERS = ("x", "y", "z", "R", "P", "Y", "rate")
+"""Arguments that are numbers; empty where they need not be given."""
+
+
+def check_arguments(given: Mapping[str, str]) -> None:
+    """Check arguments that can be checked without the robot.
+
+    Args:
+        given: Values by name; those that are not known here are not checked.
+
+    Raises:
+        UnknownNameError: If something is asked for that does not exist.
+        InvalidValueError: If a number is none, or what is true or false is neither.
+    """
+    for name, choices in CHOICES.items():
+        if given.get(name, choices[0]) not in choices:
+            known = listed(near_first(given[name], choices))
+            raise UnknownNameError(
+                f"There is no {name} '{given[name]}'; there are {known}."
+            )
+    for name in FLAGS:
+        if given.get(name, "true").lower() not in ("true", "false"):
+            raise InvalidValueError(
+                f"{name} is '{given[name]}'; it is either true or false."
+            )
+    for name in NUMBERS:
+        if given.get(name):
+            _check_number(name, given[name])
+    if not 0.0 <= float(given.get("rate") or 0.0) <= 1e6:
+        raise InvalidValueError(
+            f"rate is {given['rate']}; it is a number of states per second, at most "
+            "1e6, or 0 for all there are."
+        )
+
+
+def _check_number(name: str, text: str) -> None:
+    """Check that a text is a finite number."""
+    try:
+        finite = math.isfinite(float(text))
+    except ValueError:
+        finite = False
+    if not finite:
+        raise InvalidValueError(f"{name} is '{text}', which is no finite number.")
+
+
+def check_for_empty(given: Mapping[str, str], words: list[str]) -> None:
+    """Check that no argument was given without a value.
+
+    roslaunch drops such a one, as ``model:=$MODEL`` without that variable, and takes
+    the default.
+
+    Args:
+        given: Values by name, as roslaunch has them.
+        words: Its command line.
+
+    Raises:
+        InvalidValueError: If one is empty that has a default, or must have a value.
+    """
+    for name, value in given.items():
+        if value and f"{name}:=" in words:
+            raise InvalidValueError(f"{name}:= is empty; without it, {value} is taken.")
+
+
+def words_of_parent() -> list[str]:
+    """Give the command line of the process that started this one, where it is told."""
+    try:
+        line = Path(f"/proc/{os.getppid()}/cmdline").read_bytes()
+    except OSError:
+        return []
+    return os.fsdecode(line).split("\0")

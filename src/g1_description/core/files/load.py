@@ -1,0 +1,106 @@
+"""The robot description that a file holds, whatever it is written in."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+from g1_description.core.errors import DescriptionError
+from g1_description.core.robot.description import Description
+from g1_description.core.urdf.reader import parse_urdf
+from g1_description.core.xml import decoded
+
+from .find import find_model_file, split_arguments
+from .model_files import LARGEST_FILE
+
+PATIENCE = 60.0
+"""Longest time that xacro may take, in [s]."""
+
+
+@dataclass(frozen=True)
+class ModelText:
+    """A robot description and where it came from."""
+
+    path: Path
+    text: str
+    """URDF; file names in it are as written."""
+
+    description: Description
+
+
+def read_model(asked: str) -> ModelText:
+    """Read a robot description.
+
+    Args:
+        asked: URDF file or xacro file as a path, ``package://`` or ``file://``; for
+            xacro with arguments behind it: ``robot.urdf.xacro hand=true``.
+
+    Returns:
+        The robot, checked to be one.
+
+    Raises:
+        DescriptionError: If there is no such file, or no robot in it.
+    """
+    name, arguments = split_arguments(asked)
+    path = find_model_file(name)
+    text = _read(path)
+    if path.suffix == ".xacro":
+        text = _expand(path, arguments)
+    elif arguments:
+        raise DescriptionError(
+            f"{path.name} is no .xacro file and takes no arguments: "
+            f"{', '.join(arguments)}."
+        )
+    return ModelText(path, text, parse_urdf(text))
+
+
+def _read(path: Path) -> str:
+    """Read a file of a size that a robot description can have."""
+    try:
+        size = path.stat().st_size
+        if size > LARGEST_FILE:
+            raise DescriptionError(
+                f"{path} has {size / 1e6:.0f} MB; a robot description has at most "
+                f"{LARGEST_FILE / 1e6:.0f} MB."
+            )
+        data = path.read_bytes()
+    except OSError as error:
+        raise DescriptionError(f"{path} cannot be read: {error.strerror}.") from error
+    try:
+        return decoded(data)
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        raise DescriptionError(
+            f"Line {line} of {path} is not UTF-8, and no other encoding is declared "
+            "that it could be."
+        ) from error
+
+
+def _expand(path: Path, arguments: dict[str, str]) -> str:
+    """Have xacro write URDF, in a process of its own."""
+    words = [f"{name}:={value}" for name, value in arguments.items()]
+    runner = f"{__package__}.run_xacro"
+    try:
+        run = subprocess.run(
+            [sys.executable, "-m", runner, str(path), *words],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            encoding="utf-8",
+            env={
+                **os.environ,
+                "PYTHONPATH": os.pathsep.join(sys.path),
+                "PYTHONIOENCODING": "utf-8:backslashreplace",
+            },
+            timeout=PATIENCE,
+            check=False,
+        )
+    except subprocess.TimeoutExpired as error:
+        raise DescriptionError(
+            f"xacro has not written {path.name} within {PATIENCE:.0f} s."
+        ) from error
+    if run.returncode:
+        raise DescriptionError(run.stdout.strip() or f"xacro fails for {path.name}.")
+    return run.stdout

@@ -1,0 +1,1 @@
+"""Named poses and their file."""

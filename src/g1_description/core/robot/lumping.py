@@ -1,0 +1,273 @@
+"""Fixed joints lumped away, as Gazebo does it when it loads a URDF.
+
+A link on a fixed joint becomes part of the link above it: masses add up by the
+parallel-axis theorem, shapes move along, joints below hang on the link above.
+What the file says of the gravity of one counts for the whole body, the last word in
+Gazebo's order wins. The names of lumped frames and where they are stay known.
+
+A fixed joint that the file wants to be kept stays, and the link on it. A link called
+"world" at the root is the world itself; joints to it are kept, fixed ones too. A link
+without mass on a joint that stays vanishes with all that hangs below it, where things
+move by themselves. A floating or planar joint is none: what it carries is free, below
+"world" as anywhere. Of a model that never moves by itself all joints hold still.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+
+from g1_description.core.bridge.commands import listed
+from g1_description.core.rotation import to_axes
+from g1_description.core.transform import IDENTITY, compose
+
+from .assembly import WORLD, Assembly
+from .description import FREE, Description, Inertial, Joint, Link, Shape
+from .inertias import fault_of
+from .rigid import rigid_frames
+from .tree import below, depth_first
+
+
+def lump_fixed_joints(description: Description, is_dynamic: bool = True) -> Assembly:
+    """Merge each link on a fixed joint into the link above it.
+
+    Args:
+        description: Any robot.
+        is_dynamic: Whether things move by themselves. Where they do not, nothing needs
+            a mass, and links without one stay.
+
+    Returns:
+        The robot as Gazebo would simulate it.
+    """
+    root = description.root
+    frames = rigid_frames(description, as_lumped=True)
+    bodies = {
+        name: _merge(name, parts) for name, parts in _parts(description, frames).items()
+    }
+    joints = tuple(
+        _rehang(joint, frames)
+        for joint in description.joints
+        if frames[joint.child][0] == joint.child
+    )
+    if description.static:
+        joints = tuple(_held(joint) for joint in joints)
+    massless = _massless(root, bodies, joints)
+    why = {
+        name: massless[frames[name][0]]
+        for name in description.link_names
+        if frames[name][0] in massless
+    }
+    told = [
+        f"link {name} has no mass"
+        if frames[name][0] == body
+        else f"link {name} hangs on {body}, which has no mass"
+        for name, body in why.items()
+    ]
+    kept = set(bodies) - set(massless)
+    if is_dynamic:
+        told += _impossible(
+            bodies[name] for name in description.link_names if name in kept
+        )
+    else:
+        kept = set(bodies)
+        bare = [name for name, body in why.items() if frames[name][0] == body]
+        hanging = [name for name, body in why.items() if frames[name][0] != body]
+        told = [_unlike_gazebo(bare, hanging)] if why else []
+    held = tuple(j for j in joints if j.child in kept and j.kind not in FREE)
+    free = tuple(j for j in joints if j.child in kept and j.kind in FREE)
+    if root == WORLD and free and not any(joint.parent == WORLD for joint in held):
+        root = next(name for name in description.link_names if name in _children(free))
+        kept.remove(WORLD)
+    robot = Description(
+        name=description.name,
+        root=root,
+        links=tuple(bodies[name] for name in description.link_names if name in kept),
+        joints=held,
+    )
+    return Assembly(
+        description=robot,
+        root_poses=_root_poses(description.root, joints, robot.roots),
+        static=description.static,
+        frames={link: frame for link, frame in frames.items() if frame[0] in kept},
+        left_out=(
+            *description.left_out,
+            *told,
+            *(f"joint {j.name} is {j.kind}, {j.child} is free" for j in free),
+            *(joint.remark for joint in held if joint.remark),
+        ),
+    )
+
+
+def _unlike_gazebo(bare: list[str], hanging: list[str]) -> str:
+    """Say which links are there though Gazebo would leave them out.
+
+    Args:
+        bare: Links without mass.
+        hanging: Links with mass that hang on them.
+    """
+    one, alone = len(bare) == 1, len(bare) + len(hanging) == 1
+    words = f"{listed(bare)} {'has' if one else 'have'} no mass"
+    if hanging:
+        verb = "hangs" if len(hanging) == 1 else "hang"
+        words += f" and {listed(hanging)} {verb} on {'it' if one else 'them'}"
+    return f"{words}: Gazebo would leave {'it' if alone else 'them'} out"
+
+
+def _impossible(bodies: Iterable[Link]) -> list[str]:
+    """Say which bodies have an inertia that none has, if any."""
+    found = [body.name for body in bodies if body.inertial and fault_of(body.inertial)]
+    if not found:
+        return []
+    return [
+        f"inertia of {listed(found)} is one that no body has, moments are not positive "
+        "or one is greater than the other two together"
+    ]
+
+
+def _children(joints: Iterable[Joint]) -> set[str]:
+    """Name the links that joints carry."""
+    return {joint.child for joint in joints}
+
+
+def _root_poses(
+    root: str, joints: tuple[Joint, ...], roots: tuple[str, ...]
+) -> np.ndarray:
+    """Place the roots of all trees in the frame of the file's root.
+
+    Args:
+        root: The file's root.
+        joints: Between bodies, floating and planar ones too.
+        roots: Of the trees.
+
+    Returns:
+        Their poses with all joints at zero, shape (n_trees, 7).
+    """
+    poses = {root: IDENTITY}
+    for joint in below([root], joints):
+        poses[joint.child] = compose(poses[joint.parent], joint.pose)
+    return np.array([poses[name] for name in roots])
+
+
+def _parts(
+    description: Description, frames: dict[str, tuple[str, np.ndarray]]
+) -> dict[str, list[tuple[Link, np.ndarray]]]:
+    """Group the links by the body that holds them, in Gazebo's order."""
+    links = {link.name: link for link in description.links}
+    parts: dict[str, list[tuple[Link, np.ndarray]]] = {}
+    for name in depth_first(description.root, description.joints):
+        body, pose = frames[name]
+        parts.setdefault(body, []).append((links[name], pose))
+    return parts
+
+
+def _merge(name: str, parts: list[tuple[Link, np.ndarray]]) -> Link:
+    """Make one link of several that do not move against each other."""
+    collisions = [(link.name, s, pose) for link, pose in parts for s in link.collisions]
+    said = [link.gravity for link, _ in parts if link.gravity is not None]
+    return Link(
+        name=name,
+        inertial=combine_inertials(
+            (link.inertial, pose) for link, pose in parts if link.inertial is not None
+        ),
+        visuals=tuple(_moved(s, pose) for link, pose in parts for s in link.visuals),
+        collisions=tuple(
+            replace(_moved(shape, pose), name=_collision_name(name, link, shape, n))
+            for n, (link, shape, pose) in enumerate(collisions)
+        ),
+        gravity=said[-1] if said else None,
+    )
+
+
+def _collision_name(body: str, link: str, shape: Shape, number: int) -> str:
+    """Name a collision as Gazebo does when it turns URDF into its own format.
+
+    What does not begin with the body's name is told to be lumped: also a collision
+    of the body's own that the file gives another name.
+
+    Args:
+        body: The link that is left.
+        link: The link of the file that has the shape.
+        shape: The collision.
+        number: Which collision of the body it is, from 0.
+    """
+    count = f"_{number}" if number else ""
+    name = f"{shape.name or link}_collision{count}"
+    return name if name.startswith(body) else f"{body}_fixed_joint_lump__{name}"
+
+
+def combine_inertials(
+    parts: Iterable[tuple[Inertial, np.ndarray]],
+) -> Inertial | None:
+    """Add up masses that are rigidly connected (parallel-axis theorem).
+
+    Args:
+        parts: Inertials with the pose, shape (7,), of their link in the body.
+
+    Returns:
+        The inertial of the body, or None where there is no mass at all.
+    """
+    placed = [
+        (part.mass, *_turned(part, pose)) for part, pose in parts if part.mass > 0.0
+    ]
+    if not placed:
+        return None
+    mass = sum(part[0] for part in placed)
+    center = np.sum([part[0] * part[1] for part in placed], axis=0) / mass
+    inertia = np.zeros((3, 3))
+    for part_mass, part_center, part_inertia in placed:
+        offset = part_center - center
+        steiner = offset @ offset * np.eye(3) - np.outer(offset, offset)
+        inertia += part_inertia + part_mass * steiner
+    return Inertial(mass, center, inertia)
+
+
+def _turned(part: Inertial, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Write a link's center of mass and inertia in its body's frame."""
+    axes = to_axes(pose[3:])
+    center = pose[:3] + axes @ part.center_of_mass
+    return center, axes @ part.inertia @ axes.T
+
+
+def _moved(shape: Shape, pose: np.ndarray) -> Shape:
+    """Write a shape's pose in the frame of the body that holds its link."""
+    return replace(shape, pose=compose(pose, shape.pose))
+
+
+def _rehang(joint: Joint, frames: dict[str, tuple[str, np.ndarray]]) -> Joint:
+    """Hang a joint on the body that holds its parent link.
+
+    A fixed one that is kept as one that turns has the axis that SDF gives one without.
+    """
+    body, pose = frames[joint.parent]
+    joint = replace(joint, parent=body, pose=compose(pose, joint.pose))
+    if joint.kept_as != "revolute":
+        return joint
+    axis = np.array([0.0, 0.0, 1.0])
+    return replace(joint, kind="revolute", axis=axis, lower=0.0, upper=0.0)
+
+
+def _held(joint: Joint) -> Joint:
+    """Let a joint hold still; no simulator lists one that Gazebo makes nothing of."""
+    return replace(joint, kind="fixed", listed=joint.kind not in FREE)
+
+
+def _massless(
+    root: str, bodies: dict[str, Link], joints: tuple[Joint, ...]
+) -> dict[str, str]:
+    """Find the bodies that have no mass, and all that hang on them.
+
+    Returns:
+        Of each its own name where it has no mass, else the name of the nearest body
+        above it that has none.
+    """
+    found: dict[str, str] = {}
+    if root != WORLD and bodies[root].inertial is None:
+        found[root] = root
+    for joint in below([root], joints):
+        if bodies[joint.child].inertial is None:
+            found[joint.child] = joint.child
+        elif joint.parent in found:
+            found[joint.child] = found[joint.parent]
+    return found

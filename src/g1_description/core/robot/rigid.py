@@ -1,0 +1,73 @@
+"""Links that fixed joints hold together: where one is, all are."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import numpy as np
+
+from g1_description.core.transform import IDENTITY, compose, inverse
+
+from .assembly import WORLD
+from .description import Description
+from .tree import below
+
+
+def rigid_frames(
+    description: Description, as_lumped: bool = False
+) -> dict[str, tuple[str, np.ndarray]]:
+    """Find what each link is rigidly part of.
+
+    Args:
+        description: Any robot.
+        as_lumped: Whether only what Gazebo lumps counts: the world holds nothing then,
+            nor does a joint that the file wants to be kept.
+
+    Returns:
+        For each link the uppermost link that fixed joints hold it to, and its pose
+        in that link's frame, shape (7,).
+    """
+    root = description.root
+    apart = WORLD if as_lumped and root == WORLD else None
+    frames: dict[str, tuple[str, np.ndarray]] = {root: (root, IDENTITY)}
+    for joint in below([root], description.joints):
+        is_kept = joint.parent == apart or (as_lumped and joint.kept_as)
+        if joint.kind == "fixed" and not is_kept:
+            body, pose = frames[joint.parent]
+            frames[joint.child] = (body, compose(pose, joint.pose))
+        else:
+            frames[joint.child] = (joint.child, IDENTITY)
+    return frames
+
+
+def seen_through(
+    description: Description, at_hand: Collection[str]
+) -> dict[str, tuple[str, np.ndarray]]:
+    """Find for each link a link at hand that tells where it is.
+
+    A simulator publishes some links of a robot: one that lumps fixed joints leaves
+    out what hangs on them, others leave out other links.
+
+    Args:
+        description: The robot as its file tells it, fixed joints and all.
+        at_hand: Names of the links whose poses are known.
+
+    Returns:
+        For each link that is known through itself or another: that link's name, and
+        its own pose in that link's frame, shape (7,).
+    """
+    frames = rigid_frames(description)
+    known: dict[str, tuple[str, np.ndarray]] = {}
+    for link in description.link_names:
+        body, pose = frames[link]
+        if link in at_hand and body not in known:
+            known[body] = (link, inverse(pose))
+    seen = {}
+    for link in description.link_names:
+        body, pose = frames[link]
+        if link in at_hand:
+            seen[link] = (link, IDENTITY)
+        elif body in known:
+            through, T_through_body = known[body]
+            seen[link] = (through, compose(T_through_body, pose))
+    return seen

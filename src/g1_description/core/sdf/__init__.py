@@ -1,0 +1,1 @@
+"""SDF documents: worlds, their models, lights, states and physics."""

@@ -1,0 +1,1 @@
+"""One model of an SDF document: its links, joints and tree."""

@@ -1,0 +1,140 @@
+"""Links of an SDF model: their masses and shapes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from lxml import etree
+
+from g1_description.core.bounds import checked
+from g1_description.core.errors import DescriptionError
+from g1_description.core.robot.description import Inertial, Link, Shape
+from g1_description.core.rotation import to_axes
+from g1_description.core.sdf.frames import Scope
+from g1_description.core.sdf.values import (
+    flag,
+    name_of,
+    number,
+    optional,
+    text_of,
+    unit,
+    vector,
+)
+
+_SIZES = {
+    "box": {"size": [1.0, 1.0, 1.0]},
+    "sphere": {"radius": [1.0]},
+    "cylinder": {"radius": [1.0], "length": [1.0]},
+}
+"""Kinds of shapes, the elements that tell how large they are, and their defaults."""
+
+_TENSOR = {"ixx": 1.0, "ixy": 0.0, "ixz": 0.0, "iyy": 1.0, "iyz": 0.0, "izz": 1.0}
+
+
+def read_link(element: etree._Element, scope: Scope) -> Link:
+    """Read a link element.
+
+    Args:
+        element: The link.
+        scope: The model that holds it.
+
+    Raises:
+        DescriptionError: If a number, a name or a frame is wrong.
+    """
+    name = scope.full(name_of(element))
+    return Link(
+        name=name,
+        inertial=_inertial(element.find("inertial"), name, scope),
+        visuals=tuple(_shapes(element, "visual", name, scope)),
+        collisions=tuple(_shapes(element, "collision", name, scope)),
+        gravity=flag(element, "gravity", True, f"link {name}"),
+    )
+
+
+def drop_wrong_inertial(element: etree._Element, scope: Scope) -> str:
+    """Take an inertial that cannot be read out of a link that never moves.
+
+    Args:
+        element: The link.
+        scope: The model that holds it.
+
+    Returns:
+        A clause with the reason, empty where it can be read.
+    """
+    name = scope.full(name_of(element))
+    inertial = element.find("inertial")
+    try:
+        _inertial(inertial, name, scope)
+    except DescriptionError as error:
+        element.remove(inertial)
+        return f"inertial of link {name} is left out: {error}".rstrip(".")
+    return ""
+
+
+def _inertial(element: etree._Element | None, link: str, scope: Scope) -> Inertial:
+    """Read an inertial element, with the tensor turned to the link's axes."""
+    if element is None:
+        return Inertial(1.0, np.zeros(3), np.eye(3))
+    owner = f"link {link}"
+    tensor = element.find("inertia")
+    xx, xy, xz, yy, yz, zz = (
+        number(tensor, tag, default, owner) for tag, default in _TENSOR.items()
+    )
+    checked(f"the inertia of {owner}", [xx, yy, zz], 0.0)
+    mass = number(element, "mass", 1.0, owner, 0.0)
+    pose = scope.pose_in(link, element, f"inertial of {owner}")
+    axes = to_axes(pose[3:])
+    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    return Inertial(mass, pose[:3], axes @ inertia @ axes.T)
+
+
+def _shapes(
+    element: etree._Element, tag: str, link: str, scope: Scope
+) -> Iterator[Shape]:
+    """Read the visuals or the collisions of a link, those that can be simulated."""
+    for shape in element.findall(tag):
+        owner = f"{tag} {name_of(shape)} of link {link}"
+        yield from _shape(shape, owner, link, scope)
+
+
+def _shape(
+    element: etree._Element, owner: str, link: str, scope: Scope
+) -> Iterator[Shape]:
+    """Read a visual or collision element, if its geometry can be simulated."""
+    friction = optional(element.find("surface/friction/ode"), "mu", owner)
+    bounce = element.find("surface/bounce")
+    restitution = optional(bounce, "restitution_coefficient", owner)
+    pose = scope.pose_in(link, element, owner)
+    for geometry in element.iterfind("geometry/*"):
+        size = _size(geometry, owner)
+        if size is not None:
+            yield Shape(
+                kind=geometry.tag,
+                size=size,
+                pose=pose,
+                filename=text_of(geometry, "uri"),
+                name=name_of(element),
+                friction=friction,
+                restitution=restitution,
+            )
+            return
+
+
+def _size(geometry: etree._Element, owner: str) -> tuple[float, ...] | None:
+    """Read how large a shape is; None where it cannot be simulated."""
+    kind = geometry.tag
+    if kind == "plane":
+        normal = vector(geometry, "normal", [0.0, 0.0, 1.0], owner)
+        return tuple(unit(f"normal of {owner}", normal).tolist())
+    if kind == "mesh":
+        if not text_of(geometry, "uri"):
+            raise DescriptionError(f"The mesh of {owner} has no uri.")
+        return tuple(vector(geometry, "scale", [1.0, 1.0, 1.0], owner).tolist())
+    if kind not in _SIZES:
+        return None
+    return tuple(
+        value
+        for tag, default in _SIZES[kind].items()
+        for value in vector(geometry, tag, default, owner, 0.0).tolist()
+    )

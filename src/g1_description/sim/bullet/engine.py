@@ -1,0 +1,271 @@
+"""PyBullet behind the world: a body for each tree of the models that have links."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from itertools import chain, combinations
+
+import numpy as np
+
+from g1_description.core.errors import UnknownNameError
+from g1_description.core.files.launch_arguments import PHYSICS
+from g1_description.sim.meshes.shapes import find_meshes
+from g1_description.sim.model import Model
+from g1_description.sim.physics import PhysicsProperties
+
+from .body import Body
+from .client import connect
+from .contacts import contacts
+from .load import load_model
+from .moving_models import MovingModels
+from .parting import Parting
+
+STILL = 1e-5
+"""What is slower stands still, in [m/s] or [rad/s]."""
+
+REST = 0.1
+"""The world rests when all in it stood still for so long and became no faster, in [s]
+of simulated time."""
+
+
+class Engine:
+    """Takes states in, moves them by physics, gives them back.
+
+    In ``kinematic`` physics nothing moves by itself: the bodies are there for
+    contacts only. In the others, a world in which all stands still rests: steps
+    change nothing and cost nothing until something is written.
+    """
+
+    def __init__(
+        self,
+        physics: str,
+        properties: PhysicsProperties,
+        package_folder: Callable[[str], str | None],
+    ) -> None:
+        """Start without bodies.
+
+        Args:
+            physics: One of ``PHYSICS``.
+            properties: The physics' numbers.
+            package_folder: Gives a package's folder, None if there is none.
+
+        Raises:
+            UnknownNameError: If there is no such physics.
+        """
+        if physics not in PHYSICS:
+            raise UnknownNameError(
+                f"There is no physics '{physics}'; there are {', '.join(PHYSICS)}."
+            )
+        self.physics = physics
+        self._package_folder = package_folder
+        self._client = connect()
+        self._bodies: dict[str, tuple[Body, ...]] = {}
+        self._sort()
+        self._properties = properties
+        self._still_for = self._speed_before = 0.0
+        self._parting = Parting(self._client)
+        properties.apply(self._client)
+
+    def close(self) -> None:
+        """Let PyBullet go."""
+        self._client.disconnect()
+
+    @property
+    def is_dynamic(self) -> bool:
+        """Whether things move by themselves."""
+        return self.physics != "kinematic"
+
+    def set_properties(self, properties: PhysicsProperties) -> None:
+        """Compute with other numbers from now on."""
+        self._wake()
+        self._parting.look()
+        self._properties = properties
+        properties.apply(self._client)
+
+    def add(self, model: Model) -> tuple[str, ...]:
+        """Give a model its bodies, or leave all as it was.
+
+        Args:
+            model: The model, in the state its bodies shall have.
+
+        Returns:
+            A clause for each thing that was left out.
+
+        Raises:
+            DescriptionError: If it cannot be loaded.
+        """
+        if not model.link_names:
+            return ()
+        before = self._client.getNumBodies()
+        try:
+            bodies, left_out = self._load(model)
+        except BaseException:
+            for index in reversed(range(before, self._client.getNumBodies())):
+                self._client.removeBody(self._client.getBodyUniqueId(index))
+            raise
+        self._bodies[model.name] = bodies
+        self._is_sorted = False
+        for body in bodies:
+            if self.physics == "hold":
+                body.hold()
+        self._wake()
+        self._parting.look()
+        return left_out
+
+    def _load(self, model: Model) -> tuple[tuple[Body, ...], tuple[str, ...]]:
+        """Load all trees of a model; links of one model pass through each other."""
+        bodies: list[Body] = []
+        left_out: list[str] = []
+        # All files are read at once; the trees find them among what is known.
+        find_meshes(
+            [s for link in model.assembly.description.links for s in link.collisions],
+            self._package_folder,
+        )
+        for tree in range(len(model.trees)):
+            number, clauses = load_model(
+                self._client, model, self._package_folder, tree
+            )
+            bodies.append(Body(self._client, number, model, tree))
+            left_out += clauses
+        for first, second in combinations(bodies, 2):
+            first.pass_through(second)
+        return tuple(bodies), tuple(left_out)
+
+    def remove(self, name: str) -> None:
+        """Take a model's bodies away, if it has any."""
+        self._wake()
+        for body in self._bodies.pop(name, ()):
+            self._remove(body)
+        self._is_sorted = False
+
+    def replace(self, model: Model) -> None:
+        """Give a model other bodies, or leave all as it was.
+
+        Raises:
+            DescriptionError: If it cannot be loaded.
+        """
+        old = self._bodies.get(model.name, ())
+        self.add(model)
+        for body in old:
+            self._remove(body)
+
+    def _remove(self, body: Body) -> None:
+        """Take a body away."""
+        self._client.removeBody(body.number)
+        self._parting.forget(body.number)
+
+    def rebuild(self, models: Iterable[Model]) -> None:
+        """Build everything anew: PyBullet's solver remembers contacts.
+
+        Args:
+            models: All models, in the state their bodies shall have.
+        """
+        self._client.resetSimulation()
+        self._parting = Parting(self._client)
+        self._properties.apply(self._client)
+        self._bodies.clear()
+        self._is_sorted = False
+        for model in models:
+            self.add(model)
+
+    def write(self, model: Model) -> None:
+        """Take over a model's pose, joints and velocities."""
+        self._parting.look()
+        for body in self._awake(model):
+            body.write()
+
+    def write_joints(self, model: Model) -> None:
+        """Take over a model's joints, and hold them there in ``hold``."""
+        self._parting.look()
+        for body in self._awake(model):
+            body.write_joints()
+            if self.physics == "hold":
+                body.hold()
+
+    def weigh(self, model: Model) -> None:
+        """Take over which links of a model gravity pulls."""
+        self._is_sorted = False
+        for body in self._awake(model):
+            body.weigh()
+
+    def tune(self, model: Model, joint: str) -> None:
+        """Take over the numbers of ``ode_joints`` of a joint."""
+        for body in self._awake(model):
+            body.tune(joint)
+
+    def push(
+        self, model: Model, link: str, force: np.ndarray, torque: np.ndarray
+    ) -> None:
+        """Let a wrench act on a link during the next step, as ``Body.push``."""
+        for body in self._awake(model):
+            if body.has_link(link):
+                body.push(link, force, torque)
+
+    def strain(self, model: Model, joint: str, effort: float) -> None:
+        """Let a joint's effort act during the next step, as ``Body.strain``."""
+        for body in self._awake(model):
+            if body.has_joint(joint):
+                body.strain(joint, effort)
+
+    def step(self) -> None:
+        """Let one time step pass, and give the models their new states."""
+        if self._still_for >= REST:
+            return
+        if not self._is_sorted:
+            self._sort()
+        for body in self._weightless:
+            body.float_weightless(self._properties.gravity)
+        if self.physics == "limp":
+            for body in self._jointed:
+                body.drag()
+        self._parting.bound(self._by_number, self._properties)
+        self._client.stepSimulation()
+        self._moving.read()
+        self._watch_for_rest()
+
+    def _sort(self) -> None:
+        """Sort the bodies by what a step does with them."""
+        models = self._bodies.values()
+        moving = [bodies for bodies in models if any(body.moves for body in bodies)]
+        self._moving = MovingModels(self._client, moving)
+        self._by_number = {body.number: body for body in self._all_bodies()}
+        self._jointed = [body for body in self._all_bodies() if body.has_joints]
+        self._weightless = [body for body in self._all_bodies() if body.has_weightless]
+        self._is_sorted = True
+
+    def _all_bodies(self) -> Iterator[Body]:
+        """Walk through the bodies of all models."""
+        return chain.from_iterable(self._bodies.values())
+
+    def _awake(self, model: Model) -> tuple[Body, ...]:
+        """Go on computing, and give a model's bodies."""
+        self._wake()
+        return self._bodies.get(model.name, ())
+
+    def _watch_for_rest(self) -> None:
+        """Count for how long all stands still, and stop it when that is enough.
+
+        What becomes faster is about to move, however slow it is: a pole that begins
+        to topple.
+        """
+        speed = self._moving.speed
+        if not speed <= STILL:
+            self._wake()
+            return
+        if self._still_for == 0.0:
+            self._speed_before = speed
+        self._still_for += self._properties.time_step
+        if self._still_for < REST:
+            return
+        if speed > self._speed_before:
+            self._wake()
+        else:
+            self._moving.stop()
+
+    def _wake(self) -> None:
+        """Go on computing, and count anew for how long all stands still."""
+        self._still_for = 0.0
+
+    def contacts(self) -> set[tuple[str, str]]:
+        """Find which links touch or overlap now, as ``contacts.contacts``."""
+        return contacts(self._client, self._all_bodies())

@@ -1,0 +1,144 @@
+"""All models that move, read from PyBullet together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import chain
+
+import numpy as np
+
+from g1_description.core.robot.assembly import SCOPE
+from g1_description.core.robot.description import Description, Joint, Link
+from g1_description.core.robot.kinematics import Kinematics
+from g1_description.core.rotation import cross
+from g1_description.core.transform import compose
+from g1_description.sim.model import Model
+
+from .body import Body
+from .client import BulletClient
+
+
+class MovingModels:
+    """The models of a world that move, one behind the other in the same arrays.
+
+    A world has dozens of small ones, and most of the time that each would take is
+    numpy's for a call, whatever the length of its arrays.
+    """
+
+    def __init__(self, client: BulletClient, models: Sequence[Sequence[Body]]) -> None:
+        """Prepare the arrays.
+
+        Args:
+            client: PyBullet.
+            models: The bodies of each model, in the order of its trees.
+        """
+        self._client = client
+        self._models = [bodies[0].model for bodies in models]
+        bodies = list(chain.from_iterable(models))
+        self._free = [row for row, body in enumerate(bodies) if body.is_free]
+        self._free_numbers = [bodies[row].number for row in self._free]
+        offsets = [bodies[row].T_center_root for row in self._free]
+        self._T_center_root = np.array(offsets).reshape(-1, 7)
+        self._roots = _slices([len(model.trees) for model in self._models])
+        self._joints = _slices([len(model.joint_names) for model in self._models])
+        self._links = _slices([len(model.link_names) for model in self._models])
+        jointed = [
+            (body, joints.start + body.tree.joints)
+            for own, joints in zip(models, self._joints)
+            for body in own
+            if body.has_joints
+        ]
+        self._jointed = [body for body, _ in jointed]
+        rows = [rows for _, rows in jointed]
+        self._rows = np.concatenate([np.zeros(0, dtype=int), *rows])
+        self._speeds = np.zeros(1)
+        if self._models:
+            forest, self._of_forest = _joined(self._models)
+            self._kinematics = Kinematics(forest)
+
+    def read(self) -> None:
+        """Give all models the state that PyBullet has."""
+        if not self._models:
+            return
+        roots, root_twists = self._read_roots()
+        joints = np.zeros((len(self._rows), 2))
+        joints[self._rows] = [
+            state[:2] for body in self._jointed for state in body.joint_states()
+        ] or np.zeros((0, 2))
+        position, velocity = joints.T
+        poses, twists = self._kinematics.link_states(
+            roots, position, root_twists, velocity
+        )
+        poses, twists = poses[self._of_forest], twists[self._of_forest]
+        for model, root, joint, link in zip(
+            self._models, self._roots, self._joints, self._links
+        ):
+            model.root_poses, model.root_twists = roots[root], root_twists[root]
+            model.position, model.velocity = position[joint], velocity[joint]
+            model.poses, model.twists = poses[link], twists[link]
+        self._speeds = np.abs(np.concatenate([root_twists.ravel(), velocity]))
+
+    def _read_roots(self) -> tuple[np.ndarray, np.ndarray]:
+        """Find the poses and twists of all roots; those that are fixed keep theirs.
+
+        Returns:
+            Poses in the world, shape (n_trees, 7), twists of the root frames' origins
+            along the world's axes, shape (n_trees, 6).
+        """
+        roots = np.concatenate([model.root_poses for model in self._models])
+        root_twists = np.zeros((len(roots), 6))
+        if self._free:
+            pose_of = self._client.getBasePositionAndOrientation
+            twist_of = self._client.getBaseVelocity
+            centers = np.array([sum(pose_of(n), ()) for n in self._free_numbers])
+            twists = np.array([sum(twist_of(n), ()) for n in self._free_numbers])
+            poses = compose(centers, self._T_center_root)
+            twists[:, :3] += cross(twists[:, 3:], poses[:, :3] - centers[:, :3])
+            roots[self._free], root_twists[self._free] = poses, twists
+        return roots, root_twists
+
+    @property
+    def speed(self) -> float:
+        """The greatest speed of a joint or a root when read, in [m/s] or [rad/s]."""
+        return float(self._speeds.max())
+
+    def stop(self) -> None:
+        """Take all velocities for zero; PyBullet keeps what it has."""
+        for model in self._models:
+            model.stop()
+
+
+def _joined(models: Sequence[Model]) -> tuple[Description, np.ndarray]:
+    """Make one robot of many models, their trees one behind the other.
+
+    Returns:
+        The robot, and which of its links are those of the models, shape (n_links,).
+    """
+    links: list[Link] = []
+    joints: list[Joint] = []
+    rows: list[int] = []
+    for number, model in enumerate(models):
+        scope, one = f"{number}{SCOPE}", model.assembly.description
+        # The root comes first, as it does among the roots.
+        ordered = sorted(one.links, key=lambda link: link.name != one.root)
+        row = {link.name: len(links) + n for n, link in enumerate(ordered)}
+        rows += [row[name] for name in model.link_names]
+        links += [replace(link, name=scope + link.name) for link in ordered]
+        joints += [
+            replace(
+                joint,
+                name=scope + joint.name,
+                parent=scope + joint.parent,
+                child=scope + joint.child,
+            )
+            for joint in one.joints
+        ]
+    forest = Description("forest", links[0].name, tuple(links), tuple(joints))
+    return forest, np.array(rows)
+
+
+def _slices(lengths: Sequence[int]) -> list[slice]:
+    """Tell where parts of these lengths are that follow each other."""
+    ends = np.cumsum([0, *lengths]).tolist()
+    return [slice(begin, end) for begin, end in zip(ends, ends[1:])]

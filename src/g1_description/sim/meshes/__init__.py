@@ -1,0 +1,1 @@
+"""Mesh files: what is in them, read by libraries that may crash."""

@@ -1,0 +1,117 @@
+"""Meshes as PyBullet can be given them: its own readers trust the numbers in a file.
+
+A binary STL it may read itself, once its length and numbers were checked. All else is
+read by the library that RViz reads with, in a process of its own for all files of a
+model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from g1_description.core.errors import LARGEST
+from g1_description.core.files.uris import local_path
+from g1_description.core.robot.description import Shape
+
+from .contents import Part, mesh_contents
+from .read_meshes import tells_direction
+from .stl import HEAD, RECORD, binary_size, triangle_count
+from .surfaces import triangle_normals
+
+KINDS = (".dae", ".obj", ".stl")
+"""Kinds of meshes that Gazebo takes."""
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """A mesh that was found."""
+
+    path: Path
+    parts: tuple[Part, ...] = ()
+    """Empty where PyBullet reads the file itself."""
+
+
+def find_meshes(
+    shapes: Iterable[Shape], package_folder: Callable[[str], str | None]
+) -> dict[str, Mesh | str]:
+    """Find the meshes of a model.
+
+    Args:
+        shapes: Its shapes; those that are no meshes are passed over.
+        package_folder: Gives a package's folder, None if there is no such package.
+
+    Returns:
+        By their names as written: a mesh, or a clause that says why it is left out.
+    """
+    names = [shape.filename for shape in shapes if shape.kind == "mesh"]
+    found: dict[str, Mesh | str] = {}
+    paths: dict[str, Path] = {}
+    for name in dict.fromkeys(names):
+        path = local_path(name, package_folder)
+        if path is None:
+            found[name] = f"mesh {name} does not exist"
+        elif path.suffix.lower() not in KINDS:
+            found[name] = f"mesh {name} is none of {', '.join(KINDS)}"
+        else:
+            paths[name] = path
+    meshes = open_meshes(paths.values())
+    for name, path in paths.items():
+        mesh = meshes[path]
+        if isinstance(mesh, str):
+            mesh = f"mesh {name} cannot be read" + (mesh and f": {mesh}")
+        found[name] = mesh
+    return found
+
+
+def open_meshes(paths: Iterable[Path]) -> dict[Path, Mesh | str]:
+    """Open mesh files; this decides for the whole package what can be read.
+
+    Args:
+        paths: Existing files of these ``KINDS``.
+
+    Returns:
+        By file: a mesh, or a clause that says why it cannot be read.
+    """
+    found: dict[Path, Mesh | str] = {}
+    unread = []
+    for path in dict.fromkeys(paths):
+        if is_sound_stl(path):
+            found[path] = Mesh(path)
+        else:
+            unread.append(path)
+    for path, content in mesh_contents(unread).items():
+        found[path] = content if isinstance(content, str) else Mesh(path, content)
+    return found
+
+
+def is_sound_stl(path: Path) -> bool:
+    """Tell whether a file is a binary STL that PyBullet can be given.
+
+    Such a file is as long as its number of triangles says; PyBullet computes that in
+    32 bits and reads beyond the end. And it has normals: what has none is black.
+
+    Args:
+        path: An existing file.
+    """
+    if path.suffix.lower() != ".stl":
+        return False
+    try:
+        size = path.stat().st_size
+        with path.open("rb") as file:
+            head = file.read(HEAD)
+        count = triangle_count(head)
+        if not count or size != binary_size(head):
+            return False
+        records = np.fromfile(str(path), RECORD, count, offset=HEAD)
+    except OSError:
+        return False
+    with np.errstate(invalid="ignore"):
+        if not (np.abs(records["corners"]) <= LARGEST).all():
+            return False
+    mute = records["corners"][~tells_direction(records["normal"])]
+    # What has no area is not seen: it needs no normal.
+    return not triangle_normals(mute).any()

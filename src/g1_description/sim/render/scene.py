@@ -1,0 +1,195 @@
+"""Robots to be drawn: their visual shapes in a PyBullet of their own.
+
+Nothing moves here by itself. Each shape is a body without mass, put where our
+kinematics has it, so no joint and no mass of a robot is told to PyBullet, and links
+without mass are seen too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from g1_description.core.robot.assembly import Assembly
+from g1_description.core.robot.description import Description
+from g1_description.core.robot.kinematics import Kinematics
+from g1_description.core.transform import IDENTITY, compose
+from g1_description.sim.bullet.client import connect
+from g1_description.sim.meshes.shapes import find_meshes
+
+from .camera import Camera
+from .shapes import load_visual
+from .window import Window, matrices, window_around
+
+AMBIENT, DIFFUSE, SPECULAR = 0.72, 0.55, 0.06
+"""Shares of the light: from everywhere, from the lamp, mirrored."""
+
+NOTHING = -1
+"""In the place of a robot's number where none is seen."""
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """A visual shape in the scene."""
+
+    link: str
+    pose: np.ndarray
+    """In the frame of its link, shape (7,)."""
+
+    body: int
+    """PyBullet's number for it."""
+
+
+@dataclass(frozen=True)
+class _Robot:
+    """What is drawn of one robot, and what places it."""
+
+    joints: tuple[str, ...]
+    links: tuple[str, ...]
+    kinematics: Kinematics
+    pieces: tuple[_Piece, ...]
+
+
+class Scene:
+    """Robots in the world. Ends with ``close`` or with a ``with`` statement."""
+
+    def __init__(self) -> None:
+        """Make a scene without robots."""
+        self._client = connect()
+        self._robots: list[_Robot] = []
+
+    def __enter__(self) -> Scene:
+        """Begin a ``with`` statement."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """End it."""
+        self.close()
+
+    def close(self) -> None:
+        """End PyBullet's part."""
+        self._client.disconnect()
+
+    def add(
+        self, description: Description, package_folder: Callable[[str], str | None]
+    ) -> tuple[int, tuple[str, ...]]:
+        """Add a robot, its root at the origin and its joints at zero.
+
+        Args:
+            description: The robot, with fixed links lumped or not.
+            package_folder: Gives a package's folder, None if there is no such
+                package.
+
+        Returns:
+            The robot's number, from 0, and a clause for each mesh left out.
+        """
+        pieces, left_out = [], []
+        shapes = [
+            (link.name, shape) for link in description.links for shape in link.visuals
+        ]
+        meshes = find_meshes((shape for _, shape in shapes), package_folder)
+        for link, shape in shapes:
+            mesh = meshes[shape.filename] if shape.kind == "mesh" else None
+            if isinstance(mesh, str):
+                left_out.append(mesh)
+                continue
+            bodies, why_not = load_visual(self._client, shape, mesh)
+            pieces += [_Piece(link, shape.pose, body) for body in bodies]
+            if why_not:
+                left_out.append(why_not)
+        self._robots.append(
+            _Robot(
+                tuple(joint.name for joint in description.movable_joints),
+                Assembly(description).link_names,
+                Kinematics(description),
+                tuple(pieces),
+            )
+        )
+        number = len(self._robots) - 1
+        self.place(number, IDENTITY, {})
+        return number, tuple(dict.fromkeys(left_out))
+
+    def place(
+        self, robot: int, T_world_root: np.ndarray, positions: Mapping[str, float]
+    ) -> None:
+        """Put a robot somewhere.
+
+        Args:
+            robot: The robot's number.
+            T_world_root: Pose of its root link in the world, shape (7,).
+            positions: Of its joints in [rad] or [m] by name; 0 where one is missing.
+        """
+        figure = self._robots[robot]
+        position = np.array([positions.get(name, 0.0) for name in figure.joints])
+        poses = figure.kinematics.link_poses(T_world_root, position)
+        by_link = dict(zip(figure.links, poses))
+        for piece in figure.pieces:
+            pose = compose(by_link.get(piece.link, T_world_root), piece.pose)
+            self._client.resetBasePositionAndOrientation(piece.body, pose[:3], pose[3:])
+
+    def corners(self) -> np.ndarray:
+        """Give the corners of the boxes, along the world's axes, around all shapes.
+
+        Returns:
+            Points in the world, in [m], shape (8 n_shapes, 3).
+        """
+        bodies = [piece.body for robot in self._robots for piece in robot.pieces]
+        boxes = np.array([self._client.getAABB(body) for body in bodies])
+        boxes = boxes.reshape(-1, 2, 3)
+        choices = np.indices((2, 2, 2)).reshape(3, 8).T
+        return boxes[:, choices, np.arange(3)].reshape(-1, 3)
+
+    def window(self, camera: Camera, width: int, height: int) -> Window:
+        """Find the part of a picture, in pixels, that robots can be seen in."""
+        return window_around(self.corners(), camera, width, height)
+
+    def look(
+        self,
+        camera: Camera,
+        width: int,
+        height: int,
+        window: Window,
+        light: np.ndarray | None = None,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """See the robots, without ground and sky and without smooth edges.
+
+        Args:
+            camera: Where from.
+            width: Of the whole picture, in pixels.
+            height: Likewise.
+            window: Part of the picture, n times m pixels, that is seen.
+            light: Direction to the lamp in the world, shape (3,); by default it is
+                where the camera is.
+
+        Returns:
+            Colours as uint8, shape (n, m, 3), and the number of the robot that is
+            seen, ``NOTHING`` for none, shape (n, m).
+        """
+        rows, columns = (part.stop - part.start for part in window)
+        if not rows or not columns:
+            return np.zeros((rows, columns, 3), np.uint8), np.zeros(
+                (rows, columns), int
+            )
+        _, _, rgba, _, bodies = self._client.getCameraImage(
+            columns,
+            rows,
+            *matrices(camera, width, height, window),
+            lightDirection=list(camera.axes[2] if light is None else light),
+            lightAmbientCoeff=AMBIENT,
+            lightDiffuseCoeff=DIFFUSE,
+            lightSpecularCoeff=SPECULAR,
+            shadow=0,
+            renderer=self._client.ER_TINY_RENDERER,
+        )
+        rgb = np.reshape(rgba, (rows, columns, 4))[:, :, :3].astype(np.uint8)
+        return rgb, self._owners()[np.reshape(bodies, (rows, columns))]
+
+    def _owners(self) -> np.ndarray:
+        """Map PyBullet's numbers for bodies to robots; its last row is for none."""
+        pairs = [(p.body, n) for n, r in enumerate(self._robots) for p in r.pieces]
+        owners = np.full(max((body for body, _ in pairs), default=0) + 2, NOTHING)
+        for body, number in pairs:
+            owners[body] = number
+        return owners
