@@ -7,8 +7,8 @@ import pytest
 import trimesh
 
 from g1_description.core.errors import DescriptionError
-from g1_description.importer.deviation import Surface, deviation
-from g1_description.importer.shapes import (
+from g1_description.importer.meshes.deviation import Surface, deviation
+from g1_description.importer.meshes.shapes import (
     convex_hull,
     decimated,
     decimated_hull,

@@ -13,10 +13,10 @@ from g1_description.core.cli import OneSentenceParser
 from g1_description.core.errors import DescriptionError, G1DescriptionError
 from g1_description.core.files.find import named_path, with_robots
 from g1_description.core.files.load import ModelText, read_model
+from g1_description.importer.meshes.meshes import TOLERANCE, Wishes
 
 from .folder import Folder
 from .importing import Import
-from .meshes import TOLERANCE, Wishes
 from .report import report, summary
 from .robot import Robot, open_robot
 from .uris import mesh_prefix

@@ -9,10 +9,16 @@ from pathlib import Path
 from typing import Callable
 
 from g1_description.core.errors import DescriptionError
+from g1_description.importer.meshes.companions import companions_of
+from g1_description.importer.meshes.meshes import (
+    Mesh,
+    Reader,
+    Wishes,
+    make_mesh,
+    read_bytes,
+)
 
-from .companions import companions_of
 from .masses import impossible_inertias, massless_links, write_zero_masses
-from .meshes import Mesh, Reader, Wishes, make_mesh, read_bytes
 from .places import Places
 from .robot import Reference, Robot
 

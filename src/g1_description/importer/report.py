@@ -5,8 +5,9 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 
+from g1_description.importer.meshes.meshes import millimetres
+
 from .importing import Import, MeshFile
-from .meshes import millimetres
 from .robot import Robot
 
 

@@ -1,0 +1,1 @@
+"""The importer's work on mesh files."""
