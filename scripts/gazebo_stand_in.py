@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """Run the stand-in for Gazebo."""
 
-from g1_description.ros.gazebo_node import main
+from g1_description.ros.gazebo.node import main
 
 main()

@@ -16,7 +16,7 @@ from raw_service import SUCCESS, Gate, Simulator, refusal
 from ros_testing import Connected, Repeated, wait_for
 from sensor_msgs.msg import JointState
 
-from g1_description.ros.complaints import PERIOD
+from g1_description.ros.node.complaints import PERIOD
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 LINK_STATES, COMMANDS, JOINTS = "link states", "commands", "arm joints"

@@ -17,7 +17,7 @@ from raw_publisher import RawPublisher
 from ros_testing import DEADLINE, Connected, wait_for
 from sensor_msgs.msg import JointState
 
-from g1_description.ros.newest import NEWEST
+from g1_description.ros.node.newest import NEWEST
 
 CALLS = (
     ("squat",),

@@ -14,7 +14,7 @@ from raw_subscriber import RawSubscriber, own_uri
 from ros_testing import Listener, wait_for
 from std_msgs.msg import String
 
-from g1_description.ros.direct_publisher import DirectPublisher
+from g1_description.ros.transport.direct_publisher import DirectPublisher
 
 MANY = 20_000
 LONG = "x" * 4000

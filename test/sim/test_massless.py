@@ -7,7 +7,7 @@ import pytest
 
 from g1_description.core.robot.lumping import lump_fixed_joints
 from g1_description.core.urdf.reader import parse_urdf
-from g1_description.ros.gazebo_start import figures
+from g1_description.ros.gazebo.start import figures
 
 HIGH = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])
 BOX = '<collision><geometry><box size="0.2 0.2 0.2"/></geometry></collision>'

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from g1_description.core.errors import DescriptionError, UnknownNameError
 from g1_description.core.sdf.world import read_sdf
 from g1_description.core.transform import compose, inverse
-from g1_description.ros.gazebo_model_services import prepare_sdf
+from g1_description.ros.gazebo.services.models import prepare_sdf
 
 MASS = (
     '<inertial><origin xyz="{}"/><mass value="1"/><inertia ixx="0.02" iyy="0.03" '

@@ -53,7 +53,8 @@ def test_what_was_printed_before_is_seen():
 
 def test_a_pybullet_that_is_broken_is_told():
     done = run(
-        "import sys; sys.modules['pybullet'] = None\nimport g1_description.sim.bullet.client"
+        "import sys; sys.modules['pybullet'] = None\n"
+        "import g1_description.sim.bullet.client"
     )
     assert "import of pybullet halted" in done.stderr
     assert done.returncode == 1

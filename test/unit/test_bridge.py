@@ -8,8 +8,8 @@ for module in ("rospy", "tf2_ros", "gazebo_msgs.msg"):
 
 from g1_description.core.errors import InvalidValueError  # noqa: E402
 from g1_description.core.urdf.reader import parse_urdf  # noqa: E402
-from g1_description.ros.frames import base_child, static_edges  # noqa: E402
-from g1_description.ros.parameters import (  # noqa: E402
+from g1_description.ros.bridge.frames import base_child, static_edges  # noqa: E402
+from g1_description.ros.node.parameters import (  # noqa: E402
     BridgeParameters,
     GazeboParameters,
 )

@@ -4,8 +4,8 @@ import time
 
 import pytest
 
-from g1_description.ros import complaints
-from g1_description.ros.complaints import Complaints
+from g1_description.ros.node import complaints
+from g1_description.ros.node.complaints import Complaints
 
 PERIOD = 0.1
 DEADLINE = 10.0

@@ -70,6 +70,14 @@ def test_no_module_imports_itself_in_a_circle():
     assert LAYERS.circles() == []
 
 
+def test_rooms_are_small():
+    assert LAYERS.full_rooms() == []
+
+
+def test_imports_are_relative_inside_a_room_only():
+    assert LAYERS.stretched() == []
+
+
 @pytest.fixture()
 def write(tmp_path):
     """Give what writes modules, and what reads them as layers."""
@@ -149,7 +157,7 @@ def test_only_one_module_imports_it(package, module):
     assert [n for n in LAYERS.paths if package in LAYERS.foreign(n)] == [module]
 
 
-@pytest.mark.parametrize("program", ["ros.bridge_node", "importer.command"])
+@pytest.mark.parametrize("program", ["ros.bridge.node", "importer.command"])
 def test_the_bridge_and_the_import_do_without_pybullet(program):
     pytest.importorskip("rospy", reason="rospy is not there")
     module = f"g1_description.{program}"

@@ -10,7 +10,7 @@ from g1_description.core.files.absolute_urdf import absolute_urdf
 from g1_description.core.files.load import read_model
 from g1_description.core.urdf.reader import parse_urdf
 from g1_description.importer.robot import open_robot
-from g1_description.ros import launched_robot
+from g1_description.ros.gazebo.programs import launched_robot
 
 ROBOT = '<robot name="r"><link name="a"/></robot>'
 XACRO = """<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">

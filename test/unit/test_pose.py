@@ -13,7 +13,7 @@ from conftest import REPOSITORY
 pytest.importorskip("rospy", reason="rospy is not installed")
 
 from g1_description.core.errors import PoseFileError
-from g1_description.ros.pose import parse, save
+from g1_description.ros.apps.pose import parse, save
 
 
 @pytest.mark.parametrize(

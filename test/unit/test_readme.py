@@ -10,7 +10,7 @@ import yaml
 
 rospy = pytest.importorskip("rospy", reason="rospy is not installed")
 
-from g1_description.ros.parameters import BridgeParameters, GazeboParameters  # noqa: E402
+from g1_description.ros.node.parameters import BridgeParameters, GazeboParameters  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
 NODES = {"link_states_bridge": BridgeParameters, "gazebo": GazeboParameters}

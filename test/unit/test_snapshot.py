@@ -12,8 +12,8 @@ pytest.importorskip("rospy", reason="rospy is not installed")
 Image = pytest.importorskip("PIL.Image", reason="Pillow is not installed")
 
 from g1_description.core.errors import InvalidValueError  # noqa: E402
-from g1_description.ros.film import check_length, count  # noqa: E402
-from g1_description.ros.picture_files import (  # noqa: E402
+from g1_description.ros.apps.film import check_length, count  # noqa: E402
+from g1_description.ros.apps.picture_files import (  # noqa: E402
     in_colors,
     palette_of,
     write_film,

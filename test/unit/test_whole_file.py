@@ -9,7 +9,7 @@ pytest.importorskip("rospy", reason="rospy is not installed")
 
 from g1_description.core.errors import G1DescriptionError
 from g1_description.core.poses.pose import Pose
-from g1_description.ros.pose_files import save_pose
+from g1_description.core.poses.store import save_pose
 
 
 @contextmanager

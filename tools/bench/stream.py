@@ -18,7 +18,7 @@ from g1_description.core.files.uris import with_absolute_uris
 from g1_description.core.robot.assembly import SCOPE
 from g1_description.core.robot.lumping import lump_fixed_joints
 from g1_description.core.urdf.reader import parse_urdf
-from g1_description.ros.link_states import LinkStatesEncoder
+from g1_description.ros.wire.link_states import LinkStatesEncoder
 from g1_description.sim.world import World
 
 from .tcpros import packed

@@ -6,7 +6,7 @@ import rospy
 from gazebo_msgs.srv import SetModelConfiguration, SpawnModel
 from geometry_msgs.msg import Pose
 
-from g1_description.ros.spawn_model import Services
+from g1_description.ros.gazebo.programs.spawn_model import Services
 
 
 def spawn_sdf_model_client(

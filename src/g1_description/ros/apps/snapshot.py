@@ -1,0 +1,212 @@
+"""A picture or a film of the robot as it is now, drawn without a screen.
+
+Subscribes: joint_states (sensor_msgs/JointState), /tf, /tf_static
+Reads: robot_description; with --model nothing of ROS at all.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import Sequence
+
+import numpy as np
+import rosgraph
+import rospy
+
+from g1_description.core.bridge.commands import listed
+from g1_description.core.errors import (
+    G1DescriptionError,
+    InvalidValueError,
+    UnknownNameError,
+)
+from g1_description.core.files.absolute_urdf import absolute_urdf
+from g1_description.core.files.model_files import find_folder
+from g1_description.core.poses.pose import check_limits, near_first
+from g1_description.core.robot.description import Description
+from g1_description.core.transform import IDENTITY
+from g1_description.core.urdf.reader import parse_urdf
+from g1_description.ros.node.arguments import own_arguments
+from g1_description.ros.node.shutdown import start_node
+from g1_description.sim.render.camera import VIEWS, Camera, framing
+from g1_description.sim.render.picture import draw
+from g1_description.sim.render.scene import Scene
+
+from .film import film, record
+from .picture_files import write_film, write_picture
+from .robot_watch import MAP, Moment, NotThereError, RobotWatch
+from .snapshot_options import parse
+from .transforms import Transforms
+
+
+def tell(sentence: str) -> None:
+    """Tell something beside the result."""
+    print(f"snapshot: {sentence}", file=sys.stderr, flush=True)
+
+
+def check_joints(wanted: dict[str, float], description: Description) -> None:
+    """Check that joints are there, and within their limits.
+
+    Raises:
+        UnknownNameError: If one is not there.
+        InvalidValueError: If one cannot be so.
+    """
+    joints = {joint.name: joint for joint in description.movable_joints}
+    unknown = [name for name in wanted if name not in joints]
+    if unknown:
+        raise UnknownNameError(
+            f"Robot '{description.name}' has no joint {listed(unknown)}; "
+            f"it has {listed(near_first(unknown[0], joints)) or 'none'}."
+        )
+    for name, position in wanted.items():
+        check_limits("--joints", joints[name], position)
+
+
+def load(scene: Scene, description: Description) -> None:
+    """Add a robot to a scene and tell what is missing."""
+    _, left_out = scene.add(description, find_folder)
+    if left_out:
+        tell(f"left out of '{description.name}': {'; '.join(left_out)}.")
+
+
+def frame(
+    scene: Scene, moments: Sequence[Sequence[Moment]], asked: argparse.Namespace
+) -> tuple[Camera, float]:
+    """Find where to look from, so that the robots are seen at all moments.
+
+    Returns:
+        The camera, and the height of the floor in [m]: that of the map, or below the
+        robots where nobody tells where they are.
+
+    Raises:
+        InvalidValueError: If there is nothing to see.
+    """
+    corners = []
+    for moment in moments:
+        place(scene, moment)
+        corners.append(scene.corners())
+    points = np.concatenate(corners)
+    if not points.size:
+        raise InvalidValueError(
+            "Nothing can be drawn: the robot has no visual shapes, or none that can be "
+            "read."
+        )
+    is_placed = any(robot.T_map_root is not None for robot in moments[0])
+    floor = 0.0 if is_placed else float(points[:, 2].min())
+    width, height = asked.size
+    return framing(points, *VIEWS[asked.view], width / height), floor
+
+
+def place(scene: Scene, moment: Sequence[Moment]) -> None:
+    """Put all robots where they are, or else their root at the origin."""
+    for robot, now in enumerate(moment):
+        pose = IDENTITY if now.T_map_root is None else now.T_map_root
+        scene.place(robot, pose, now.positions)
+
+
+def write(
+    scene: Scene, moments: Sequence[Sequence[Moment]], asked: argparse.Namespace
+) -> None:
+    """Draw and write what was asked for.
+
+    Raises:
+        KeyboardInterrupt: If the node was shut down meanwhile; nothing is written.
+    """
+    camera, floor = frame(scene, moments, asked)
+
+    def picture(n: int) -> np.ndarray:
+        place(scene, moments[n])
+        return draw(scene, camera, *asked.size, floor)
+
+    if asked.gif:
+        write_film(asked.out, film(len(moments), picture), asked.fps)
+    else:
+        pixels = picture(0)
+        if rospy.is_shutdown():
+            raise KeyboardInterrupt
+        write_picture(asked.out, pixels)
+    print(f"{asked.out}: {'x'.join(map(str, asked.size))}, {asked.view}")
+
+
+def draw_file(asked: argparse.Namespace) -> None:
+    """Draw a URDF file at its zero pose, or with the joints that were asked for."""
+    description = parse_urdf(absolute_urdf(asked.model))
+    check_joints(asked.joints, description)
+    with Scene() as scene:
+        load(scene, description)
+        write(scene, [[Moment(asked.joints, None)]], asked)
+
+
+def draw_now(asked: argparse.Namespace) -> None:
+    """Draw the robots that run.
+
+    Raises:
+        NotThereError: If there is no master, it goes, or nothing comes from a robot.
+    """
+    try:
+        descriptions, moments = watch_now(asked)
+    except (OSError, rospy.ROSException, rosgraph.MasterException) as error:
+        raise NotThereError(f"the master is gone: {error}.") from error
+    with Scene() as scene:
+        for description in descriptions:
+            load(scene, description)
+        write(scene, moments, asked)
+
+
+def watch_now(
+    asked: argparse.Namespace,
+) -> tuple[list[Description], list[list[Moment]]]:
+    """Watch the robots that run, as long as was asked for.
+
+    Returns:
+        The robots, and what all of them did at each moment.
+
+    Raises:
+        NotThereError: If there is no master, or nothing comes from a robot.
+        OSError: If the master goes meanwhile; likewise the errors of ROS.
+    """
+    if not rosgraph.is_master_online():
+        raise NotThereError(
+            f"There is no master at {rosgraph.get_master_uri()}: launch a robot, or "
+            "draw a file with --model FILE."
+        )
+    start_node("snapshot", anonymous=True)
+    transforms = Transforms()
+    namespaces = asked.namespace or [rospy.get_namespace()]
+    watches = [RobotWatch(name.strip("/"), transforms) for name in namespaces]
+    for watch in watches:
+        check_joints(asked.joints, watch.description)
+        watch.wait()
+        tell_unknown(watch, asked.joints)
+    if asked.gif:
+        moments = record(watches, asked.seconds, asked.fps)
+    else:
+        moments = [[watch.now() for watch in watches]]
+    for listener in (transforms, *watches):  # drawing needs the processor
+        listener.close()
+    wanted = [[now.with_joints(asked.joints) for now in moment] for moment in moments]
+    return [watch.description for watch in watches], wanted
+
+
+def tell_unknown(watch: RobotWatch, wanted: dict[str, float]) -> None:
+    """Tell what nobody says of a robot."""
+    name = watch.description.name
+    missing = [joint for joint in watch.missing if joint not in wanted]
+    if missing:
+        tell(f"not known of '{name}', drawn at 0: {', '.join(missing)}.")
+    if watch.now().T_map_root is None:
+        tell(
+            f"there is no transform from {MAP} to {watch.frame}: "
+            f"'{name}' is drawn with its root at the origin."
+        )
+
+
+def main() -> None:
+    """Write a picture or a film, or say why not."""
+    try:
+        asked = parse(own_arguments())
+        (draw_file if asked.model else draw_now)(asked)
+    except G1DescriptionError as error:
+        sys.exit(f"snapshot: {error}")
+    except OSError as error:
+        sys.exit(f"snapshot: {error}.")

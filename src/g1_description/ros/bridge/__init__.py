@@ -1,0 +1,1 @@
+"""The node link_states_bridge."""

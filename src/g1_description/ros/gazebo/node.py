@@ -1,0 +1,263 @@
+"""The stand-in's node: one loop that steps, publishes and answers.
+
+Publishes: /clock (rosgraph_msgs/Clock), ~link_states (gazebo_msgs/LinkStates),
+    ~model_states (gazebo_msgs/ModelStates), ~world_state (gazebo_msgs/WorldState):
+    at each step, while someone listens
+Subscribes: ~set_model_state (gazebo_msgs/ModelState), ~set_link_state
+    (gazebo_msgs/LinkState)
+Services: those of the gazebo_*_services modules, and dynamic_reconfigure's
+Parameters: those of parameters.GazeboParameters
+"""
+
+from __future__ import annotations
+
+import contextlib
+import queue
+import sys
+import time
+from concurrent.futures import CancelledError, Future
+
+import rospy
+from gazebo_msgs.msg import LinkState, ModelState
+
+from g1_description.core.errors import G1DescriptionError, InvalidValueError
+from g1_description.ros.gazebo.services.base import Wording
+from g1_description.ros.gazebo.services.joints import JointServices
+from g1_description.ros.gazebo.services.links import LinkServices
+from g1_description.ros.gazebo.services.models import ModelServices
+from g1_description.ros.gazebo.services.steps import StepServices
+from g1_description.ros.gazebo.services.world import UNSETTABLE, WorldServices
+from g1_description.ros.node.loggers import answer_as_roscpp
+from g1_description.ros.node.parameters import GazeboParameters, read_parameters
+from g1_description.ros.node.rosout import publish_log
+from g1_description.ros.node.shutdown import quiet_when_closing, start_node
+from g1_description.ros.transport.tcpros import serve_as_roscpp
+from g1_description.sim.world import World
+
+from .reconfigure import offer_physics
+from .start import make_world, spawn_robot
+from .stepper import Stepper
+from .topics import StateTopics
+
+PATIENCE = 0.1
+"""Longest wait before looking whether to shut down, in [s]. Time lost to a busy
+machine beyond this is not caught up."""
+
+MANY = 100
+"""So many calls may wait until those who send messages have to wait, too."""
+
+BREATH = 0.01
+"""Wait before looking again whether states may be published, in [s]."""
+
+
+class GazeboNode:
+    """The loop. Callbacks of rospy put calls; the loop alone touches the world."""
+
+    def __init__(self, world: World, parameters: GazeboParameters) -> None:
+        """Make the topics and services.
+
+        Args:
+            world: What the node simulates.
+            parameters: The node's parameters.
+        """
+        self._world = world
+        wording = Wording(parameters.strict_messages)
+        self._stepper = Stepper(parameters.paused)
+        self._physics = WorldServices(world, wording, self._stepper)
+        # Not a SimpleQueue: a signal during its get() can make it wait for ever.
+        self._calls: queue.Queue = queue.Queue()
+        network = parameters.enable_ros_network
+        rospy.set_param("~enable_ros_network", network)
+        self._topics = StateTopics(world, parameters)
+        if not network:
+            return
+        models = ModelServices(world, wording)
+        links = LinkServices(world, wording)
+        for topic, kind, act in (
+            ("~set_model_state", ModelState, models.apply_state),
+            ("~set_link_state", LinkState, links.apply_state),
+        ):
+            # Each message counts: they may be of different models.
+            rospy.Subscriber(
+                topic, kind, self._later_in_the_loop(_told(act)), queue_size=None
+            )
+        joints = JointServices(world, wording)
+        steps = StepServices(world, wording, self._stepper)
+        for services in (models, links, joints, self._physics, steps):
+            for name, kind, answer in services.table():
+                rospy.Service(f"~{name}", kind, self._in_the_loop(answer))
+        for name, kind, answer, prepare in models.spawn_table():
+            rospy.Service(f"~{name}", kind, self._in_the_loop(answer, prepare))
+        offer_physics(world.properties, self._in_the_loop(self._reconfigure))
+
+    def _reconfigure(self, numbers: dict) -> dict:
+        """Change the physics' numbers, or tell what they are if that cannot be."""
+        try:
+            self._physics.change_physics(numbers)
+        except InvalidValueError as error:
+            rospy.logerr("set_parameters: refused, %s", error)
+            properties = self._world.properties
+            return {n: getattr(properties, n) for n in numbers if n not in UNSETTABLE}
+        rospy.loginfo("physics dynamics reconfigure update complete")
+        rospy.loginfo("physics dynamics reconfigure complete")
+        return {}
+
+    def _in_the_loop(self, answer, prepare=lambda request: request):
+        """Make a callback that lets the loop answer, and waits for it.
+
+        Args:
+            answer: What answers, in the loop.
+            prepare: What is done with the request before, while time runs on.
+        """
+
+        def handler(request):
+            call: Future = Future()
+            self._calls.put((call, answer, prepare(request)))
+            try:
+                result = call.result()
+                return result.result() if isinstance(result, Future) else result
+            except CancelledError:
+                raise rospy.ServiceException("the simulator is shutting down") from None
+
+        return handler
+
+    def _later_in_the_loop(self, act):
+        """Make a callback that lets the loop act, and waits only where much waits.
+
+        To wait each time would let messages pile up on a busy machine, where it takes
+        the loop long to get its turn.
+        """
+
+        def callback(message):
+            call: Future = Future()
+            call.add_done_callback(_log_failure)
+            self._calls.put((call, act, message))
+            if self._calls.qsize() > MANY:
+                with contextlib.suppress(CancelledError):
+                    call.result()
+
+        return callback
+
+    def run(self) -> None:
+        """Step, publish and answer until the node is shut down."""
+        due = time.monotonic()
+        while not rospy.is_shutdown():
+            now = time.monotonic()
+            if self._is_hushed or not self._is_running:
+                self._answer_one(self._stand_still())
+                due = time.monotonic()
+                continue
+            # The period may have become shorter since the last step.
+            due = min(due, now + self._world.properties.period)
+            if now < due and not self._stepper.is_stepping:
+                self._answer_one(min(due - now, PATIENCE))
+            else:
+                self._answer_all()
+                self._step()
+                due = max(due + self._world.properties.period, now - PATIENCE)
+        self._refuse()
+
+    def _stand_still(self) -> float:
+        """Show what changes while time stands still.
+
+        Returns:
+            How long to wait for a call until the next look, in [s].
+        """
+        wait = BREATH
+        if not self._is_hushed:
+            with quiet_when_closing():
+                wait = min(self._topics.settle(), PATIENCE)
+        return wait
+
+    @property
+    def _is_hushed(self) -> bool:
+        """Whether nothing may be published yet, because time has gone back."""
+        hushed = True
+        with quiet_when_closing():
+            hushed = self._topics.is_hushed(self._stepper.paused)
+        return hushed
+
+    @property
+    def _is_running(self) -> bool:
+        """Whether steps are to be done."""
+        wanted = not self._stepper.paused or self._stepper.is_stepping
+        return wanted and self._world.properties.step_ns > 0
+
+    def _answer_all(self) -> None:
+        """Answer the calls that have come until now."""
+        for _ in range(self._calls.qsize()):
+            self._answer_one(0.0)
+
+    def _answer_one(self, wait: float) -> None:
+        """Wait for a call and answer it, if one comes.
+
+        Args:
+            wait: Longest wait in [s].
+        """
+        try:
+            call, answer, request = self._calls.get(wait > 0.0, wait)
+        except queue.Empty:
+            return
+        try:
+            call.set_result(answer(request))
+        except BaseException as error:  # the caller's thread raises it again
+            call.set_exception(error)
+        self._topics.change()
+
+    def _step(self) -> None:
+        """Let a time step pass and tell the world of it."""
+        if self._is_hushed or not self._is_running:
+            return
+        if self._stepper.is_stepping:
+            self._topics.wait_for_room()
+        self._world.step()
+        with quiet_when_closing():
+            self._topics.publish(self._stepper.is_last_step)
+        self._stepper.count()
+
+    def _refuse(self) -> None:
+        """Tell callers that nobody will answer any more."""
+        self._stepper.cancel()
+        while not self._calls.empty():
+            self._calls.get()[0].cancel()
+
+
+def _told(act):
+    """Make what acts on a topic's message tell why it refuses, if it does."""
+
+    def callback(message):
+        try:
+            act(message)
+        except InvalidValueError as error:
+            rospy.logwarn_throttle_identical(1.0, f"refused, {error}")
+
+    return callback
+
+
+def _log_failure(call: Future) -> None:
+    """Tell what nobody waits for: that a message could not be obeyed."""
+    if not call.cancelled() and call.exception() is not None:
+        rospy.logerr("A message could not be obeyed: %r", call.exception())
+
+
+def main(given=None, greet=lambda: None) -> None:
+    """Run the node ``gazebo``.
+
+    Args:
+        given: Parameters by name that win over the defaults, not over those on the
+            parameter server.
+        greet: Called when the node can log.
+    """
+    serve_as_roscpp()
+    answer_as_roscpp()
+    start_node("gazebo", disable_rosout=True)
+    publish_log()
+    greet()
+    try:
+        parameters = read_parameters(GazeboParameters, given)
+        world, parameters = make_world(parameters)
+        spawn_robot(world, parameters)
+    except G1DescriptionError as error:
+        rospy.logfatal("%s", error)
+        sys.exit(1)
+    GazeboNode(world, parameters).run()

@@ -1,0 +1,1 @@
+"""Programs that gazebo_ros has: gzserver, gzclient, spawn_model."""

@@ -1,0 +1,85 @@
+"""The command that a launch file loads the robot with.
+
+roslaunch runs it while it reads the file, before any node: so it checks the other
+arguments too.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from g1_description.core.cli import OneSentenceParser
+from g1_description.core.errors import G1DescriptionError, InvalidValueError
+from g1_description.core.files.absolute_urdf import read_absolute
+from g1_description.core.files.launch_arguments import (
+    check_arguments,
+    check_for_empty,
+    words_of_parent,
+)
+from g1_description.core.poses.pose import ZERO, check_pose, find_pose
+from g1_description.core.poses.store import read_poses
+from g1_description.core.robot.description import Description
+
+
+def launched_robot(model: str, given: dict[str, str]) -> str:
+    """Read the robot, and check what is asked of it.
+
+    Args:
+        model: The model, as for ``read_model``.
+        given: Other arguments of the launch file, by name.
+
+    Returns:
+        URDF text with absolute mesh URIs.
+
+    Raises:
+        G1DescriptionError: If there is no such robot, or a value is wrong.
+    """
+    if not model.strip():
+        raise InvalidValueError("model is empty; a URDF or xacro file is wanted.")
+    check_for_empty({"model": model, **given}, words_of_parent())
+    check_arguments(given)
+    robot = read_absolute(model)
+    _check_pose(given.get("initial_pose", ZERO), robot.description)
+    return robot.text
+
+
+def _check_pose(name: str, description: Description) -> None:
+    """Check that there is a pose that suits the robot."""
+    if name != ZERO:
+        check_pose(find_pose(name, read_poses()), description)
+
+
+def _argument(text: str) -> tuple[str, str]:
+    """Read NAME=VALUE."""
+    name, equals, value = text.partition("=")
+    if not equals:
+        raise argparse.ArgumentTypeError(f"'{text}' is not NAME=VALUE")
+    return name, value
+
+
+def main() -> None:
+    """Print the robot, or say what is wrong."""
+    parser = OneSentenceParser(
+        description="Print a robot with absolute mesh URIs, for the parameter "
+        "robot_description. The file stays as it is."
+    )
+    parser.add_argument(
+        "model",
+        help="URDF or xacro file, or package://PACKAGE/FILE; its meshes may be "
+        "relative; for xacro with arguments in the same word: 'FILE NAME=VALUE'",
+    )
+    parser.add_argument(
+        "--check",
+        nargs="*",
+        type=_argument,
+        default=[],
+        metavar="NAME=VALUE",
+        help="other arguments of a launch file, to be checked",
+    )
+    asked = parser.parse_args()
+    try:
+        text = launched_robot(asked.model, dict(asked.check))
+    except G1DescriptionError as error:
+        sys.exit(str(error))
+    sys.stdout.buffer.write(text.encode("utf-8") + b"\n")

@@ -1,0 +1,246 @@
+"""A client of Gazebo's services that spawns a model, from wherever its text is.
+
+Calls: spawn_urdf_model or spawn_sdf_model (gazebo_msgs/SpawnModel),
+    set_model_configuration (gazebo_msgs/SetModelConfiguration),
+    unpause_physics (std_srvs/Empty), get_world_properties
+    (gazebo_msgs/GetWorldProperties), delete_model (gazebo_msgs/DeleteModel),
+    below /gazebo. No timer of ROS runs here: time may stand still.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import rospy
+from gazebo_msgs.srv import (
+    DeleteModel,
+    GetWorldProperties,
+    SetModelConfiguration,
+    SpawnModel,
+)
+from std_srvs.srv import Empty
+
+from g1_description.core.cli import OneSentenceParser, number
+from g1_description.core.errors import DescriptionError
+from g1_description.core.files.model_files import model_folders, searched_folders
+from g1_description.core.rotation import from_rpy
+from g1_description.core.xml import decoded, parse_xml
+from g1_description.ros.node.arguments import own_arguments
+from g1_description.ros.node.shutdown import start_node
+from g1_description.ros.wire.messages import pose_from_array
+
+PATIENCE = 1.0
+"""Wait for a service before telling that it is waited for, in [s]."""
+
+POLL = 0.1
+"""Time between two questions for a model, in [s]."""
+
+
+def parser() -> OneSentenceParser:
+    """Make a parser of spawn_model's arguments."""
+    made = OneSentenceParser(prog="spawn_model", description="Spawn a model in Gazebo.")
+    kind = made.add_mutually_exclusive_group(required=True)
+    kind.add_argument("-urdf", action="store_true", help="the text is URDF")
+    kind.add_argument("-sdf", action="store_true", help="the text is SDF")
+    source = made.add_mutually_exclusive_group(required=True)
+    source.add_argument("-file", metavar="PATH", help="the text is in a file")
+    source.add_argument("-param", metavar="NAME", help="or on the parameter server")
+    source.add_argument("-database", metavar="NAME", help="or below a model path")
+    source.add_argument("-stdin", action="store_true", help="or on the input")
+    made.add_argument("-model", required=True, help="the model's name in the world")
+    for name in "xyz":
+        made.add_argument(f"-{name}", type=number, default=0.0, help="position [m]")
+    for name in "RPY":
+        made.add_argument(f"-{name}", type=number, default=0.0, help="rotation [rad]")
+    made.add_argument("-reference_frame", default="", help="frame of these; '': world")
+    made.add_argument(
+        "-J",
+        dest="joints",
+        nargs=2,
+        action="append",
+        default=[],
+        metavar=("JOINT", "POSITION"),
+        help="set a joint; may be repeated",
+    )
+    made.add_argument("-wait", metavar="MODEL", help="first wait for this model")
+    made.add_argument("-unpause", action="store_true", help="let time run at the end")
+    made.add_argument("-b", action="store_true", help="delete the model at the end")
+    made.add_argument("-package_to_model", action="store_true", help="for mesh URIs")
+    made.add_argument("-robot_namespace", help="ROS namespace of the model's plugins")
+    made.add_argument("-gazebo_namespace", default="/gazebo", help="of the services")
+    return made
+
+
+def parse(arguments: list[str]) -> argparse.Namespace:
+    """Read a command line; end the program when it is wrong."""
+    reader = parser()
+    asked = reader.parse_args([_shielded(word) for word in arguments])
+    try:
+        asked.joints = {name: number(position) for name, position in asked.joints}
+    except argparse.ArgumentTypeError as error:
+        reader.error(f"argument -J: {error}")
+    return asked
+
+
+def _shielded(word: str) -> str:
+    """Put a space before a negative number: argparse takes -1e-3 for an option."""
+    return f" {word}" if re.match(r"-\.?\d", word) else word
+
+
+def read_text(asked: argparse.Namespace) -> str:
+    """Get the model's text from where it was asked for.
+
+    Raises:
+        DescriptionError: If there is none there, or it is not XML.
+    """
+    if asked.param:
+        place, text = f"parameter {asked.param}", rospy.get_param(asked.param, "")
+    elif asked.stdin:
+        place, text = "input", sys.stdin.read()
+    else:
+        path = find_in_database(asked.database) if asked.database else asked.file
+        place, text = f"file {path}", _read_file(path)
+    if not text or not isinstance(text, str):
+        raise DescriptionError(f"There is no text on the {place}.")
+    parse_xml(f"text of the {place}", text)
+    return package_to_model(text) if asked.package_to_model else text
+
+
+def _read_file(path: str) -> str:
+    """Read a file."""
+    try:
+        return decoded(Path(path).read_bytes())
+    except OSError as error:
+        raise DescriptionError(
+            f"The file {path} cannot be read: {error.strerror}."
+        ) from error
+    except UnicodeDecodeError as error:
+        raise DescriptionError(f"The file {path} is not text: {error}.") from error
+
+
+def find_in_database(model: str) -> str:
+    """Find a model's SDF file below the folders that models lie in."""
+    for folder in model_folders():
+        path = Path(folder, model, "model.sdf")
+        if path.is_file():
+            return str(path)
+    raise DescriptionError(
+        f"There is no {model}/model.sdf below {searched_folders()}, and no other "
+        "database is asked."
+    )
+
+
+def package_to_model(text: str) -> str:
+    """Turn package:// into model:// in the file names of meshes."""
+    return re.sub(
+        r"""(<mesh\b[^>]*?\bfilename\s*=\s*["'])package://""", r"\1model://", text
+    )
+
+
+class Services:
+    """Gazebo's services below a namespace."""
+
+    def __init__(self, namespace: str) -> None:
+        """Take the namespace, such as /gazebo."""
+        self._namespace = namespace.rstrip("/")
+
+    def wait_and_call(self, name: str, kind, *arguments):
+        """Wait for a service and call it.
+
+        Raises:
+            ROSInterruptException: If the node was shut down meanwhile.
+            ServiceException: If it cannot do what was asked.
+        """
+        service = f"{self._namespace}/{name}"
+        try:
+            rospy.wait_for_service(service, PATIENCE)
+        except rospy.ROSException:
+            rospy.loginfo("Waiting for the service %s.", service)
+            rospy.wait_for_service(service)
+        return self.call(name, kind, *arguments)
+
+    def call(self, name: str, kind, *arguments):
+        """Call a service that is there.
+
+        Raises:
+            ServiceException: If it is not, or cannot do what was asked.
+        """
+        response = rospy.ServiceProxy(f"{self._namespace}/{name}", kind)(*arguments)
+        if not getattr(response, "success", True):
+            raise rospy.ServiceException(response.status_message)
+        return response
+
+    def wait_for_model(self, name: str) -> None:
+        """Wait until a model is in the world."""
+        rospy.loginfo("Waiting for the model %s.", name)
+        world = "get_world_properties", GetWorldProperties
+        while name not in self.wait_and_call(*world).model_names:
+            time.sleep(POLL)
+
+
+def calls(asked: argparse.Namespace, text: str):
+    """List what Gazebo is asked for, in order: service, type, arguments."""
+    rotation = from_rpy(np.array([asked.R, asked.P, asked.Y]))
+    namespace = asked.robot_namespace
+    yield (
+        "spawn_sdf_model" if asked.sdf else "spawn_urdf_model",
+        SpawnModel,
+        asked.model,
+        text,
+        rospy.get_namespace() if namespace is None else namespace,
+        pose_from_array(np.array([asked.x, asked.y, asked.z, *rotation])),
+        asked.reference_frame,
+    )
+    if asked.joints:
+        names, positions = list(asked.joints), list(asked.joints.values())
+        service = "set_model_configuration"
+        yield service, SetModelConfiguration, asked.model, "", names, positions
+    if asked.unpause:
+        yield "unpause_physics", Empty
+
+
+def spawn(asked: argparse.Namespace, services: Services) -> None:
+    """Spawn a model as it was asked for.
+
+    Raises:
+        DescriptionError: If there is no such text.
+        ROSInterruptException: If the node was shut down meanwhile.
+        ServiceException: If Gazebo refuses.
+    """
+    text = read_text(asked)
+    if asked.wait:
+        services.wait_for_model(asked.wait)
+    for call in calls(asked, text):
+        response = services.wait_and_call(*call)
+        rospy.loginfo("%s", getattr(response, "status_message", f"{call[0]}: done"))
+
+
+def delete(name: str, services: Services) -> None:
+    """Delete a model. When everything ends at once, Gazebo may be gone first."""
+    try:
+        response = services.call("delete_model", DeleteModel, name)
+        rospy.loginfo("%s", response.status_message)
+    except (rospy.ROSException, rospy.ServiceException) as error:
+        rospy.logwarn("The model %s was not deleted: %s", name, error)
+
+
+def main() -> None:
+    """Spawn a model, or say why not."""
+    asked = parse(own_arguments())
+    start_node("spawn_model", anonymous=True)
+    services = Services(asked.gazebo_namespace)
+    try:
+        spawn(asked, services)
+    except rospy.ROSInterruptException:
+        sys.exit(f"spawn_model: interrupted before {asked.model} was spawned.")
+    except (DescriptionError, rospy.ServiceException) as error:
+        rospy.logerr("%s", error)
+        sys.exit(1)
+    if asked.b:
+        rospy.on_shutdown(lambda: delete(asked.model, services))
+        rospy.spin()

@@ -1,0 +1,73 @@
+"""The robot of the launch files, spawned in Gazebo on its feet and in its pose.
+
+Gazebo sets joints only after a model is there, so time stands still meanwhile:
+else the robot would begin to fall at zero, maybe with its feet in the floor.
+
+Calls: spawn_urdf_model (gazebo_msgs/SpawnModel), set_model_configuration
+    (gazebo_msgs/SetModelConfiguration), get_physics_properties
+    (gazebo_msgs/GetPhysicsProperties), pause_physics and unpause_physics
+    (std_srvs/Empty), below /gazebo
+Parameters: those of parameters.SpawnParameters
+"""
+
+from __future__ import annotations
+
+import sys
+
+import rospy
+from gazebo_msgs.srv import GetPhysicsProperties, SetModelConfiguration, SpawnModel
+from std_srvs.srv import Empty
+
+from g1_description.core.errors import G1DescriptionError
+from g1_description.ros.gazebo.placement import place_robot
+from g1_description.ros.node.parameters import SpawnParameters, read_parameters
+from g1_description.ros.node.shutdown import start_node
+from g1_description.ros.wire.messages import pose_from_array
+
+from .spawn_model import Services
+
+
+def spawn(parameters: SpawnParameters, gazebo: Services) -> None:
+    """Spawn the robot.
+
+    Raises:
+        G1DescriptionError: If there is no such robot or pose.
+        ROSInterruptException: If the node was shut down meanwhile.
+        ServiceException: If Gazebo refuses.
+    """
+    p = parameters
+    assembly, pose = place_robot(p)
+    model = p.model_name, rospy.get_param(p.robot_description), rospy.get_namespace()
+    at = pose_from_array(pose), ""
+    begin = assembly.positions
+    if not begin:
+        _told(gazebo.wait_and_call("spawn_urdf_model", SpawnModel, *model, *at))
+        return
+    physics = gazebo.wait_and_call("get_physics_properties", GetPhysicsProperties)
+    gazebo.call("pause_physics", Empty)
+    try:
+        _told(gazebo.call("spawn_urdf_model", SpawnModel, *model, *at))
+        joints = p.model_name, "", [*begin], [*begin.values()]
+        _told(gazebo.call("set_model_configuration", SetModelConfiguration, *joints))
+    finally:
+        if not physics.pause:
+            gazebo.call("unpause_physics", Empty)
+
+
+def _told(response) -> None:
+    """Log what Gazebo says."""
+    rospy.loginfo("%s", response.status_message)
+
+
+def main() -> None:
+    """Spawn the robot, or say why not."""
+    try:
+        start_node("spawn_urdf")
+        spawn(read_parameters(SpawnParameters), Services("/gazebo"))
+    except rospy.ROSInterruptException:
+        sys.exit("spawn_robot: interrupted before the robot was spawned.")
+    except (G1DescriptionError, rospy.ServiceException) as error:
+        rospy.logerr("%s", error)
+        sys.exit(1)
+    except ConnectionError as error:
+        sys.exit(f"spawn_robot: The master is gone: {error}.")

@@ -1,0 +1,101 @@
+"""What the stand-in begins with: a world file and a robot."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import rospy
+
+from g1_description.core.errors import DescriptionError, InvalidValueError
+from g1_description.core.files.model_files import find_folder, find_model
+from g1_description.core.robot.assembly import Assembly
+from g1_description.core.sdf.world import EMPTY_WORLD, Sdf, read_sdf
+from g1_description.core.xml import decoded
+from g1_description.ros.node.parameters import GazeboParameters
+from g1_description.sim.physics import GRAVITY
+from g1_description.sim.world import World
+
+from .placement import place_robot
+
+
+def make_world(parameters: GazeboParameters) -> tuple[World, GazeboParameters]:
+    """Make the world of the file ``~world``.
+
+    Args:
+        parameters: The node's parameters.
+
+    Returns:
+        The world, and the parameters with what the file says of physics; what
+        stands on the parameter server wins over the file.
+
+    Raises:
+        G1DescriptionError: If the file cannot be read or a model not be loaded.
+    """
+    content = _content(parameters.world)
+    physics, left_out = _physics(content, parameters)
+    parameters = replace(parameters, **physics)
+    world = World(parameters.physics, parameters.properties, find_folder, content)
+    for clause in (*left_out, *world.left_out):
+        rospy.logwarn("%s: %s", parameters.world, clause)
+    return world, parameters
+
+
+def _content(path: str) -> Sdf:
+    """Read a world file; without one, the empty world."""
+    if not path:
+        return read_sdf(EMPTY_WORLD)
+    file = Path(path)
+    if not file.is_file():
+        raise DescriptionError(f"There is no world file {path}.")
+    try:
+        return read_sdf(decoded(file.read_bytes(), "replace"), find_model)
+    except DescriptionError as error:
+        raise DescriptionError(f"World file {path}: {error}") from error
+
+
+def _physics(
+    content: Sdf, parameters: GazeboParameters
+) -> tuple[dict[str, float], list[str]]:
+    """Tell what a world file says of physics and no parameter does.
+
+    Returns:
+        Numbers by the names of parameters, and a clause for each that cannot be.
+    """
+    told = {**content.physics, **dict(zip(GRAVITY, content.gravity or ()))}
+    found, left_out = {}, []
+    for name, value in told.items():
+        if rospy.has_param(f"~{name}"):
+            continue
+        number = type(getattr(parameters, name))(value)
+        try:
+            replace(parameters.properties, **{name: number})
+        except InvalidValueError as error:
+            left_out.append(f"{error}: it is left out")
+        else:
+            found[name] = number
+    return found, left_out
+
+
+def spawn_robot(world: World, parameters: GazeboParameters) -> None:
+    """Spawn the robot of the parameters, if they name one.
+
+    Raises:
+        G1DescriptionError: If it cannot be spawned.
+    """
+    p = parameters
+    if not p.robot_description:
+        return
+    dynamic = world.is_dynamic
+    assembly, pose = place_robot(p, p.fixed_base and dynamic, dynamic)
+    for clause in world.spawn(p.model_name, assembly, pose, p.fixed_base):
+        rospy.logwarn("%s: %s", p.model_name, clause)
+    rospy.loginfo("%s: %s", p.model_name, figures(assembly, p.physics))
+
+
+def figures(assembly: Assembly, physics: str) -> str:
+    """Count what a robot has; of its mass say nothing where its file does not."""
+    robot = assembly.description
+    mass = "" if robot.mass is None else f" {robot.mass:.3f} kg,"
+    joints, links = len(robot.movable_joints), len(assembly.link_names)
+    return f"{joints} joints, {links} links,{mass} {physics}"

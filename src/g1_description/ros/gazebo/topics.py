@@ -1,0 +1,185 @@
+"""What the stand-in publishes after each step."""
+
+from __future__ import annotations
+
+import math
+import struct
+import time
+
+from gazebo_msgs.msg import LinkStates, ModelStates, WorldState
+from rosgraph_msgs.msg import Clock
+
+from g1_description.ros.node.parameters import GazeboParameters
+from g1_description.ros.transport.direct_publisher import DirectPublisher
+from g1_description.ros.wire.link_states import LinkStatesEncoder
+from g1_description.ros.wire.messages import (
+    PreparedLinkStates,
+    PreparedModelStates,
+    PreparedWorldState,
+    stamp_from_ns,
+)
+from g1_description.sim.world import World
+
+QUEUE = 100
+"""Messages kept for a slow subscriber; a tenth of a second of steps."""
+
+HUSH = 0.15
+"""When time went back nothing is sent for so long, then /clock alone, and nothing for
+so long again, in [s] of wall time. A transform of the old time that meets a listener
+after the new clock, or one of the new time before it, spoils what it knows."""
+
+SETTLE = 0.1
+"""While time stands still a change is shown this long after it, in [s] of wall time: a
+script that sets and then steps has stepped by then."""
+
+STUCK = 0.5
+"""A subscriber that takes nothing for so long is not waited for, in [s]."""
+
+
+class StateTopics:
+    """First the time, then the states of that time, to whom listens."""
+
+    def __init__(self, world: World, parameters: GazeboParameters) -> None:
+        """Advertise the topics.
+
+        Args:
+            world: What the messages tell of.
+            parameters: Which steps are published, and whether more than /clock is.
+        """
+        self._world = world
+        self._parameters = parameters
+        self._steps = 0
+        self._seq = 0
+        self._clock_ns = self._sent_ns = world.time_ns
+        self._sent = self._hushed_until = self._changed = time.monotonic()
+        self._is_settled = False
+        self._shown: tuple[int, bytes] | None = None
+        self._links, self._models = LinkStatesEncoder(), LinkStatesEncoder()
+        self._clock = DirectPublisher("/clock", Clock, QUEUE)
+        self._topics = []
+        self._latched: DirectPublisher | None = None
+        if parameters.enable_ros_network:
+            self._latched = DirectPublisher("~world_state", WorldState, QUEUE, True)
+            self._topics = [
+                (DirectPublisher("~link_states", LinkStates, QUEUE), self._link_states),
+                (
+                    DirectPublisher("~model_states", ModelStates, QUEUE),
+                    self._model_states,
+                ),
+                (self._latched, self._world_state),
+            ]
+
+    def publish(self, is_last: bool = False) -> None:
+        """Publish the time, then the states of that time.
+
+        Args:
+            is_last: Whether it is the last step for now, which none of the rates
+                leaves out.
+        """
+        self._steps += 1
+        if is_last or self._is_due(self._parameters.pub_clock_frequency):
+            self._publish_clock()
+        if is_last or self._is_due(self._parameters.link_states_rate):
+            for topic, message in self._topics:
+                if topic.get_num_connections():
+                    topic.publish(message())
+                    self._sent, self._sent_ns = time.monotonic(), self._world.time_ns
+                elif topic is self._latched:
+                    topic.forget()
+        self._is_settled, self._changed = False, -math.inf
+
+    def _publish_clock(self) -> None:
+        """Publish the time."""
+        self._clock_ns = self._world.time_ns
+        self._clock.publish(Clock(stamp_from_ns(self._clock_ns)))
+
+    def wait_for_room(self) -> None:
+        """Let subscribers take what is kept for them before there is more."""
+        for topic, _ in self._topics:
+            topic.wait_for_room(STUCK)
+
+    def is_hushed(self, paused: bool) -> bool:
+        """Tell whether nothing may be published yet, because time has gone back.
+
+        Args:
+            paused: Whether time stands still: then /clock tells it at once, since it is
+                silent while a client looks, and hardly anything is on its way.
+        """
+        now = time.monotonic()
+        if self._world.time_ns < max(self._clock_ns, self._sent_ns):
+            if self._latched is not None:
+                self._latched.forget()
+            is_heard = any(topic.get_num_connections() for topic, _ in self._topics)
+            if is_heard and not paused and now < self._sent + HUSH:
+                return True
+            self._publish_clock()
+            self._sent_ns = self._world.time_ns
+            self._hushed_until = now + HUSH if is_heard else now
+        return now < self._hushed_until
+
+    def change(self) -> None:
+        """Note that the world may have changed while time stands still."""
+        if self._is_settled:
+            self._is_settled, self._changed = False, time.monotonic()
+
+    def settle(self) -> float:
+        """Show what has changed while time stands still, as soon as it is due.
+
+        Only world_state and, where rates left it out, /clock: what Gazebo has is
+        silent then.
+
+        Returns:
+            How long until it is due, in [s]; infinite where nothing is.
+        """
+        for topic in (self._clock, *(topic for topic, _ in self._topics)):
+            topic.flush()
+        if self._is_settled:
+            return math.inf
+        left = self._changed + SETTLE - time.monotonic()
+        if left > 0.0:
+            return left
+        self._is_settled = True
+        if self._world.time_ns != self._clock_ns:
+            self._publish_clock()
+        if self._latched is not None:
+            shown, message = self._shown, self._world_state()
+            if self._shown != shown:
+                self._latched.publish(message)
+                self._sent, self._sent_ns = time.monotonic(), self._world.time_ns
+        return math.inf
+
+    def _is_due(self, rate: float) -> bool:
+        """Tell whether this step is one of those that keep a rate; 0: all are."""
+        if not rate:
+            return True
+        every = int(1.0 / (self._world.properties.time_step * rate) + 1e-9)
+        return self._steps % max(1, every) == 0
+
+    def _link_states(self) -> PreparedLinkStates:
+        """Tell the states of all links."""
+        message = PreparedLinkStates()
+        message.data = self._encoded_links()
+        return message
+
+    def _model_states(self) -> PreparedModelStates:
+        """Tell the states of all models."""
+        message = PreparedModelStates()
+        names = list(self._world.models)
+        message.data = self._models.encode(names, *self._world.model_states())
+        return message
+
+    def _world_state(self) -> PreparedWorldState:
+        """Tell the states of all links with their time; forces are not known."""
+        message = PreparedWorldState()
+        self._seq += 1
+        message.header.seq = self._seq
+        message.header.stamp = stamp_from_ns(self._world.time_ns)
+        message.header.frame_id = "world"
+        message.data = self._encoded_links() + struct.pack("<I", 0)
+        self._shown = self._world.time_ns, message.data
+        return message
+
+    def _encoded_links(self) -> bytes:
+        """Write the states of all links."""
+        names = self._world.link_names()
+        return self._links.encode(names, *self._world.link_states())

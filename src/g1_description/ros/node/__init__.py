@@ -1,0 +1,1 @@
+"""What any rospy node of ours needs; nothing of Gazebo or the G1."""

@@ -1,0 +1,1 @@
+"""All that leans on rospy's insides."""
