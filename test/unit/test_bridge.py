@@ -9,10 +9,9 @@ for module in ("rospy", "tf2_ros", "gazebo_msgs.msg"):
 from g1_description.core.errors import InvalidValueError  # noqa: E402
 from g1_description.core.urdf.reader import parse_urdf  # noqa: E402
 from g1_description.ros.bridge.frames import base_child, static_edges  # noqa: E402
-from g1_description.ros.node.parameters import (  # noqa: E402
-    BridgeParameters,
-    GazeboParameters,
-)
+from g1_description.ros.bridge.parameters import BridgeParameters  # noqa: E402
+from g1_description.ros.gazebo.parameters import GazeboParameters  # noqa: E402
+from g1_description.sim.physics import PhysicsProperties  # noqa: E402
 
 
 @pytest.mark.parametrize(
@@ -114,8 +113,9 @@ def test_robots_that_make_no_sense_are_refused_by_their_number(robots, words):
         (BridgeParameters, {"frame_prefix": "/a/"}, "end with a slash, not begin"),
         (BridgeParameters, {"max_interval": -1.0}, "~max_interval is -1.0"),
         (BridgeParameters, {"position_threshold": -0.1}, "must be from 0.0"),
-        (GazeboParameters, {"time_step": -1.0}, "time_step is -1.0"),
-        (GazeboParameters, {"max_update_rate": -1.0}, "max_update_rate"),
+        (GazeboParameters, {"link_states_rate": -1.0}, "~link_states_rate is -1.0"),
+        (PhysicsProperties, {"time_step": -1.0}, "time_step is -1.0"),
+        (PhysicsProperties, {"max_update_rate": -1.0}, "max_update_rate"),
     ],
 )
 def test_parameters_out_of_range_are_refused_by_name(kind, values, words):

@@ -2,7 +2,6 @@
 
 import re
 import xml.etree.ElementTree as ET
-from dataclasses import fields
 from pathlib import Path
 
 import pytest
@@ -10,7 +9,9 @@ import yaml
 
 rospy = pytest.importorskip("rospy", reason="rospy is not installed")
 
-from g1_description.ros.node.parameters import BridgeParameters, GazeboParameters  # noqa: E402
+from g1_description.ros.bridge.parameters import BridgeParameters  # noqa: E402
+from g1_description.ros.gazebo.parameters import GazeboParameters  # noqa: E402
+from g1_description.ros.node.parameters import default_parameters  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
 NODES = {"link_states_bridge": BridgeParameters, "gazebo": GazeboParameters}
@@ -25,7 +26,7 @@ def section(node):
 def test_the_readme_lists_every_parameter_with_its_default(node):
     rows = re.findall(r"^\| `~(\w+)` \| `?([^|`]*)`? \|", section(node), flags=re.M)
     told = {name: default.strip() for name, default in rows}
-    known = {field.name: field.default for field in fields(NODES[node])}
+    known = default_parameters(NODES[node])
     written = {
         name: str(default).lower() if isinstance(default, bool) else str(default)
         for name, default in known.items()
@@ -41,8 +42,7 @@ def test_the_readme_lists_every_parameter_with_its_default(node):
 )
 def test_the_yaml_files_hold_known_parameters_and_their_defaults(file, kind):
     values = yaml.safe_load((ROOT / "config" / f"{file}.yaml").read_text())
-    known = {field.name: field.default for field in fields(kind)}
-    assert values.items() <= known.items()
+    assert values.items() <= default_parameters(kind).items()
 
 
 def test_the_readme_lists_every_launch_argument():

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING
 
 from g1_description.core.errors import LARGEST, InvalidValueError
-
-if TYPE_CHECKING:  # nodes that only read parameters need no PyBullet
-    from g1_description.sim.bullet.client import BulletClient
+from g1_description.sim.bullet.client import BulletClient
 
 LONGEST_STEP = 10.0
 """Longest time step in [s]: what Gazebo's dynamic_reconfigure allows."""

@@ -10,7 +10,8 @@ import rospy
 
 from g1_description.core.robot.description import Description
 from g1_description.core.urdf.reader import parse_urdf
-from g1_description.ros.node.parameters import RobotParameters
+
+from .parameters import RobotParameters
 
 
 def wait_for_descriptions(

@@ -6,7 +6,8 @@ import numpy as np
 
 from g1_description.core.robot.assembly import base_of
 from g1_description.core.robot.description import Description
-from g1_description.ros.node.parameters import BridgeParameters
+
+from .parameters import BridgeParameters
 
 
 def base_child(parameters: BridgeParameters, description: Description) -> str | None:

@@ -33,11 +33,7 @@ from g1_description.core.errors import G1DescriptionError
 from g1_description.core.robot.description import Description
 from g1_description.core.transform import IDENTITY
 from g1_description.ros.node.complaints import Complaints
-from g1_description.ros.node.parameters import (
-    BridgeParameters,
-    RobotParameters,
-    read_parameters,
-)
+from g1_description.ros.node.parameters import read_parameters
 from g1_description.ros.node.shutdown import quiet_when_closing, start_node
 from g1_description.ros.transport.direct_publisher import DirectPublisher
 from g1_description.ros.transport.tcpros import serve_as_roscpp
@@ -47,6 +43,7 @@ from g1_description.ros.wire.messages import stamp_from_ns, transform
 from .descriptions import wait_for_descriptions
 from .frames import fixed_edges, static_edges
 from .health import BridgeHealth
+from .parameters import BridgeParameters, RobotParameters
 from .robot import BridgedRobot
 from .sender import CommandSender
 from .state_source import StateSource

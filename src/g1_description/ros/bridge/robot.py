@@ -21,7 +21,6 @@ from g1_description.core.errors import DescriptionError
 from g1_description.core.robot.description import FREE, Description
 from g1_description.core.robot.lumping import lump_fixed_joints
 from g1_description.ros.node.complaints import Complaints
-from g1_description.ros.node.parameters import BridgeParameters, RobotParameters
 from g1_description.ros.transport.direct_publisher import DirectPublisher
 from g1_description.ros.wire.messages import (
     JointStateEncoder,
@@ -31,6 +30,7 @@ from g1_description.ros.wire.messages import (
 )
 
 from .frames import base_child
+from .parameters import BridgeParameters, RobotParameters
 from .sender import CommandCount, CommandSender
 
 QUEUE = 10_000

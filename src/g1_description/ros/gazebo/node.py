@@ -28,12 +28,13 @@ from g1_description.ros.gazebo.services.models import ModelServices
 from g1_description.ros.gazebo.services.steps import StepServices
 from g1_description.ros.gazebo.services.world import UNSETTABLE, WorldServices
 from g1_description.ros.node.loggers import answer_as_roscpp
-from g1_description.ros.node.parameters import GazeboParameters, read_parameters
+from g1_description.ros.node.parameters import read_parameters
 from g1_description.ros.node.rosout import publish_log
 from g1_description.ros.node.shutdown import quiet_when_closing, start_node
 from g1_description.ros.transport.tcpros import serve_as_roscpp
 from g1_description.sim.world import World
 
+from .parameters import GazeboParameters
 from .reconfigure import offer_physics
 from .start import make_world, spawn_robot
 from .stepper import Stepper

@@ -12,10 +12,10 @@ from g1_description.core.files.model_files import find_folder, find_model
 from g1_description.core.robot.assembly import Assembly
 from g1_description.core.sdf.world import EMPTY_WORLD, Sdf, read_sdf
 from g1_description.core.xml import decoded
-from g1_description.ros.node.parameters import GazeboParameters
 from g1_description.sim.physics import GRAVITY
 from g1_description.sim.world import World
 
+from .parameters import GazeboParameters
 from .placement import place_robot
 
 
@@ -34,7 +34,8 @@ def make_world(parameters: GazeboParameters) -> tuple[World, GazeboParameters]:
     """
     content = _content(parameters.world)
     physics, left_out = _physics(content, parameters)
-    parameters = replace(parameters, **physics)
+    properties = replace(parameters.properties, **physics)
+    parameters = replace(parameters, properties=properties)
     world = World(parameters.physics, parameters.properties, find_folder, content)
     for clause in (*left_out, *world.left_out):
         rospy.logwarn("%s: %s", parameters.world, clause)
@@ -67,7 +68,7 @@ def _physics(
     for name, value in told.items():
         if rospy.has_param(f"~{name}"):
             continue
-        number = type(getattr(parameters, name))(value)
+        number = type(getattr(parameters.properties, name))(value)
         try:
             replace(parameters.properties, **{name: number})
         except InvalidValueError as error:
@@ -83,14 +84,14 @@ def spawn_robot(world: World, parameters: GazeboParameters) -> None:
     Raises:
         G1DescriptionError: If it cannot be spawned.
     """
-    p = parameters
-    if not p.robot_description:
+    name = parameters.spawn.model_name
+    if not parameters.spawn.robot_description:
         return
-    dynamic = world.is_dynamic
-    assembly, pose = place_robot(p, p.fixed_base and dynamic, dynamic)
-    for clause in world.spawn(p.model_name, assembly, pose, p.fixed_base):
-        rospy.logwarn("%s: %s", p.model_name, clause)
-    rospy.loginfo("%s: %s", p.model_name, figures(assembly, p.physics))
+    dynamic, fixed = world.is_dynamic, parameters.fixed_base
+    assembly, pose = place_robot(parameters.spawn, fixed and dynamic, dynamic)
+    for clause in world.spawn(name, assembly, pose, fixed):
+        rospy.logwarn("%s: %s", name, clause)
+    rospy.loginfo("%s: %s", name, figures(assembly, parameters.physics))
 
 
 def figures(assembly: Assembly, physics: str) -> str:

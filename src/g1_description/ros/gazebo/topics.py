@@ -9,7 +9,6 @@ import time
 from gazebo_msgs.msg import LinkStates, ModelStates, WorldState
 from rosgraph_msgs.msg import Clock
 
-from g1_description.ros.node.parameters import GazeboParameters
 from g1_description.ros.transport.direct_publisher import DirectPublisher
 from g1_description.ros.wire.link_states import LinkStatesEncoder
 from g1_description.ros.wire.messages import (
@@ -19,6 +18,8 @@ from g1_description.ros.wire.messages import (
     stamp_from_ns,
 )
 from g1_description.sim.world import World
+
+from .parameters import GazeboParameters
 
 QUEUE = 100
 """Messages kept for a slow subscriber; a tenth of a second of steps."""

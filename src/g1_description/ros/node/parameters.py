@@ -1,214 +1,27 @@
-"""The nodes' private parameters: names, defaults, ranges. Read once, at start."""
+"""Private parameters of a node, read once at start into a dataclass."""
 
 from __future__ import annotations
 
 import math
-import re
-from dataclasses import dataclass, fields
+from dataclasses import fields, is_dataclass
 
 import rospy
 
 from g1_description.core.errors import InvalidValueError
-from g1_description.sim.physics import PhysicsProperties
 
 
-@dataclass(frozen=True)
-class SpawnParameters:
-    """A robot to spawn, where, and in which pose."""
+def check_range(parameters, name, low, high):
+    """Check that one number is within its range.
 
-    robot_description: str = ""
-    """Parameter that holds the URDF of a robot to spawn at start; empty: none."""
+    Args:
+        parameters: What has it as an attribute.
+        name: Name of the parameter.
+        low: Least value.
+        high: Largest value.
 
-    model_name: str = "g1_robot"
-    """Name of that robot in the world."""
-
-    x: float = 0.0
-    y: float = 0.0
-    z: float = 0.0
-    """Where that robot is spawned in [m]."""
-
-    on_floor: bool = False
-    """Whether it is put so high, instead of z, that it stands on the floor (z = 0)."""
-
-    roll: float = 0.0
-    pitch: float = 0.0
-    yaw: float = 0.0
-    """How that robot is turned about the fixed axes in [rad]."""
-
-    initial_pose: str = "zero"
-    """Name of the pose that it begins in; zero: all joints at 0."""
-
-
-@dataclass(frozen=True)
-class GazeboParameters(SpawnParameters, PhysicsProperties):
-    """Parameters of the stand-in: a robot, the physics' numbers and what follows."""
-
-    physics: str = "kinematic"
-    """kinematic: what is set stays set; hold: motors hold the joints; limp: no
-    motors."""
-
-    fixed_base: bool = False
-    """Whether that robot's root link does not move in hold and limp. With on_floor it
-    hangs there so high that no joint can bring the robot to the floor."""
-
-    world: str = ""
-    """World file (SDF) to load at start; empty: a ground plane and a sun."""
-
-    enable_ros_network: bool = True
-    """Whether there are services, link_states and model_states; /clock always is."""
-
-    link_states_rate: float = 0.0
-    """Least rate of link_states and model_states per simulated second in [Hz]; each
-    n-th step is published, 0: every step."""
-
-    pub_clock_frequency: float = 0.0
-    """Least rate of /clock per simulated second in [Hz]; each n-th step is published,
-    0: every step."""
-
-    paused: bool = False
-    """Whether time stands still at first."""
-
-    strict_messages: bool = False
-    """Whether status messages are Gazebo's bare words, without what we add."""
-
-    def __post_init__(self) -> None:
-        """Check ranges."""
-        super().__post_init__()
-        _check_range(self, "link_states_rate", 0.0, 1e6)
-        _check_range(self, "pub_clock_frequency", 0.0, 1e6)
-
-    @property
-    def properties(self) -> PhysicsProperties:
-        """The physics' numbers alone."""
-        names = (field.name for field in fields(PhysicsProperties))
-        return PhysicsProperties(**{name: getattr(self, name) for name in names})
-
-
-@dataclass(frozen=True)
-class BridgeParameters:
-    """Parameters of the bridge."""
-
-    gazebo: str = "/gazebo"
-    """Namespace of the simulator's topics and services."""
-
-    model_name: str = "g1_robot"
-    """Name of the robot in the simulated world."""
-
-    robot_description: str = "robot_description"
-    """Parameter that holds the robot's URDF; searched for upward from the namespace."""
-
-    frame_prefix: str = ""
-    """What stands before the names of the robot's frames."""
-
-    robots: tuple[dict, ...] = ()
-    """Several robots in place of the one above: a list of dictionaries as
-    ``RobotParameters``."""
-
-    position_threshold: float = 0.005
-    """map -> base_link is sent when the robot moved this far, in [m]."""
-
-    rotation_threshold: float = 0.01
-    """map -> base_link is sent when the robot turned this far, in [rad]."""
-
-    max_interval: float = 0.05
-    """map -> base_link is sent when the last one is this old, in [s]."""
-
-    min_interval: float = 0.0
-    """map -> base_link is never sent sooner than this after the last, in [s]."""
-
-    max_rate: float = 0.0
-    """States per second of simulated time that are taken from a simulator without
-    ``world_state``, such as Gazebo, in [Hz]; 0: all."""
-
-    world_frame: str = "world"
-    map_frame: str = "map"
-    base_frame: str = "base_link"
-    """Frames above the robot; base_link is the robot's root link."""
-
-    imu_link: str = "imu_in_torso"
-    imu_frame: str = "body_imu"
-    """A second name for the frame of the IMU, where the robot has this link."""
-
-    def __post_init__(self) -> None:
-        """Check ranges."""
-        for name in ("position_threshold", "rotation_threshold"):
-            _check_range(self, name, 0.0, 1e3)
-        for name in ("max_interval", "min_interval"):
-            _check_range(self, name, 0.0, 3600.0)
-        _check_range(self, "max_rate", 0.0, 1e6)
-        _check_prefix("~frame_prefix", self.frame_prefix)
-        for key in ("name", "namespace", "frame_prefix"):
-            values = [getattr(robot, key) for robot in self.each_robot]
-            twice = sorted({value for value in values if values.count(value) > 1})
-            if twice:
-                raise InvalidValueError(f"~robots has the {key} '{twice[0]}' twice.")
-
-    @property
-    def each_robot(self) -> tuple[RobotParameters, ...]:
-        """The robots to bridge: those of ``robots``, else the one."""
-        if self.robots:
-            return tuple(
-                _robot(number, told) for number, told in enumerate(self.robots)
-            )
-        one = RobotParameters(
-            self.model_name, "", self.robot_description, self.frame_prefix
-        )
-        return (one,)
-
-
-@dataclass(frozen=True)
-class RobotParameters:
-    """One robot of several that a bridge serves."""
-
-    name: str
-    """Name of its model in the simulated world."""
-
-    namespace: str
-    """Where its joint_states and joint_commands are; by default its name."""
-
-    description: str = "robot_description"
-    """Parameter that holds its URDF; searched for upward from the namespace."""
-
-    frame_prefix: str = ""
-    """What stands before the names of its frames; by default the namespace and a
-    slash."""
-
-
-def _robot(number: int, told) -> RobotParameters:
-    """Read one entry of ``~robots``."""
-    known = [field.name for field in fields(RobotParameters)]
-    name = told.get("name") if isinstance(told, dict) else None
-    if not isinstance(name, str) or not name:
-        raise InvalidValueError(
-            f"~robots[{number}] is {told!r}, it must be a dictionary with a name."
-        )
-    for key, value in told.items():
-        if key not in known or not isinstance(value, str):
-            raise InvalidValueError(
-                f"~robots[{number}] has {key}: {value!r}; it may have strings for "
-                f"{', '.join(known)}."
-            )
-    default = re.sub(r"\W", "_", name, flags=re.ASCII)
-    namespace = told.get("namespace", default).strip("/")
-    if namespace and not re.fullmatch(r"[A-Za-z][\w/]*", namespace, re.ASCII):
-        raise InvalidValueError(
-            f"~robots[{number}] has the namespace '{namespace}', which is no ROS name."
-        )
-    prefix = told.get("frame_prefix", namespace and f"{namespace}/")
-    _check_prefix(f"frame_prefix of ~robots[{number}]", prefix)
-    return RobotParameters(**{**told, "namespace": namespace, "frame_prefix": prefix})
-
-
-def _check_prefix(what: str, prefix: str) -> None:
-    """Check that robot_state_publisher's tf_prefix can be the same."""
-    if prefix and (prefix.startswith("/") or not prefix.endswith("/")):
-        raise InvalidValueError(
-            f"The {what} is '{prefix}', it must end with a slash, not begin with one."
-        )
-
-
-def _check_range(parameters, name, low, high):
-    """Check one number."""
+    Raises:
+        InvalidValueError: If it is not; NaN never is.
+    """
     value = getattr(parameters, name)
     if not low <= value <= high:
         raise InvalidValueError(f"~{name} is {value}, it must be from {low} to {high}.")
@@ -218,7 +31,8 @@ def read_parameters(kind, given=None):
     """Read a node's private parameters.
 
     Args:
-        kind: One of the classes of this module.
+        kind: A dataclass: a parameter for each field, of the type of its default.
+            Where a dataclass makes the default, its fields are parameters as well.
         given: Values by name that win over the defaults, not over the server's.
 
     Returns:
@@ -229,10 +43,24 @@ def read_parameters(kind, given=None):
     """
     values = {}
     for field in fields(kind):
+        if is_dataclass(field.default_factory):
+            values[field.name] = read_parameters(field.default_factory, given)
+            continue
         default = (given or {}).get(field.name, field.default)
         value = rospy.get_param(f"~{field.name}", default)
         values[field.name] = _converted(field.name, value, field.default)
     return kind(**values)
+
+
+def default_parameters(kind) -> dict:
+    """List the parameters that ``read_parameters`` reads, with their defaults."""
+    values = {}
+    for field in fields(kind):
+        if is_dataclass(field.default_factory):
+            values.update(default_parameters(field.default_factory))
+        else:
+            values[field.name] = field.default
+    return values
 
 
 def _converted(name, value, default):

@@ -19,8 +19,9 @@ from gazebo_msgs.srv import GetPhysicsProperties, SetModelConfiguration, SpawnMo
 from std_srvs.srv import Empty
 
 from g1_description.core.errors import G1DescriptionError
+from g1_description.ros.gazebo.parameters import SpawnParameters
 from g1_description.ros.gazebo.placement import place_robot
-from g1_description.ros.node.parameters import SpawnParameters, read_parameters
+from g1_description.ros.node.parameters import read_parameters
 from g1_description.ros.node.shutdown import start_node
 from g1_description.ros.wire.messages import pose_from_array
 

@@ -1,0 +1,132 @@
+"""Parameters of the bridge's node: names, defaults, ranges."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, fields
+
+from g1_description.core.errors import InvalidValueError
+from g1_description.ros.node.parameters import check_range
+
+
+@dataclass(frozen=True)
+class BridgeParameters:
+    """Parameters of the bridge."""
+
+    gazebo: str = "/gazebo"
+    """Namespace of the simulator's topics and services."""
+
+    model_name: str = "g1_robot"
+    """Name of the robot in the simulated world."""
+
+    robot_description: str = "robot_description"
+    """Parameter that holds the robot's URDF; searched for upward from the namespace."""
+
+    frame_prefix: str = ""
+    """What stands before the names of the robot's frames."""
+
+    robots: tuple[dict, ...] = ()
+    """Several robots in place of the one above: a list of dictionaries as
+    ``RobotParameters``."""
+
+    position_threshold: float = 0.005
+    """map -> base_link is sent when the robot moved this far, in [m]."""
+
+    rotation_threshold: float = 0.01
+    """map -> base_link is sent when the robot turned this far, in [rad]."""
+
+    max_interval: float = 0.05
+    """map -> base_link is sent when the last one is this old, in [s]."""
+
+    min_interval: float = 0.0
+    """map -> base_link is never sent sooner than this after the last, in [s]."""
+
+    max_rate: float = 0.0
+    """States per second of simulated time that are taken from a simulator without
+    ``world_state``, such as Gazebo, in [Hz]; 0: all."""
+
+    world_frame: str = "world"
+    map_frame: str = "map"
+    base_frame: str = "base_link"
+    """Frames above the robot; base_link is the robot's root link."""
+
+    imu_link: str = "imu_in_torso"
+    imu_frame: str = "body_imu"
+    """A second name for the frame of the IMU, where the robot has this link."""
+
+    def __post_init__(self) -> None:
+        """Check ranges."""
+        for name in ("position_threshold", "rotation_threshold"):
+            check_range(self, name, 0.0, 1e3)
+        for name in ("max_interval", "min_interval"):
+            check_range(self, name, 0.0, 3600.0)
+        check_range(self, "max_rate", 0.0, 1e6)
+        _check_prefix("~frame_prefix", self.frame_prefix)
+        for key in ("name", "namespace", "frame_prefix"):
+            values = [getattr(robot, key) for robot in self.each_robot]
+            twice = sorted({value for value in values if values.count(value) > 1})
+            if twice:
+                raise InvalidValueError(f"~robots has the {key} '{twice[0]}' twice.")
+
+    @property
+    def each_robot(self) -> tuple[RobotParameters, ...]:
+        """The robots to bridge: those of ``robots``, else the one."""
+        if self.robots:
+            return tuple(
+                _robot(number, told) for number, told in enumerate(self.robots)
+            )
+        one = RobotParameters(
+            self.model_name, "", self.robot_description, self.frame_prefix
+        )
+        return (one,)
+
+
+@dataclass(frozen=True)
+class RobotParameters:
+    """One robot of several that a bridge serves."""
+
+    name: str
+    """Name of its model in the simulated world."""
+
+    namespace: str
+    """Where its joint_states and joint_commands are; by default its name."""
+
+    description: str = "robot_description"
+    """Parameter that holds its URDF; searched for upward from the namespace."""
+
+    frame_prefix: str = ""
+    """What stands before the names of its frames; by default the namespace and a
+    slash."""
+
+
+def _robot(number: int, told) -> RobotParameters:
+    """Read one entry of ``~robots``."""
+    known = [field.name for field in fields(RobotParameters)]
+    name = told.get("name") if isinstance(told, dict) else None
+    if not isinstance(name, str) or not name:
+        raise InvalidValueError(
+            f"~robots[{number}] is {told!r}, it must be a dictionary with a name."
+        )
+    for key, value in told.items():
+        if key not in known or not isinstance(value, str):
+            raise InvalidValueError(
+                f"~robots[{number}] has {key}: {value!r}; it may have strings for "
+                f"{', '.join(known)}."
+            )
+    default = re.sub(r"\W", "_", name, flags=re.ASCII)
+    namespace = told.get("namespace", default).strip("/")
+    if namespace and not re.fullmatch(r"[A-Za-z][\w/]*", namespace, re.ASCII):
+        raise InvalidValueError(
+            f"~robots[{number}] has the namespace '{namespace}', which is no ROS name."
+        )
+    prefix = told.get("frame_prefix", namespace and f"{namespace}/")
+    _check_prefix(f"frame_prefix of ~robots[{number}]", prefix)
+    return RobotParameters(**{**told, "namespace": namespace, "frame_prefix": prefix})
+
+
+def _check_prefix(what: str, prefix: str) -> None:
+    """Check that robot_state_publisher's tf_prefix can be the same."""
+    if prefix and (prefix.startswith("/") or not prefix.endswith("/")):
+        raise InvalidValueError(
+            f"The {what} is '{prefix}', it must end with a slash, not begin with one."
+        )
