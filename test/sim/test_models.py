@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from g1_description.core.errors import DescriptionError, UnknownNameError
 from g1_description.core.sdf.world import read_sdf
 from g1_description.core.transform import compose, inverse
-from g1_description.ros.gazebo.services.models import prepare_sdf
+from g1_description.ros.gazebo.services.spawn import parse_sdf_request
 
 MASS = (
     '<inertial><origin xyz="{}"/><mass value="1"/><inertia ixx="0.02" iyy="0.03" '
@@ -344,7 +344,9 @@ BAD_HAS_NO_LINKS = "Model 'bad' has no links."
 )
 def test_a_request_that_cannot_be_met_has_the_reason_alone(inside, words):
     request = SpawnModelRequest(model_xml=f'<sdf version="1.7">{inside}</sdf>')
-    assert prepare_sdf(True, request).refusal == (f"SpawnModel: Failure - {words}",)
+    assert parse_sdf_request(True, request).refusal == (
+        f"SpawnModel: Failure - {words}",
+    )
 
 
 @pytest.mark.parametrize("physics", ["kinematic", "hold", "limp"])

@@ -5,7 +5,7 @@ Publishes: /clock (rosgraph_msgs/Clock), ~link_states (gazebo_msgs/LinkStates),
     at each step, while someone listens
 Subscribes: ~set_model_state (gazebo_msgs/ModelState), ~set_link_state
     (gazebo_msgs/LinkState)
-Services: those of the gazebo_*_services modules, and dynamic_reconfigure's
+Services: those in the folder services, and dynamic_reconfigure's
 Parameters: those of parameters.GazeboParameters
 """
 
@@ -23,10 +23,13 @@ from gazebo_msgs.msg import LinkState, ModelState
 from g1_description.core.errors import G1DescriptionError, InvalidValueError
 from g1_description.ros.gazebo.services.base import Wording
 from g1_description.ros.gazebo.services.joints import JointServices
+from g1_description.ros.gazebo.services.lights import LightServices
 from g1_description.ros.gazebo.services.links import LinkServices
 from g1_description.ros.gazebo.services.models import ModelServices
+from g1_description.ros.gazebo.services.physics import UNSETTABLE, PhysicsServices
+from g1_description.ros.gazebo.services.spawn import SpawnServices
 from g1_description.ros.gazebo.services.steps import StepServices
-from g1_description.ros.gazebo.services.world import UNSETTABLE, WorldServices
+from g1_description.ros.gazebo.services.time import TimeServices
 from g1_description.ros.node.loggers import answer_as_roscpp
 from g1_description.ros.node.parameters import read_parameters
 from g1_description.ros.node.rosout import publish_log
@@ -64,7 +67,7 @@ class GazeboNode:
         self._world = world
         wording = Wording(parameters.strict_messages)
         self._stepper = Stepper(parameters.paused)
-        self._physics = WorldServices(world, wording, self._stepper)
+        self._physics = PhysicsServices(world, wording, self._stepper)
         # Not a SimpleQueue: a signal during its get() can make it wait for ever.
         self._calls: queue.Queue = queue.Queue()
         network = parameters.enable_ros_network
@@ -82,13 +85,18 @@ class GazeboNode:
             rospy.Subscriber(
                 topic, kind, self._later_in_the_loop(_told(act)), queue_size=None
             )
-        joints = JointServices(world, wording)
-        steps = StepServices(world, wording, self._stepper)
-        for services in (models, links, joints, self._physics, steps):
-            for name, kind, answer in services.table():
-                rospy.Service(f"~{name}", kind, self._in_the_loop(answer))
-        for name, kind, answer, prepare in models.spawn_table():
-            rospy.Service(f"~{name}", kind, self._in_the_loop(answer, prepare))
+        for services in (
+            models,
+            links,
+            JointServices(world, wording),
+            LightServices(world, wording),
+            SpawnServices(world, wording),
+            self._physics,
+            TimeServices(world, wording, self._stepper),
+            StepServices(world, wording, self._stepper),
+        ):
+            for name, kind, *handlers in services.table():
+                rospy.Service(f"~{name}", kind, self._in_the_loop(*handlers))
         offer_physics(world.properties, self._in_the_loop(self._reconfigure))
 
     def _reconfigure(self, numbers: dict) -> dict:

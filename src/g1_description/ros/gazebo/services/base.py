@@ -9,6 +9,7 @@ import numpy as np
 from g1_description.core.errors import LARGEST, InvalidValueError
 from g1_description.core.rotation import normalized
 from g1_description.ros.wire.messages import pose_to_array, twist_to_array
+from g1_description.sim.forces import Span
 from g1_description.sim.model import Report
 from g1_description.sim.world import World
 
@@ -90,3 +91,19 @@ def clamped(report: Report) -> str:
     """Tell which positions were clamped; empty if none was."""
     values = [f"{name} to {value!r}" for name, value in report.clamped.items()]
     return f"clamped to the limits: {', '.join(values)}" if values else ""
+
+
+def time_span(start_time, duration, now_ns: int) -> Span:
+    """Tell from when to when something acts, as Gazebo takes it.
+
+    Args:
+        start_time: When it shall begin; the past means now.
+        duration: How long it shall act; negative means for ever.
+        now_ns: The time now, in [ns].
+
+    Returns:
+        The span.
+    """
+    start = max(start_time.to_nsec(), now_ns)
+    lasting = duration.to_nsec()
+    return Span(start, None if lasting < 0 else start + lasting)

@@ -25,8 +25,7 @@ from g1_description.core.errors import InvalidValueError, UnknownNameError
 from g1_description.core.robot.assembly import SCOPE
 from g1_description.sim.model import Report
 
-from .base import Services, checked, clamped
-from .spans import span_of
+from .base import Services, checked, clamped, time_span
 
 KINDS = {
     "revolute": GetJointPropertiesResponse.REVOLUTE,
@@ -129,7 +128,7 @@ class JointServices(Services):
             return ApplyJointEffortResponse(
                 False, f"ApplyJointEffort: refused, {error}"
             )
-        span = span_of(request.start_time, request.duration, self._world.time_ns)
+        span = time_span(request.start_time, request.duration, self._world.time_ns)
         self._world.jobs.strain(entity, span, float(effort))
         clauses = [self._in_vain("nothing moves")]
         words = self._wording.say("ApplyJointEffort: effort set", clauses)

@@ -46,8 +46,8 @@ from .base import (
     checked,
     checked_pose,
     checked_twist,
+    time_span,
 )
-from .spans import span_of
 
 NEAR = 1e-4
 """A link that is this near to the pose asked for is there, in [m] and [rad]."""
@@ -229,7 +229,7 @@ class LinkServices(Services):
             T_link_frame = compose(inverse(link.pose), frame.pose)
             force, torque = rotate(T_link_frame[3:], np.array([force, torque]))
             torque = torque + np.cross(T_link_frame[:3], force)
-        span = span_of(request.start_time, request.duration, self._world.time_ns)
+        span = time_span(request.start_time, request.duration, self._world.time_ns)
         applied = np.concatenate([force, torque])
         self._world.jobs.push(link, span, applied, self._world.time_ns)
         words = self._wording.say("", [self._in_vain("nothing moves")])

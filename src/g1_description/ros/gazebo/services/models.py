@@ -1,15 +1,12 @@
 """gazebo_ros' services about models, answered as the real Gazebo does.
 
-Everything here but ``prepare_urdf`` and ``prepare_sdf`` runs in the simulator's
-loop, between two steps.
+Everything here runs in the simulator's loop, between two steps.
 """
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
-from functools import partial
 
 import rospy
 from gazebo_msgs.msg import ModelState
@@ -24,23 +21,13 @@ from gazebo_msgs.srv import (
     GetWorldPropertiesResponse,
     SetModelState,
     SetModelStateResponse,
-    SpawnModel,
-    SpawnModelResponse,
 )
 
 from g1_description.core.errors import (
-    DescriptionError,
-    G1DescriptionError,
     InvalidValueError,
     UnknownNameError,
 )
-from g1_description.core.files.model_files import find_model
 from g1_description.core.robot.assembly import SCOPE, Assembly
-from g1_description.core.robot.lumping import lump_fixed_joints
-from g1_description.core.sdf.world import Light, Sdf, SdfModel, read_sdf
-from g1_description.core.transform import IDENTITY, compose
-from g1_description.core.urdf.reader import parse_urdf
-from g1_description.core.xml import parse_xml
 from g1_description.ros.wire.messages import (
     pose_from_array,
     stamp_from_ns,
@@ -49,12 +36,7 @@ from g1_description.ros.wire.messages import (
 from g1_description.sim.entities import Entity, seen_from
 from g1_description.sim.world import World
 
-from .base import FRAME_NOT_FOUND, Services, Wording, checked_pose, checked_twist
-
-NOT_A_MODEL = (
-    "GazeboRosApiPlugin SpawnModel Failure: input model_xml not SDF or URDF, or cannot "
-    "be converted to Gazebo compatible format."
-)
+from .base import Services, Wording, checked_pose, checked_twist
 
 
 class _ModelStateResponse(GetModelStateResponse):
@@ -63,21 +45,8 @@ class _ModelStateResponse(GetModelStateResponse):
     _has_header = False
 
 
-@dataclass(frozen=True)
-class Prepared:
-    """A request to spawn, read while time runs on."""
-
-    request: object
-    content: SdfModel | Light | None = None
-    refusal: tuple[str, ...] = ()
-    """Gazebo's words and ours for why there is no content."""
-
-    left_out: tuple[str, ...] = ()
-    """A clause for each thing beside the content that is left out."""
-
-
 class ModelServices(Services):
-    """Spawn, delete, look at and move models."""
+    """Delete, look at and move models."""
 
     def __init__(self, world: World, wording: Wording) -> None:
         """Serve a world.
@@ -98,63 +67,6 @@ class ModelServices(Services):
             ("get_model_state", GetModelState, self.get_state),
             ("set_model_state", SetModelState, self.set_state),
         )
-
-    def spawn_table(self):
-        """List the services that read a file first: ... and what reads it."""
-        dynamic = self._world.is_dynamic
-        urdf, sdf = partial(prepare_urdf, dynamic), partial(prepare_sdf, dynamic)
-        return (
-            ("spawn_urdf_model", SpawnModel, self.spawn, urdf),
-            ("spawn_sdf_model", SpawnModel, self.spawn, sdf),
-        )
-
-    def spawn(self, prepared: Prepared):
-        """Add a model or a light; it can be commanded when this answers."""
-        request, name = prepared.request, prepared.request.model_name
-        try:
-            frame = self._world.entities.frame(request.reference_frame)
-        except UnknownNameError:
-            return SpawnModelResponse(False, f"SpawnModel: {FRAME_NOT_FOUND}")
-        if prepared.content is None:
-            words, *clauses = prepared.refusal
-            if words == NOT_A_MODEL:
-                rospy.logerr(
-                    "GazeboRosApiPlugin SpawnModel Failure: input xml format not "
-                    "recognized"
-                )
-            return SpawnModelResponse(False, self._wording.say(words, clauses))
-        is_light = isinstance(prepared.content, Light)
-        if name in self._world.models or (is_light and name in self._world.lights):
-            rospy.logerr("SpawnModel: Failure - model name %s already exist.", name)
-            words = "SpawnModel: Failure - entity already exists."
-            return SpawnModelResponse(False, words)
-        if not name:
-            words = (
-                "SpawnModel: Entity pushed to spawn queue, but spawn service timed out "
-                "waiting for entity to appear in simulation under the name "
-            )
-            clauses = ["a model needs a name"]
-            return SpawnModelResponse(False, self._wording.say(words, clauses))
-        try:
-            clauses = self._add(prepared, frame)
-        except G1DescriptionError as error:
-            return SpawnModelResponse(False, f"SpawnModel: Failure - {error}")
-        words = "SpawnModel: Successfully spawned entity"
-        return SpawnModelResponse(True, self._wording.say(words, clauses))
-
-    def _add(self, prepared: Prepared, frame: Entity) -> tuple[str, ...]:
-        """Add what was read under the name asked for; tell what was left out."""
-        request, content = prepared.request, prepared.content
-        pose = compose(frame.pose, checked_pose(request.initial_pose))
-        pose = compose(pose, content.pose)
-        if isinstance(content, Light):
-            light = replace(content, name=request.model_name, pose=pose)
-            self._world.add_light(light)
-            return prepared.left_out
-        left_out = self._world.spawn(request.model_name, content.assembly, pose)
-        model = self._world.models[request.model_name]
-        model.robot_namespace = request.robot_namespace
-        return prepared.left_out + left_out
 
     def delete_model(self, request):
         """Remove a model; it is gone when this answers."""
@@ -279,53 +191,3 @@ def _held_by(model: str, names: Iterable[str], assembly: Assembly) -> list[str]:
     """
     begin = len(model + SCOPE) if model else 0
     return [name[begin:] for name in names if assembly.holder(name) == model]
-
-
-def prepare_urdf(is_dynamic: bool, request) -> Prepared:
-    """Read a robot; in the caller's thread, time runs on meanwhile."""
-    try:
-        return Prepared(request, _read_urdf(request.model_xml, is_dynamic))
-    except DescriptionError as error:
-        return Prepared(request, refusal=(f"SpawnModel: Failure - {error}",))
-
-
-def prepare_sdf(is_dynamic: bool, request) -> Prepared:
-    """Read a model, a light or a robot; in the caller's thread."""
-    try:
-        tag = parse_xml("model", request.model_xml).tag
-    except DescriptionError as error:
-        return Prepared(request, refusal=(NOT_A_MODEL, str(error)))
-    if tag == "robot":
-        return prepare_urdf(is_dynamic, request)
-    if tag != "sdf":
-        return Prepared(request, refusal=(NOT_A_MODEL, f"it is a <{tag}>"))
-    try:
-        sdf = read_sdf(request.model_xml, find_model)
-        return Prepared(request, _only_content(sdf), left_out=sdf.left_out)
-    except DescriptionError as error:
-        return Prepared(request, refusal=(f"SpawnModel: Failure - {error}",))
-
-
-def _read_urdf(text: str, is_dynamic: bool) -> SdfModel:
-    """Read a robot as if it had come as SDF."""
-    assembly: Assembly = lump_fixed_joints(parse_urdf(text), is_dynamic)
-    return SdfModel(assembly.description.name, IDENTITY, assembly)
-
-
-def _only_content(sdf: Sdf) -> SdfModel | Light:
-    """Give the one model or light of a file.
-
-    Raises:
-        DescriptionError: If there is not one.
-    """
-    things = (*sdf.models, *sdf.lights)
-    if len(things) == 1:
-        return things[0]
-    left_out = f" ({'; '.join(sdf.left_out)})" if sdf.left_out else ""
-    if not things:
-        why = " ".join(sdf.refused)
-        raise DescriptionError(why or f"It has no model and no light{left_out}.")
-    raise DescriptionError(
-        f"It has {len(sdf.models)} models and {len(sdf.lights)} lights; one model or "
-        f"light can be spawned at a time{left_out}."
-    )
