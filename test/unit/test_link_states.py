@@ -27,7 +27,7 @@ def random_message(names, seed):
 def genpy_bytes(names, poses, twists):
     """Serialise with the generated message class: the outside oracle."""
     gazebo_msgs = pytest.importorskip("gazebo_msgs.msg", reason="gazebo_msgs not built")
-    from g1_description.ros.wire.messages import pose_from_array, twist_from_array
+    from g1_description.ros.wire.conversions import pose_from_array, twist_from_array
 
     message = gazebo_msgs.LinkStates(
         name=names,

@@ -37,8 +37,8 @@ from g1_description.ros.node.parameters import read_parameters
 from g1_description.ros.node.shutdown import quiet_when_closing, start_node
 from g1_description.ros.transport.direct_publisher import DirectPublisher
 from g1_description.ros.transport.tcpros import serve_as_roscpp
+from g1_description.ros.wire.conversions import stamp_from_ns, transform
 from g1_description.ros.wire.link_states import LinkStatesArrays
-from g1_description.ros.wire.messages import stamp_from_ns, transform
 
 from .descriptions import wait_for_descriptions
 from .frames import fixed_edges, static_edges

@@ -22,12 +22,8 @@ from g1_description.core.robot.description import FREE, Description
 from g1_description.core.robot.lumping import lump_fixed_joints
 from g1_description.ros.node.complaints import Complaints
 from g1_description.ros.transport.direct_publisher import DirectPublisher
-from g1_description.ros.wire.messages import (
-    JointStateEncoder,
-    PreparedJointState,
-    stamp_from_ns,
-    transform,
-)
+from g1_description.ros.wire.conversions import stamp_from_ns, transform
+from g1_description.ros.wire.joint_states import JointStateEncoder, PreparedJointState
 
 from .frames import base_child
 from .parameters import BridgeParameters, RobotParameters

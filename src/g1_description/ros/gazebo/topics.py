@@ -10,12 +10,12 @@ from gazebo_msgs.msg import LinkStates, ModelStates, WorldState
 from rosgraph_msgs.msg import Clock
 
 from g1_description.ros.transport.direct_publisher import DirectPublisher
+from g1_description.ros.wire.conversions import stamp_from_ns
 from g1_description.ros.wire.link_states import LinkStatesEncoder
-from g1_description.ros.wire.messages import (
+from g1_description.ros.wire.prepared import (
     PreparedLinkStates,
     PreparedModelStates,
     PreparedWorldState,
-    stamp_from_ns,
 )
 from g1_description.sim.world import World
 

@@ -32,7 +32,7 @@ from g1_description.core.rotation import from_rpy
 from g1_description.core.xml import decoded, parse_xml
 from g1_description.ros.node.arguments import own_arguments
 from g1_description.ros.node.shutdown import start_node
-from g1_description.ros.wire.messages import pose_from_array
+from g1_description.ros.wire.conversions import pose_from_array
 
 PATIENCE = 1.0
 """Wait for a service before telling that it is waited for, in [s]."""

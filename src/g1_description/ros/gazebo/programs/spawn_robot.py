@@ -23,7 +23,7 @@ from g1_description.ros.gazebo.parameters import SpawnParameters
 from g1_description.ros.gazebo.placement import place_robot
 from g1_description.ros.node.parameters import read_parameters
 from g1_description.ros.node.shutdown import start_node
-from g1_description.ros.wire.messages import pose_from_array
+from g1_description.ros.wire.conversions import pose_from_array
 
 from .spawn_model import Services
 

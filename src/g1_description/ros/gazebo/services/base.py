@@ -8,7 +8,7 @@ import numpy as np
 
 from g1_description.core.errors import LARGEST, InvalidValueError
 from g1_description.core.rotation import normalized
-from g1_description.ros.wire.messages import pose_to_array, twist_to_array
+from g1_description.ros.wire.conversions import pose_to_array, twist_to_array
 from g1_description.sim.forces import Span
 from g1_description.sim.model import Report
 from g1_description.sim.world import World

@@ -18,7 +18,7 @@ from gazebo_msgs.srv import (
 from std_msgs.msg import ColorRGBA
 
 from g1_description.core.errors import InvalidValueError, UnknownNameError
-from g1_description.ros.wire.messages import vector_to_array
+from g1_description.ros.wire.conversions import vector_to_array
 
 from .base import Services, checked, checked_pose
 

@@ -31,7 +31,7 @@ from g1_description.core.errors import (
 from g1_description.core.robot.description import Inertial
 from g1_description.core.rotation import rotate
 from g1_description.core.transform import IDENTITY, compose, inverse
-from g1_description.ros.wire.messages import (
+from g1_description.ros.wire.conversions import (
     pose_from_array,
     twist_from_array,
     vector_to_array,

@@ -28,7 +28,7 @@ from g1_description.core.errors import (
     UnknownNameError,
 )
 from g1_description.core.robot.assembly import SCOPE, Assembly
-from g1_description.ros.wire.messages import (
+from g1_description.ros.wire.conversions import (
     pose_from_array,
     stamp_from_ns,
     twist_from_array,

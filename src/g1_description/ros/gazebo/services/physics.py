@@ -18,7 +18,7 @@ from gazebo_msgs.srv import (
 
 from g1_description.core.errors import InvalidValueError
 from g1_description.ros.gazebo.stepper import Stepper
-from g1_description.ros.wire.messages import vector_to_array
+from g1_description.ros.wire.conversions import vector_to_array
 from g1_description.sim.physics import GRAVITY, PhysicsProperties
 from g1_description.sim.world import World
 from g1_description.srv import SetRealTimeFactor, SetRealTimeFactorResponse

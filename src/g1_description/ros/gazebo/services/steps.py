@@ -9,7 +9,7 @@ from g1_description.core.bridge.commands import listed
 from g1_description.core.errors import InvalidValueError, UnknownNameError
 from g1_description.core.poses.pose import near_first
 from g1_description.ros.gazebo.stepper import Stepper
-from g1_description.ros.wire.messages import (
+from g1_description.ros.wire.conversions import (
     pose_from_array,
     stamp_from_ns,
     twist_from_array,
