@@ -61,15 +61,15 @@ def stamped_bytes(names, poses, twists, stamp, frame="world", n_wrenches=0):
     gazebo_msgs = pytest.importorskip("gazebo_msgs.msg", reason="gazebo_msgs not built")
     from geometry_msgs.msg import Wrench
 
-    from g1_description.ros import messages
+    from g1_description.ros.wire import conversions
 
     message = gazebo_msgs.WorldState(
         name=names,
-        pose=[messages.pose_from_array(pose) for pose in poses],
-        twist=[messages.twist_from_array(twist) for twist in twists],
+        pose=[conversions.pose_from_array(pose) for pose in poses],
+        twist=[conversions.twist_from_array(twist) for twist in twists],
         wrench=[Wrench()] * n_wrenches,
     )
-    message.header.stamp = messages.stamp_from_ns(stamp)
+    message.header.stamp = conversions.stamp_from_ns(stamp)
     message.header.frame_id = frame
     buffer = io.BytesIO()
     message.serialize(buffer)

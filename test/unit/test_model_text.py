@@ -211,7 +211,7 @@ def test_what_is_not_there_is_told_with_what_is_near(write, tmp_path):
 
 
 def test_a_package_that_is_nearly_right_is_named(monkeypatch, tmp_path):
-    from g1_description.core import model_files
+    from g1_description.core.files import model_files
 
     package = tmp_path / "robot_arm"
     package.mkdir()
