@@ -6,7 +6,7 @@ import rospy
 from gazebo_msgs.srv import SetModelConfiguration, SpawnModel
 from geometry_msgs.msg import Pose
 
-from g1_description.ros.gazebo.programs.spawn_model import Services
+from g1_description.ros.gazebo.programs.spawn_model import GazeboServices
 
 
 def spawn_sdf_model_client(
@@ -80,7 +80,7 @@ def set_model_configuration_client(
 def _call(namespace: str, name: str, kind: type, *request) -> bool:
     """Call a service and log its answer; return whether it did what was requested."""
     try:
-        response = Services(namespace).wait_and_call(name, kind, *request)
+        response = GazeboServices(namespace).wait_and_call(name, kind, *request)
     except rospy.ServiceException as error:
         rospy.logerr("%s/%s: %s", namespace, name, error)
         return False

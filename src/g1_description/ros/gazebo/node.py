@@ -21,7 +21,7 @@ import rospy
 from gazebo_msgs.msg import LinkState, ModelState
 
 from g1_description.core.errors import G1DescriptionError, InvalidValueError
-from g1_description.ros.gazebo.services.base import Wording
+from g1_description.ros.gazebo.services.base import StatusMessages
 from g1_description.ros.gazebo.services.joints import JointServices
 from g1_description.ros.gazebo.services.lights import LightServices
 from g1_description.ros.gazebo.services.links import LinkServices
@@ -43,19 +43,19 @@ from .start import make_world, spawn_robot
 from .stepper import Stepper
 from .topics import StateTopics
 
-PATIENCE = 0.1
+MAX_WAIT = 0.1
 """Longest wait before looking whether to shut down, in [s]. Time lost to a busy
 machine beyond this is not caught up."""
 
-MANY = 100
-"""So many calls may wait until those who send messages have to wait, too."""
+MAX_PENDING = 100
+"""Pending calls above which a subscriber's thread waits for its message's turn."""
 
-BREATH = 0.01
-"""Wait before looking again whether states may be published, in [s]."""
+HUSH_POLL = 0.01
+"""Wait before checking again whether states may be published, in [s]."""
 
 
 class GazeboNode:
-    """The loop. Callbacks of rospy put calls; the loop alone touches the world."""
+    """The loop. rospy's callbacks queue calls; only the loop touches the world."""
 
     def __init__(self, world: World, parameters: GazeboParameters) -> None:
         """Make the topics and services.
@@ -65,9 +65,9 @@ class GazeboNode:
             parameters: The node's parameters.
         """
         self._world = world
-        wording = Wording(parameters.strict_messages)
+        messages = StatusMessages(parameters.strict_messages)
         self._stepper = Stepper(parameters.paused)
-        self._physics = PhysicsServices(world, wording, self._stepper)
+        self._physics = PhysicsServices(world, messages, self._stepper)
         # Not a SimpleQueue: a signal during its get() can make it wait for ever.
         self._calls: queue.Queue = queue.Queue()
         network = parameters.enable_ros_network
@@ -75,32 +75,35 @@ class GazeboNode:
         self._topics = StateTopics(world, parameters)
         if not network:
             return
-        models = ModelServices(world, wording)
-        links = LinkServices(world, wording)
+        models = ModelServices(world, messages)
+        links = LinkServices(world, messages)
         for topic, kind, act in (
             ("~set_model_state", ModelState, models.apply_state),
             ("~set_link_state", LinkState, links.apply_state),
         ):
             # Each message counts: they may be of different models.
             rospy.Subscriber(
-                topic, kind, self._later_in_the_loop(_told(act)), queue_size=None
+                topic,
+                kind,
+                self._later_in_the_loop(_warn_if_refused(act)),
+                queue_size=None,
             )
         for services in (
             models,
             links,
-            JointServices(world, wording),
-            LightServices(world, wording),
-            SpawnServices(world, wording),
+            JointServices(world, messages),
+            LightServices(world, messages),
+            SpawnServices(world, messages),
             self._physics,
-            TimeServices(world, wording, self._stepper),
-            StepServices(world, wording, self._stepper),
+            TimeServices(world, messages, self._stepper),
+            StepServices(world, messages, self._stepper),
         ):
             for name, kind, *handlers in services.table():
                 rospy.Service(f"~{name}", kind, self._in_the_loop(*handlers))
         offer_physics(world.properties, self._in_the_loop(self._reconfigure))
 
     def _reconfigure(self, numbers: dict) -> dict:
-        """Change the physics' numbers, or tell what they are if that cannot be."""
+        """Change the physics' numbers; return them as they are if that is refused."""
         try:
             self._physics.change_physics(numbers)
         except InvalidValueError as error:
@@ -141,7 +144,7 @@ class GazeboNode:
             call: Future = Future()
             call.add_done_callback(_log_failure)
             self._calls.put((call, act, message))
-            if self._calls.qsize() > MANY:
+            if self._calls.qsize() > MAX_PENDING:
                 with contextlib.suppress(CancelledError):
                     call.result()
 
@@ -159,11 +162,11 @@ class GazeboNode:
             # The period may have become shorter since the last step.
             due = min(due, now + self._world.properties.period)
             if now < due and not self._stepper.is_stepping:
-                self._answer_one(min(due - now, PATIENCE))
+                self._answer_one(min(due - now, MAX_WAIT))
             else:
                 self._answer_all()
                 self._step()
-                due = max(due + self._world.properties.period, now - PATIENCE)
+                due = max(due + self._world.properties.period, now - MAX_WAIT)
         self._refuse()
 
     def _stand_still(self) -> float:
@@ -172,10 +175,10 @@ class GazeboNode:
         Returns:
             How long to wait for a call until the next look, in [s].
         """
-        wait = BREATH
+        wait = HUSH_POLL
         if not self._is_hushed:
             with quiet_when_closing():
-                wait = min(self._topics.settle(), PATIENCE)
+                wait = min(self._topics.settle(), MAX_WAIT)
         return wait
 
     @property
@@ -214,7 +217,7 @@ class GazeboNode:
         self._topics.change()
 
     def _step(self) -> None:
-        """Let a time step pass and tell the world of it."""
+        """Let a time step pass and publish the states after it."""
         if self._is_hushed or not self._is_running:
             return
         if self._stepper.is_stepping:
@@ -225,14 +228,14 @@ class GazeboNode:
         self._stepper.count()
 
     def _refuse(self) -> None:
-        """Tell callers that nobody will answer any more."""
+        """Cancel the calls that nobody will answer any more."""
         self._stepper.cancel()
         while not self._calls.empty():
             self._calls.get()[0].cancel()
 
 
-def _told(act):
-    """Make what acts on a topic's message tell why it refuses, if it does."""
+def _warn_if_refused(act):
+    """Wrap what acts on a topic's message: it warns where it refuses the message."""
 
     def callback(message):
         try:
@@ -244,24 +247,24 @@ def _told(act):
 
 
 def _log_failure(call: Future) -> None:
-    """Tell what nobody waits for: that a message could not be obeyed."""
+    """Log the exception of a call that nobody waits for."""
     if not call.cancelled() and call.exception() is not None:
         rospy.logerr("A message could not be obeyed: %r", call.exception())
 
 
-def main(given=None, greet=lambda: None) -> None:
+def main(given=None, on_start=lambda: None) -> None:
     """Run the node ``gazebo``.
 
     Args:
         given: Parameters by name that win over the defaults, not over those on the
             parameter server.
-        greet: Called when the node can log.
+        on_start: Called when the node can log.
     """
     serve_as_roscpp()
     answer_as_roscpp()
     start_node("gazebo", disable_rosout=True)
     publish_log()
-    greet()
+    on_start()
     try:
         parameters = read_parameters(GazeboParameters, given)
         world, parameters = make_world(parameters)

@@ -43,7 +43,7 @@ DEFAULTS = {
     "contact_max_correcting_vel": 100.0,
     "max_contacts": 100,
 }
-"""What gazebo_ros tells as defaults. Nothing begins with them: Gazebo has its own."""
+"""Defaults that gazebo_ros reports. Nothing starts with them: Gazebo has its own."""
 
 GROUP = {"name": "Default", "state": True, "id": 0, "parent": 0}
 """The one group, which holds all numbers."""
@@ -108,7 +108,7 @@ def offer_physics(properties: PhysicsProperties, change) -> Server:
     Args:
         properties: The numbers to begin with.
         change: Called with a dict of all numbers when somebody changes some; gives
-            those that are not as asked.
+            those that differ from it.
 
     Returns:
         The server.

@@ -37,8 +37,8 @@ def make_world(parameters: GazeboParameters) -> tuple[World, GazeboParameters]:
     properties = replace(parameters.properties, **physics)
     parameters = replace(parameters, properties=properties)
     world = World(parameters.physics, parameters.properties, find_folder, content)
-    for clause in (*left_out, *world.left_out):
-        rospy.logwarn("%s: %s", parameters.world, clause)
+    for line in (*left_out, *world.left_out):
+        rospy.logwarn("%s: %s", parameters.world, line)
     return world, parameters
 
 
@@ -58,14 +58,14 @@ def _content(path: str) -> Sdf:
 def _physics(
     content: Sdf, parameters: GazeboParameters
 ) -> tuple[dict[str, float], list[str]]:
-    """Tell what a world file says of physics and no parameter does.
+    """Collect the physics of a world file that no parameter overrides.
 
     Returns:
-        Numbers by the names of parameters, and a clause for each that cannot be.
+        Numbers by the names of parameters, and a sentence for each that is invalid.
     """
-    told = {**content.physics, **dict(zip(GRAVITY, content.gravity or ()))}
+    given = {**content.physics, **dict(zip(GRAVITY, content.gravity or ()))}
     found, left_out = {}, []
-    for name, value in told.items():
+    for name, value in given.items():
         if rospy.has_param(f"~{name}"):
             continue
         number = type(getattr(parameters.properties, name))(value)
@@ -89,13 +89,13 @@ def spawn_robot(world: World, parameters: GazeboParameters) -> None:
         return
     dynamic, fixed = world.is_dynamic, parameters.fixed_base
     assembly, pose = place_robot(parameters.spawn, fixed and dynamic, dynamic)
-    for clause in world.spawn(name, assembly, pose, fixed):
-        rospy.logwarn("%s: %s", name, clause)
+    for line in world.spawn(name, assembly, pose, fixed):
+        rospy.logwarn("%s: %s", name, line)
     rospy.loginfo("%s: %s", name, figures(assembly, parameters.physics))
 
 
 def figures(assembly: Assembly, physics: str) -> str:
-    """Count what a robot has; of its mass say nothing where its file does not."""
+    """Summarize a robot in a line; its mass is left out where its file has none."""
     robot = assembly.description
     mass = "" if robot.mass is None else f" {robot.mass:.3f} kg,"
     joints, links = len(robot.movable_joints), len(assembly.link_names)

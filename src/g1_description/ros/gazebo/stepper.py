@@ -73,8 +73,8 @@ class Stepper:
         """Answer those who wait for steps that will not pass."""
         while self._waiting:
             one = self._waiting.popleft()
-            told = f"ended by {reason} after {one.done} of {one.steps} steps"
-            one.answer.set_result(one.respond(False, told))
+            outcome = f"ended by {reason} after {one.done} of {one.steps} steps"
+            one.answer.set_result(one.respond(False, outcome))
 
     def cancel(self) -> None:
         """Let nobody wait any more, without a response."""

@@ -21,20 +21,20 @@ from g1_description.sim.world import World
 
 from .parameters import GazeboParameters
 
-QUEUE = 100
+QUEUE_SIZE = 100
 """Messages kept for a slow subscriber; a tenth of a second of steps."""
 
-HUSH = 0.15
+RESET_SILENCE = 0.15
 """When time went back nothing is sent for so long, then /clock alone, and nothing for
 so long again, in [s] of wall time. A transform of the old time that meets a listener
 after the new clock, or one of the new time before it, spoils what it knows."""
 
-SETTLE = 0.1
+SETTLE_TIME = 0.1
 """While time stands still a change is shown this long after it, in [s] of wall time: a
 script that sets and then steps has stepped by then."""
 
-STUCK = 0.5
-"""A subscriber that takes nothing for so long is not waited for, in [s]."""
+STALL_TIMEOUT = 0.5
+"""A subscriber that takes nothing for this long is not waited for, in [s]."""
 
 
 class StateTopics:
@@ -44,7 +44,7 @@ class StateTopics:
         """Advertise the topics.
 
         Args:
-            world: What the messages tell of.
+            world: Whose states the messages hold.
             parameters: Which steps are published, and whether more than /clock is.
         """
         self._world = world
@@ -56,15 +56,20 @@ class StateTopics:
         self._is_settled = False
         self._shown: tuple[int, bytes] | None = None
         self._links, self._models = LinkStatesEncoder(), LinkStatesEncoder()
-        self._clock = DirectPublisher("/clock", Clock, QUEUE)
+        self._clock = DirectPublisher("/clock", Clock, QUEUE_SIZE)
         self._topics = []
         self._latched: DirectPublisher | None = None
         if parameters.enable_ros_network:
-            self._latched = DirectPublisher("~world_state", WorldState, QUEUE, True)
+            self._latched = DirectPublisher(
+                "~world_state", WorldState, QUEUE_SIZE, True
+            )
             self._topics = [
-                (DirectPublisher("~link_states", LinkStates, QUEUE), self._link_states),
                 (
-                    DirectPublisher("~model_states", ModelStates, QUEUE),
+                    DirectPublisher("~link_states", LinkStates, QUEUE_SIZE),
+                    self._link_states,
+                ),
+                (
+                    DirectPublisher("~model_states", ModelStates, QUEUE_SIZE),
                     self._model_states,
                 ),
                 (self._latched, self._world_state),
@@ -97,13 +102,13 @@ class StateTopics:
     def wait_for_room(self) -> None:
         """Let subscribers take what is kept for them before there is more."""
         for topic, _ in self._topics:
-            topic.wait_for_room(STUCK)
+            topic.wait_for_room(STALL_TIMEOUT)
 
     def is_hushed(self, paused: bool) -> bool:
-        """Tell whether nothing may be published yet, because time has gone back.
+        """Return whether nothing may be published yet, because time has gone back.
 
         Args:
-            paused: Whether time stands still: then /clock tells it at once, since it is
+            paused: Whether time stands still: then /clock shows it at once, since it is
                 silent while a client looks, and hardly anything is on its way.
         """
         now = time.monotonic()
@@ -111,11 +116,11 @@ class StateTopics:
             if self._latched is not None:
                 self._latched.forget()
             is_heard = any(topic.get_num_connections() for topic, _ in self._topics)
-            if is_heard and not paused and now < self._sent + HUSH:
+            if is_heard and not paused and now < self._sent + RESET_SILENCE:
                 return True
             self._publish_clock()
             self._sent_ns = self._world.time_ns
-            self._hushed_until = now + HUSH if is_heard else now
+            self._hushed_until = now + RESET_SILENCE if is_heard else now
         return now < self._hushed_until
 
     def change(self) -> None:
@@ -136,7 +141,7 @@ class StateTopics:
             topic.flush()
         if self._is_settled:
             return math.inf
-        left = self._changed + SETTLE - time.monotonic()
+        left = self._changed + SETTLE_TIME - time.monotonic()
         if left > 0.0:
             return left
         self._is_settled = True
@@ -150,27 +155,27 @@ class StateTopics:
         return math.inf
 
     def _is_due(self, rate: float) -> bool:
-        """Tell whether this step is one of those that keep a rate; 0: all are."""
+        """Return whether this step is one that a rate publishes; 0: all are."""
         if not rate:
             return True
         every = int(1.0 / (self._world.properties.time_step * rate) + 1e-9)
         return self._steps % max(1, every) == 0
 
     def _link_states(self) -> PreparedLinkStates:
-        """Tell the states of all links."""
+        """Make a message of the states of all links."""
         message = PreparedLinkStates()
         message.data = self._encoded_links()
         return message
 
     def _model_states(self) -> PreparedModelStates:
-        """Tell the states of all models."""
+        """Make a message of the states of all models."""
         message = PreparedModelStates()
         names = list(self._world.models)
         message.data = self._models.encode(names, *self._world.model_states())
         return message
 
     def _world_state(self) -> PreparedWorldState:
-        """Tell the states of all links with their time; forces are not known."""
+        """Make a message of all links' states and their time; forces are unknown."""
         message = PreparedWorldState()
         self._seq += 1
         message.header.seq = self._seq

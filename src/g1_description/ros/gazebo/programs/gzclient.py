@@ -35,7 +35,7 @@ def rviz() -> list[str]:
 
 
 def has_screen() -> bool:
-    """Tell whether there is a screen to open a window on."""
+    """Return whether there is a screen to open a window on."""
     return bool(os.environ.get("DISPLAY"))
 
 
@@ -58,6 +58,6 @@ def main() -> None:
         except OSError as error:
             sys.exit(f"gzclient: rviz cannot be started: {error.strerror}.")
     start_node(NODE)
-    told = f" Without meaning here: {', '.join(ignored)}." if ignored else ""
-    rospy.loginfo("There is no screen: no window opens.%s", told)
+    note = f" Without meaning here: {', '.join(ignored)}." if ignored else ""
+    rospy.loginfo("There is no screen: no window opens.%s", note)
     rospy.spin()

@@ -78,7 +78,7 @@ def parser() -> OneSentenceParser:
 
 
 def _version() -> str:
-    """Tell which version of the package this is."""
+    """Return the version of the package, as --version prints it."""
     manifest = rospkg.RosPack().get_manifest("g1_description")
     return f"g1_description {manifest.version}, a stand-in for Gazebo 11"
 
@@ -121,18 +121,18 @@ def parse(arguments: list[str]) -> tuple[dict, list[str]]:
         Values of parameters, and what was given without meaning here.
     """
     reader = parser()
-    asked = reader.parse_intermixed_args(arguments)
-    world, *others = asked.world or [""]
-    given = {"physics": PHYSICS[asked.physics]}
+    args = reader.parse_intermixed_args(arguments)
+    world, *others = args.world or [""]
+    given = {"physics": PHYSICS[args.physics]}
     try:
         given["world"] = find_world(world)
     except argparse.ArgumentTypeError as error:
         reader.error(str(error))
-    if asked.pause:
+    if args.pause:
         given["paused"] = True
-    if asked.disable_ros_network:
+    if args.disable_ros_network:
         given["enable_ros_network"] = False
-    return given, asked.ignored + others
+    return given, args.ignored + others
 
 
 def main(client: bool = False, debug: bool = False) -> None:
@@ -146,7 +146,7 @@ def main(client: bool = False, debug: bool = False) -> None:
     # Only now: PyBullet takes its time and prints a line, also before a mere --help.
     from g1_description.ros.gazebo.node import main as run
 
-    def greet():
+    def on_start():
         if debug:
             logging.getLogger("rosout").setLevel(logging.DEBUG)
         if ignored:
@@ -154,4 +154,4 @@ def main(client: bool = False, debug: bool = False) -> None:
         if client:
             gzclient.open_beside()
 
-    run(given, greet)
+    run(given, on_start)

@@ -23,7 +23,7 @@ from g1_description.core.robot.description import Description
 
 
 def launched_robot(model: str, given: dict[str, str]) -> str:
-    """Read the robot, and check what is asked of it.
+    """Read the robot, and check the other launch arguments.
 
     Args:
         model: The model, as for ``read_model``.
@@ -77,9 +77,9 @@ def main() -> None:
         metavar="NAME=VALUE",
         help="other arguments of a launch file, to be checked",
     )
-    asked = parser.parse_args()
+    args = parser.parse_args()
     try:
-        text = launched_robot(asked.model, dict(asked.check))
+        text = launched_robot(args.model, dict(args.check))
     except G1DescriptionError as error:
         sys.exit(str(error))
     sys.stdout.buffer.write(text.encode("utf-8") + b"\n")

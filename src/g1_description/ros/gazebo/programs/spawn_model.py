@@ -34,10 +34,10 @@ from g1_description.ros.node.arguments import own_arguments
 from g1_description.ros.node.shutdown import start_node
 from g1_description.ros.wire.conversions import pose_from_array
 
-PATIENCE = 1.0
+WARN_AFTER = 1.0
 """Wait for a service before telling that it is waited for, in [s]."""
 
-POLL = 0.1
+POLL_PERIOD = 0.1
 """Time between two questions for a model, in [s]."""
 
 
@@ -79,12 +79,12 @@ def parser() -> OneSentenceParser:
 def parse(arguments: list[str]) -> argparse.Namespace:
     """Read a command line; end the program when it is wrong."""
     reader = parser()
-    asked = reader.parse_args([_shielded(word) for word in arguments])
+    args = reader.parse_args([_shielded(word) for word in arguments])
     try:
-        asked.joints = {name: number(position) for name, position in asked.joints}
+        args.joints = {name: number(position) for name, position in args.joints}
     except argparse.ArgumentTypeError as error:
         reader.error(f"argument -J: {error}")
-    return asked
+    return args
 
 
 def _shielded(word: str) -> str:
@@ -92,23 +92,23 @@ def _shielded(word: str) -> str:
     return f" {word}" if re.match(r"-\.?\d", word) else word
 
 
-def read_text(asked: argparse.Namespace) -> str:
-    """Get the model's text from where it was asked for.
+def read_text(args: argparse.Namespace) -> str:
+    """Read the model's text from the file, parameter, database or input.
 
     Raises:
         DescriptionError: If there is none there, or it is not XML.
     """
-    if asked.param:
-        place, text = f"parameter {asked.param}", rospy.get_param(asked.param, "")
-    elif asked.stdin:
+    if args.param:
+        place, text = f"parameter {args.param}", rospy.get_param(args.param, "")
+    elif args.stdin:
         place, text = "input", sys.stdin.read()
     else:
-        path = find_in_database(asked.database) if asked.database else asked.file
+        path = find_in_database(args.database) if args.database else args.file
         place, text = f"file {path}", _read_file(path)
     if not text or not isinstance(text, str):
         raise DescriptionError(f"There is no text on the {place}.")
     parse_xml(f"text of the {place}", text)
-    return package_to_model(text) if asked.package_to_model else text
+    return package_to_model(text) if args.package_to_model else text
 
 
 def _read_file(path: str) -> str:
@@ -131,7 +131,7 @@ def find_in_database(model: str) -> str:
             return str(path)
     raise DescriptionError(
         f"There is no {model}/model.sdf below {searched_folders()}, and no other "
-        "database is asked."
+        "database is searched."
     )
 
 
@@ -142,7 +142,7 @@ def package_to_model(text: str) -> str:
     )
 
 
-class Services:
+class GazeboServices:
     """Gazebo's services below a namespace."""
 
     def __init__(self, namespace: str) -> None:
@@ -154,11 +154,11 @@ class Services:
 
         Raises:
             ROSInterruptException: If the node was shut down meanwhile.
-            ServiceException: If it cannot do what was asked.
+            ServiceException: If it refuses.
         """
         service = f"{self._namespace}/{name}"
         try:
-            rospy.wait_for_service(service, PATIENCE)
+            rospy.wait_for_service(service, WARN_AFTER)
         except rospy.ROSException:
             rospy.loginfo("Waiting for the service %s.", service)
             rospy.wait_for_service(service)
@@ -168,7 +168,7 @@ class Services:
         """Call a service that is there.
 
         Raises:
-            ServiceException: If it is not, or cannot do what was asked.
+            ServiceException: If it is not, or refuses.
         """
         response = rospy.ServiceProxy(f"{self._namespace}/{name}", kind)(*arguments)
         if not getattr(response, "success", True):
@@ -180,47 +180,47 @@ class Services:
         rospy.loginfo("Waiting for the model %s.", name)
         world = "get_world_properties", GetWorldProperties
         while name not in self.wait_and_call(*world).model_names:
-            time.sleep(POLL)
+            time.sleep(POLL_PERIOD)
 
 
-def calls(asked: argparse.Namespace, text: str):
-    """List what Gazebo is asked for, in order: service, type, arguments."""
-    rotation = from_rpy(np.array([asked.R, asked.P, asked.Y]))
-    namespace = asked.robot_namespace
+def calls(args: argparse.Namespace, text: str):
+    """List the calls in order: service, type, arguments."""
+    rotation = from_rpy(np.array([args.R, args.P, args.Y]))
+    namespace = args.robot_namespace
     yield (
-        "spawn_sdf_model" if asked.sdf else "spawn_urdf_model",
+        "spawn_sdf_model" if args.sdf else "spawn_urdf_model",
         SpawnModel,
-        asked.model,
+        args.model,
         text,
         rospy.get_namespace() if namespace is None else namespace,
-        pose_from_array(np.array([asked.x, asked.y, asked.z, *rotation])),
-        asked.reference_frame,
+        pose_from_array(np.array([args.x, args.y, args.z, *rotation])),
+        args.reference_frame,
     )
-    if asked.joints:
-        names, positions = list(asked.joints), list(asked.joints.values())
+    if args.joints:
+        names, positions = list(args.joints), list(args.joints.values())
         service = "set_model_configuration"
-        yield service, SetModelConfiguration, asked.model, "", names, positions
-    if asked.unpause:
+        yield service, SetModelConfiguration, args.model, "", names, positions
+    if args.unpause:
         yield "unpause_physics", Empty
 
 
-def spawn(asked: argparse.Namespace, services: Services) -> None:
-    """Spawn a model as it was asked for.
+def spawn(args: argparse.Namespace, services: GazeboServices) -> None:
+    """Spawn a model.
 
     Raises:
         DescriptionError: If there is no such text.
         ROSInterruptException: If the node was shut down meanwhile.
         ServiceException: If Gazebo refuses.
     """
-    text = read_text(asked)
-    if asked.wait:
-        services.wait_for_model(asked.wait)
-    for call in calls(asked, text):
+    text = read_text(args)
+    if args.wait:
+        services.wait_for_model(args.wait)
+    for call in calls(args, text):
         response = services.wait_and_call(*call)
         rospy.loginfo("%s", getattr(response, "status_message", f"{call[0]}: done"))
 
 
-def delete(name: str, services: Services) -> None:
+def delete(name: str, services: GazeboServices) -> None:
     """Delete a model. When everything ends at once, Gazebo may be gone first."""
     try:
         response = services.call("delete_model", DeleteModel, name)
@@ -231,16 +231,16 @@ def delete(name: str, services: Services) -> None:
 
 def main() -> None:
     """Spawn a model, or say why not."""
-    asked = parse(own_arguments())
+    args = parse(own_arguments())
     start_node("spawn_model", anonymous=True)
-    services = Services(asked.gazebo_namespace)
+    services = GazeboServices(args.gazebo_namespace)
     try:
-        spawn(asked, services)
+        spawn(args, services)
     except rospy.ROSInterruptException:
-        sys.exit(f"spawn_model: interrupted before {asked.model} was spawned.")
+        sys.exit(f"spawn_model: interrupted before {args.model} was spawned.")
     except (DescriptionError, rospy.ServiceException) as error:
         rospy.logerr("%s", error)
         sys.exit(1)
-    if asked.b:
-        rospy.on_shutdown(lambda: delete(asked.model, services))
+    if args.b:
+        rospy.on_shutdown(lambda: delete(args.model, services))
         rospy.spin()

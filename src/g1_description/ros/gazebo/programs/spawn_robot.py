@@ -25,10 +25,10 @@ from g1_description.ros.node.parameters import read_parameters
 from g1_description.ros.node.shutdown import start_node
 from g1_description.ros.wire.conversions import pose_from_array
 
-from .spawn_model import Services
+from .spawn_model import GazeboServices
 
 
-def spawn(parameters: SpawnParameters, gazebo: Services) -> None:
+def spawn(parameters: SpawnParameters, gazebo: GazeboServices) -> None:
     """Spawn the robot.
 
     Raises:
@@ -42,21 +42,21 @@ def spawn(parameters: SpawnParameters, gazebo: Services) -> None:
     at = pose_from_array(pose), ""
     begin = assembly.positions
     if not begin:
-        _told(gazebo.wait_and_call("spawn_urdf_model", SpawnModel, *model, *at))
+        _log(gazebo.wait_and_call("spawn_urdf_model", SpawnModel, *model, *at))
         return
     physics = gazebo.wait_and_call("get_physics_properties", GetPhysicsProperties)
     gazebo.call("pause_physics", Empty)
     try:
-        _told(gazebo.call("spawn_urdf_model", SpawnModel, *model, *at))
+        _log(gazebo.call("spawn_urdf_model", SpawnModel, *model, *at))
         joints = p.model_name, "", [*begin], [*begin.values()]
-        _told(gazebo.call("set_model_configuration", SetModelConfiguration, *joints))
+        _log(gazebo.call("set_model_configuration", SetModelConfiguration, *joints))
     finally:
         if not physics.pause:
             gazebo.call("unpause_physics", Empty)
 
 
-def _told(response) -> None:
-    """Log what Gazebo says."""
+def _log(response) -> None:
+    """Log the status message of a response."""
     rospy.loginfo("%s", response.status_message)
 
 
@@ -64,7 +64,7 @@ def main() -> None:
     """Spawn the robot, or say why not."""
     try:
         start_node("spawn_urdf")
-        spawn(read_parameters(SpawnParameters), Services("/gazebo"))
+        spawn(read_parameters(SpawnParameters), GazeboServices("/gazebo"))
     except rospy.ROSInterruptException:
         sys.exit("spawn_robot: interrupted before the robot was spawned.")
     except (G1DescriptionError, rospy.ServiceException) as error:

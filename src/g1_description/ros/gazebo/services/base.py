@@ -1,4 +1,4 @@
-"""What all services share: what they say, and the numbers they take."""
+"""What all services share: status messages, and checks of the numbers they take."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 
 from g1_description.core.errors import LARGEST, InvalidValueError
 from g1_description.core.rotation import normalized
+from g1_description.ros.gazebo.stepper import Stepper
 from g1_description.ros.wire.conversions import pose_to_array, twist_to_array
 from g1_description.sim.forces import Span
 from g1_description.sim.model import Report
@@ -18,39 +19,56 @@ LINK_NOT_FOUND = f"link not found, {_SCOPE}"
 FRAME_NOT_FOUND = f"reference reference_frame not found, {_SCOPE}"
 
 
-class Wording:
-    """Gazebo's own words, and what we add where it would be silent."""
+class StatusMessages:
+    """Composes Gazebo's status messages, with details that Gazebo does not give."""
 
     def __init__(self, strict: bool = False) -> None:
-        """Choose how much is said.
+        """Choose how much detail is given.
 
         Args:
-            strict: Whether to give Gazebo's bare words.
+            strict: Whether to give Gazebo's messages alone.
         """
         self._strict = strict
 
-    def say(self, words: str, clauses: Iterable[str] = ()) -> str:
-        """Put what we add behind Gazebo's words, after "; "."""
-        added = [] if self._strict else [clause for clause in clauses if clause]
-        return "; ".join([words, *added]) if words else "; ".join(added)
+    def compose(self, message: str, details: Iterable[str] = ()) -> str:
+        """Append details to Gazebo's message, each after "; "."""
+        added = [] if self._strict else [detail for detail in details if detail]
+        return "; ".join([message, *added]) if message else "; ".join(added)
 
 
 class Services:
     """Some of the services of a world."""
 
-    def __init__(self, world: World, wording: Wording) -> None:
+    def __init__(self, world: World, messages: StatusMessages) -> None:
         """Serve a world.
 
         Args:
             world: What the services act on.
-            wording: How much they say.
+            messages: Composes their status messages.
         """
         self._world = world
-        self._wording = wording
+        self._messages = messages
 
-    def _in_vain(self, clause: str) -> str:
-        """Tell what has no effect where nothing moves by itself."""
-        return "" if self._world.is_dynamic else f"{clause}, physics is kinematic"
+    def _no_effect(self, detail: str) -> str:
+        """Say that something has no effect where nothing moves by itself."""
+        return "" if self._world.is_dynamic else f"{detail}, physics is kinematic"
+
+
+class SteppedServices(Services):
+    """Services that depend on whether time runs, or on steps."""
+
+    def __init__(
+        self, world: World, messages: StatusMessages, stepper: Stepper
+    ) -> None:
+        """Serve a world.
+
+        Args:
+            world: What the services act on.
+            messages: Composes their status messages.
+            stepper: Whether time runs, and the steps that were requested.
+        """
+        super().__init__(world, messages)
+        self._stepper = stepper
 
 
 def checked_pose(message) -> np.ndarray:
@@ -74,7 +92,7 @@ def checked_twist(message) -> np.ndarray:
 
 
 def checked(what: str, numbers) -> np.ndarray:
-    """Check that numbers are some that a model can have.
+    """Check that numbers are finite and within bounds.
 
     Raises:
         InvalidValueError: If one is NaN, infinite or beyond ``LARGEST``.
@@ -88,13 +106,13 @@ def checked(what: str, numbers) -> np.ndarray:
 
 
 def clamped(report: Report) -> str:
-    """Tell which positions were clamped; empty if none was."""
+    """Say which positions were clamped; empty if none was."""
     values = [f"{name} to {value!r}" for name, value in report.clamped.items()]
     return f"clamped to the limits: {', '.join(values)}" if values else ""
 
 
 def time_span(start_time, duration, now_ns: int) -> Span:
-    """Tell from when to when something acts, as Gazebo takes it.
+    """Compute from when to when something acts, as Gazebo does.
 
     Args:
         start_time: When it shall begin; the past means now.

@@ -36,7 +36,7 @@ KINDS = {
 
 
 class JointServices(Services):
-    """Teleport joints, look at them, strain them, change their properties."""
+    """Teleport joints, read them, apply efforts, change their properties."""
 
     def table(self):
         """List the services: name under the node, type, and what answers."""
@@ -69,12 +69,13 @@ class JointServices(Services):
             return SetModelConfigurationResponse(
                 False, f"SetModelConfiguration: refused, {error}"
             )
-        words = "SetModelConfiguration: success"
-        clauses = _clauses(name, report)
-        return SetModelConfigurationResponse(True, self._wording.say(words, clauses))
+        message = self._messages.compose(
+            "SetModelConfiguration: success", _details(name, report)
+        )
+        return SetModelConfigurationResponse(True, message)
 
     def get_properties(self, request):
-        """Tell a joint's kind, damping, position and rate."""
+        """Return a joint's kind, damping, position and rate."""
         response = GetJointPropertiesResponse()
         try:
             entity = self._world.entities.joint(request.joint_name)
@@ -94,7 +95,7 @@ class JointServices(Services):
         return response
 
     def set_properties(self, request):
-        """Give a joint numbers of ODE; the first of each list counts."""
+        """Set a joint's ODE numbers; the first of each list counts."""
         try:
             entity = self._world.entities.joint(request.joint_name)
         except UnknownNameError:
@@ -117,7 +118,7 @@ class JointServices(Services):
         return SetJointPropertiesResponse(True, "SetJointProperties: properties set")
 
     def apply_effort(self, request):
-        """Strain a joint for a while."""
+        """Apply an effort to a joint for some time."""
         try:
             entity = self._world.entities.joint(request.joint_name)
         except UnknownNameError:
@@ -130,20 +131,20 @@ class JointServices(Services):
             )
         span = time_span(request.start_time, request.duration, self._world.time_ns)
         self._world.jobs.strain(entity, span, float(effort))
-        clauses = [self._in_vain("nothing moves")]
-        words = self._wording.say("ApplyJointEffort: effort set", clauses)
-        return ApplyJointEffortResponse(True, words)
+        details = [self._no_effect("nothing moves")]
+        message = self._messages.compose("ApplyJointEffort: effort set", details)
+        return ApplyJointEffortResponse(True, message)
 
     def clear_efforts(self, request):
-        """Let joints go; only the plain name is known here."""
+        """Clear the efforts on a joint; Gazebo knows only the plain name here."""
         self._world.jobs.clear_efforts(request.joint_name)
         return JointRequestResponse()
 
 
 def _unscoped(model, names, positions):
-    """Find what joints a list means: ``joint`` wins over ``model::joint``.
+    """Resolve joint names: ``joint`` wins over ``model::joint``.
 
-    Of equal names the last wins; whatever is neither stays as it is.
+    Of equal names the last wins; a name that is neither is kept as it is.
     """
     scope = model + SCOPE
     scoped, plain = {}, {}
@@ -155,10 +156,10 @@ def _unscoped(model, names, positions):
     return {**scoped, **plain}
 
 
-def _clauses(model: str, report: Report) -> list[str]:
-    """Tell what was not obeyed to the letter."""
-    clauses = []
+def _details(model: str, report: Report) -> list[str]:
+    """List what was not done exactly as requested."""
+    details = []
     if report.unknown:
         names = ", ".join(name or "''" for name in report.unknown)
-        clauses.append(f"ignored, no movable joint of {model}: {names}")
-    return [*clauses, clamped(report)]
+        details.append(f"ignored, no movable joint of {model}: {names}")
+    return [*details, clamped(report)]

@@ -22,12 +22,12 @@ from g1_description.ros.wire.conversions import vector_to_array
 
 from .base import Services, checked, checked_pose
 
-FADING = ("constant", "linear", "quadratic")
-"""How a light fades with the distance."""
+ATTENUATION = ("constant", "linear", "quadratic")
+"""Coefficients of how a light fades with distance."""
 
 
 class LightServices(Services):
-    """Look at lights, change and delete them."""
+    """Read, change and delete lights."""
 
     def table(self):
         """List the services: name under the node, type, and what answers."""
@@ -38,7 +38,7 @@ class LightServices(Services):
         )
 
     def get_light(self, request):
-        """Tell a light's color and how it fades."""
+        """Return a light's color and attenuation."""
         response = GetLightPropertiesResponse()
         try:
             light = self._world.light(request.light_name)
@@ -46,9 +46,9 @@ class LightServices(Services):
             response.status_message = _no_light("getLight", request)
             return response
         response.diffuse = ColorRGBA(*light.diffuse)
-        for name in FADING:
-            attenuation = f"attenuation_{name}"
-            setattr(response, attenuation, getattr(light, attenuation))
+        for name in ATTENUATION:
+            coefficient = f"attenuation_{name}"
+            setattr(response, coefficient, getattr(light, coefficient))
         response.success = True
         return response
 
@@ -62,15 +62,15 @@ class LightServices(Services):
             pose = checked_pose(request.pose)
             direction = checked("direction", vector_to_array(request.direction))
             colors = {name: _color(request, name) for name in ("diffuse", "specular")}
-            fading = {
+            attenuation = {
                 f"attenuation_{name}": float(
                     checked(name, [getattr(request, f"attenuation_{name}")])[0]
                 )
-                for name in FADING
+                for name in ATTENUATION
             }
         except InvalidValueError as error:
-            words = f"setLightProperties: refused, {error}"
-            return SetLightPropertiesResponse(False, words)
+            message = f"setLightProperties: refused, {error}"
+            return SetLightPropertiesResponse(False, message)
         self._world.add_light(
             replace(
                 light,
@@ -78,7 +78,7 @@ class LightServices(Services):
                 pose=pose,
                 direction=tuple(direction.tolist()),
                 **colors,
-                **fading,
+                **attenuation,
             )
         )
         return SetLightPropertiesResponse(True, "")
@@ -89,8 +89,8 @@ class LightServices(Services):
         try:
             self._world.delete_light(name)
         except UnknownNameError:
-            words = f'DeleteLight: Timeout reached while removing light "{name}"'
-            return DeleteLightResponse(False, words)
+            message = f'DeleteLight: Timeout reached while removing light "{name}"'
+            return DeleteLightResponse(False, message)
         return DeleteLightResponse(True, f"DeleteLight: {name} successfully deleted")
 
 

@@ -49,15 +49,15 @@ from .base import (
     time_span,
 )
 
-NEAR = 1e-4
-"""A link that is this near to the pose asked for is there, in [m] and [rad]."""
+POSE_TOLERANCE = 1e-4
+"""A link this close to the requested pose has reached it, in [m] and [rad]."""
 
-LIGHTEST = 1e-9
-"""Least mass that a link can be given, in [kg]."""
+MIN_MASS = 1e-9
+"""Smallest mass that a link can be given, in [kg]."""
 
 
 class LinkServices(Services):
-    """Look at links, move them, push them, change their mass."""
+    """Read links, move them, apply wrenches, change their mass."""
 
     def table(self):
         """List the services: name under the node, type, and what answers."""
@@ -71,7 +71,7 @@ class LinkServices(Services):
         )
 
     def get_state(self, request):
-        """Tell where a link is, seen from a frame."""
+        """Return a link's pose and twist in a frame."""
         response = GetLinkStateResponse()
         try:
             link = self._world.entities.link(request.link_name)
@@ -112,7 +112,7 @@ class LinkServices(Services):
 
         Raises:
             InvalidValueError: If the link is fixed to another one, or a number is
-                none that a link can have.
+                NaN, infinite or too large.
         """
         try:
             link = self._found_link(state.link_name)
@@ -127,18 +127,18 @@ class LinkServices(Services):
             )
         target = compose(frame.pose, pose)
         placed = self._world.set_link_state(link, target, twist - frame.twist)
-        clauses = [self._in_vain("the twist is ignored") if twist.any() else ""]
-        if placed and max(placed.distance, placed.angle) > NEAR:
-            clauses.append(
+        details = [self._no_effect("the twist is ignored") if twist.any() else ""]
+        if placed and max(placed.distance, placed.angle) > POSE_TOLERANCE:
+            details.append(
                 f"{placed.joint} brings {link.scoped} no nearer than "
                 f"{round(placed.distance, 4):g} m and {round(placed.angle, 4):g} rad "
                 "to that pose"
             )
-            rospy.logwarn_throttle_identical(1.0, f"SetLinkState: {clauses[-1]}")
-        return True, self._wording.say("SetLinkState: success", clauses)
+            rospy.logwarn_throttle_identical(1.0, f"SetLinkState: {details[-1]}")
+        return True, self._messages.compose("SetLinkState: success", details)
 
     def _link_frame(self, name: str) -> Entity:
-        """Find a frame for set_link_state; a refusal is in Gazebo's words."""
+        """Find a frame for set_link_state; a refusal is in Gazebo's message."""
         try:
             return self._world.entities.frame(name, ("link",))
         except UnknownNameError:
@@ -148,7 +148,7 @@ class LinkServices(Services):
             raise UnknownNameError("failed") from None
 
     def _found_link(self, name: str) -> Entity:
-        """Find a link for set_link_state; a refusal is in Gazebo's words."""
+        """Find a link for set_link_state; a refusal is in Gazebo's message."""
         try:
             return self._world.entities.link(name)
         except UnknownNameError:
@@ -156,7 +156,7 @@ class LinkServices(Services):
             raise UnknownNameError("link does not exist") from None
 
     def get_properties(self, request):
-        """Tell a link's mass; what is static has none."""
+        """Return a link's mass; static links have none."""
         response = GetLinkPropertiesResponse()
         try:
             entity = self._world.entities.link(request.link_name)
@@ -164,16 +164,16 @@ class LinkServices(Services):
             response.status_message = f"GetLinkProperties: {LINK_NOT_FOUND}"
             return response
         response.com = pose_from_array(IDENTITY)
-        link, clause = entity.link, ""
+        link, detail = entity.link, ""
         if not entity.model.assembly.static:
             response.gravity_mode = link.has_gravity
             if link.inertial is None:
-                clause = "its mass is not known"
+                detail = "its mass is not known"
             else:
                 _tell_inertial(response, link.inertial)
         response.success = True
-        words = "GetLinkProperties: got properties"
-        response.status_message = self._wording.say(words, [clause])
+        message = "GetLinkProperties: got properties"
+        response.status_message = self._messages.compose(message, [detail])
         return response
 
     def set_properties(self, request):
@@ -181,20 +181,21 @@ class LinkServices(Services):
         try:
             entity = self._world.entities.link(request.link_name)
         except UnknownNameError:
-            words = f"SetLinkProperties: {LINK_NOT_FOUND}"
-            return SetLinkPropertiesResponse(False, words)
-        words, clause = "SetLinkProperties: properties set", ""
+            message = f"SetLinkProperties: {LINK_NOT_FOUND}"
+            return SetLinkPropertiesResponse(False, message)
+        message, detail = "SetLinkProperties: properties set", ""
         try:
             inertial = _inertial(request)
             if entity.model.assembly.static:
-                clause = f"ignored, {entity.model.name} is static"
+                detail = f"ignored, {entity.model.name} is static"
             else:
                 self._world.set_link_properties(entity, inertial, request.gravity_mode)
         except (InvalidValueError, DescriptionError) as error:
             return SetLinkPropertiesResponse(
                 False, f"SetLinkProperties: refused, {error}"
             )
-        return SetLinkPropertiesResponse(True, self._wording.say(words, [clause]))
+        message = self._messages.compose(message, [detail])
+        return SetLinkPropertiesResponse(True, message)
 
     def apply_wrench(self, request):
         """Push a link for a while."""
@@ -232,8 +233,8 @@ class LinkServices(Services):
         span = time_span(request.start_time, request.duration, self._world.time_ns)
         applied = np.concatenate([force, torque])
         self._world.jobs.push(link, span, applied, self._world.time_ns)
-        words = self._wording.say("", [self._in_vain("nothing moves")])
-        return ApplyBodyWrenchResponse(True, words)
+        message = self._messages.compose("", [self._no_effect("nothing moves")])
+        return ApplyBodyWrenchResponse(True, message)
 
     def clear_wrenches(self, request):
         """Stop pushing a link; only its scoped name is known here."""
@@ -264,9 +265,9 @@ def _inertial(request) -> Inertial:
         "inertia",
         [[r.ixx, r.ixy, r.ixz], [r.ixy, r.iyy, r.iyz], [r.ixz, r.iyz, r.izz]],
     )
-    if mass < LIGHTEST or np.linalg.eigvalsh(tensor)[0] <= 0.0:
+    if mass < MIN_MASS or np.linalg.eigvalsh(tensor)[0] <= 0.0:
         raise InvalidValueError(
             f"mass {mass} and inertia {tensor.tolist()} are not those of a body, both "
-            f"must be positive and the mass at least {LIGHTEST:g}"
+            f"must be positive and the mass at least {MIN_MASS:g}"
         )
     return Inertial(float(mass), center, tensor)

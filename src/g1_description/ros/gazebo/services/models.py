@@ -36,7 +36,7 @@ from g1_description.ros.wire.conversions import (
 from g1_description.sim.entities import Entity, seen_from
 from g1_description.sim.world import World
 
-from .base import Services, Wording, checked_pose, checked_twist
+from .base import Services, StatusMessages, checked_pose, checked_twist
 
 
 class _ModelStateResponse(GetModelStateResponse):
@@ -46,16 +46,16 @@ class _ModelStateResponse(GetModelStateResponse):
 
 
 class ModelServices(Services):
-    """Delete, look at and move models."""
+    """Delete, read and move models."""
 
-    def __init__(self, world: World, wording: Wording) -> None:
+    def __init__(self, world: World, messages: StatusMessages) -> None:
         """Serve a world.
 
         Args:
             world: What the services act on.
-            wording: How much they say.
+            messages: Composes their status messages.
         """
-        super().__init__(world, wording)
+        super().__init__(world, messages)
         self._state_calls: Counter = Counter()
 
     def table(self):
@@ -78,7 +78,7 @@ class ModelServices(Services):
         return DeleteModelResponse(True, "DeleteModel: successfully deleted model")
 
     def get_properties(self, request):
-        """Tell what a model is made of."""
+        """List a model's links, joints, shapes and nested models."""
         response = GetModelPropertiesResponse()
         try:
             found = self._world.entities.model(request.model_name)
@@ -107,7 +107,7 @@ class ModelServices(Services):
         return response
 
     def get_world_properties(self, _):
-        """Tell the time and the models."""
+        """Return the time and the models."""
         return GetWorldPropertiesResponse(
             sim_time=self._world.time_ns * 1e-9,
             model_names=list(self._world.models),
@@ -117,7 +117,7 @@ class ModelServices(Services):
         )
 
     def get_state(self, request):
-        """Tell where a model is, seen from a frame."""
+        """Return a model's pose and twist in a frame."""
         name, frame = request.model_name, request.relative_entity_name
         response = _ModelStateResponse()
         if name not in self._world.models:
@@ -157,7 +157,7 @@ class ModelServices(Services):
             Success and status message.
 
         Raises:
-            InvalidValueError: If a number is none that a model can have.
+            InvalidValueError: If a number is NaN, infinite or too large.
         """
         name, frame = state.model_name, state.reference_frame
         if name not in self._world.models:
@@ -172,17 +172,17 @@ class ModelServices(Services):
                 name,
                 frame,
             )
-            words = "SetModelState: specified reference frame entity does not exist"
-            return False, words
+            message = "SetModelState: specified reference frame entity does not exist"
+            return False, message
         pose, twist = checked_pose(state.pose), checked_twist(state.twist)
         self._world.set_model_state(self._world.models[name], pose, twist, seen)
-        clause = self._in_vain("the twist is ignored") if twist.any() else ""
-        words = "SetModelState: set model state done"
-        return True, self._wording.say(words, [clause])
+        detail = self._no_effect("the twist is ignored") if twist.any() else ""
+        message = "SetModelState: set model state done"
+        return True, self._messages.compose(message, [detail])
 
 
 def _held_by(model: str, names: Iterable[str], assembly: Assembly) -> list[str]:
-    """Give the names that things have in the model that holds them directly.
+    """Return names relative to the model that holds them directly.
 
     Args:
         model: One of the assembly's nested models; empty for the outermost.

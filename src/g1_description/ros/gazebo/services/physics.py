@@ -17,13 +17,11 @@ from gazebo_msgs.srv import (
 )
 
 from g1_description.core.errors import InvalidValueError
-from g1_description.ros.gazebo.stepper import Stepper
 from g1_description.ros.wire.conversions import vector_to_array
 from g1_description.sim.physics import GRAVITY, PhysicsProperties
-from g1_description.sim.world import World
 from g1_description.srv import SetRealTimeFactor, SetRealTimeFactorResponse
 
-from .base import Services, Wording
+from .base import SteppedServices
 
 UNSETTABLE = ("auto_disable_bodies", "sor_pgs_rms_error_tol")
 """Numbers that Gazebo reads and never sets."""
@@ -31,19 +29,8 @@ UNSETTABLE = ("auto_disable_bodies", "sor_pgs_rms_error_tol")
 ODE = tuple(ODEPhysics.__slots__)
 
 
-class PhysicsServices(Services):
+class PhysicsServices(SteppedServices):
     """Read and change the physics' numbers and the speed of time."""
-
-    def __init__(self, world: World, wording: Wording, stepper: Stepper) -> None:
-        """Serve a world.
-
-        Args:
-            world: What the services act on.
-            wording: How much they say.
-            stepper: Whether time runs.
-        """
-        super().__init__(world, wording)
-        self._stepper = stepper
 
     def table(self):
         """List the services: name under the node, type, and what answers."""
@@ -54,7 +41,7 @@ class PhysicsServices(Services):
         )
 
     def get_physics(self, _):
-        """Tell the physics' numbers."""
+        """Return the physics' numbers."""
         properties = self._world.properties
         response = GetPhysicsPropertiesResponse(
             time_step=properties.time_step,
@@ -81,11 +68,11 @@ class PhysicsServices(Services):
         try:
             self.change_physics(numbers)
         except InvalidValueError as error:
-            words = f"SetPhysicsProperties: refused, {error}"
-            return SetPhysicsPropertiesResponse(False, words)
+            message = f"SetPhysicsProperties: refused, {error}"
+            return SetPhysicsPropertiesResponse(False, message)
         frozen = "" if request.time_step else "time stands still, time_step is 0"
-        words = self._wording.say("physics engine updated", [frozen])
-        return SetPhysicsPropertiesResponse(True, words)
+        message = self._messages.compose("physics engine updated", [frozen])
+        return SetPhysicsPropertiesResponse(True, message)
 
     def change_physics(self, numbers) -> None:
         """Change the physics' numbers that Gazebo sets.

@@ -41,10 +41,10 @@ class ParsedRequest:
     request: object
     content: SdfModel | Light | None = None
     refusal: tuple[str, ...] = ()
-    """Gazebo's words and ours for why there is no content."""
+    """Gazebo's message and our details for why there is no content."""
 
     left_out: tuple[str, ...] = ()
-    """A clause for each thing beside the content that is left out."""
+    """A sentence for each thing in the file that is left out."""
 
 
 class SpawnServices(Services):
@@ -72,37 +72,37 @@ class SpawnServices(Services):
         if refusal:
             return SpawnModelResponse(False, refusal)
         try:
-            clauses = self._add(parsed, frame)
+            details = self._add(parsed, frame)
         except G1DescriptionError as error:
             return SpawnModelResponse(False, f"SpawnModel: Failure - {error}")
-        words = "SpawnModel: Successfully spawned entity"
-        return SpawnModelResponse(True, self._wording.say(words, clauses))
+        message = "SpawnModel: Successfully spawned entity"
+        return SpawnModelResponse(True, self._messages.compose(message, details))
 
     def _refusal(self, parsed: ParsedRequest) -> str:
         """Say why nothing can be spawned; empty if it can."""
         name = parsed.request.model_name
         if parsed.content is None:
-            words, *clauses = parsed.refusal
-            if words == NOT_A_MODEL:
+            message, *details = parsed.refusal
+            if message == NOT_A_MODEL:
                 rospy.logerr(
                     "GazeboRosApiPlugin SpawnModel Failure: input xml format not "
                     "recognized"
                 )
-            return self._wording.say(words, clauses)
+            return self._messages.compose(message, details)
         is_light = isinstance(parsed.content, Light)
         if name in self._world.models or (is_light and name in self._world.lights):
             rospy.logerr("SpawnModel: Failure - model name %s already exist.", name)
             return "SpawnModel: Failure - entity already exists."
         if not name:
-            words = (
+            message = (
                 "SpawnModel: Entity pushed to spawn queue, but spawn service timed out "
                 "waiting for entity to appear in simulation under the name "
             )
-            return self._wording.say(words, ["a model needs a name"])
+            return self._messages.compose(message, ["a model needs a name"])
         return ""
 
     def _add(self, parsed: ParsedRequest, frame: Entity) -> tuple[str, ...]:
-        """Add what was read under the name asked for; tell what was left out."""
+        """Add the content under the requested name; return what was left out."""
         request, content = parsed.request, parsed.content
         pose = compose(frame.pose, checked_pose(request.initial_pose))
         pose = compose(pose, content.pose)

@@ -8,32 +8,19 @@ from __future__ import annotations
 from g1_description.core.bridge.commands import listed
 from g1_description.core.errors import InvalidValueError, UnknownNameError
 from g1_description.core.poses.pose import near_first
-from g1_description.ros.gazebo.stepper import Stepper
 from g1_description.ros.wire.conversions import (
     pose_from_array,
     stamp_from_ns,
     twist_from_array,
 )
 from g1_description.sim.model import Model
-from g1_description.sim.world import World
 from g1_description.srv import Step, StepModel, StepModelResponse, StepResponse
 
-from .base import Services, Wording, checked, checked_pose, clamped
+from .base import SteppedServices, checked, checked_pose, clamped
 
 
-class StepServices(Services):
+class StepServices(SteppedServices):
     """Let steps pass, from a state that is given or the one there is."""
-
-    def __init__(self, world: World, wording: Wording, stepper: Stepper) -> None:
-        """Serve a world.
-
-        Args:
-            world: What the services act on.
-            wording: How much they say.
-            stepper: Takes the requests.
-        """
-        super().__init__(world, wording)
-        self._stepper = stepper
 
     def table(self):
         """List the services: name under the node, type, and what answers."""
@@ -45,8 +32,8 @@ class StepServices(Services):
     def step(self, request):
         """Let steps pass; answered when they have."""
 
-        def respond(success, told):
-            return StepResponse(success, f"Step: {told}")
+        def respond(success, outcome):
+            return StepResponse(success, f"Step: {outcome}")
 
         refusal = self._refusal(request.steps)
         if refusal:
@@ -59,23 +46,23 @@ class StepServices(Services):
         """Set a model, let steps pass, and answer with its state."""
         refusal = request.steps and self._refusal(request.steps)
         if refusal:
-            return _told(f"StepModel: {refusal}")
+            return _refused(f"StepModel: {refusal}")
         try:
             model = self._world.model(request.model_name)
-            clauses = self._set(model, request)
+            details = self._set(model, request)
         except (UnknownNameError, InvalidValueError) as error:
-            return _told(f"StepModel: refused, {error}")
+            return _refused(f"StepModel: refused, {error}")
 
-        def respond(success, told):
-            words = self._wording.say(f"StepModel: {told}", clauses)
-            return self._state(model, success, words)
+        def respond(success, outcome):
+            message = self._messages.compose(f"StepModel: {outcome}", details)
+            return self._state(model, success, message)
 
         if not request.steps:
             return respond(True, "0 steps done")
         return self._stepper.request(request.steps, respond)
 
     def _refusal(self, steps: int) -> str:
-        """Tell why steps cannot pass; empty if they can."""
+        """Say why steps cannot pass; empty if they can."""
         if not self._stepper.paused:
             return "refused, time is running; pause_physics makes it stand still"
         if steps and not self._world.properties.step_ns:
@@ -86,7 +73,7 @@ class StepServices(Services):
         """Set a model's base and joints; nothing if one of them cannot be.
 
         Returns:
-            A clause for what was not obeyed to the letter.
+            A detail for what was not obeyed to the letter.
 
         Raises:
             UnknownNameError: If it has no such joint.
@@ -114,11 +101,11 @@ class StepServices(Services):
         )
         return [clamped(report)]
 
-    def _state(self, model: Model, success: bool, words: str) -> StepModelResponse:
-        """Tell a model's state; without one if it is gone."""
+    def _state(self, model: Model, success: bool, message: str) -> StepModelResponse:
+        """Return a model's state; none if it was deleted."""
         if self._world.models.get(model.name) is not model:
-            return _told(f"{words}; {model.name} was deleted")
-        response = StepModelResponse(success=success, status_message=words)
+            return _refused(f"{message}; {model.name} was deleted")
+        response = StepModelResponse(success=success, status_message=message)
         states = response.joint_states
         states.header.stamp = stamp_from_ns(self._world.time_ns)
         states.name = list(model.joint_names)
@@ -130,6 +117,6 @@ class StepServices(Services):
         return response
 
 
-def _told(words: str) -> StepModelResponse:
+def _refused(message: str) -> StepModelResponse:
     """Refuse, without a state."""
-    return StepModelResponse(success=False, status_message=words)
+    return StepModelResponse(success=False, status_message=message)

@@ -7,25 +7,11 @@ from __future__ import annotations
 
 from std_srvs.srv import Empty, EmptyResponse
 
-from g1_description.ros.gazebo.stepper import Stepper
-from g1_description.sim.world import World
-
-from .base import Services, Wording
+from .base import SteppedServices
 
 
-class TimeServices(Services):
+class TimeServices(SteppedServices):
     """Pause, go on, begin again."""
-
-    def __init__(self, world: World, wording: Wording, stepper: Stepper) -> None:
-        """Serve a world.
-
-        Args:
-            world: What the services act on.
-            wording: How much they say.
-            stepper: Whether time runs.
-        """
-        super().__init__(world, wording)
-        self._stepper = stepper
 
     def table(self):
         """List the services: name under the node, type, and what answers."""
@@ -37,7 +23,7 @@ class TimeServices(Services):
         )
 
     def pause(self, _):
-        """Let time stand still, also where steps were asked for."""
+        """Pause, also where steps were requested."""
         self._stepper.paused = True
         self._stepper.end("pause_physics")
         return EmptyResponse()
