@@ -31,7 +31,7 @@ from g1_description.sim.render.picture import draw
 from g1_description.sim.render.scene import Scene
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "ros"))
-from fuzz_xml import broken_meshes
+from support.fuzz.xml import broken_meshes
 
 UP = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])
 ASIDE = np.array([1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])

@@ -1,0 +1,1 @@
+"""What the rostests share: processes, listeners, raw sockets and robots."""

@@ -1,0 +1,1 @@
+"""Random and hostile requests, files and worlds for the live stand-in."""

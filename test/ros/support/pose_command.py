@@ -1,0 +1,29 @@
+"""The command pose, run as a user types it."""
+
+import os
+import subprocess
+
+import yaml
+
+from .ros_testing import REPOSITORY
+
+POSES = yaml.safe_load((REPOSITORY / "config" / "poses.yaml").read_text())
+KNEE = "left_knee_joint"
+
+
+def start(*words, home=None):
+    environment = {**os.environ, "ROS_HOME": str(home)} if home else None
+    return subprocess.Popen(
+        ["rosrun", "g1_description", "pose", *map(str, words)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=environment,
+    )
+
+
+def run(*words, home=None):
+    """Type a command; give its exit code, what it prints and what it complains of."""
+    process = start(*words, home=home)
+    output, errors = process.communicate(timeout=60.0)
+    return process.returncode, output, errors

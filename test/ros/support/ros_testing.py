@@ -1,0 +1,130 @@
+"""What the test nodes share: waiting with a deadline, and the newest message."""
+
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+from xmlrpc.client import ServerProxy
+
+import rosgraph
+import rosnode
+import rospy
+
+REPOSITORY = Path(__file__).resolve().parents[3]
+SHARED = REPOSITORY.parent / "shared"
+sys.path.insert(0, str(REPOSITORY / "test"))  # for the oracle
+DEADLINE = 30.0
+
+
+def wait_for(condition, what, deadline=DEADLINE):
+    """Wait until a condition gives something true; give that back.
+
+    Args:
+        condition: Called again and again.
+        what: Completes "waited in vain for".
+        deadline: Longest wait in [s] of wall time.
+    """
+    pause = threading.Event()
+    end = time.monotonic() + deadline
+    while time.monotonic() < end:
+        result = condition()
+        if result:
+            return result
+        pause.wait(0.01)
+    raise AssertionError(f"waited {deadline} s in vain for {what}")
+
+
+class Listener:
+    """Keep what comes on a topic."""
+
+    def __init__(self, topic, kind, **options):
+        self.messages = []
+        self._changed = threading.Condition()
+        self.topic = topic
+        self._subscriber = rospy.Subscriber(topic, kind, self._came, **options)
+
+    def _came(self, message):
+        with self._changed:
+            self.messages.append(message)
+            self._changed.notify_all()
+
+    def clear(self):
+        with self._changed:
+            self.messages = []
+
+    def wait(self, accept=lambda message: True, what="a message", deadline=DEADLINE):
+        """Wait for a message that is accepted; give the first such back."""
+        end = time.monotonic() + deadline
+        seen = 0
+        with self._changed:
+            while True:
+                for message in self.messages[seen:]:
+                    if accept(message):
+                        return message
+                seen = len(self.messages)
+                left = end - time.monotonic()
+                if left <= 0 or not self._changed.wait(left):
+                    raise AssertionError(
+                        f"waited {deadline} s in vain for {what} on {self.topic}; "
+                        f"{seen} other messages came"
+                    )
+
+    def close(self):
+        self._subscriber.unregister()
+
+
+class Connected(Listener):
+    """A listener that a publisher knows of: what it sends from now on comes."""
+
+    def __init__(self, topic, kind, **options):
+        super().__init__(topic, kind, **options)
+        wait_for(self._subscriber.get_num_connections, f"a connection to {topic}")
+
+
+class Launch:
+    """A launch file of this package, run in this master until it is stopped."""
+
+    def __init__(self, file, *arguments):
+        self._process = subprocess.Popen(
+            ["roslaunch", "--wait", "g1_description", file, *arguments],
+            start_new_session=True,
+        )
+
+    def stop(self):
+        """Interrupt it as Ctrl-C would, and wait for its end."""
+        self._process.send_signal(signal.SIGINT)
+        self._process.wait(DEADLINE)
+
+    @property
+    def exit_code(self):
+        """None while it runs."""
+        return self._process.poll()
+
+
+def process_of(node):
+    """Give the process id of a node, or None while it is not there."""
+    try:
+        uri = rosnode.get_api_uri(rosgraph.Master("/test"), node, skip_cache=True)
+        return ServerProxy(uri).getPid("/test")[2] if uri else None
+    except (OSError, rosnode.ROSNodeException):
+        return None
+
+
+class Repeated:
+    """Something done again and again in a thread, until it is closed."""
+
+    def __init__(self, act, period):
+        self._act, self._period = act, period
+        self._stopped = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def _run(self):
+        while not self._stopped.wait(self._period):
+            self._act()
+
+    def close(self):
+        self._stopped.set()
+        self._thread.join()

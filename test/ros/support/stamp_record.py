@@ -1,0 +1,130 @@
+"""What came on joint_states and TF, and what others complain of."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+
+import rosgraph
+from rosgraph_msgs.msg import Log
+from sensor_msgs.msg import JointState
+from tf2_msgs.msg import TFMessage
+
+from .ros_testing import Listener, wait_for
+
+SECOND = 1_000_000_000
+"""[ns]"""
+JUMP = SECOND // 2
+"""Stamps that go back by more than this, in [ns], tell that the time did."""
+TROUBLE = re.compile(r"TF_(?:REPEATED|OLD)_DATA .* for frame (\S+) at time ([\d.]+)")
+LISTENER = """
+import rospy, tf2_ros
+rospy.init_node("listener", anonymous=True)
+listener = tf2_ros.TransformListener(tf2_ros.Buffer())
+rospy.spin()
+"""
+LISTENERS = {
+    "tf_echo": ["rosrun", "tf", "tf_echo", "map", "pelvis"],
+    "tf_monitor": ["rosrun", "tf", "tf_monitor"],
+    "rospy": [sys.executable, "-c", LISTENER],
+}
+"""Programs that listen to TF with its C++ core, each in its own way."""
+
+
+def subscribers(topic):
+    """Count who listens to a topic."""
+    _, subscribed, _ = rosgraph.Master("/test").getSystemState()
+    return len(dict(subscribed).get(topic, ()))
+
+
+def splits(stamps):
+    """Split stamps where the time went back."""
+    lives = [stamps[:1]]
+    for one, other in zip(stamps, stamps[1:]):
+        if other < one - JUMP:
+            lives.append([])
+        lives[-1].append(other)
+    return lives
+
+
+class Others:
+    """Nodes that know nothing of the bridge, and what they print about TF."""
+
+    def __init__(self, topic="/tf"):
+        already = subscribers(topic)
+        self._outputs = [tempfile.TemporaryFile() for _ in LISTENERS]  # noqa: SIM115
+        self._processes = [
+            subprocess.Popen(
+                [*command, f"/tf:={topic}"], stdout=output, stderr=subprocess.STDOUT
+            )
+            for command, output in zip(LISTENERS.values(), self._outputs)
+        ]
+        wait_for(
+            lambda: subscribers(topic) == already + len(LISTENERS),
+            f"those who listen to {topic}",
+        )
+
+    def trouble(self):
+        """List the frames and stamps that are complained of, by who does."""
+        pairs = zip(LISTENERS, self._outputs)
+        found = {name: self._trouble(output.fileno()) for name, output in pairs}
+        return {name: trouble for name, trouble in found.items() if trouble}
+
+    @staticmethod
+    def _trouble(descriptor):
+        data = os.pread(descriptor, os.fstat(descriptor).st_size, 0)
+        return TROUBLE.findall(data.decode("utf-8", "replace"))
+
+    def close(self):
+        for process in self._processes:
+            process.send_signal(signal.SIGINT)
+        for process in self._processes:
+            process.wait(10.0)
+
+
+class Record:
+    """The stamps in [ns] of all that came."""
+
+    def __init__(self):
+        self._joints = Listener("/joint_states", JointState)
+        self._frames = Listener("/tf", TFMessage)
+        self._log = Listener("/rosout", Log)
+        self._listeners = self._joints, self._frames, self._log
+
+    def joints(self):
+        """Give the stamps of joint states."""
+        return [m.header.stamp.to_nsec() for m in list(self._joints.messages)]
+
+    def frames(self):
+        """Give the stamps of each child frame."""
+        found = {}
+        for message in list(self._frames.messages):
+            for transform in message.transforms:
+                stamps = found.setdefault(transform.child_frame_id, [])
+                stamps.append(transform.header.stamp.to_nsec())
+        return found
+
+    def not_rising(self):
+        """Count the stamps that are no newer than those before, by topic or frame."""
+        found = {}
+        for name, stamps in {"joint_states": self.joints(), **self.frames()}.items():
+            for life in splits(stamps):
+                count = sum(new <= old for old, new in zip(life, life[1:]))
+                if count:
+                    found[name] = found.get(name, 0) + count
+        return found
+
+    def trouble(self):
+        """List the frames and stamps that the log complains of."""
+        lines = [message.msg for message in list(self._log.messages)]
+        return TROUBLE.findall("\n".join(lines))
+
+    def clear(self):
+        for listener in self._listeners:
+            listener.clear()
+
+    def close(self):
+        for listener in self._listeners:
+            listener.close()

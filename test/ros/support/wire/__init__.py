@@ -1,0 +1,1 @@
+"""Nodes of the tests that speak TCPROS on sockets of their own."""

@@ -1,0 +1,238 @@
+#!/usr/bin/env python3
+"""/diagnostics tells what is wrong with level and words, and that it is over."""
+
+import math
+import sys
+import time
+import unittest
+
+import rospy
+import rostest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from sensor_msgs.msg import JointState
+from support.bridge.arm import URDF, arm_states, run_clock
+from support.bridge.watched import Watched
+from support.ros_testing import Connected, Repeated, wait_for
+from support.wire.raw_service import SUCCESS, Gate, Simulator, refusal
+from support.wire.tcpros import body_of
+
+from g1_description.ros.node.complaints import PERIOD
+
+OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+LINK_STATES, COMMANDS, JOINTS = "link states", "commands", "arm joints"
+SOON = 12.0
+"""Longest time from a fault, or its end, to the status that says so, in [s]."""
+
+
+def command(**positions):
+    return JointState(name=[*positions], position=[*positions.values()])
+
+
+class TestBridgeHealth(unittest.TestCase):
+    number = 0
+
+    @classmethod
+    def setUpClass(cls):
+        rospy.set_param("/robot_description", URDF)
+        cls.addClassCleanup(run_clock().close)
+
+    def setUp(self):
+        TestBridgeHealth.number += 1
+        self.space = f"/health_{self.number}"
+
+    def watch(self, *arguments):
+        """Start a bridge with a simulator that shows the arm fifty times a second."""
+        self.simulator = Simulator(f"{self.space}/gazebo/set_model_configuration")
+        self.addCleanup(self.simulator.close)
+        self.watched = Watched(self.space, *arguments)
+        self.addCleanup(self.watched.bridge.kill)
+        self.addCleanup(self.watched.close)
+        self.statuses = Connected("/diagnostics", DiagnosticArray)
+        self.addCleanup(self.statuses.close)
+        self.shown = [arm_states()]
+        self.addCleanup(Repeated(self.show, 0.02).close)
+
+    def show(self):
+        for message in self.shown:
+            self.watched.send(body_of(message))
+
+    def command(self, **positions):
+        self.watched.commands.publish(command(**positions))
+
+    def wait_for(self, part, level, *words):
+        """Wait for a status of a part of the bridge, as it is from now on."""
+        name = f"{self.watched.bridge.name[1:]}: {part}"
+
+        def says_so(message):
+            return any(
+                status.level == level and all(word in status.message for word in words)
+                for status in message.status
+                if status.name == name
+            )
+
+        self.statuses.clear()
+        self.statuses.wait(says_so, f"{name}: {level} {words}", SOON)
+
+    def values(self):
+        """Give the values of the last status of commands."""
+        name = f"{self.watched.bridge.name[1:]}: {COMMANDS}"
+        (*_, last) = [
+            status
+            for message in list(self.statuses.messages)
+            for status in message.status
+            if status.name == name
+        ]
+        return {value.key: value.value for value in last.values}
+
+    def test_1_a_bridge_that_works_says_so(self):
+        self.watch()
+        self.wait_for(LINK_STATES, OK, "link states come")
+        self.wait_for(COMMANDS, OK, "commands are obeyed")
+        self.wait_for(JOINTS, OK, "3 joints are measured")
+
+    def test_2_refused_commands_are_a_warning_until_one_is_obeyed(self):
+        self.watch()
+        self.simulator.answers = lambda model: refusal("not today")
+        self.command(elbow=0.1)
+        self.wait_for(COMMANDS, WARN, "arm", "not today")
+        self.simulator.answers = lambda model: SUCCESS
+        self.command(elbow=0.2)
+        self.wait_for(COMMANDS, OK, "commands are obeyed")
+
+    def test_3_a_service_that_hangs_is_an_error_until_it_answers(self):
+        self.watch()
+        gate = self.simulator.answers = Gate()
+        self.command(elbow=0.1)
+        self.wait_for(COMMANDS, ERROR, "has not answered for")
+        gate.open()
+        self.wait_for(COMMANDS, OK, "commands are obeyed")
+
+    def test_4_a_service_that_is_not_there_is_an_error_until_it_is(self):
+        self.watch()
+        self.simulator.close()
+        self.command(elbow=0.1)
+        self.wait_for(COMMANDS, ERROR, "has not answered for")
+        self.simulator = Simulator(self.simulator.name)
+        self.addCleanup(self.simulator.close)
+        self.wait_for(COMMANDS, OK, "commands are obeyed")
+
+    def test_5_link_states_that_stay_away_are_a_warning_until_they_come(self):
+        self.watch()
+        shown, self.shown = self.shown, []
+        self.wait_for(LINK_STATES, WARN, "nothing on", self.watched.topic)
+        self.shown = shown
+        self.wait_for(LINK_STATES, OK, "link states come")
+
+    def test_6_missing_links_are_an_error_until_they_are_there(self):
+        self.watch()
+        without_fore = arm_states()
+        for field in ("name", "pose", "twist"):
+            del getattr(without_fore, field)[3]
+        broken = arm_states()
+        broken.pose[3].position.x = math.nan
+        for message in (without_fore, broken):
+            self.shown = [message]
+            self.wait_for(JOINTS, ERROR, "links are missing", "fore")
+            self.shown = [arm_states()]
+            self.wait_for(JOINTS, OK, "3 joints are measured")
+        self.shown = [arm_states(model="leg")]
+        self.wait_for(JOINTS, ERROR, "no link of arm")
+        self.shown = [arm_states()]
+        self.wait_for(JOINTS, OK, "3 joints are measured")
+
+    def test_7_a_link_off_its_axis_is_a_warning_until_it_is_back(self):
+        self.watch()
+        tilted = arm_states()
+        for pose in tilted.pose[3:]:  # what hangs on the elbow
+            pose.orientation.x = math.sin(0.05)
+            pose.orientation.w = math.cos(0.05)
+        self.shown = [tilted]
+        self.wait_for(JOINTS, WARN, "off their axes: elbow")
+        line = self.watched.log.wait(lambda m: "off their axes" in m.msg)
+        self.assertIn("elbow by 0.1 rad", line.msg)
+        self.shown = [arm_states()]
+        self.wait_for(JOINTS, OK, "3 joints are measured")
+
+    def test_8_another_publisher_of_joint_states_is_a_warning_while_it_is_there(self):
+        self.watch()
+        topic = self.watched.states.topic
+        other = rospy.Publisher(topic, JointState, queue_size=1)
+        self.wait_for(JOINTS, WARN, "joint_states also come from", rospy.get_name())
+        other.unregister()
+        self.wait_for(JOINTS, OK, "3 joints are measured")
+
+    def test_8_a_bag_beside_it_is_told_once_with_what_to_do(self):
+        """The test publishes the time too, as rosbag play --clock does."""
+        self.watch()
+        topic = self.watched.states.topic
+        other = rospy.Publisher(topic, JointState, queue_size=1)
+        self.addCleanup(other.unregister)
+        words = f"{rospy.get_name()} also publishes /clock and {topic}"
+        line = self.watched.log.wait(lambda m: words in m.msg, words)
+        self.assertIn("roslaunch g1_description view.launch", line.msg)
+        end = time.monotonic() + PERIOD + 2.0
+        wait_for(lambda: time.monotonic() > end, "the time of a second line", 60.0)
+        told = [m.msg for m in self.watched.log.messages if "also publishes" in m.msg]
+        self.assertEqual(len(told), 1)
+
+    def test_9_a_service_that_hangs_for_the_second_of_two_robots_is_an_error(self):
+        robots = f"[{{name: arm, namespace: {self.space[1:]}}}, {{name: two}}]"
+        self.watch(f"_robots:={robots}")
+        gates = {"arm": Gate(), "two": Gate()}
+        for gate in gates.values():
+            self.addCleanup(gate.open)
+        self.simulator.answers = lambda model: gates[model](model)
+        two = rospy.Publisher("/two/joint_commands", JointState, queue_size=10)
+        self.addCleanup(two.unregister)
+        wait_for(two.get_num_connections, "the bridge to listen for the second robot")
+        self.command(elbow=0.1)
+        self.simulator.wait_for_request(elbow=0.1)
+        # Both have commands when the first call is over: bad ones tell that they came.
+        for model, publisher in (("arm", self.watched.commands), ("two", two)):
+            publisher.publish(command(elbow=0.2))
+            publisher.publish(command(wing=0.0))
+            self.watched.log.wait(lambda m, to=f"to {model} is ignored": to in m.msg)
+        gates["arm"].open()
+        wait_for(lambda: self.simulator.requests[-1][0] == "two", "the second robot's")
+        self.wait_for(COMMANDS, ERROR, "has not answered for")
+        gates["two"].open()
+        self.wait_for(COMMANDS, OK, "nothing was clamped or ignored in the last 10 s")
+        self.assertEqual(self.values()["ignored arm::wing"], "1")
+        self.assertEqual(self.values()["ignored two::wing"], "1")
+
+    def test_a_positions_beyond_the_limits_are_a_warning_that_names_the_joints(self):
+        self.watch()
+        self.command(elbow=9.0, slide=0.0)
+        self.command(elbow=-9.0, slide=-9.0)
+        self.wait_for(COMMANDS, WARN, "clamped to the limits of arm: elbow, slide")
+        values = self.values()
+        self.assertEqual(values["clamped elbow"], "2")
+        self.assertEqual(values["clamped slide"], "1")
+        self.assertFalse([name for name in values if name.startswith("ignored")])
+        self.wait_for(COMMANDS, OK, "nothing was clamped or ignored in the last 10 s")
+        self.assertEqual(self.values()["clamped elbow"], "2")
+
+    def test_b_what_is_ignored_is_counted_by_name(self):
+        self.watch()
+        for _ in range(3):
+            self.command(wing=0.0, elbow=math.nan)
+        self.watched.commands.publish(JointState(name=["slide"], position=[]))
+        self.wait_for(COMMANDS, WARN, "ignored in one to arm: no position for slide")
+        values = self.values()
+        self.assertEqual(values["ignored wing"], "3")
+        self.assertEqual(values["ignored elbow"], "3")
+        self.assertEqual(values["ignored slide"], "1")
+
+    def test_c_of_many_names_fifty_are_told(self):
+        self.watch()
+        for n in range(200):
+            self.command(**{f"n{n}": 0.0})
+        self.wait_for(COMMANDS, WARN, "no movable joint is called n199")
+        values = self.values()
+        self.assertEqual(values["ignored (other names)"], "150")
+        self.assertEqual(sum(name.startswith("ignored n") for name in values), 50)
+
+
+if __name__ == "__main__":
+    rospy.init_node("bridge_health_test")
+    rostest.rosrun("g1_description", "bridge_health", TestBridgeHealth, sys.argv)

@@ -1,0 +1,251 @@
+#!/usr/bin/env python3
+"""Launch files written for Gazebo run on the stand-in.
+
+The one of someone else is unedited but for the RViz node, where there is no screen.
+"""
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+import uuid
+from pathlib import Path
+from xml.etree import ElementTree
+
+import rospy
+import rostest
+import tf2_ros
+from gazebo_msgs.msg import ModelStates
+from gazebo_msgs.srv import GetModelState, GetWorldProperties
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Empty
+from support.burners import Burners
+from support.ros_testing import REPOSITORY, SHARED, Listener, process_of, wait_for
+from support.stamp_record import SECOND, Others, Record, splits
+from support.virtual_screen import VirtualScreen
+
+sys.path.insert(0, str(REPOSITORY / "tools"))
+from processes import end_processes, marked_environment, marked_processes, wait_for_end
+
+LAUNCH = SHARED / "clients" / "display_and_gazebo_original.launch"
+NODE = SHARED / "clients" / "link_states_bridge_original.py"
+CLIENTS = """<package format="2"><name>clients</name><version>0.0.0</version>
+<description>d</description><maintainer email='a@b.c'>m</maintainer>
+<license>none</license></package>"""
+LONGEST_END = 30.0
+"""Longest time from Ctrl-C until all is gone on a slow machine, in [s]; roslaunch kills
+a node after 15."""
+SLOW = 150.0
+"""Longest wait for a few seconds of simulated time on a slow machine, in [s]."""
+SOON = 2.0
+"""Longest time from a reset to TF that goes on in [s] of wall time, beside burners and
+other tests; tools/benchmark --only tf measures it."""
+
+
+class TestDropIn(unittest.TestCase):
+    def setUp(self):
+        self.folder = Path(tempfile.mkdtemp(prefix="drop_in_"))
+        self.addCleanup(shutil.rmtree, self.folder)
+        self.models = Listener("/gazebo/model_states", ModelStates)
+        self.states = Listener("/joint_states", JointState)
+        self.addCleanup(self.states.close)
+        self.addCleanup(self.models.close)
+
+    def copy(self, node=None):
+        """Copy the launch file; a node may stand in for the bridge."""
+        tree = ElementTree.parse(LAUNCH)
+        root = tree.getroot()
+        for element in root.findall("node"):
+            if element.get("name") == "rviz" and not os.environ.get("DISPLAY"):
+                root.remove(element)
+            if element.get("name") == "link_states_bridge" and node:
+                element.set("pkg", "clients")
+                package = self.folder / "clients"
+                package.mkdir()
+                (package / "package.xml").write_text(CLIENTS)
+                program = package / element.get("type")
+                shutil.copy(node, program)
+                program.chmod(0o755)
+        tree.write(self.folder / "display_and_gazebo.launch")
+        return self.folder / "display_and_gazebo.launch"
+
+    def launch(self, *arguments, **environment):
+        """Launch in this master, with a mark on every process."""
+        self.mark = f"DROP_IN_RUN={uuid.uuid4().hex}"
+        environment = {**marked_environment(self.mark), **environment}
+        environment["ROS_PACKAGE_PATH"] += f":{self.folder}"
+        self.log = self.folder / "roslaunch.txt"
+        with self.log.open("w") as output:
+            self.roslaunch = subprocess.Popen(
+                ["roslaunch", "--wait", *map(str, arguments)],
+                env=environment,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+            )
+        self.addCleanup(self.roslaunch.wait)
+        self.addCleanup(end_processes, self.mark)
+
+    def check_that_it_runs(self, height):
+        """Spawned at this height, measured, commanded; then it falls: no motors."""
+        spawned = self.models.wait(lambda m: "g1_robot" in m.name, "the robot")
+        pose = spawned.pose[spawned.name.index("g1_robot")]
+        self.assertAlmostEqual(pose.position.z, height, delta=0.005)
+        self.assertEqual(len(self.states.wait().name), 29)
+        self.check_the_frames()
+        self.check_a_command()
+        wait_for(lambda: self.height() < 0.4, "the fall")
+
+    def check_the_frames(self):
+        buffer = tf2_ros.Buffer()
+        listener = tf2_ros.TransformListener(buffer)
+        for child in ("base_link", "left_wrist_yaw_link"):
+            wait_for(
+                lambda child=child: buffer.can_transform("map", child, rospy.Time()),
+                f"map -> {child}",
+            )
+        listener.unregister()
+
+    def check_a_command(self):
+        commands = rospy.Publisher("/joint_commands", JointState, queue_size=1)
+        wait_for(commands.get_num_connections, "the bridge to listen")
+        self.states.clear()
+        commands.publish(JointState(name=["left_elbow_joint"], position=[2.0]))
+        self.states.wait(
+            lambda m: abs(m.position[m.name.index("left_elbow_joint")] - 2.0) < 0.2,
+            "the elbow at 2",
+        )
+        commands.unregister()
+
+    def check_that_stamps_rise(self):
+        """On a busy machine too, through a reset, and nobody complains."""
+        record, others = self.reset_on_a_busy_machine()
+        self.assertEqual(record.not_rising(), {})
+        self.assertEqual(others.trouble(), {})
+        self.assertEqual(record.trouble(), [])
+
+    def reset_on_a_busy_machine(self):
+        """Record for a while, with a reset in it after which TF goes on soon."""
+        burners = Burners()
+        self.addCleanup(burners.close)
+        record, others = Record(), Others()
+        self.addCleanup(record.close)
+        self.addCleanup(others.close)
+        self.wait_for_simulated(record, 3.0)
+        rospy.ServiceProxy("/gazebo/reset_simulation", Empty)()
+        moment = time.monotonic()
+        wait_for(lambda: len(splits(record.frames()["base_link"])) == 2, "TF to go on")
+        self.assertLess(time.monotonic() - moment, SOON)
+        self.wait_for_simulated(record, 2.0)
+        self.assertGreater(len(record.joints()), 100)
+        burners.close()
+        return record, others
+
+    @staticmethod
+    def wait_for_simulated(record, seconds):
+        """Let simulated time pass, by the stamps of joint states."""
+        begin = wait_for(record.joints, "joint states")[-1]
+        end = begin + seconds * SECOND
+        wait_for(lambda: record.joints()[-1] > end, f"{seconds} s", SLOW)
+
+    def height(self):
+        state = rospy.ServiceProxy("/gazebo/get_model_state", GetModelState)
+        return state("g1_robot", "").pose.position.z
+
+    def check_that_it_ends(self):
+        """On Ctrl-C, with every process gone and none killed."""
+        start = time.monotonic()
+        self.roslaunch.send_signal(signal.SIGINT)
+        wait_for_end(self.mark, LONGEST_END)
+        self.assertEqual(marked_processes(self.mark), {})
+        self.assertEqual(self.roslaunch.wait(), 0)
+        rospy.loginfo("ended after %.1f s", time.monotonic() - start)
+        for words in ("has died", "escalating"):
+            self.assertNotIn(words, self.log.read_text())
+
+    @unittest.skipUnless(LAUNCH.exists(), f"{LAUNCH.name} is not there")
+    def test_the_launch_file_of_someone_else_with_our_bridge(self):
+        self.launch(self.copy())
+        self.check_that_it_runs(0.79)
+        self.assertEqual(len(self.states.wait().effort), 0)
+        self.check_that_stamps_rise()
+        self.check_that_it_ends()
+        self.assertNotIn("Traceback", self.log.read_text())
+
+    @unittest.skipUnless(LAUNCH.exists(), f"{LAUNCH.name} is not there")
+    @unittest.skipUnless(NODE.exists(), f"{NODE.name} is not there")
+    def test_the_launch_file_of_someone_else_with_its_own_node(self):
+        self.launch(self.copy(NODE))
+        self.check_that_it_runs(0.79)
+        self.assertEqual(len(self.states.wait().effort), 29)
+        record, _ = self.reset_on_a_busy_machine()
+        # It takes the time at which a message comes for that of the state.
+        repeated, all_stamps = record.not_rising(), record.joints()
+        print(
+            f"drop_in: the node of someone else repeats {repeated.get('joint_states')} "
+            f"of {len(all_stamps)} stamps",
+            file=sys.stderr,
+        )
+        self.check_that_it_ends()
+
+    def test_our_display_with_the_package_gazebo_ros(self):
+        self.launch("g1_description", "display.launch", "sim:=gazebo", "rviz:=false")
+        self.check_that_it_runs(0.793)
+        self.check_that_it_ends()
+        self.assertNotIn("Traceback", self.log.read_text())
+
+    def test_a_simulator_that_dies_comes_back_where_that_was_asked(self):
+        options = ("gui:=false", "respawn_gazebo:=true", "physics:=kinematic")
+        self.launch("gazebo_ros", "empty_world.launch", *options)
+        rospy.wait_for_service("/gazebo/get_world_properties", 30.0)
+        pid = wait_for(lambda: process_of("/gazebo"), "the simulator")
+        os.kill(pid, signal.SIGKILL)
+        wait_for(lambda: process_of("/gazebo") not in (None, pid), "a new one")
+        world = rospy.ServiceProxy("/gazebo/get_world_properties", GetWorldProperties)
+        rospy.wait_for_service(world.resolved_name, 30.0)
+        self.assertEqual(world().model_names, ["ground_plane"])
+        self.roslaunch.send_signal(signal.SIGINT)
+        wait_for_end(self.mark, LONGEST_END)
+        self.assertEqual(marked_processes(self.mark), {})
+
+    def test_a_required_server_takes_everything_with_it(self):
+        options = ("gui:=true", "server_required:=true", "physics:=magic")
+        self.launch("gazebo_ros", "empty_world.launch", *options)
+        self.roslaunch.wait(60.0)
+        wait_for_end(self.mark, LONGEST_END)
+        self.assertEqual(marked_processes(self.mark), {})
+        self.assertIn("invalid choice: 'magic'", self.log.read_text())
+
+    def test_the_parameter_server_wins_over_the_command_line(self):
+        rospy.set_param("/gazebo/physics", "magic")
+        self.addCleanup(rospy.delete_param, "/gazebo/physics")
+        options = ("gui:=false", "server_required:=true", "physics:=hold")
+        self.launch("gazebo_ros", "empty_world.launch", *options)
+        self.roslaunch.wait(60.0)
+        wait_for_end(self.mark, LONGEST_END)
+        self.assertEqual(marked_processes(self.mark), {})
+        self.assertRegex(self.log.read_text(), r"\[FATAL\].*magic")
+
+    def test_the_window_is_rviz_and_what_means_nothing_is_told_once(self):
+        screen = VirtualScreen(640, 480)
+        self.addCleanup(screen.stop)
+        options = ("recording:=true", "headless:=true", "extra_gazebo_args:=--seed 3")
+        launch = ("gazebo_ros", "empty_world.launch", *options)
+        self.launch(*launch, DISPLAY=screen.display)
+        pid = wait_for(lambda: process_of("/gazebo_gui"), "the window")
+        command = Path(f"/proc/{pid}/cmdline").read_text().split("\0")
+        self.assertEqual(command[:2], ["rviz", "-d"])
+        self.assertTrue(command[2].endswith("/rviz/g1.rviz"), command[2])
+        rospy.wait_for_service("/gazebo/get_world_properties", 30.0)
+        self.check_that_it_ends()
+        told = "Without meaning for the stand-in: -r, --headless, --seed."
+        self.assertEqual(self.log.read_text().count(told), 1)
+
+
+if __name__ == "__main__":
+    rospy.init_node("drop_in_test")
+    rostest.rosrun("g1_description", "drop_in", TestDropIn, sys.argv)

@@ -1,0 +1,94 @@
+#!/usr/bin/env python3
+"""Ctrl-C ends the commands quietly, at whatever moment."""
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+from pathlib import Path
+
+import rospy
+import rostest
+from sensor_msgs.msg import JointState
+from support.ros_testing import REPOSITORY, Connected
+
+ENDS = (0, 130, -signal.SIGINT)
+"""Exit codes: too late, interrupted, and interrupted before Python runs, which shells
+show as 130 too."""
+OURS = "g1_description/ros/"
+"""In tracebacks of what we import; before that Python itself answers signals."""
+STEPS = 8
+"""Moments from a command's start to its end."""
+PATIENCE = 60.0
+
+
+def start(*words):
+    return subprocess.Popen(
+        ["rosrun", "g1_description", *map(str, words)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+
+
+class TestInterrupts(unittest.TestCase):
+    def setUp(self):
+        Connected("/joint_states", JointState).close()
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = Path(folder.name)
+
+    def interrupt(self, *words):
+        """Interrupt a command at moments from its start to its end."""
+        begin = time.monotonic()
+        self.assertEqual(start(*words).wait(PATIENCE), 0)
+        length = time.monotonic() - begin
+        codes = {n / STEPS: self.code(n / STEPS * length, words) for n in range(STEPS)}
+        for _ in range(STEPS):
+            if 130 in codes.values():
+                break
+            # It took more or less time than before: look between too early and late.
+            early = max(part for part, code in codes.items() if code != 0)
+            late = min([part for part, code in codes.items() if code == 0] or [2.0])
+            between = 0.5 * (early + late)
+            codes[between] = self.code(between * length, words)
+        print(f"{words[0]} of {length:.1f} s: {codes}", file=sys.stderr)
+        self.assertIn(130, codes.values())
+
+    def code(self, delay, words):
+        """Interrupt a command after a while in [s]; give its exit code."""
+        process = start(*words)
+        self.addCleanup(process.kill)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(delay)
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGINT)
+        _, errors = process.communicate(timeout=PATIENCE)
+        self.assertNotIn(OURS, errors, delay)
+        if "Traceback" not in errors:
+            self.assertIn(process.returncode, ENDS, (delay, errors))
+        return process.returncode
+
+    def test_pose(self):
+        self.interrupt("pose", "squat", "--seconds", "0.5")
+
+    def test_a_list_of_poses(self):
+        self.interrupt("pose", "--list")
+
+    def test_snapshot(self):
+        self.interrupt("snapshot", self.folder / "a.png", "--size", "320x240")
+
+    def test_snapshot_of_a_file(self):
+        model = REPOSITORY / "urdf" / "g1_29dof.urdf"
+        picture = self.folder / "a.png"
+        self.interrupt("snapshot", picture, "--size", "320x240", "--model", model)
+
+
+if __name__ == "__main__":
+    rospy.init_node("interrupts_test")
+    rostest.rosrun("g1_description", "interrupts", TestInterrupts, sys.argv)

@@ -1,0 +1,149 @@
+#!/usr/bin/env python3
+"""The bridge starts before the simulator, survives its end, and follows resets."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import unittest
+from pathlib import Path
+
+import rosnode
+import rospy
+import rostest
+from gazebo_msgs.msg import LinkStates
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Empty
+from support.ros_testing import Launch, Listener, process_of, wait_for
+from tf2_msgs.msg import TFMessage
+
+
+def has_ended(pid):
+    """Ask the system; a node that shuts down may leave a question unanswered."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] == "Z"
+    except OSError:
+        return True
+
+
+class TestLifecycle(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.commands = rospy.Publisher("/joint_commands", JointState, queue_size=10)
+        cls.states = Listener("/joint_states", JointState)
+        wait_for(cls.commands.get_num_connections, "the bridge to listen")
+        cls.early = ("left_elbow_joint", 0.625)
+        cls.command(*cls.early)
+        cls.launch = Launch("gazebo.launch", "respawn_gazebo:=true")
+        cls.addClassCleanup(cls.launch.stop)
+
+    @classmethod
+    def command(cls, name, position):
+        cls.states.clear()
+        cls.commands.publish(JointState(name=[name], position=[position]))
+
+    def wait_for_joint(self, name, position):
+        return self.states.wait(
+            lambda m: abs(m.position[m.name.index(name)] - position) < 1e-9,
+            f"{name} at {position}",
+        )
+
+    def test_1_a_command_from_before_the_simulator_arrives(self):
+        self.wait_for_joint(*self.early)
+
+    def test_2_the_simulator_is_killed_and_comes_back(self):
+        pid = wait_for(lambda: process_of("/gazebo"), "the simulator")
+        os.kill(pid, signal.SIGKILL)
+        self.command("left_elbow_joint", 0.375)
+        new = wait_for(lambda: process_of("/gazebo") not in (None, pid), "a new one")
+        self.assertTrue(new)
+        message = self.wait_for_joint("left_elbow_joint", 0.375)
+        self.assertEqual(len(message.name), 29)
+        self.command("right_elbow_joint", 0.5)
+        self.wait_for_joint("right_elbow_joint", 0.5)
+
+    def test_3_reset_simulation_takes_time_and_joints_back(self):
+        self.command("left_knee_joint", 1.0)
+        last = self.wait_for_joint("left_knee_joint", 1.0).header.stamp
+        wait_for(lambda: rospy.Time.now().to_sec() > 1.0, "a second")
+        transforms = Listener("/tf", TFMessage)
+        transforms.wait()
+        self.states.clear()
+        transforms.clear()
+        rospy.ServiceProxy("/gazebo/reset_simulation", Empty)()
+        after = self.states.wait(lambda m: m.header.stamp < last, "an early stamp")
+        self.assertLess(after.header.stamp.to_sec(), 0.5)
+        self.wait_for_joint("left_knee_joint", 0.0)
+        early = transforms.wait(
+            lambda m: any(
+                t.child_frame_id == "base_link" and t.header.stamp < last
+                for t in m.transforms
+            ),
+            "base_link after the reset",
+        )
+        self.assertLess(early.transforms[0].header.stamp.to_sec(), 0.5)
+        transforms.close()
+
+    def test_4_reset_world_keeps_time_and_joints(self):
+        self.command("left_knee_joint", 1.25)
+        before = self.wait_for_joint("left_knee_joint", 1.25).header.stamp
+        rospy.ServiceProxy("/gazebo/reset_world", Empty)()
+        self.states.clear()
+        after = self.wait_for_joint("left_knee_joint", 1.25).header.stamp
+        self.assertGreater(after, before)
+
+    def test_5_pause_is_silence_and_commands_still_count(self):
+        states = Listener("/gazebo/link_states", LinkStates)
+        clock = Listener("/clock", Clock)
+        states.wait()
+        rospy.ServiceProxy("/gazebo/pause_physics", Empty)()
+        self.commands.publish(JointState(name=["left_knee_joint"], position=[0.25]))
+        # Silence has no end to wait for: what is under way has arrived when two
+        # round trips to the simulator are over.
+        for _ in range(2):
+            rospy.ServiceProxy("/gazebo/pause_physics", Empty)()
+        wait_for(lambda: self.is_quiet(states, clock), "silence")
+        rospy.ServiceProxy("/gazebo/unpause_physics", Empty)()
+        self.states.clear()
+        self.wait_for_joint("left_knee_joint", 0.25)
+        states.close()
+        clock.close()
+
+    def is_quiet(self, *listeners):
+        """Hold still for a fifth of a second of wall time without a message."""
+        for listener in listeners:
+            listener.clear()
+        for listener in listeners:
+            try:
+                listener.wait(deadline=0.2)
+            except AssertionError:
+                continue
+            return False
+        return True
+
+    def test_6_a_signal_is_heard_at_any_moment(self):
+        """Also while the node starts, registers, and publishes to many."""
+        command = ["rosrun", "g1_description", "gazebo_stand_in.py", "__name:=second"]
+        pause = threading.Event()
+        for number in range(20):
+            kind = (signal.SIGINT, signal.SIGTERM)[number % 2]
+            node = subprocess.Popen(
+                [*command, "__ns:=/other", "/clock:=/other/clock"],
+                stdout=subprocess.DEVNULL,
+            )
+            pause.wait(0.3 + 0.06 * number)
+            node.send_signal(kind)
+            node.wait(5.0)
+
+    def test_7_an_interrupt_ends_the_simulator_at_once(self):
+        pid = wait_for(lambda: process_of("/gazebo"), "the simulator")
+        os.kill(pid, signal.SIGINT)
+        wait_for(lambda: has_ended(pid), "its end", deadline=10.0)
+        self.assertIn("/link_states_bridge", rosnode.get_node_names())
+
+
+if __name__ == "__main__":
+    rospy.init_node("lifecycle_test")
+    rostest.rosrun("g1_description", "lifecycle", TestLifecycle, sys.argv)

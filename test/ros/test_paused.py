@@ -1,0 +1,205 @@
+#!/usr/bin/env python3
+"""While time stands still the robot can be looked at, by who comes late as well."""
+
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+from pathlib import Path
+
+import rospy
+import rostest
+import tf2_ros
+from diagnostic_msgs.msg import DiagnosticArray
+from gazebo_msgs.msg import LinkStates, ModelState, ModelStates
+from gazebo_msgs.srv import GetWorldProperties
+from rosgraph_msgs.msg import Clock, Log
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Empty
+from support.ros_testing import Connected, Launch, Listener, wait_for
+
+ELBOW = "left_elbow_joint"
+SOON = 0.2
+"""Longest time from a command to what it shows in [s] of wall time."""
+A_WHILE = 3.0
+"""So long nothing may be said of a pause, in [s] of wall time."""
+
+
+def elbow_of(message):
+    return message.position[message.name.index(ELBOW)]
+
+
+class TestPaused(unittest.TestCase):
+    def launch(self, *arguments):
+        launch = Launch("display.launch", "rviz:=false", *arguments)
+        self.addCleanup(launch.stop)
+        self.log = Listener("/rosout", Log)
+        self.states = Listener("/joint_states", JointState)
+        for listener in (self.log, self.states):
+            self.addCleanup(listener.close)
+        self.states.wait()
+        self.commands = rospy.Publisher("/joint_commands", JointState, queue_size=10)
+        wait_for(self.commands.get_num_connections, "the bridge")
+
+    def pause(self):
+        rospy.wait_for_service("/gazebo/pause_physics", 30.0)
+        rospy.ServiceProxy("/gazebo/pause_physics", Empty)()
+        world = rospy.ServiceProxy("/gazebo/get_world_properties", GetWorldProperties)
+        end = world().sim_time
+        wait_for(lambda: abs(rospy.get_time() - end) < 1e-9, "the last /clock")
+
+    def command(self, position):
+        self.commands.publish(JointState(name=[ELBOW], position=[position]))
+
+    def check_that_commands_show(self):
+        """Most of them soon: the machine may be held up now and then."""
+        times = [self.time_of_a_command(0.1 * n) for n in range(1, 6)]
+        self.assertLess(sorted(times)[2], SOON, times)
+
+    def time_of_a_command(self, position):
+        """Give how long a command takes to joint states and TF, in [s]."""
+        buffer = tf2_ros.Buffer()
+        listener = tf2_ros.TransformListener(buffer, tcp_nodelay=True)
+        self.wait_for_frames(buffer)
+        before = self.turn(buffer)
+        begin = time.monotonic()
+        self.command(position)
+        self.states.wait(lambda m: abs(elbow_of(m) - position) < 1e-9, "it", 5.0)
+        shown = time.monotonic() - begin
+        wait_for(lambda: self.turn(buffer) != before, "the command on TF", 5.0)
+        on_tf = time.monotonic() - begin
+        listener.unregister()
+        return max(shown, on_tf)
+
+    @staticmethod
+    def turn(buffer):
+        found = buffer.lookup_transform("map", "left_wrist_yaw_link", rospy.Time())
+        return found.transform.rotation.y
+
+    @staticmethod
+    def wait_for_frames(buffer, deadline=10.0):
+        wait_for(
+            lambda: all(
+                buffer.can_transform("map", link, rospy.Time())
+                for link in ("left_wrist_yaw_link", "head_link")
+            ),
+            "the frames",
+            deadline,
+        )
+
+    def check_that_it_can_be_seen(self):
+        """Who comes now gets joint states and frames, and a picture."""
+        late = subprocess.run(
+            ["rostopic", "echo", "-n1", "/joint_states/name"],
+            stdout=subprocess.PIPE,
+            text=True,
+            timeout=20,
+        )
+        self.assertIn(ELBOW, late.stdout)
+        buffer = tf2_ros.Buffer()
+        listener = tf2_ros.TransformListener(buffer)
+        self.wait_for_frames(buffer)
+        listener.unregister()
+        with tempfile.TemporaryDirectory() as folder:
+            picture = Path(folder) / "paused.png"
+            command = ["rosrun", "g1_description", "snapshot", picture]
+            run = subprocess.run(
+                [*command, "--size", "160x120"], capture_output=True, timeout=60
+            )
+            self.assertEqual(run.returncode, 0, run.stderr)
+            self.assertGreater(picture.stat().st_size, 1000)
+
+    def test_1_a_pause_shows_what_is_there_and_what_changes(self):
+        self.launch()
+        self.command(0.5)
+        self.states.wait(lambda m: abs(elbow_of(m) - 0.5) < 1e-9, "the command")
+        self.pause()
+        stamp = self.states.messages[-1].header.stamp
+        gazebos = [
+            Connected("/clock", Clock),
+            Connected("/gazebo/link_states", LinkStates),
+            Connected("/gazebo/model_states", ModelStates),
+        ]
+        self.check_that_it_can_be_seen()
+        self.check_that_commands_show()
+        # Whoever has just come makes the last state come again, a nanosecond later.
+        stamps = [message.header.stamp.to_nsec() for message in self.states.messages]
+        self.assertEqual(stamps, sorted(set(stamps)))
+        self.assertLess(stamps[-1] - stamp.to_nsec(), 6_000_000)
+        for listener in gazebos:
+            self.assertEqual(listener.messages, [], listener.topic)
+            listener.close()
+
+    def test_2_the_base_shows_to_the_last_micrometre(self):
+        """Less than what the throttle lets pass is shown when nothing follows."""
+        self.launch()
+        buffer = tf2_ros.Buffer()
+        listener = tf2_ros.TransformListener(buffer)
+        self.addCleanup(listener.unregister)
+        mover = rospy.Publisher("/gazebo/set_model_state", ModelState, queue_size=1)
+        wait_for(mover.get_num_connections, "the simulator")
+        self.pause()
+        for x in (0.5, 0.5001, 0.5002):
+            state = ModelState(model_name="g1_robot", reference_frame="world")
+            state.pose.position.x, state.pose.orientation.w = x, 1.0
+            mover.publish(state)
+
+            def is_there(x=x):
+                found = buffer.lookup_transform("map", "pelvis", rospy.Time())
+                return abs(found.transform.translation.x - x) < 1e-9
+
+            self.wait_for_frames(buffer)
+            wait_for(is_there, f"the base at {x}", 5.0)
+
+    def test_3_a_robot_that_is_launched_paused_is_there(self):
+        self.launch("paused:=true", "initial_pose:=wave")
+        self.check_that_it_can_be_seen()
+        self.check_that_commands_show()
+
+    def test_4_a_pause_that_was_asked_for_is_no_warning(self):
+        self.launch()
+        diagnostics = Listener("/diagnostics", DiagnosticArray)
+        self.addCleanup(diagnostics.close)
+        self.pause()
+        diagnostics.wait(
+            lambda m: any(status.message == "paused" for status in m.status), "paused"
+        )
+        end = time.monotonic() + A_WHILE
+        wait_for(lambda: time.monotonic() > end, "a while", 2 * A_WHILE)
+        levels = {s.name: s.level for s in diagnostics.messages[-1].status}
+        self.assertEqual({n for n, level in levels.items() if level}, set())
+        warned = [
+            message.msg
+            for message in list(self.log.messages)
+            if message.level >= Log.WARN and "KDL" not in message.msg
+        ]
+        self.assertEqual(warned, [])
+
+    def test_5_a_reset_while_time_stands_still_shows(self):
+        self.launch()
+        self.command(0.5)
+        self.states.wait(lambda m: m.header.stamp.to_sec() > 12.0, "twelve seconds")
+        buffer = tf2_ros.Buffer()
+        listener = tf2_ros.TransformListener(buffer)
+        self.addCleanup(listener.unregister)
+        self.wait_for_frames(buffer)
+        self.pause()
+        rospy.ServiceProxy("/gazebo/reset_simulation", Empty)()
+        self.states.wait(
+            lambda m: m.header.stamp.to_sec() < 0.001 and elbow_of(m) == 0.0, "zero"
+        )
+
+        def stamp():
+            try:
+                found = buffer.lookup_transform("map", "left_elbow_link", rospy.Time())
+            except tf2_ros.TransformException:
+                return None
+            return found.header.stamp.to_sec()
+
+        wait_for(lambda: (stamp() or 1.0) < 0.001, "TF of the reset")
+
+
+if __name__ == "__main__":
+    rospy.init_node("paused_test")
+    rostest.rosrun("g1_description", "paused", TestPaused, sys.argv)

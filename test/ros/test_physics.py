@@ -1,0 +1,89 @@
+#!/usr/bin/env python3
+"""With motors the robot stands and does what it is told; without, it collapses."""
+
+import sys
+import unittest
+
+import numpy as np
+import rospy
+import rostest
+import tf2_ros
+from gazebo_msgs.srv import GetModelState
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Empty
+from support.ros_testing import Listener, wait_for
+
+
+class TestPhysics(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.stands = rospy.get_param("~expected_to_stand")
+        cls.states = Listener("/joint_states", JointState)
+        rospy.wait_for_service("/gazebo/unpause_physics", 30.0)
+        rospy.ServiceProxy("/gazebo/unpause_physics", Empty)()
+        cls.model_state = rospy.ServiceProxy("/gazebo/get_model_state", GetModelState)
+
+    def height(self):
+        return self.model_state("g1_robot", "").pose.position.z
+
+    def test_1_velocities_are_the_slopes_of_positions(self):
+        """Trapezoid rule over fifty messages; a robot that stands does not move.
+
+        It is let go a hair above the floor: its first step has no slope.
+        """
+        self.states.wait(
+            lambda m: (np.abs(m.velocity).max() > 0.01) != self.stands,
+            "a motion, or its end",
+        )
+        self.states.clear()
+        wait_for(lambda: len(self.states.messages) > 50, "fifty messages")
+        messages = self.states.messages[:50]
+        stamps = np.array([m.header.stamp.to_sec() for m in messages])
+        position = np.array([m.position for m in messages])
+        velocity = np.array([m.velocity for m in messages])
+        mean = 0.5 * (velocity[1:] + velocity[:-1])
+        moved = np.sum(mean * np.diff(stamps)[:, np.newaxis], axis=0)
+        change = position[-1] - position[0]
+        np.testing.assert_allclose(
+            moved, change, atol=0.1 * np.abs(change).max() + 1e-3
+        )
+
+    def test_2_it_stands_or_it_falls(self):
+        if self.stands:
+            start = rospy.Time.now()
+            wait_for(lambda: (rospy.Time.now() - start).to_sec() > 2.0, "two seconds")
+            self.assertAlmostEqual(self.height(), 0.79, delta=0.02)
+        else:
+            wait_for(lambda: self.height() < 0.3, "the pelvis on the floor")
+
+    def test_3_the_frame_of_the_base_follows(self):
+        buffer = tf2_ros.Buffer()
+        tf2_ros.TransformListener(buffer)
+
+        def agrees():
+            try:
+                frame = buffer.lookup_transform("map", "pelvis", rospy.Time())
+            except tf2_ros.TransformException:
+                return False
+            return abs(frame.transform.translation.z - self.height()) < 0.01
+
+        wait_for(agrees, "map -> pelvis at the model's height")
+
+    def test_4_a_command_moves_a_joint_and_motors_hold_it(self):
+        commands = rospy.Publisher("/joint_commands", JointState, queue_size=1)
+        wait_for(commands.get_num_connections, "the bridge to listen")
+        self.states.clear()
+        commands.publish(JointState(name=["left_elbow_joint"], position=[0.5]))
+        names = self.states.wait().name
+        elbow = names.index("left_elbow_joint")
+        arrived = self.states.wait(lambda m: abs(m.position[elbow] - 0.5) < 0.02, "0.5")
+        if self.stands:
+            later = self.states.wait(
+                lambda m: (m.header.stamp - arrived.header.stamp).to_sec() > 1.0, "1 s"
+            )
+            self.assertAlmostEqual(later.position[elbow], 0.5, delta=0.02)
+
+
+if __name__ == "__main__":
+    rospy.init_node("physics_test")
+    rostest.rosrun("g1_description", "physics", TestPhysics, sys.argv)

@@ -1,0 +1,269 @@
+#!/usr/bin/env python3
+"""Poses as a user types them: at launch, in a jump, smoothly, saved, interrupted."""
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import unittest
+from pathlib import Path
+
+import rospy
+import rostest
+import yaml
+from gazebo_msgs.msg import LinkStates
+from gazebo_msgs.srv import DeleteModel, GetJointProperties
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Empty
+from support.pose_command import KNEE, POSES, run, start
+from support.ros_testing import REPOSITORY, Connected, Launch, Listener, wait_for
+
+INTERRUPTED = 130
+
+
+def is_in(name):
+    """Make what tells whether joint states show a pose of the package."""
+
+    def accept(message):
+        return all(
+            abs(position - POSES[name].get(joint, 0.0)) < 1e-9
+            for joint, position in zip(message.name, message.position)
+        )
+
+    return accept
+
+
+def knee(message):
+    return message.position[message.name.index(KNEE)]
+
+
+def call(service):
+    rospy.wait_for_service(service, 30.0)
+    rospy.ServiceProxy(service, Empty)()
+
+
+class TestPoses(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        links = Listener("/gazebo/link_states", LinkStates)
+        states = Listener("/joint_states", JointState)
+        arguments = "initial_pose:=stand", "rviz:=false", "gui:=false"
+        cls._launch = Launch("display.launch", *arguments)
+        wait_for(lambda: len(links.messages) > 50, "fifty link states", 60.0)
+        links.close()
+        states.wait()
+        states.close()
+        cls.first_links, cls.first_states = links.messages[:50], states.messages
+        cls.states = Connected("/joint_states", JointState)
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.states.close()
+        cls._launch.stop()
+
+    def assert_shown(self, name):
+        self.states.clear()
+        self.states.wait(is_in(name), f"the pose {name}")
+
+    def test_the_robot_begins_in_its_pose_on_the_floor(self):
+        self.assertTrue(all(map(is_in("stand"), self.first_states)))
+        row = self.first_links[0].name.index("g1_robot::pelvis")
+        heights = {message.pose[row].position.z for message in self.first_links}
+        self.assertEqual(heights, {0.764})
+
+    def test_a_joint_that_cannot_be_at_zero_begins_at_its_nearest_limit(self):
+        home = Path(tempfile.mkdtemp())
+        self.addCleanup(shutil.rmtree, str(home))
+        (home / "g1_description").mkdir()
+        (home / "g1_description" / "poses.yaml").write_text("low: {}")
+        robot = REPOSITORY / "test" / "data" / "range_2_8.urdf"
+        rospy.set_param("/ranged", robot.read_text())
+        asked = "_robot_description:=/ranged _model_name:=ranged _initial_pose:=low"
+        spawner = subprocess.run(
+            ["rosrun", "g1_description", "spawn_robot.py", *asked.split()],
+            env={**os.environ, "ROS_HOME": str(home)},
+            check=False,
+            timeout=60.0,
+        )
+        delete = rospy.ServiceProxy("/gazebo/delete_model", DeleteModel)
+        self.addCleanup(delete, "ranged")
+        self.assertEqual(spawner.returncode, 0)
+        joint = rospy.ServiceProxy("/gazebo/get_joint_properties", GetJointProperties)
+        self.assertEqual(joint("ranged::turn").position, (2.0,))
+
+    def test_a_jump_is_there_when_the_command_ends(self):
+        for name in ("squat", "zero"):
+            self.assertEqual(run(name), (0, f"pose: {name}\n", ""))
+            self.assert_shown(name)
+
+    def test_a_smooth_way_takes_its_time_and_never_turns_back(self):
+        run("zero")
+        self.assert_shown("zero")
+        self.states.clear()
+        self.assertEqual(run("squat", "--seconds", 1), (0, "pose: squat\n", ""))
+        self.assert_shown_after_all()
+        way = [m for m in self.states.messages if 0.0 < knee(m) < 2.35 - 1e-9]
+        knees = [round(knee(message), 9) for message in way]
+        self.assertEqual(knees, sorted(knees))
+        self.assertGreater(len({round(position, 4) for position in knees}), 20)
+        seconds = (way[-1].header.stamp - way[0].header.stamp).to_sec()
+        self.assertGreater(seconds, 0.7)
+        self.assertLess(seconds, 1.3)
+
+    def assert_shown_after_all(self):
+        self.states.wait(is_in("squat"), "the squat")
+
+    def test_a_saved_pose_is_listed_and_taken_again(self):
+        home = Path(tempfile.mkdtemp())
+        self.addCleanup(shutil.rmtree, str(home))
+        file = home / "g1_description" / "poses.yaml"
+        run("wave")
+        code, output, _ = run("--save", "mine", "--about", "my own", home=home)
+        self.assertEqual((code, output), (0, f"pose: mine is saved in {file}\n"))
+        saved = yaml.safe_load(file.read_text())["mine"]
+        self.assertEqual(saved.pop("about"), "my own")
+        wanted = {joint: v for joint, v in POSES["wave"].items() if joint != "about"}
+        self.assertEqual(saved, wanted)
+        _, output, _ = run("--list", home=home)
+        self.assertIn("\nmine      my own\n", output)
+        self.assertEqual(len(output.splitlines()), len(POSES) + 1)
+        run("zero")
+        self.assertEqual(run("mine", home=home)[0], 0)
+        self.assert_shown("wave")
+        self.assertIn("There is no pose 'mine'", run("mine")[2])
+        other = home / "other.yaml"
+        told = f"pose: mine is saved in {other}\n"
+        saved = run("--save", "mine", "--file", other, home=home)
+        self.assertEqual(saved, (0, told, ""))
+
+    def test_nothing_is_overwritten_unasked_nor_written_into_the_package(self):
+        home = Path(tempfile.mkdtemp())
+        self.addCleanup(shutil.rmtree, str(home))
+        file, own = home / "mine.yaml", REPOSITORY / "config" / "poses.yaml"
+        file.write_text("mine: {}  # kept\n")
+        before = own.read_text()
+        for name in ("mine", "stand"):
+            code, _, errors = run("--save", name, "--file", file)
+            self.assertEqual(code, 1)
+            self.assertIn(f"a pose '{name}' in ", errors)
+            self.assertEqual(len(errors.splitlines()), 1)
+        self.assertIn("lies in the package", run("--save", "new", "--file", own)[2])
+        self.assertEqual(own.read_text(), before)
+        self.assertEqual(file.read_text(), "mine: {}  # kept\n")
+        run("squat")
+        self.assertEqual(run("--save", "stand", "--force", "--file", file)[0], 0)
+        run("zero")
+        self.assertEqual(run("stand", "--file", file)[0], 0)
+        self.assert_shown("squat")
+
+    def test_what_is_wrong_is_told_in_a_sentence_and_moves_nothing(self):
+        run("zero")
+        for words, told in (
+            (["sqaut"], "There is no pose 'sqaut'; there are squat, "),
+            (["squat", "--file", "/no/file"], "/no/file cannot be read: No such file"),
+            (["--save", "two words"], "cannot be called 'two words'"),
+        ):
+            code, output, errors = run(*words)
+            self.assertEqual((code, output), (1, ""), words)
+            self.assertIn(told, errors)
+            self.assertEqual(len(errors.splitlines()), 1, errors)
+        self.assert_shown("zero")
+
+    def test_a_pose_of_another_robot_is_refused(self):
+        run("zero")
+        with tempfile.NamedTemporaryFile("w", suffix=".yaml") as file:
+            file.write("odd: {left_kne_joint: 0.1}\nfar: {left_knee_joint: 3}\n")
+            file.flush()
+            for name, told in (
+                ("odd", "no movable joint of 'g1_29dof'; there are left_knee_joint"),
+                ("far", "has left_knee_joint at 3, its limits are"),
+            ):
+                code, _, errors = run(name, "--file", file.name)
+                self.assertEqual(code, 1)
+                self.assertIn(told, errors)
+        self.assert_shown("zero")
+
+    def test_an_interrupt_ends_it_on_the_way(self):
+        run("zero")
+        self.states.clear()
+        process = start("squat", "--seconds", 60)
+        self.addCleanup(process.kill)
+        self.states.wait(lambda m: knee(m) > 0.001, "the first steps")
+        process.send_signal(signal.SIGINT)
+        output, errors = process.communicate(timeout=5.0)
+        self.assertEqual((output, errors), ("", "pose: interrupted.\n"))
+        self.assertEqual(process.returncode, INTERRUPTED)
+        last = knee(self.states.messages[-1])
+        self.assertLess(last, 2.0)
+
+    def test_an_interrupt_ends_it_quietly_at_any_moment(self):
+        """Many at once: the topic may be closed before the node knows."""
+        run("zero")
+        commands = Listener("/joint_commands", JointState)
+        self.addCleanup(commands.close)
+        processes = [start("squat", "--seconds", 60) for _ in range(5)]
+        for process in processes:
+            self.addCleanup(process.kill)
+
+        def senders():
+            headers = [m._connection_header for m in list(commands.messages)]
+            return {header["callerid"] for header in headers}
+
+        wait_for(lambda: len(senders()) == len(processes), "all to be on the way", 60.0)
+        for process in processes:
+            process.send_signal(signal.SIGINT)
+        for process in processes:
+            output, errors = process.communicate(timeout=30.0)
+            # rospy itself may warn of a connection that is not there any more.
+            self.assertNotIn("Traceback", errors)
+            self.assertEqual(
+                (output, errors.splitlines()[-1]), ("", "pose: interrupted.")
+            )
+            self.assertEqual(process.returncode, INTERRUPTED)
+
+    def test_a_way_halts_while_time_does(self):
+        run("zero")
+        self.states.clear()
+        process = start("squat", "--seconds", 3)
+        self.addCleanup(process.kill)
+        self.states.wait(lambda m: knee(m) > 0.01, "the first steps")
+        call("/gazebo/pause_physics")
+        self.addCleanup(call, "/gazebo/unpause_physics")
+        with self.assertRaises(subprocess.TimeoutExpired):
+            process.communicate(timeout=5.0)
+        call("/gazebo/unpause_physics")
+        output, _ = process.communicate(timeout=30.0)
+        self.assertEqual(process.returncode, 0)
+        self.assertRegex(output, "^pose: waiting: .*(time stands still|is time paused)")
+        self.assert_shown("squat")
+
+    def test_a_reset_brings_the_first_pose_back(self):
+        run("squat")
+        self.assert_shown("squat")
+        call("/gazebo/reset_simulation")
+        self.assert_shown("stand")
+
+    def test_several_robots_have_namespaces(self):
+        """A second bridge, which sees the robot under another namespace."""
+        bridge = subprocess.Popen(
+            [
+                *("rosrun", "g1_description", "link_states_bridge.py"),
+                "__name:=second",
+                "_robots:=[{name: g1_robot, namespace: left}]",
+            ]
+        )
+        self.addCleanup(bridge.wait, 30.0)
+        self.addCleanup(bridge.terminate)
+        listener = Listener("/left/joint_states", JointState)
+        listener.wait()
+        listener.close()
+        run("zero")
+        self.assertEqual(run("squat", "--namespace", "/left"), (0, "pose: squat\n", ""))
+        self.assert_shown("squat")
+
+
+if __name__ == "__main__":
+    rospy.init_node("poses_test")
+    rostest.rosrun("g1_description", "poses", TestPoses, sys.argv)

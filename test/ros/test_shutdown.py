@@ -1,0 +1,118 @@
+#!/usr/bin/env python3
+"""The simulator ends within two seconds, whatever it is doing."""
+
+import signal
+import socket
+import sys
+import threading
+import unittest
+
+import rospy
+import rostest
+from gazebo_msgs.msg import LinkStates
+from rosgraph_msgs.msg import Clock
+from support.ros_testing import Listener, wait_for
+from support.stand_in import Node
+from support.wire.tcpros import HangupError, Service, ServiceError
+
+AT_MOST = 2.0
+"""[s]"""
+
+
+class TestShutdown(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        # A node that publishes a thousand times a second has more to end than an
+        # idle one.
+        for topic, kind in (("/clock", Clock), ("/gazebo/link_states", LinkStates)):
+            cls.addClassCleanup(Listener(topic, kind).close)
+
+    def end(self, prepare):
+        """Start the node, prepare it, end it; once for each signal."""
+        for number in (signal.SIGINT, signal.SIGTERM):
+            with self.subTest(number.name):
+                node = Node()
+                self.addCleanup(node.kill)
+                wait = prepare(node)
+                elapsed = node.end(number)
+                print(f"{self.id()} {number.name}: {elapsed:.2f} s", file=sys.stderr)
+                self.assertLess(elapsed, AT_MOST)
+                self.assertEqual(node.process.returncode, 0)
+                self.assertEqual(node.trouble(), [])
+                if wait:
+                    wait()
+
+    def test_while_it_runs(self):
+        self.end(lambda node: node.real_time_factor(0.2) and None)
+
+    def test_while_it_is_paused(self):
+        self.end(lambda node: node.services.call("pause_physics") and None)
+
+    def test_while_the_time_step_is_zero(self):
+        def prepare(node):
+            defaults = node.services.call("get_physics_properties")
+            node.services.call(
+                "set_physics_properties",
+                0.0,
+                1e3,
+                defaults.gravity,
+                defaults.ode_config,
+            )
+
+        self.end(prepare)
+
+    def test_while_a_client_says_nothing(self):
+        def prepare(node):
+            sock = socket.create_connection(node.services["step"].place)
+            self.addCleanup(sock.close)
+            held = Service("/gazebo/step").connect()
+            self.addCleanup(held.close)
+
+        self.end(prepare)
+
+    def test_while_a_million_steps_are_asked_for(self):
+        def prepare(node):
+            node.services.call("pause_physics")
+            before = node.time()
+            return self.callers(node, 1, "step", 1_000_000, until=before)
+
+        self.end(prepare)
+
+    def test_while_fifty_clients_call(self):
+        def prepare(node):
+            return self.callers(node, 50, "get_model_state", "g1_robot", "")
+
+        self.end(prepare)
+
+    def callers(self, node, count, name, *args, until=None):
+        """Call a service in threads; give what waits for the end of them all."""
+        started = threading.Barrier(count + 1)
+
+        def call():
+            service = Service(f"/gazebo/{name}", patience=10.0)
+            service.connect().close()
+            started.wait()
+            while True:
+                try:
+                    service.call(*args)
+                except (ServiceError, HangupError, ConnectionError):
+                    return
+
+        threads = [threading.Thread(target=call, daemon=True) for _ in range(count)]
+        for thread in threads:
+            thread.start()
+        started.wait()
+        if until is not None:
+            wait_for(lambda: node.time() != until, "a step")
+
+        def wait():
+            for thread in threads:
+                thread.join(5.0)
+                self.assertFalse(thread.is_alive(), "a caller waits for ever")
+
+        return wait
+
+
+if __name__ == "__main__":
+    rospy.init_node("shutdown_test")
+    rostest.rosrun("g1_description", "shutdown", TestShutdown, sys.argv)

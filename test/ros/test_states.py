@@ -1,0 +1,200 @@
+#!/usr/bin/env python3
+"""Each state comes once, under its own time, however fast a script goes on."""
+
+import sys
+import unittest
+
+import numpy as np
+import rospy
+import rostest
+from g1_description.srv import Step, StepModel
+from gazebo_msgs.msg import WorldState
+from gazebo_msgs.srv import SetModelConfiguration
+from geometry_msgs.msg import Point, Pose, Quaternion
+from rosgraph_msgs.msg import Clock
+from scipy.spatial.transform import Rotation
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Empty
+from support.burners import Burners
+from support.ros_testing import Connected, Launch
+from tf2_msgs.msg import TFMessage
+
+ELBOW = "left_elbow_joint"
+MS = 1_000_000
+"""[ns]"""
+ROOM = {"queue_size": 100_000, "buff_size": 1 << 22, "tcp_nodelay": True}
+
+
+def proxy(name, kind):
+    rospy.wait_for_service(f"/gazebo/{name}", 30.0)
+    return rospy.ServiceProxy(f"/gazebo/{name}", kind, persistent=True)
+
+
+def stamps_of(messages):
+    return [message.header.stamp.to_nsec() for message in messages]
+
+
+def elbow_of(message):
+    return message.position[message.name.index(ELBOW)]
+
+
+class TestStates(unittest.TestCase):
+    def launch(self, *arguments):
+        launch = Launch("display.launch", "rviz:=false", *arguments)
+        self.addCleanup(launch.stop)
+        self.states = Connected("/joint_states", JointState, **ROOM)
+        self.addCleanup(self.states.close)
+        self.states.wait()
+        self.pause, self.reset = (
+            proxy(name, Empty) for name in ("pause_physics", "reset_simulation")
+        )
+        self.step = proxy("step", Step)
+        self.configure = proxy("set_model_configuration", SetModelConfiguration)
+
+    def burn(self):
+        self.addCleanup(Burners().close)
+
+    def stand_still(self):
+        """Pause, reset, and wait until the state after that is shown."""
+        self.pause()
+        self.reset()
+        self.states.wait(lambda m: m.header.stamp.to_nsec() < MS, "time to go back")
+        self.states.clear()
+
+    def run_script(self, n, steps):
+        """Set and step without a pause; the elbow tells each state's number."""
+        for number in range(n):
+            self.configure("g1_robot", "", [ELBOW], [1e-3 * number])
+            self.assertTrue(self.step(steps).success)
+        self.states.wait(
+            lambda m: m.header.stamp.to_nsec() == n * steps * MS, "the last state"
+        )
+
+    def test_1_every_state_of_every_step_comes_once_under_its_own_stamp(self):
+        self.launch("rate:=1000")
+        self.burn()
+        self.stand_still()
+        self.run_script(300, 10)
+        messages = self.states.messages
+        self.assertEqual(stamps_of(messages), [ms * MS for ms in range(1, 3001)])
+        told = np.round([1e3 * elbow_of(message) for message in messages])
+        np.testing.assert_array_equal(told, np.repeat(np.arange(300), 10))
+
+    def test_2_at_a_lower_rate_the_last_state_of_every_step_comes(self):
+        self.launch()
+        self.burn()
+        self.stand_still()
+        self.run_script(300, 3)
+        stamps = stamps_of(self.states.messages)
+        self.assertEqual(stamps, sorted(set(stamps)))
+        at = {s: elbow_of(m) for s, m in zip(stamps, self.states.messages)}
+        ends = {3 * (number + 1) * MS: 1e-3 * number for number in range(300)}
+        self.assertLessEqual(ends.keys(), at.keys())
+        for stamp, position in ends.items():
+            self.assertAlmostEqual(at[stamp], position, delta=1e-9)
+        self.assertLess(len(stamps), 600)
+
+    def test_3_stamps_rise_and_states_come_at_the_rate(self):
+        for rate, gap in (("200", 5 * MS), ("1000", MS)):
+            with self.subTest(rate):
+                self.launch(f"rate:={rate}")
+                clock = Connected("/clock", Clock, **ROOM)
+                links = Connected("/gazebo/link_states", rospy.AnyMsg, **ROOM)
+                listeners = self.states, clock, links
+                for listener in listeners:
+                    listener.clear()
+                end = self.states.wait().header.stamp + rospy.Duration(2.0)
+                self.states.wait(lambda m, end=end: m.header.stamp > end, "2 s")
+                states, told, seen = (list(one.messages) for one in listeners)
+                self.assertEqual(set(np.diff(stamps_of(states)).tolist()), {gap})
+                told = [message.clock.to_nsec() for message in told]
+                # Who is slow gets the newest of these, not all.
+                self.assertEqual(np.diff(told).min(), gap)
+                self.assertEqual(np.median(np.diff(told)), gap)
+                self.assertLess(len(seen), 1.5 * len(states))
+                self.assertGreater(len(seen), 0.5 * len(states))
+                clock.close()
+                links.close()
+                self.doCleanups()
+
+    def test_4_the_joints_that_go_to_tf_are_those_of_the_bases(self):
+        """TF has to interpolate neither of them."""
+        self.launch()
+        joints = Connected("/tf_joint_states", JointState, **ROOM)
+        self.addCleanup(joints.close)
+        frames = Connected("/tf", TFMessage, **ROOM)
+        self.addCleanup(frames.close)
+        end = self.states.wait().header.stamp + rospy.Duration(3.0)
+        self.states.wait(lambda m: m.header.stamp > end, "3 s")
+        bases = {
+            edge.header.stamp
+            for message in list(frames.messages)
+            for edge in message.transforms
+            if edge.child_frame_id == "base_link" and edge.header.stamp < end
+        }
+        shown = {message.header.stamp for message in list(joints.messages)}
+        self.assertGreater(len(bases), 40)
+        self.assertEqual(
+            [stamp for stamp in sorted(bases)[1:] if stamp not in shown], []
+        )
+        gaps = np.diff([stamp.to_sec() for stamp in sorted(shown)])
+        self.assertLess(gaps.max(), 0.0301)
+
+    def test_5_a_model_is_set_stepped_and_told_in_one_call(self):
+        self.launch("physics:=hold", "fixed_base:=true")
+        step_model = proxy("step_model", StepModel)
+        world = Connected("/gazebo/world_state", WorldState)
+        self.addCleanup(world.close)
+        q = Rotation.from_euler("zyx", [0.5, -0.3, 0.2]).as_quat()
+        pose = Pose(orientation=Quaternion(*q))
+        pose.position.x, pose.position.z = 1.0, 2.0
+        refused = step_model("g1_robot", [], [], False, Pose(), 1)
+        self.assertFalse(refused.success)
+        self.assertIn("time is running", refused.status_message)
+        self.stand_still()
+        world.clear()
+        answer = step_model("g1_robot", [ELBOW], [0.7], True, pose, 5)
+        self.assertTrue(answer.success, answer)
+        self.assertEqual(answer.joint_states.header.stamp.to_nsec(), 5 * MS)
+        self.assertEqual(len(answer.joint_states.name), 29)
+        self.assertAlmostEqual(elbow_of(answer.joint_states), 0.7, delta=0.01)
+        state = world.wait(lambda m: m.header.stamp.to_nsec() == 5 * MS, "the state")
+        row = state.name.index("g1_robot::pelvis")
+        self.assertEqual(state.pose[row], answer.base_pose)
+        self.assertEqual(state.twist[row], answer.base_twist)
+        shown = self.states.wait(lambda m: m.header.stamp.to_nsec() == 5 * MS)
+        np.testing.assert_allclose(
+            shown.position, answer.joint_states.position, atol=1e-9
+        )
+        np.testing.assert_allclose(
+            shown.velocity, answer.joint_states.velocity, atol=1e-9
+        )
+
+    def test_6_bad_requests_get_a_sentence_and_change_nothing(self):
+        self.launch()
+        step_model = proxy("step_model", StepModel)
+        self.stand_still()
+        before = step_model("g1_robot", [], [], False, Pose(), 0)
+        self.assertTrue(before.success)
+        pose = Pose(Point(x=float("nan")), Quaternion(w=1.0))
+        for words, request in (
+            ("model 'ghost'", ("ghost", [], [], False, Pose(), 1)),
+            ("no movable joint wing", ("g1_robot", ["wing"], [0.0], False, Pose(), 1)),
+            ("1 joint_names and 0", ("g1_robot", [ELBOW], [], False, Pose(), 1)),
+            ("nan", ("g1_robot", [ELBOW], [float("nan")], False, Pose(), 1)),
+            ("nan", ("g1_robot", [ELBOW], [1.0], True, pose, 1)),
+        ):
+            with self.subTest(words):
+                answer = step_model(*request)
+                self.assertFalse(answer.success)
+                self.assertIn(words, answer.status_message)
+        after = step_model("g1_robot", [], [], False, Pose(), 0)
+        self.assertEqual(after, before)
+        clamped = step_model("g1_robot", ["left_knee_joint"], [9.0], False, Pose(), 1)
+        self.assertTrue(clamped.success)
+        self.assertIn("clamped to the limits: left_knee", clamped.status_message)
+
+
+if __name__ == "__main__":
+    rospy.init_node("states_test")
+    rostest.rosrun("g1_description", "states", TestStates, sys.argv)
