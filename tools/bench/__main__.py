@@ -19,6 +19,7 @@ from . import (
     standin,
     start_up,
     transforms,
+    walk,
     worlds,
 )
 from .figures import OWN_MODEL, Bench
@@ -29,6 +30,7 @@ PARTS = {
     "growth": growth,
     "standin": standin,
     "commands": commands,
+    "walk": walk,
     "start_up": start_up,
     "worlds": worlds,
     "poses": poses,

@@ -96,6 +96,10 @@ class Peer:
         self._master.registerPublisher(topic, kind._type, self.uri)
         return self._outputs[topic]
 
+    def withdraw(self, topic):
+        """Publish a topic no more; who has shaken hands for it stays."""
+        self._master.unregisterPublisher(topic, self.uri)
+
     def subscribe(self, topic, kind, take):
         """Subscribe to a topic; see ``Input``."""
         self._inputs[topic] = Input(kind, take)

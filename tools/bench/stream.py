@@ -185,6 +185,10 @@ class Feed:
         source = self._peer.subscribe(topic, JointState, self.answers.take)
         self._sources.append(source)
 
+    def withdraw_world_state(self):
+        """Be a simulator without world_state, such as Gazebo."""
+        self._peer.withdraw("/gazebo/world_state")
+
     def wait_for(self, node, patience=30.0):
         """Wait until a node listens and all its answers come here.
 
