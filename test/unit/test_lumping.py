@@ -8,6 +8,7 @@ from robots import BOX, MASS, chains, link, lump
 from scipy.spatial.transform import Rotation
 
 from g1_description.core.robot.lumping import lump_fixed_joints
+from g1_description.core.robot.rigid import rigid_frames
 from g1_description.core.urdf.reader import parse_urdf
 
 
@@ -40,11 +41,9 @@ def test_inertia_is_that_of_all_the_mass_points(chain):
     robot = parse_urdf(chain[0])
     lumped = lump_fixed_joints(robot)
     (body,) = lumped.description.links
+    frames = rigid_frames(robot)
     masses, points = zip(
-        *(
-            point_masses(part.inertial, lumped.frames[part.name][1])
-            for part in robot.links
-        )
+        *(point_masses(part.inertial, frames[part.name][1]) for part in robot.links)
     )
     mass, point = np.concatenate(masses), np.concatenate(points)
     center = mass @ point / mass.sum()
@@ -62,7 +61,6 @@ def test_lumping_keeps_the_mass_and_the_movable_joints(chain):
     assert lumped.description.mass == pytest.approx(robot.mass, abs=1e-9)
     names = [joint.name for joint in lumped.description.joints]
     assert names == [joint.name for joint in robot.movable_joints]
-    assert set(lumped.frames) == set(robot.link_names)
 
 
 def test_shapes_move_to_the_body_its_own_first():

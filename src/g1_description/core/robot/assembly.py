@@ -57,10 +57,6 @@ class Assembly:
     static: bool = False
     """Whether it never moves by itself, nor its joints."""
 
-    frames: dict[str, tuple[str, np.ndarray]] = field(default_factory=dict)
-    """Where links are lumped: each link of the file that is there or became part of
-    another, with the body that holds it and its pose in that body, shape (7,)."""
-
     nested: tuple[str, ...] = ()
     """Models inside that keep a name of their own, such as ``inner::innermost``; the
     names of what they hold begin with it."""

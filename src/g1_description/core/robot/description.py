@@ -192,7 +192,3 @@ class Description:
         """Sum of the masses the file gives, in [kg]; None where it gives none."""
         masses = [link.inertial.mass for link in self.links if link.inertial]
         return sum(masses) if masses else None
-
-    def joint_above(self) -> dict[str, Joint]:
-        """Map each link but the root to the joint that carries it."""
-        return {joint.child: joint for joint in self.joints}

@@ -3,7 +3,7 @@
 A link on a fixed joint becomes part of the link above it: masses add up by the
 parallel-axis theorem, shapes move along, joints below hang on the link above.
 What the file says of the gravity of one counts for the whole body, the last word in
-Gazebo's order wins. The names of lumped frames and where they are stay known.
+Gazebo's order wins. ``rigid.rigid_frames`` tells where lumped links are.
 
 A fixed joint that the file wants to be kept stays, and the link on it. A link called
 "world" at the root is the world itself; joints to it are kept, fixed ones too. A link
@@ -90,7 +90,6 @@ def lump_fixed_joints(description: Description, is_dynamic: bool = True) -> Asse
         description=robot,
         root_poses=_root_poses(description.root, joints, robot.roots),
         static=description.static,
-        frames={link: frame for link, frame in frames.items() if frame[0] in kept},
         left_out=(
             *description.left_out,
             *told,
