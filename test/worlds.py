@@ -4,18 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from conftest import REPOSITORY
-
 from g1_description.core.robot.lumping import lump_fixed_joints
 from g1_description.core.urdf.reader import parse_urdf
 from g1_description.sim.entities import Entity, seen_from
 from g1_description.sim.physics import PhysicsProperties
 from g1_description.sim.world import World
-
-
-def find_package(name):
-    """Find this package, and no other."""
-    return str(REPOSITORY) if name == "g1_description" else None
 
 
 class Bench(World):
@@ -27,7 +20,7 @@ class Bench(World):
         properties = PhysicsProperties(
             **dict(zip(("gravity_x", "gravity_y", "gravity_z"), gravity)), **numbers
         )
-        super().__init__(physics, properties, find_package, content)
+        super().__init__(physics, properties, content)
 
     @property
     def client(self):

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from conftest import REPOSITORY, VENDOR
-from worlds import find_package
 
 from g1_description.core.files.uris import with_absolute_uris
 from g1_description.core.transform import IDENTITY
@@ -28,7 +27,7 @@ def scenes():
     found = [Scene(), Scene()]
     for scene, file in zip(found, (OURS, VENDOR)):
         text = with_absolute_uris(file.read_text(), file.parent)
-        scene.add(parse_urdf(text), find_package)
+        scene.add(parse_urdf(text))
     yield found
     for scene in found:
         scene.close()

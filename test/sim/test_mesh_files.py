@@ -15,7 +15,6 @@ import numpy as np
 import pytest
 import trimesh
 from dae import box, collada, node, use
-from worlds import find_package
 
 from g1_description.core.robot.description import Shape
 from g1_description.core.robot.lumping import lump_fixed_joints
@@ -59,8 +58,7 @@ def read(*files):
     """Read meshes as the simulator does; give what was found, in their order."""
     names = [f"file://{file}" for file in files]
     found = find_meshes(
-        [Shape("mesh", (1.0,) * 3, np.array(IDENTITY), name) for name in names],
-        find_package,
+        [Shape("mesh", (1.0,) * 3, np.array(IDENTITY), name) for name in names]
     )
     return [found[name] for name in names]
 
@@ -122,7 +120,7 @@ def test_a_robot_stands_on_its_mesh_whatever_its_kind(tmp_path, kind):
     data = ball.export(file_type=kind)
     file.write_bytes(data if isinstance(data, bytes) else data.encode())
     robot = lump_fixed_joints(parse_urdf(body(f"file://{file}")))
-    height = standing_height(robot, IDENTITY[3:], find_package)
+    height = standing_height(robot, IDENTITY[3:])
     assert height == pytest.approx(0.75, abs=0.004)  # PyBullet's margin
 
 
@@ -221,9 +219,7 @@ def test_each_material_of_a_dae_has_its_colour_whatever_the_urdf_says(tmp_path):
     )
     for color in ("", "0 1 0 1"):
         with Scene() as scene:
-            assert scene.add(
-                parse_urdf(body(f"file://{file}", color=color)), find_package
-            ) == (0, ())
+            assert scene.add(parse_urdf(body(f"file://{file}", color=color))) == (0, ())
             seen = shades(scene, [[0, -0.5, 0], [0, 0.5, 0]], FRONT)
         assert_colors(seen, [[0.9, 0.1, 0.1], [0.1, 0.2, 0.9]])
 
@@ -243,7 +239,7 @@ def test_what_has_no_material_has_the_colour_of_the_urdf(tmp_path):
     for name in ("x.dae", "x.stl", "text.stl"):
         with Scene() as scene:
             mesh = f"file://{tmp_path / name}"
-            scene.add(parse_urdf(body(mesh, color="0.2 0.8 0.4 1")), find_package)
+            scene.add(parse_urdf(body(mesh, color="0.2 0.8 0.4 1")))
             seen = shades(scene, [[0, -0.5, 0], [0, 0.5, 0]], FRONT)
         assert_colors(seen, [[0.2, 0.8, 0.4]] * 2)
 
@@ -276,7 +272,7 @@ def test_an_stl_without_normals_is_lit_as_with_them(tmp_path, normal):
         (tmp_path / f"{name}.stl").write_bytes(data)
         with Scene() as scene:
             mesh = f"file://{tmp_path / name}.stl"
-            scene.add(parse_urdf(body(mesh, color="0.2 0.8 0.4 1")), find_package)
+            scene.add(parse_urdf(body(mesh, color="0.2 0.8 0.4 1")))
             seen[name] = draw(scene, FRONT, 100, 100).astype(int)
     sound = seen.pop("sound")
     for name, picture in seen.items():
@@ -311,7 +307,7 @@ def test_materials_of_an_obj_have_their_colours_and_pictures_their_mean(tmp_path
             lines += ["f " + " ".join(str(i + 8 * number) for i in face)]
     (tmp_path / "x.obj").write_text("\n".join(lines))
     with Scene() as scene:
-        scene.add(parse_urdf(body(f"file://{tmp_path}/x.obj")), find_package)
+        scene.add(parse_urdf(body(f"file://{tmp_path}/x.obj")))
         seen = shades(scene, [[0, -0.5, 0], [0, 0.5, 0]], FRONT)
     assert_colors(seen, [[0.1, 0.2, 0.9], [100 / 255, 50 / 255, 0]])
 
@@ -327,7 +323,7 @@ def test_a_scale_may_mirror(make_world, tmp_path, kind, scale):
     factors = np.array([float(word) for word in scale.split()])
     wanted = np.sort(ball.bounds * factors, axis=0)
     with Scene() as scene:
-        assert scene.add(parse_urdf(text), find_package) == (0, ())
+        assert scene.add(parse_urdf(text)) == (0, ())
         corners = scene.corners()
     seen = [corners.min(axis=0), corners.max(axis=0)]
     np.testing.assert_allclose(seen, wanted, atol=0.005)
@@ -407,9 +403,7 @@ def test_hostile_files_end_no_one_and_take_no_other_file_with_them(
     (bomb,) = (clause for clause in left_out if "nodes.dae" in clause)
     assert bomb.endswith("cannot be read: it took more than 5 s of the processor")
     with Scene() as scene:
-        _, left_out = scene.add(
-            parse_urdf(body(good[0], *names, good[1])), find_package
-        )
+        _, left_out = scene.add(parse_urdf(body(good[0], *names, good[1])))
         assert not [clause for clause in left_out if "good" in clause]
 
 

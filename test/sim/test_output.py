@@ -18,7 +18,7 @@ from g1_description.sim.render.scene import Scene
 from g1_description.sim.bullet.standing import standing_height
 robot = parse_urdf('{ROBOT}')
 Engine("hold", PhysicsProperties(), str).close()
-standing_height(lump_fixed_joints(robot), np.array([0.0, 0.0, 0.0, 1.0]), str)
+standing_height(lump_fixed_joints(robot), np.array([0.0, 0.0, 0.0, 1.0]))
 with Scene() as scene:
     scene.add(robot, str)
 """

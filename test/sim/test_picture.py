@@ -12,7 +12,6 @@ import trimesh
 from conftest import REPOSITORY
 from oracle import forward_kinematics
 from scipy.spatial.transform import Rotation
-from worlds import find_package
 
 from g1_description.core.urdf.reader import parse_urdf
 from g1_description.sim.render.camera import VIEWS, Camera, framing
@@ -69,7 +68,7 @@ SHAPES = {
 def test_an_orthographic_outline_has_the_area_of_the_projection(
     scene, geometry, angles
 ):
-    scene.add(body(geometry), find_package)
+    scene.add(body(geometry))
     camera = Camera(np.array([0.1, 0.0, 0.05]), *angles, width=2.0)
     direction = Rotation.from_euler("yz", [-angles[1], angles[0]]).apply([1, 0, 0])
     expected = SHAPES[geometry](direction)
@@ -80,7 +79,7 @@ def test_an_orthographic_outline_has_the_area_of_the_projection(
 @pytest.mark.parametrize("distance", [1.5, 4.0])
 def test_a_perspective_outline_has_the_area_of_the_cone(scene, distance):
     """The lines of sight that touch a sphere make a cone about the middle."""
-    scene.add(body('<sphere radius="0.5"/>'), find_package)
+    scene.add(body('<sphere radius="0.5"/>'))
     camera = Camera(np.zeros(3), 0.3, 0.2, width=2.0, distance=distance)
     expected = np.pi * 0.25 / (1.0 - 0.25 / distance**2)
     mask = silhouette(scene, camera, 640, 640)
@@ -89,7 +88,7 @@ def test_a_perspective_outline_has_the_area_of_the_cone(scene, distance):
 
 def test_the_part_that_is_drawn_changes_nothing(scene):
     """A body on one side is seen where it is, to the pixel."""
-    scene.add(body('<box size="0.2 0.2 0.2"/>', "0 0.5 0.3"), find_package)
+    scene.add(body('<box size="0.2 0.2 0.2"/>', "0 0.5 0.3"))
     mask = silhouette(scene, Camera(np.zeros(3), 0.0, 0.0, width=2.0), 400, 300)
     rows, columns = np.nonzero(mask != NOTHING)
     assert (columns.min(), columns.max() + 1) == (280, 320)
@@ -97,7 +96,7 @@ def test_the_part_that_is_drawn_changes_nothing(scene):
 
 
 def test_what_is_outside_the_picture_is_not_drawn(scene):
-    scene.add(body('<box size="0.2 0.2 0.2"/>', "0 5 0"), find_package)
+    scene.add(body('<box size="0.2 0.2 0.2"/>', "0 5 0"))
     camera = Camera(np.zeros(3), 0.0, 0.0, width=2.0)
     assert (silhouette(scene, camera, 80, 60) == NOTHING).all()
     assert draw(scene, camera, 80, 60).shape == (60, 80, 3)
@@ -114,7 +113,7 @@ def test_what_is_outside_the_picture_is_not_drawn(scene):
 )
 def test_views_are_not_mirrored(scene, name, place, right):
     """The robot's left hand is on the right of the picture of its front."""
-    scene.add(body('<box size="0.1 0.1 0.1"/>', place), find_package)
+    scene.add(body('<box size="0.1 0.1 0.1"/>', place))
     mask = silhouette(scene, Camera(np.zeros(3), *VIEWS[name], width=2.0), 200, 200)
     columns = np.nonzero(mask != NOTHING)[1]
     assert columns.size
@@ -123,7 +122,7 @@ def test_views_are_not_mirrored(scene, name, place, right):
 
 @pytest.mark.parametrize("name", VIEWS)
 def test_up_is_up(scene, name):
-    scene.add(body('<box size="0.1 0.1 0.1"/>', "0 0 0.5"), find_package)
+    scene.add(body('<box size="0.1 0.1 0.1"/>', "0 0 0.5"))
     mask = silhouette(scene, Camera(np.zeros(3), *VIEWS[name], width=2.0), 200, 200)
     assert (np.nonzero(mask != NOTHING)[0] < 100).all()
 
@@ -132,7 +131,7 @@ def test_up_is_up(scene, name):
 @pytest.mark.parametrize("aspect", [(640, 480), (300, 600)])
 def test_the_robot_fills_the_picture_but_for_a_margin(scene, g1, angles, aspect):
     width, height = aspect
-    scene.add(parse_urdf(g1), find_package)
+    scene.add(parse_urdf(g1))
     scene.place(0, STANDING, {"left_shoulder_roll_joint": 1.0})
     camera = framing(scene.corners(), *angles, width / height)
     rows, columns = np.nonzero(silhouette(scene, camera, width, height) != NOTHING)
@@ -148,7 +147,7 @@ def test_the_robot_fills_the_picture_but_for_a_margin(scene, g1, angles, aspect)
 def test_our_g1_is_whole_and_has_a_dark_head(scene, name):
     """Where its meshes are is told by trimesh and scipy."""
     text = OURS.read_text()
-    scene.add(parse_urdf(text), find_package)
+    scene.add(parse_urdf(text))
     scene.place(0, STANDING, {})
     camera = framing(scene.corners(), *VIEWS[name], 3 / 4)
     points = corners_of_meshes(text)
@@ -191,7 +190,7 @@ def corners_of_meshes(text):
 
 
 def test_only_what_hangs_on_a_joint_changes(scene, g1):
-    scene.add(parse_urdf(g1), find_package)
+    scene.add(parse_urdf(g1))
     camera = Camera(MIDDLE, 0.0, 0.0, width=2.0, distance=4.0)
     pictures, masks = [], []
     for position in (0.0, 1.2):
@@ -217,7 +216,7 @@ def test_the_colour_of_a_material_comes_through(scene):
     for number, description in enumerate(
         [parse_urdf(named), body('<sphere radius="0.6"/>', color="0.8 0.4 0.2 1")]
     ):
-        scene.add(description, find_package)
+        scene.add(description)
         scene.place(number, at(x=number), {})
         seen = draw(scene, camera, 40, 40)[20, 20] / 255.0
         wanted = np.array([[0.0, 0.25, 0.5], [0.8, 0.4, 0.2]][number])
@@ -228,7 +227,7 @@ def test_the_colour_of_a_material_comes_through(scene):
 
 def test_robots_are_told_apart_and_placed(scene):
     for _ in range(2):
-        scene.add(body('<box size="0.2 0.2 0.2"/>'), find_package)
+        scene.add(body('<box size="0.2 0.2 0.2"/>'))
     scene.place(1, at(y=0.5), {})
     mask = silhouette(scene, Camera(np.zeros(3), 0.0, 0.0, width=2.0), 200, 200)
     assert (mask[100, 100], mask[100, 150], mask[100, 50]) == (0, 1, NOTHING)
@@ -237,7 +236,7 @@ def test_robots_are_told_apart_and_placed(scene):
 def test_the_shadow_falls_on_the_floor_and_away_from_the_lamp(scene):
     camera = Camera(np.zeros(3), 0.0, 0.5, width=2.0)
     empty = draw(scene, camera, 200, 200, floor=-0.3).astype(int)
-    scene.add(body('<sphere radius="0.2"/>'), find_package)
+    scene.add(body('<sphere radius="0.2"/>'))
     picture = draw(scene, camera, 200, 200, floor=-0.3).astype(int)
     darker = (empty - picture).min(axis=2) > 15
     darker &= silhouette(scene, camera, 200, 200) == NOTHING
@@ -248,7 +247,7 @@ def test_the_shadow_falls_on_the_floor_and_away_from_the_lamp(scene):
 
 def test_a_mesh_that_is_missing_is_named(scene):
     robot = body('<mesh filename="package://nowhere/a.stl"/>')
-    assert scene.add(robot, find_package) == (
+    assert scene.add(robot) == (
         0,
         ("mesh package://nowhere/a.stl does not exist",),
     )
@@ -262,7 +261,7 @@ def test_links_without_mass_and_on_fixed_joints_are_seen(scene):
         '<joint name="j" type="fixed"><parent link="a"/><child link="b"/>'
         '<origin xyz="0 0.5 0"/></joint></robot>'
     )
-    scene.add(robot, find_package)
+    scene.add(robot)
     mask = silhouette(scene, Camera(np.zeros(3), 0.0, 0.0, width=2.0), 200, 200)
     assert mask[100, 150] == 0
 

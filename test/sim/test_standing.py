@@ -14,7 +14,6 @@ from oracle import forward_kinematics
 from robots import chains, world_poses
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
-from worlds import find_package
 
 from g1_description.core.files.uris import with_absolute_uris
 from g1_description.core.poses.yaml_text import parse_poses
@@ -61,7 +60,7 @@ def in_pose(text, positions):
 def spawn(world, text, positions, rotation=UPRIGHT):
     """Spawn the robot on the floor."""
     assembly = in_pose(text, positions)
-    z = standing_height(assembly, rotation, find_package)
+    z = standing_height(assembly, rotation)
     world.spawn("g1", assembly, np.array([0.0, 0.0, z, *rotation]))
     return world.model("g1")
 
@@ -102,7 +101,7 @@ def test_the_height_is_that_of_the_lowest_corner(make_world):
     shape = '<collision><geometry><box size="2 2 2"/></geometry></collision>'
     turn = Rotation.from_euler("xyz", [math.pi / 4, math.atan(math.sqrt(0.5)), 1.0])
     for text, lowest in ((box.format(shape), math.sqrt(3.0)), (box.format(""), 0.0)):
-        z = standing_height(in_pose(text, {}), turn.as_quat(), find_package)
+        z = standing_height(in_pose(text, {}), turn.as_quat())
         assert lowest + 0.0005 <= z <= lowest + 0.0016
 
 
@@ -206,7 +205,7 @@ def test_one_hand_waves(g1):
 
 def test_a_squat_is_deep(g1):
     depth = [
-        standing_height(in_pose(g1, POSES[name].positions), UPRIGHT, find_package)
+        standing_height(in_pose(g1, POSES[name].positions), UPRIGHT)
         for name in ("zero", "stand", "squat")
     ]
     assert depth[0] > depth[1] > depth[0] - 0.05
@@ -230,7 +229,7 @@ def test_a_standing_robot_stands_for_a_minute_in_hold(make_world, g1):
 def lowest(text, z, rotation, positions):
     """Find the lowest point of a robot's collision shapes by PyBullet, in [m]."""
     assembly = in_pose(text, positions)
-    return z - (standing_height(assembly, rotation, find_package) - 0.0005)
+    return z - (standing_height(assembly, rotation) - 0.0005)
 
 
 def drawn(random, text, extreme):
@@ -246,7 +245,7 @@ def drawn(random, text, extreme):
 def test_no_joint_brings_a_hanging_robot_to_the_floor(rpy):
     random = Random(1)
     rotation = Rotation.from_euler("xyz", rpy).as_quat()
-    z = hanging_height(in_pose(OURS, {}), rotation, find_package)
+    z = hanging_height(in_pose(OURS, {}), rotation)
     for trial in range(16):
         positions = drawn(random, OURS, extreme=trial % 2)
         assert lowest(OURS, z, rotation, positions) > 0.0, positions
@@ -255,7 +254,7 @@ def test_no_joint_brings_a_hanging_robot_to_the_floor(rpy):
 @settings(max_examples=25, deadline=None)
 @given(shaped_chains(), world_poses(), st.randoms(use_true_random=False))
 def test_any_robot_hangs_clear_of_the_floor(text, pose, random):
-    z = hanging_height(in_pose(text, {}), pose[3:], find_package)
+    z = hanging_height(in_pose(text, {}), pose[3:])
     for trial in range(4):
         positions = drawn(random, text, extreme=trial % 2)
         assert lowest(text, z, pose[3:], positions) > 0.0
@@ -269,7 +268,7 @@ def test_the_height_is_what_a_stretched_arm_reaches():
     <origin xyz="0 0 0.1"/></joint><joint name="slide" type="prismatic">
     <parent link="upper"/><child link="hand"/><origin xyz="0.3 0.4 0"/>
     <limit lower="-0.3" upper="0.2" effort="1" velocity="1"/></joint></robot>"""
-    z = hanging_height(in_pose(with_masses(text), {}), UPRIGHT, find_package)
+    z = hanging_height(in_pose(with_masses(text), {}), UPRIGHT)
     reach = 0.1 + 0.5 + 0.3 + 0.1 * math.sqrt(3.0)
     assert reach < z < reach + 0.005
 
@@ -279,7 +278,7 @@ def test_legs_of_a_hanging_robot_swing_freely_in_hold(make_world, height, hits):
     """A swing of 0.3 rad has 0.94 rad/s at most; the floor makes it 3.8."""
     world = make_world("hold")
     assembly = in_pose(OURS, {})
-    z = (height or hanging_height)(assembly, UPRIGHT, find_package)
+    z = (height or hanging_height)(assembly, UPRIGHT)
     world.spawn("g1", assembly, np.array([0.0, 0.0, z, *UPRIGHT]), fixed_base=True)
     model = world.model("g1")
     legs = [name for name in model.joint_names if "hip" in name or "ankle" in name]

@@ -276,7 +276,6 @@ def test_the_import_and_the_stand_in_agree_on_what_can_be_read(bring, source, op
             Shape("mesh", (1.0,) * 3, np.zeros(7), f"file://{source / name}")
             for name in files
         ],
-        model_files.find_folder,
     )
     clauses = "\n".join(f"  {c}" for c in found.values() if isinstance(c, str))
     refused = {name.split("/")[-1]: why for name, why in faults(clauses).items()}

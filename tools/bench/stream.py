@@ -13,7 +13,6 @@ from gazebo_msgs.msg import LinkStates, WorldState
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
-from g1_description.core.files.model_files import find_folder
 from g1_description.core.files.uris import with_absolute_uris
 from g1_description.core.robot.assembly import SCOPE
 from g1_description.core.robot.lumping import lump_fixed_joints
@@ -59,7 +58,7 @@ def read_urdf(path):
 
 def record(urdf, seed, steps=STEPS):
     """Let a robot hang, limp, from a random configuration; give the ``Recording``."""
-    world = World("limp", package_folder=find_folder)
+    world = World("limp")
     hung = np.array([0.0, 0.0, 1.5, 0.0, 0.0, 0.0, 1.0])
     assembly = lump_fixed_joints(parse_urdf(urdf))
     world.spawn(ROBOT, assembly, hung, fixed_base=True)

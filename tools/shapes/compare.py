@@ -62,7 +62,7 @@ def compare_outlines(bench, robots, folder):
     bench.part = "silhouettes, overlap"
     scenes = [Scene(), Scene()]
     for scene, robot in zip(scenes, robots):
-        scene.add(robot, find_folder)
+        scene.add(robot)
     for name in ("zero", "squat"):
         bench.say(name)
         for scene in scenes:
@@ -155,7 +155,7 @@ def count_contacts(bench, assembly):
     bench.say("all poses")
     client = connect()
     model = Model("g1", assembly, np.array(IDENTITY))
-    number, _ = load_model(client, model, find_folder)
+    number, _ = load_model(client, model)
     body = Body(client, number, model)
     joined = {frozenset((j.parent, j.child)) for j in assembly.description.joints}
     indices = range(-1, client.getNumJoints(number))
@@ -179,8 +179,8 @@ def stand(bench, assembly):
     for name in ("zero", "stand"):
         bench.say(name)
         posed = replace(assembly, positions=POSES[name])
-        height = standing_height(posed, np.array(IDENTITY[3:]), find_folder)
-        world = World("hold", package_folder=find_folder)
+        height = standing_height(posed, np.array(IDENTITY[3:]))
+        world = World("hold")
         pose = np.array([0.0, 0.0, height, *IDENTITY[3:]])
         world.spawn("g1", posed, pose)
         for _ in range(round(HELD / world.properties.time_step)):

@@ -6,7 +6,7 @@ effect at once, and the same calls at the same steps give the same bits.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -39,7 +39,6 @@ class World:
         self,
         physics: str = "kinematic",
         properties: PhysicsProperties | None = None,
-        package_folder: Callable[[str], str | None] = lambda name: None,
         content: Sdf | None = None,
     ) -> None:
         """Make a world.
@@ -47,7 +46,6 @@ class World:
         Args:
             physics: One of ``engine.PHYSICS``.
             properties: The physics' numbers; Gazebo's where none are given.
-            package_folder: Gives a package's folder, None if there is none.
             content: Models and lights; by default a ground plane and a sun. A model
                 that cannot be loaded is left out.
 
@@ -55,7 +53,7 @@ class World:
             UnknownNameError: If there is no such physics.
         """
         self.properties = properties or PhysicsProperties()
-        self._engine = Engine(physics, self.properties, package_folder)
+        self._engine = Engine(physics, self.properties)
         self.models: dict[str, Model] = {}
         self.lights: dict[str, Light] = {}
         self.jobs = Jobs(self.is_dynamic)

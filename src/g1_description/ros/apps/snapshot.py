@@ -21,7 +21,6 @@ from g1_description.core.errors import (
     UnknownNameError,
 )
 from g1_description.core.files.absolute_urdf import absolute_urdf
-from g1_description.core.files.model_files import find_folder
 from g1_description.core.poses.pose import check_limits, near_first
 from g1_description.core.robot.description import Description
 from g1_description.core.transform import IDENTITY
@@ -64,7 +63,7 @@ def check_joints(wanted: dict[str, float], description: Description) -> None:
 
 def load(scene: Scene, description: Description) -> None:
     """Add a robot to a scene and tell what is missing."""
-    _, left_out = scene.add(description, find_folder)
+    _, left_out = scene.add(description)
     if left_out:
         tell(f"left out of '{description.name}': {'; '.join(left_out)}.")
 

@@ -8,7 +8,6 @@ import numpy as np
 import rospy
 
 from g1_description.core.errors import DescriptionError
-from g1_description.core.files.model_files import find_folder
 from g1_description.core.poses.pose import ZERO, check_pose, find_pose, pose_positions
 from g1_description.core.poses.store import read_poses
 from g1_description.core.robot.assembly import Assembly
@@ -55,5 +54,5 @@ def place_robot(
         assembly = assembly.inside_limits()
     rotation = from_rpy(np.array([p.roll, p.pitch, p.yaw]))
     height = hanging_height if hangs else standing_height
-    z = height(assembly, rotation, find_folder) if p.on_floor else p.z
+    z = height(assembly, rotation) if p.on_floor else p.z
     return assembly, np.concatenate([[p.x, p.y, z], rotation])

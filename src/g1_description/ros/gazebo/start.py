@@ -8,7 +8,7 @@ from pathlib import Path
 import rospy
 
 from g1_description.core.errors import DescriptionError, InvalidValueError
-from g1_description.core.files.model_files import find_folder, find_model
+from g1_description.core.files.model_files import find_model
 from g1_description.core.robot.assembly import Assembly
 from g1_description.core.sdf.world import EMPTY_WORLD, Sdf, read_sdf
 from g1_description.core.xml import decoded
@@ -36,7 +36,7 @@ def make_world(parameters: GazeboParameters) -> tuple[World, GazeboParameters]:
     physics, left_out = _physics(content, parameters)
     properties = replace(parameters.properties, **physics)
     parameters = replace(parameters, properties=properties)
-    world = World(parameters.physics, parameters.properties, find_folder, content)
+    world = World(parameters.physics, properties, content)
     for line in (*left_out, *world.left_out):
         rospy.logwarn("%s: %s", parameters.world, line)
     return world, parameters

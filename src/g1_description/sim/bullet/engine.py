@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from itertools import chain, combinations
 
 import numpy as np
@@ -36,18 +36,12 @@ class Engine:
     change nothing and cost nothing until something is written.
     """
 
-    def __init__(
-        self,
-        physics: str,
-        properties: PhysicsProperties,
-        package_folder: Callable[[str], str | None],
-    ) -> None:
+    def __init__(self, physics: str, properties: PhysicsProperties) -> None:
         """Start without bodies.
 
         Args:
             physics: One of ``PHYSICS``.
             properties: The physics' numbers.
-            package_folder: Gives a package's folder, None if there is none.
 
         Raises:
             UnknownNameError: If there is no such physics.
@@ -57,7 +51,6 @@ class Engine:
                 f"There is no physics '{physics}'; there are {', '.join(PHYSICS)}."
             )
         self.physics = physics
-        self._package_folder = package_folder
         self._client = connect()
         self._bodies: dict[str, tuple[Body, ...]] = {}
         self._sort()
@@ -118,13 +111,10 @@ class Engine:
         left_out: list[str] = []
         # All files are read at once; the trees find them among what is known.
         find_meshes(
-            [s for link in model.assembly.description.links for s in link.collisions],
-            self._package_folder,
+            s for link in model.assembly.description.links for s in link.collisions
         )
         for tree in range(len(model.trees)):
-            number, clauses = load_model(
-                self._client, model, self._package_folder, tree
-            )
+            number, clauses = load_model(self._client, model, tree)
             bodies.append(Body(self._client, number, model, tree))
             left_out += clauses
         for first, second in combinations(bodies, 2):

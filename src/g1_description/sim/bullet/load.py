@@ -8,7 +8,6 @@ absolute paths. It needs no visuals: ``scene`` draws them.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -40,7 +39,6 @@ MASS_TOLERANCE = 1e-3
 def load_model(
     client: BulletClient,
     model: Model,
-    package_folder: Callable[[str], str | None],
     tree: int = 0,
 ) -> tuple[int, tuple[str, ...]]:
     """Load a tree of a model where it is.
@@ -48,7 +46,6 @@ def load_model(
     Args:
         client: PyBullet.
         model: The model.
-        package_folder: Gives a package's folder, None if there is no such package.
         tree: Which of the model's trees.
 
     Returns:
@@ -59,9 +56,7 @@ def load_model(
     """
     description, fixed = model.assembly.description.trees[tree], model.trees[tree].fixed
     with tempfile.TemporaryDirectory() as folder:
-        text, left_out = prepared_urdf(
-            description, package_folder, Path(folder), model.assembly.static
-        )
+        text, left_out = prepared_urdf(description, Path(folder), model.assembly.static)
         file = Path(folder) / "robot.urdf"
         file.write_text(text, encoding="utf-8")
         number = _load(client, file, model.root_poses[tree], fixed)

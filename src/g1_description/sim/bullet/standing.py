@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 
@@ -27,17 +27,12 @@ FAR = 1e4
 """Robots are smaller, in [m]."""
 
 
-def standing_height(
-    assembly: Assembly,
-    rotation: np.ndarray,
-    package_folder: Callable[[str], str | None],
-) -> float:
+def standing_height(assembly: Assembly, rotation: np.ndarray) -> float:
     """Find the height at which a robot stands on the floor, which is z = 0.
 
     Args:
         assembly: The robot, its joints where they begin.
         rotation: How the model frame is turned in the world, shape (4,).
-        package_folder: Gives a package's folder, None if there is no such package.
 
     Returns:
         The least height of the model frame in whole millimetres, in [m], at which all
@@ -48,24 +43,19 @@ def standing_height(
     """
     pose = np.concatenate([IDENTITY[:3], rotation])
     model = Model("standing", assembly, pose)
-    with _loaded(model, package_folder) as (client, numbers):
+    with _loaded(model) as (client, numbers):
         lowest = _lowest_point(client, numbers)
     if math.isinf(lowest):
         lowest = model.poses[:, 2].min(initial=0.0)
     return _above(-lowest)
 
 
-def hanging_height(
-    assembly: Assembly,
-    rotation: np.ndarray,
-    package_folder: Callable[[str], str | None],
-) -> float:
+def hanging_height(assembly: Assembly, rotation: np.ndarray) -> float:
     """Find a height at which no joint can bring a robot to the floor, which is z = 0.
 
     Args:
         assembly: The robot.
         rotation: How the model frame is turned in the world, shape (4,).
-        package_folder: Gives a package's folder, None if there is no such package.
 
     Returns:
         Height of the model frame in whole millimetres, in [m]. The root link's origin
@@ -79,7 +69,7 @@ def hanging_height(
     model = Model("hanging", replace(assembly, positions={}), IDENTITY)
     description = assembly.description.trees[0]  # only the first one can hang
     reaches = origin_reaches(description)
-    with _loaded(model, package_folder) as (client, numbers):
+    with _loaded(model) as (client, numbers):
         reach = max(
             (
                 reaches[name] + _extent(client, number, index, pose[:3])
@@ -102,16 +92,14 @@ def _above(height: float) -> float:
 
 
 @contextmanager
-def _loaded(
-    model: Model, package_folder: Callable[[str], str | None]
-) -> Iterator[tuple[BulletClient, list[int]]]:
+def _loaded(model: Model) -> Iterator[tuple[BulletClient, list[int]]]:
     """Load a model into a PyBullet of its own; give that and its bodies' numbers."""
     client = connect()
     try:
         numbers = []
         if model.link_names:
             for tree in range(len(model.trees)):
-                number, _ = load_model(client, model, package_folder, tree)
+                number, _ = load_model(client, model, tree)
                 Body(client, number, model, tree)
                 numbers.append(number)
         yield client, numbers

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -35,7 +34,6 @@ MOST_HULLS = 100
 
 def prepared_urdf(
     description: Description,
-    package_folder: Callable[[str], str | None],
     folder: Path,
     is_static: bool = False,
 ) -> tuple[str, tuple[str, ...]]:
@@ -46,7 +44,6 @@ def prepared_urdf(
 
     Args:
         description: The tree.
-        package_folder: Gives a package's folder, None if there is no such package.
         folder: Where meshes may be written that the text names.
         is_static: Whether it never moves: then meshes are hollow where their files are.
 
@@ -67,7 +64,7 @@ def prepared_urdf(
             f"The name {too_long[0][:40]}... is longer than {LONGEST_NAME} bytes."
         )
     shapes = [shape for link in description.links for shape in link.collisions]
-    meshes = find_meshes(shapes, package_folder)
+    meshes = find_meshes(shapes)
     files: dict[str, list[Path]] = {}
     for name, mesh in meshes.items():
         if isinstance(mesh, str):

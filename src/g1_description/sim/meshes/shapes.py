@@ -7,13 +7,14 @@ model.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from g1_description.core.errors import LARGEST
+from g1_description.core.files.model_files import find_folder
 from g1_description.core.files.uris import local_path
 from g1_description.core.robot.description import Shape
 
@@ -35,14 +36,11 @@ class Mesh:
     """Empty where PyBullet reads the file itself."""
 
 
-def find_meshes(
-    shapes: Iterable[Shape], package_folder: Callable[[str], str | None]
-) -> dict[str, Mesh | str]:
-    """Find the meshes of a model.
+def find_meshes(shapes: Iterable[Shape]) -> dict[str, Mesh | str]:
+    """Find the meshes of a model; nothing before this asks where a mesh lies.
 
     Args:
         shapes: Its shapes; those that are no meshes are passed over.
-        package_folder: Gives a package's folder, None if there is no such package.
 
     Returns:
         By their names as written: a mesh, or a clause that says why it is left out.
@@ -51,7 +49,7 @@ def find_meshes(
     found: dict[str, Mesh | str] = {}
     paths: dict[str, Path] = {}
     for name in dict.fromkeys(names):
-        path = local_path(name, package_folder)
+        path = local_path(name, find_folder)
         if path is None:
             found[name] = f"mesh {name} does not exist"
         elif path.suffix.lower() not in KINDS:

@@ -7,7 +7,7 @@ without mass are seen too.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -72,15 +72,11 @@ class Scene:
         """End PyBullet's part."""
         self._client.disconnect()
 
-    def add(
-        self, description: Description, package_folder: Callable[[str], str | None]
-    ) -> tuple[int, tuple[str, ...]]:
+    def add(self, description: Description) -> tuple[int, tuple[str, ...]]:
         """Add a robot, its root at the origin and its joints at zero.
 
         Args:
             description: The robot, with fixed links lumped or not.
-            package_folder: Gives a package's folder, None if there is no such
-                package.
 
         Returns:
             The robot's number, from 0, and a clause for each mesh left out.
@@ -89,7 +85,7 @@ class Scene:
         shapes = [
             (link.name, shape) for link in description.links for shape in link.visuals
         ]
-        meshes = find_meshes((shape for _, shape in shapes), package_folder)
+        meshes = find_meshes(shape for _, shape in shapes)
         for link, shape in shapes:
             mesh = meshes[shape.filename] if shape.kind == "mesh" else None
             if isinstance(mesh, str):
