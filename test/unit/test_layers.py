@@ -12,12 +12,12 @@ from layers import MOST_IN_A_ROOM, Layers
 SOURCE = Path(__file__).parents[2] / "src" / "g1_description"
 LAYERS = Layers(SOURCE)
 STANDARD = {"__future__", "argparse", "collections", "contextlib", "copy"}
-STANDARD |= {"dataclasses", "difflib", "functools", "itertools", "logging", "math"}
-STANDARD |= {"os", "pathlib", "re", "shutil", "stat"}
+STANDARD |= {"dataclasses", "difflib", "functools", "io", "itertools", "math"}
+STANDARD |= {"logging", "os", "pathlib", "re", "shutil", "stat"}
 STANDARD |= {"subprocess", "sys", "tempfile", "types", "typing"}
 STANDARD |= {"urllib", "xml"}
 FOREIGN = {
-    "core": STANDARD | {"lxml", "numpy", "rospkg", "urdf_parser_py", "xacro", "yaml"},
+    "core": STANDARD | {"lxml", "numpy", "rospkg", "ruamel", "urdf_parser_py", "xacro"},
     "sim": STANDARD
     | {"ctypes", "resource", "signal", "struct", "time", "warnings", "numpy", "PIL"}
     | {"pybullet", "pybullet_utils"},
@@ -147,7 +147,7 @@ def test_messages_that_nodes_import_are_dependencies():
     ("package", "module"),
     [
         ("urdf_parser_py", "core.urdf.reader"),
-        ("yaml", "core.poses.yaml_text"),
+        ("ruamel", "core.poses.yaml_text"),
         ("pybullet", "sim.bullet.client"),
         ("pybullet_utils", "sim.bullet.client"),
         ("resource", "sim.meshes.read_meshes"),

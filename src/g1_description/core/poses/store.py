@@ -56,7 +56,8 @@ def read_file(file: Path) -> dict[str, Pose]:
 def _text_of(file: Path) -> str:
     """Read a file's text."""
     try:
-        return file.read_text(encoding="utf-8")
+        # Not as text, for which Python would change the ends of lines.
+        return file.read_bytes().decode("utf-8")
     except OSError as error:
         raise PoseFileError(
             f"The file of poses {file} cannot be read: {error.strerror}."

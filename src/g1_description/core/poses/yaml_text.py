@@ -2,16 +2,26 @@
 
 A file maps names of poses to joints, and joints to positions in [rad] or [m]; joints
 that a pose does not name are at 0.0.
+
+ruamel.yaml reads and writes the poses, but does not rewrite a whole file: its round
+trip drops comments inside ``{}``, moves the comment after a pose into that pose, and
+rejoins folded lines. A saved pose replaces its own lines and no others.
 """
 
 from __future__ import annotations
 
+import io
 import math
 import re
 from collections.abc import Mapping
 from dataclasses import replace
 
-import yaml
+from ruamel.yaml import YAML, YAMLError
+from ruamel.yaml.comments import CommentedMap
+from ruamel.yaml.constructor import DuplicateKeyError
+from ruamel.yaml.nodes import ScalarNode
+from ruamel.yaml.representer import RoundTripRepresenter
+from ruamel.yaml.scalarbool import ScalarBoolean
 
 from g1_description.core.errors import InvalidValueError, PoseFileError
 
@@ -20,25 +30,10 @@ from .pose import Pose
 ABOUT = "about"
 """Key of a pose's line of text, which is no joint."""
 
+MAX_LINE = 4096
+"""Longest line before ruamel.yaml folds it, in characters."""
+
 _NAME = re.compile(r"[A-Za-z][\w-]*", re.ASCII)
-
-
-class _Loader(yaml.SafeLoader):
-    """A reader of YAML that refuses a key that stands twice in a mapping."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict:
-        """Read a mapping."""
-        seen = set()
-        for key, _ in node.value:
-            if not isinstance(key, yaml.ScalarNode):
-                continue
-            if key.value in seen:
-                raise yaml.constructor.ConstructorError(
-                    problem=f"{key.value!r} stands there twice",
-                    problem_mark=key.start_mark,
-                )
-            seen.add(key.value)
-        return super().construct_mapping(node, deep)
 
 
 def parse_poses(text: str, place: str) -> dict[str, Pose]:
@@ -46,59 +41,84 @@ def parse_poses(text: str, place: str) -> dict[str, Pose]:
 
     Args:
         text: A file's text; an empty one has no poses.
-        place: The file's name, for the sentences.
+        place: The file's name, for the messages.
 
     Returns:
         The poses by name, in the order of the file.
 
     Raises:
-        PoseFileError: If the text is not of that form, or names something twice.
+        PoseFileError: If the text has another form, or has a name twice.
         InvalidValueError: If a position is not a finite number.
     """
+    content = _load(text, place)
+    return {name: _pose(name, value, place) for name, value in content.items()}
+
+
+def _load(text: str, place: str) -> CommentedMap:
+    """Read YAML whose top level is a mapping; an empty text is an empty mapping.
+
+    Raises:
+        PoseFileError: If it is not.
+    """
     try:
-        content = yaml.load(text, _Loader)
-    except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
+        # The round-trip reader knows each key's line, and takes aliases of aliases
+        # in linear time.
+        content = YAML().load(text)
+    except (YAMLError, DuplicateKeyError, RecursionError, ValueError) as error:
+        mark = getattr(error, "problem_mark", None)
         where = f", line {mark.line + 1}" if mark else ""
+        problem = str(getattr(error, "problem", None) or error).splitlines()[0]
+        # A duplicate key's problem goes on with both values.
+        problem = problem.partition(" with value")[0]
         raise PoseFileError(
-            f"The poses of {place} cannot be read{where}: {error.problem}."
+            f"The poses in {place} cannot be read{where}: {problem}."
         ) from error
-    except (yaml.YAMLError, RecursionError) as error:
-        what = str(error).splitlines()[0]
-        raise PoseFileError(f"The poses of {place} cannot be read: {what}.") from error
-    if content is not None and not isinstance(content, dict):
+    if content is None:
+        return CommentedMap()
+    if not isinstance(content, CommentedMap):
         raise PoseFileError(
-            f"{place} holds a {type(content).__name__}, it must map names of poses to "
-            "joints and their positions."
+            f"{place} must map names of poses to joints and their positions; it is "
+            f"{_shown(content)}."
         )
-    return {name: _pose(name, told, place) for name, told in (content or {}).items()}
+    return content
 
 
-def _pose(name: object, told: object, place: str) -> Pose:
+def _pose(name: object, value: object, place: str) -> Pose:
     """Read one pose."""
     check_name(name)
-    if not isinstance(told, dict):
+    pose = f"Pose {name} of {place}"
+    if not isinstance(value, CommentedMap):
         raise PoseFileError(
-            f"Pose {name} of {place} is {told!r}, it must map joints to positions."
+            f"{pose} must map joints to positions; it is {_shown(value)}."
         )
-    joints = {key: value for key, value in told.items() if key != ABOUT}
-    about = told.get(ABOUT, "")
+    joints = {key: position for key, position in value.items() if key != ABOUT}
+    about = value.get(ABOUT, "")
     if not isinstance(about, str):
-        raise PoseFileError(
-            f"Pose {name} of {place} has {ABOUT}: {about!r}, it must be a text."
-        )
-    for joint, value in joints.items():
+        raise PoseFileError(f"{pose}: {ABOUT} must be text, not {_shown(about)}.")
+    for joint, position in joints.items():
         if not isinstance(joint, str):
-            raise PoseFileError(
-                f"Pose {name} of {place} has {joint!r} for the name of a joint."
-            )
-        if type(value) not in (int, float) or not math.isfinite(value):
+            raise PoseFileError(f"{pose}: {joint!r} is not the name of a joint.")
+        if not _is_number(position):
             raise InvalidValueError(
-                f"Pose {name} of {place} has {joint} at {value!r}, which is no finite "
-                "number."
+                f"{pose}: the position of {joint} must be a finite number, not "
+                f"{_shown(position)}."
             )
-    positions = {joint: float(value) for joint, value in joints.items()}
+    positions = {str(joint): float(position) for joint, position in joints.items()}
     return Pose(str(name), positions, _one_line(about), place)
+
+
+def _shown(value: object) -> str:
+    """Return a value as a message shows it: a list may be endless, by its aliases."""
+    if isinstance(value, CommentedMap):
+        return "a mapping"
+    return "a list" if isinstance(value, list) else repr(value)
+
+
+def _is_number(value: object) -> bool:
+    """Check that a value is a finite number."""
+    if isinstance(value, (bool, ScalarBoolean)):
+        return False
+    return isinstance(value, (int, float)) and math.isfinite(value)
 
 
 def _one_line(text: str) -> str:
@@ -114,59 +134,87 @@ def check_name(name: object) -> None:
     """
     if not isinstance(name, str) or not _NAME.fullmatch(name):
         raise PoseFileError(
-            f"A pose cannot be called {name!r}: names begin with a letter and have "
-            "letters, digits, _ and -."
+            f"A pose cannot be called {name!r}: names begin with a letter and contain "
+            "only letters, digits, _ and -."
         )
 
 
 def with_pose(text: str, pose: Pose, place: str) -> str:
-    """Put a pose into a text, in the place of the one of its name if there is one.
+    """Add a pose to a text, or replace the one of its name.
 
     All other lines stay as they are.
 
     Args:
         text: Poses, or nothing.
-        pose: What to put there.
-        place: The file's name, for the sentences.
+        pose: The pose to write.
+        place: The file's name, for the messages.
 
     Returns:
         The new text.
 
     Raises:
-        PoseFileError: If the text holds no poses, or in a form that cannot be added to.
+        PoseFileError: If the text holds no poses, or in a form that cannot be edited.
         InvalidValueError: If a position in it is not a finite number.
     """
     pose = replace(pose, about=_one_line(pose.about))
     wanted = {**parse_poses(text, place), pose.name: pose}
-    about = {ABOUT: pose.about} if pose.about else {}
-    told = {pose.name: {**about, **pose.positions}}
-    block = yaml.safe_dump(told, sort_keys=False, allow_unicode=True, width=1000)
-    written = _with_block(text, pose.name, block)
+    written = _with_lines(text, pose.name, _lines_of(pose), place)
     try:
         same = _content(parse_poses(written, place)) == _content(wanted)
-    except PoseFileError:
+    except (PoseFileError, InvalidValueError):
         same = False
     if not same:
         raise PoseFileError(
-            f"{place} is written in a form that cannot be added to: each pose must "
-            "begin a line of its own and refer to no other."
+            f"{place} is written in a form that cannot be edited: each pose must "
+            "begin on a line of its own and refer to no other pose."
         )
     return written
 
 
-def _with_block(text: str, name: str, block: str) -> str:
-    """Put the lines of a pose where those of its name are, or at the end."""
-    root = yaml.compose(text, yaml.SafeLoader)
-    for key, value in root.value if root else ():
-        if key.value == name:
-            entries = value.value if isinstance(value, yaml.MappingNode) else ()
-            # A mapping's own end is where the next one begins, beyond the comments.
-            last = entries[-1][1] if entries else value
-            before, after = text[: key.start_mark.index], text[last.end_mark.index :]
-            return before + block + after.partition("\n")[2]
-    return f"{text.rstrip()}\n\n{block}" if text.strip() else block
+def _with_lines(text: str, name: str, new: str, place: str) -> str:
+    """Replace the lines of a pose, or add them at the end.
+
+    The comments and empty lines after a pose belong to the next one.
+    """
+    poses = _load(text, place)
+    end_of_line = "\r\n" if "\r\n" in text else "\n"
+    new = new.replace("\n", end_of_line)
+    if name not in poses:
+        return text.rstrip() + 2 * end_of_line + new if text.strip() else new
+    lines = text.splitlines(keepends=True)
+    begin = poses.lc.key(name)[0]
+    later = [poses.lc.key(other)[0] for other in poses]
+    end = min((line for line in later if line > begin), default=len(lines))
+    while end > begin + 1 and lines[end - 1].strip()[:1] in ("", "#"):
+        end -= 1
+    return "".join([*lines[:begin], new, *lines[end:]])
+
+
+def _lines_of(pose: Pose) -> str:
+    """Write one pose."""
+    about = {ABOUT: pose.about} if pose.about else {}
+    writer = YAML()
+    writer.width = MAX_LINE  # type: ignore[assignment]
+    writer.Representer = _Representer
+    lines = io.StringIO()
+    writer.dump({pose.name: {**about, **pose.positions}}, lines)
+    return lines.getvalue()
+
+
+class _Representer(RoundTripRepresenter):
+    """Writes 1e-06 as 1.0e-06: YAML 1.1, which ROS reads, takes the former for text."""
+
+    def represent_float(self, value: float) -> ScalarNode:
+        """Write a finite number."""
+        digits = repr(value)
+        if "." not in digits:
+            digits = digits.replace("e", ".0e")
+        return self.represent_scalar("tag:yaml.org,2002:float", digits)
+
+
+_Representer.add_representer(float, _Representer.represent_float)
 
 
 def _content(poses: Mapping[str, Pose]) -> dict[str, tuple[dict[str, float], str]]:
-    """Tell what poses are, apart from where they are from."""
+    """Return what the poses are, apart from the file they are from."""
     return {name: (pose.positions, pose.about) for name, pose in poses.items()}
