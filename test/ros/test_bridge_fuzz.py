@@ -19,7 +19,8 @@ from support.examples import run_examples
 from support.ros_testing import wait_for
 from support.wire.raw_publisher import RawPublisher
 from support.wire.raw_subscriber import RawSubscriber
-from support.wire.tcpros import LENGTH, body_of
+
+from tcpros import LENGTH, body_of
 
 MUTATIONS = 300
 ROUNDS = 20

@@ -14,9 +14,10 @@ from support.bridge.arm import URDF, arm_states, run_clock
 from support.bridge.watched import Watched
 from support.ros_testing import Connected, Repeated, wait_for
 from support.wire.raw_service import SUCCESS, Gate, Simulator, refusal
-from support.wire.tcpros import body_of
 
 from g1_description.ros.node.complaints import PERIOD
+
+from tcpros import body_of
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 LINK_STATES, COMMANDS, JOINTS = "link states", "commands", "arm joints"

@@ -22,7 +22,8 @@ from support.ros_testing import Repeated, wait_for
 from support.wire.raw_publisher import RawPublisher
 from support.wire.raw_service import Simulator
 from support.wire.raw_subscriber import RawSubscriber
-from support.wire.tcpros import body_of
+
+from tcpros import body_of
 
 SOON = 4.0
 """Longest time until a new master's new nodes are connected, in [s]."""

@@ -11,7 +11,8 @@ from rosgraph_msgs.msg import Clock
 from support.bridge.arm import URDF, arm_states, shows
 from support.bridge.watched import Watched
 from support.ros_testing import Repeated, wait_for
-from support.wire.tcpros import body_of
+
+from tcpros import body_of
 
 
 class TestBridgeSource(unittest.TestCase):

@@ -18,8 +18,9 @@ from support.bridge.watched import Watched
 from support.burners import Burners
 from support.ros_testing import Launch, Listener, Repeated, process_of, wait_for
 from support.stamp_record import LISTENERS, SECOND, Others, Record, splits
-from support.wire.tcpros import body_of
 from tf2_msgs.msg import TFMessage
+
+from tcpros import body_of
 
 AT_ONCE = 1.0
 """Longest time to the first states after a jump in [s] of wall time."""

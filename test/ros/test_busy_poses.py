@@ -15,9 +15,10 @@ import rostest
 from sensor_msgs.msg import JointState
 from support.ros_testing import DEADLINE, Connected, wait_for
 from support.wire.raw_publisher import RawPublisher
-from support.wire.tcpros import body_of
 
 from g1_description.ros.node.newest import NEWEST
+
+from tcpros import body_of
 
 CALLS = (
     ("squat",),

@@ -24,11 +24,10 @@ from gazebo_msgs.srv import GetModelState, GetWorldProperties
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
 from support.burners import Burners
-from support.ros_testing import REPOSITORY, SHARED, Listener, process_of, wait_for
+from support.ros_testing import SHARED, Listener, process_of, wait_for
 from support.stamp_record import SECOND, Others, Record, splits
 from support.virtual_screen import VirtualScreen
 
-sys.path.insert(0, str(REPOSITORY / "tools"))
 from processes import end_processes, marked_environment, marked_processes, wait_for_end
 
 LAUNCH = SHARED / "clients" / "display_and_gazebo_original.launch"

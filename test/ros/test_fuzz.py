@@ -23,7 +23,8 @@ from support.fuzz.world import ROBOT, Observer
 from support.fuzz.xml import SECRET, sdf_attacks, urdf_attacks
 from support.ros_testing import wait_for
 from support.stand_in import Node
-from support.wire.tcpros import HangupError, ServiceError, header_of, packed
+
+from tcpros import HangupError, ServiceError, header_of, packed
 
 REQUESTS = int(os.environ.get("FUZZ_REQUESTS", "4000"))
 SEED = int(os.environ.get("FUZZ_SEED", "0")) or random.randrange(1, 2**32)

@@ -13,7 +13,8 @@ import rostest
 from gazebo_msgs.msg import LinkStates
 from support.ros_testing import Listener, wait_for
 from support.stand_in import Node
-from support.wire.tcpros import ANSWER, Service, body_of, packed, received
+
+from tcpros import ANSWER, Service, body_of, packed, received
 
 CLIENTS = 50
 PROCESSES = 2

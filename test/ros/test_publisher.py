@@ -12,9 +12,10 @@ import rostest
 from std_msgs.msg import String
 from support.ros_testing import Listener, wait_for
 from support.wire.raw_subscriber import RawSubscriber, own_uri
-from support.wire.tcpros import HangupError
 
 from g1_description.ros.transport.direct_publisher import DirectPublisher
+
+from tcpros import HangupError
 
 MANY = 20_000
 LONG = "x" * 4000

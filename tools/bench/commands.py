@@ -23,7 +23,7 @@ from .nodes import EACH_STEP, Graph, MeasurementError, wait_for
 from .peer import Peer
 from .standin import FALL, HANGING
 from .stream import no_collector, read_urdf
-from .tcpros import Service, body_of, packed
+from tcpros import Service, body_of, packed
 
 PATIENCE = 2.0  # [s]
 PAUSES = (0.005, 0.025)  # [s]

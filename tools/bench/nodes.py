@@ -14,6 +14,7 @@ from xmlrpc.client import ServerProxy
 
 import rosgraph
 import rosnode
+
 from processes import end_processes, marked_environment, new_mark
 
 PATIENCE = 60.0  # [s]

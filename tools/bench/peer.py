@@ -15,7 +15,7 @@ from xmlrpc.server import SimpleXMLRPCServer
 import rosgraph
 
 from .nodes import MeasurementError
-from .tcpros import PATIENCE, Messages, header_of, received_header
+from tcpros import PATIENCE, Messages, header_of, received_header
 
 HOST = "127.0.0.1"
 CHUNK = 1 << 18  # bytes read at once

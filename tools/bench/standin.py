@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .nodes import EACH_STEP, Graph, wait_for
-from .tcpros import Service
+from tcpros import Service
 
 CALLS = 2000
 FALL = 5.0  # [s] of simulated time; it lies after one, and stands still after two

@@ -20,7 +20,7 @@ from g1_description.core.urdf.reader import parse_urdf
 from g1_description.ros.wire.link_states import LinkStatesEncoder
 from g1_description.sim.world import World
 
-from .tcpros import packed
+from tcpros import packed
 
 ROBOT = "g1_robot"
 STEPS = 5000  # of the recording; it begins again after them

@@ -15,7 +15,7 @@ from pathlib import Path
 import rosservice
 
 from .nodes import Graph, wait_for
-from .tcpros import Service
+from tcpros import Service
 
 MODELS = 53
 TIME_STEP = 0.001  # [s]

@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 
 from .ros_testing import DEADLINE, process_of, wait_for
-from .wire.tcpros import Services
+from .wire.services import Services
 
 TROUBLE = (b"Traceback", b"Segmentation")
 

@@ -13,9 +13,9 @@ from scipy.spatial.transform import Rotation
 from std_msgs.msg import String
 
 from ..examples import strategies as st
-from ..wire.tcpros import LENGTH, body_of
-from ..wire.tcpros import packed as text
 from .arm import LINKS, arm_states
+from tcpros import LENGTH, body_of
+from tcpros import packed as text
 
 MANY = 2**32 - 1
 SHOWN = {"shoulder": 0.25, "elbow": -0.5, "slide": 0.125}

@@ -9,9 +9,9 @@ from sensor_msgs.msg import JointState
 
 from ..ros_testing import Listener, wait_for
 from ..wire.raw_publisher import RawPublisher
-from ..wire.tcpros import body_of
 from .arm import arm_states, shows
 from .process import Bridge
+from tcpros import body_of
 
 AT_ONCE = 1.0
 """Longest time to the joint states of a good message in [s]."""

@@ -10,8 +10,8 @@ from functools import lru_cache
 import genpy
 
 from ..examples import strategies as st
-from ..wire.tcpros import LENGTH, packed
 from .xml import BOX, SOLID, entities, link, mesh, numbers, robot, sdf_model
+from tcpros import LENGTH, packed
 
 FORMATS = {
     **{"bool": "B", "byte": "b", "char": "B", "float32": "f", "float64": "d"},

@@ -1,8 +1,8 @@
 """The world as a client sees it, to compare before and after; and put in order."""
 
 from ..ros_testing import REPOSITORY
-from ..wire.tcpros import body_of
 from .xml import sdf
+from tcpros import body_of
 
 ROBOT = "g1_robot"
 LEAVES = (

@@ -9,7 +9,7 @@ from xmlrpc.server import SimpleXMLRPCServer
 import rosgraph
 
 from ..ros_testing import wait_for
-from .tcpros import LENGTH, HangupError, header_of, packed, received
+from tcpros import LENGTH, HangupError, header_of, packed, received
 
 RESET = struct.pack("ii", 1, 0)
 """SO_LINGER that makes closing a socket reset its connection."""

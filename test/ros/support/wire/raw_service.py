@@ -10,7 +10,7 @@ import rospy
 from gazebo_msgs.srv import SetModelConfiguration, SetModelConfigurationResponse
 
 from ..ros_testing import DEADLINE, wait_for
-from .tcpros import ANSWER, LENGTH, HangupError, body_of, header_of, received
+from tcpros import ANSWER, LENGTH, body_of, header_of, received
 
 SERVICE = "/gazebo/set_model_configuration"
 SUCCESS = SetModelConfigurationResponse(True, "SetModelConfiguration: success")
@@ -52,7 +52,7 @@ class Simulator:
 
     def _serve(self, sock):
         """Shake hands and answer requests until one side closes the connection."""
-        with contextlib.suppress(OSError, HangupError):
+        with contextlib.suppress(OSError):
             self._receive(sock)
             fields = {"type": SetModelConfiguration._type, "callerid": "/simulator"}
             sock.sendall(header_of(md5sum=SetModelConfiguration._md5sum, **fields))

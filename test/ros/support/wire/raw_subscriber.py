@@ -6,7 +6,7 @@ from xmlrpc.client import ServerProxy
 
 import rospy
 
-from .tcpros import LENGTH, header_of, received
+from tcpros import LENGTH, header_of, received
 
 
 class RawSubscriber:

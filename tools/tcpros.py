@@ -1,4 +1,7 @@
-"""Services on the wire: raw sockets, so that what is sent may be anything."""
+"""ROS' TCP protocol as bytes: lengths, handshakes, messages, service calls.
+
+A client on raw sockets, so that what is sent may be anything, and costs little.
+"""
 
 import io
 import socket
@@ -10,14 +13,18 @@ import rosservice
 
 LENGTH = struct.Struct("<I")
 ANSWER = struct.Struct("<BI")
+PATIENCE = 60.0
+"""Longest wait for a connection or an answer in [s]."""
+CALLER = "/tcpros_client"
+"""What nodes are told of who calls."""
 
 
-class ServiceError(Exception):
-    """The node answered with an error in place of a response."""
-
-
-class HangupError(Exception):
+class HangupError(ConnectionError):
     """The node closed the connection."""
+
+
+class ServiceError(ConnectionError):
+    """The node answered with an error in place of a response."""
 
 
 def packed(data):
@@ -39,7 +46,7 @@ def header_of(**fields):
 
 
 def received(sock, count):
-    """Read so many bytes.
+    """Read so many bytes from a socket that waits for them.
 
     Raises:
         HangupError: If the connection ends before.
@@ -51,16 +58,51 @@ def received(sock, count):
         except ConnectionError as error:
             raise HangupError from error
         if not part:
-            raise HangupError
+            raise HangupError("the connection ended")
         parts.append(part)
         count -= len(part)
     return b"".join(parts)
 
 
+def received_header(sock):
+    """Read a handshake; give its fields by name."""
+    data = received(sock, *LENGTH.unpack(received(sock, LENGTH.size)))
+    fields, start = {}, 0
+    while start < len(data):
+        end = start + LENGTH.size + LENGTH.unpack_from(data, start)[0]
+        name, _, value = data[start + LENGTH.size : end].partition(b"=")
+        fields[name.decode()] = value.decode()
+        start = end
+    return fields
+
+
+class Messages:
+    """Cuts what comes from a socket into messages."""
+
+    def __init__(self):
+        """Begin with nothing."""
+        self._buffer = bytearray()
+
+    def cut(self, data):
+        """Take bytes; give the bodies of the messages that are whole now."""
+        buffer = self._buffer
+        buffer += data
+        bodies, start = [], 0
+        while len(buffer) - start >= LENGTH.size:
+            begin = start + LENGTH.size
+            end = begin + LENGTH.unpack_from(buffer, start)[0]
+            if end > len(buffer):
+                break
+            bodies.append(bytes(buffer[begin:end]))
+            start = end
+        del buffer[:start]
+        return bodies
+
+
 class Service:
     """One persistent connection to a service, made anew when it was lost."""
 
-    def __init__(self, name, patience=60.0):
+    def __init__(self, name, patience=PATIENCE):
         """Find the service.
 
         Args:
@@ -70,7 +112,7 @@ class Service:
         self.name = name
         self.kind = rosservice.get_service_class_by_name(name)
         self.request_class = self.kind._request_class
-        place = urlparse(rosgraph.Master("/fuzz").lookupService(name))
+        place = urlparse(rosgraph.Master(CALLER).lookupService(name))
         self.place = place.hostname, place.port
         self._patience = patience
         self._socket = None
@@ -79,13 +121,13 @@ class Service:
         """Shake hands; give the socket."""
         sock = socket.create_connection(self.place, self._patience)
         sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        fields = {"md5sum": self.kind._md5sum, "persistent": 1, "callerid": "/fuzz"}
+        fields = {"md5sum": self.kind._md5sum, "persistent": 1, "callerid": CALLER}
         sock.sendall(header_of(service=self.name, **fields))
-        received(sock, *LENGTH.unpack(received(sock, LENGTH.size)))
+        received_header(sock)
         return sock
 
     def send(self, body):
-        """Send the bytes of a request; give the bytes of the response.
+        """Send the bytes of a request; give those of the response.
 
         Raises:
             ServiceError: If the node answered with an error.
@@ -97,42 +139,24 @@ class Service:
             self._socket.sendall(packed(body))
             ok, length = ANSWER.unpack(received(self._socket, ANSWER.size))
             answer = received(self._socket, length)
-        except (OSError, HangupError):
+        except OSError:
             self.close()
             raise
         if not ok:
             raise ServiceError(answer.decode("utf-8", "replace"))
         return answer
 
-    def call(self, *args, **fields):
-        """Call the service as rospy does."""
-        answer = self.send(body_of(self.request_class(*args, **fields)))
+    def request(self, *values, **fields):
+        """Write the bytes of a request."""
+        return body_of(self.request_class(*values, **fields))
+
+    def __call__(self, *values, **fields):
+        """Call the service as rospy does; give the response."""
+        answer = self.send(self.request(*values, **fields))
         return self.kind._response_class().deserialize(answer)
 
     def close(self):
+        """Hang up."""
         if self._socket is not None:
             self._socket.close()
         self._socket = None
-
-
-class Services:
-    """All services of the node by their names below it."""
-
-    def __init__(self, node="/gazebo"):
-        master = rosgraph.Master("/fuzz")
-        scope = f"{node}/"
-        offered = (name for name, _ in master.getSystemState()[2])
-        self.names = sorted(n[len(scope) :] for n in offered if n.startswith(scope))
-        self._services = {name: Service(scope + name) for name in self.names}
-
-    def __getitem__(self, name):
-        """Give the connection to a service."""
-        return self._services[name]
-
-    def call(self, name, *args, **fields):
-        """Call a service as rospy does."""
-        return self._services[name].call(*args, **fields)
-
-    def close(self):
-        for service in self._services.values():
-            service.close()
