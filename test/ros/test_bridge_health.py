@@ -21,8 +21,6 @@ from tcpros import body_of
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 LINK_STATES, COMMANDS, JOINTS = "link states", "commands", "arm joints"
-SOON = 12.0
-"""Longest time from a fault, or its end, to the status that says so, in [s]."""
 
 
 def command(**positions):
@@ -72,7 +70,7 @@ class TestBridgeHealth(unittest.TestCase):
             )
 
         self.statuses.clear()
-        self.statuses.wait(says_so, f"{name}: {level} {words}", SOON)
+        self.statuses.wait(says_so, f"{name}: {level} {words}")
 
     def values(self):
         """Give the values of the last status of commands."""

@@ -2,7 +2,6 @@
 """The master dies and another takes its place: the bridge goes on, and is known."""
 
 import os
-import select
 import signal
 import socket
 import subprocess
@@ -25,10 +24,8 @@ from support.wire.raw_subscriber import RawSubscriber
 
 from tcpros import body_of
 
-SOON = 4.0
-"""Longest time until a new master's new nodes are connected, in [s]."""
-AWAY = 3.0
-"""How long there is no master, in [s]."""
+AWAY = 500
+"""Messages that come while there is no master."""
 BEGIN = time.monotonic() - 100.0
 """When the simulated time was zero, on the monotonic clock."""
 OWN = {"/joint_states", "/tf", "/tf_static", "/diagnostics", "/rosout"}
@@ -93,10 +90,10 @@ class Sides:
         now = rospy.Time.from_sec(time.monotonic() - BEGIN)
         self._clock.send(body_of(Clock(now)))
 
-    def wait_for_bridge(self, deadline):
+    def wait_for_bridge(self):
         """Wait until the bridge has connected to all topics."""
         topics = (self._clock, self.states, self.commands)
-        wait_for(lambda: all(topic.sockets for topic in topics), "the bridge", deadline)
+        wait_for(lambda: all(topic.sockets for topic in topics), "the bridge")
 
     def send_command(self, **positions):
         message = JointState(name=[*positions], position=[*positions.values()])
@@ -134,7 +131,6 @@ class TestBridgeMaster(unittest.TestCase):
                 "/joint_states", JointState._type, "http://localhost:1/"
             ),
             "the master to know who publishes joint states",
-            SOON,
         )
         self.assertEqual(uris, [self.bridge.uri])
         reader = RawSubscriber(uris[0], "/joint_states", JointState, name)
@@ -160,12 +156,7 @@ class TestBridgeMaster(unittest.TestCase):
 
     def begin(self, sides, *readers):
         """Show the arm until the last reader is taken up and all have the newest."""
-        newest = readers[-1]._socket
-        wait_for(
-            lambda: self.show(sides) or select.select([newest], [], [], 0.02)[0],
-            "joint states",
-            SOON,
-        )
+        wait_for(lambda: self.show(sides) or readers[-1].has_data(0.02), "joint states")
         self.show(sides)
         for reader in readers:
             reader.read_until(self.is_wanted)
@@ -175,7 +166,7 @@ class TestBridgeMaster(unittest.TestCase):
         sides = self.sides()
         self.bridge = Bridge("_model_name:=arm", master_uri=self.core.uri)
         self.addCleanup(self.bridge.kill)
-        sides.wait_for_bridge(SOON)
+        sides.wait_for_bridge()
         readers = [self.reader()]
         self.begin(sides, *readers)
         sides.command(elbow=0.125)
@@ -183,8 +174,7 @@ class TestBridgeMaster(unittest.TestCase):
 
     def go_on(self, sides, *readers):
         """Without a master, what is connected stays so for a while."""
-        end = time.monotonic() + AWAY
-        while time.monotonic() < end:
+        for _ in range(AWAY):
             self.check(sides, *readers)
         sides.command(elbow=0.25 + self.number)
 
@@ -193,7 +183,7 @@ class TestBridgeMaster(unittest.TestCase):
         self.core.start()
         begin = time.monotonic()
         sides = self.sides()
-        sides.wait_for_bridge(SOON)
+        sides.wait_for_bridge()
         newest = self.reader()
         self.begin(sides, *readers, newest)
         elapsed = time.monotonic() - begin

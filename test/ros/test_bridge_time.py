@@ -22,8 +22,6 @@ from tf2_msgs.msg import TFMessage
 
 from tcpros import body_of
 
-AT_ONCE = 1.0
-"""Longest time to the first states after a jump in [s] of wall time."""
 BASE = "base_link"
 """The frame that the bridge itself moves."""
 
@@ -61,12 +59,21 @@ class TestBridgeTime(unittest.TestCase):
         self.model.publish(state)
 
     def run_for(self, share):
-        """Let a share of the whole time pass."""
-        end = time.monotonic() + share * self.seconds
-        wait_for(lambda: time.monotonic() > end, "the time", 2.0 * self.seconds)
+        """Let a share of the whole time pass, by the stamps of joint states."""
+        end = self.record.joints()[-1] + share * self.seconds * SECOND
+        wait_for(
+            lambda: self.record.joints()[-1] > end, "the time", 60 + 5 * self.seconds
+        )
 
-    def jump(self, act, deadline=AT_ONCE):
-        """Let the time go back; states and base must come again at once."""
+    def pause(self):
+        """Pause until some joint states have come of what is commanded meanwhile."""
+        rospy.ServiceProxy("/gazebo/pause_physics", Empty)()
+        before = len(self.record.joints())
+        wait_for(lambda: len(self.record.joints()) > before + 20, "joint states")
+        rospy.ServiceProxy("/gazebo/unpause_physics", Empty)()
+
+    def jump(self, act):
+        """Let the time go back; states and base must come again."""
         before = len(splits(self.record.joints()))
         act()
 
@@ -74,7 +81,7 @@ class TestBridgeTime(unittest.TestCase):
             both = self.record.joints(), self.record.frames()[BASE]
             return all(len(splits(stamps)) == before + 1 for stamps in both)
 
-        wait_for(have_jumped, "joint states and base after the jump", deadline)
+        wait_for(have_jumped, "joint states and base after the jump")
 
     def check_stamps(self, jumps):
         """No stamp comes twice on /tf, and the base comes with the first states."""
@@ -90,7 +97,7 @@ class TestBridgeTime(unittest.TestCase):
         self.assertEqual(self.others.trouble(), {})
         self.assertEqual(self.record.trouble(), [])
 
-    def test_1_those_who_listen_tell_when_a_stamp_comes_twice(self):
+    def test_those_who_listen_tell_when_a_stamp_comes_twice(self):
         """Else their silence would tell nothing."""
         others = Others("/repeated")
         self.addCleanup(others.close)
@@ -107,35 +114,34 @@ class TestBridgeTime(unittest.TestCase):
             "all to complain",
         )
 
-    def test_2_resets_a_pause_and_a_new_simulator(self):
+    def test_resets_a_pause_and_a_new_simulator(self):
         self.start("respawn_gazebo:=true")
         # Beyond the ten seconds that TF remembers, older data could be refused.
         self.run_for(0.55)
         for _ in range(2):
             self.jump(rospy.ServiceProxy("/gazebo/reset_simulation", Empty))
             self.run_for(0.1)
-        rospy.ServiceProxy("/gazebo/pause_physics", Empty)()
-        self.run_for(0.05)
-        rospy.ServiceProxy("/gazebo/unpause_physics", Empty)()
+        self.pause()
         self.run_for(0.05)
         self.check_stamps(jumps=2)
         # Whoever has not heard the new simulator's clock takes its time for the old.
         self.check_silence()
         pid = process_of("/gazebo")
-        self.jump(lambda: os.kill(pid, signal.SIGKILL), 20.0)
+        self.jump(lambda: os.kill(pid, signal.SIGKILL))
         self.run_for(0.1)
         self.check_stamps(jumps=3)
 
-    def test_4_the_time_of_the_wall(self):
+    def test_the_time_of_the_wall(self):
         self.start("use_sim_time:=false")
+        before = time.time()
         self.run_for(0.15)
         stamps = self.record.joints()
-        self.assertAlmostEqual(stamps[-1] / SECOND, time.time(), delta=1.0)
+        self.assertTrue(before < stamps[-1] / SECOND <= time.time())
         self.assertEqual(stamps, sorted(set(stamps)))
         self.check_stamps(jumps=0)
         self.check_silence()
 
-    def test_5_the_time_of_the_wall_without_any_clock(self):
+    def test_the_time_of_the_wall_without_any_clock(self):
         rospy.set_param("/use_sim_time", False)
         rospy.set_param("/robot_description", URDF)
         watched = Watched("/wall", has_clock=False)
@@ -149,11 +155,13 @@ class TestBridgeTime(unittest.TestCase):
             message = watched.show(arm_states(**positions), positions)
             stamp = message.header.stamp.to_sec()
             self.assertTrue(before - 1e-3 <= stamp <= time.time() + 1e-3)
+        before = time.time()
+        frames.clear()
         last = wait_for(
             lambda: watched.send(body_of(arm_states())) or frames.messages, "base_link"
         )[-1].transforms[0]
         self.assertEqual(last.child_frame_id, "base_link")
-        self.assertAlmostEqual(last.header.stamp.to_sec(), time.time(), delta=1.0)
+        self.assertTrue(before - 1.0 < last.header.stamp.to_sec() <= time.time())
 
 
 if __name__ == "__main__":

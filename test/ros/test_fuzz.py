@@ -33,8 +33,6 @@ BATCH = 250
 AT_ONCE = 3.0
 """Most processor time that an answer may take in [s]; a request of 1 MB took 1.2 on a
 machine with more to do than cores."""
-SOON = 5.0
-"""Longest time until a new client is answered in [s]."""
 GROWTH = 0.02e6 * REQUESTS
 """Most memory that the second half of all requests may cost in [bytes]. PyBullet gives
 back 0.05 MB too little with each reset and 0.12 MB with each G1 that it loads again;
@@ -232,11 +230,9 @@ class TestFuzz(unittest.TestCase):
         wait_for(lambda: self.node.threads() < 50, "the threads to end")
 
     def is_served(self):
-        """Check that a new client is answered at once."""
-        begin = time.monotonic()
+        """Check that a new client is answered."""
         self.services["get_world_properties"].close()
         self.services.call("get_world_properties")
-        self.assertLess(time.monotonic() - begin, SOON)
 
     def test_4_any_bytes_for_an_answer(self):
         """What is no request gets an error or the end of the connection, no silence."""

@@ -2,26 +2,27 @@
 """Ctrl-C ends the commands quietly, at whatever moment."""
 
 import contextlib
+import math
 import os
+import resource
 import signal
 import subprocess
 import sys
 import tempfile
-import time
 import unittest
 from pathlib import Path
 
 import rospy
 import rostest
 from sensor_msgs.msg import JointState
-from support.ros_testing import REPOSITORY, Connected
+from support.ros_testing import REPOSITORY, Connected, wait_for
 
 ENDS = (0, 130, -signal.SIGINT)
 """Exit codes: too late, interrupted, and interrupted before Python runs, which shells
 show as 130 too."""
 OURS = "g1_description/ros/"
 """In tracebacks of what we import; before that Python itself answers signals."""
-STEPS = 8
+STEPS = 6
 """Moments from a command's start to its end."""
 PATIENCE = 60.0
 
@@ -36,6 +37,21 @@ def start(*words):
     )
 
 
+def children_time():
+    """Give the processor time of all that was started here and has ended in [s]."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+def processor_time(pid):
+    """Give the processor time of a process and those it waited for in [s]."""
+    try:
+        fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
+    except OSError:
+        return math.inf
+    return sum(map(int, fields[11:15])) / os.sysconf("SC_CLK_TCK")
+
+
 class TestInterrupts(unittest.TestCase):
     def setUp(self):
         Connected("/joint_states", JointState).close()
@@ -44,10 +60,14 @@ class TestInterrupts(unittest.TestCase):
         self.folder = Path(folder.name)
 
     def interrupt(self, *words):
-        """Interrupt a command at moments from its start to its end."""
-        begin = time.monotonic()
-        self.assertEqual(start(*words).wait(PATIENCE), 0)
-        length = time.monotonic() - begin
+        """Interrupt a command at moments from its start to its end.
+
+        They are told by its processor time, whatever else the machine does.
+        """
+        before = children_time()
+        _, errors = start(*words).communicate(timeout=PATIENCE)
+        self.assertNotIn("Traceback", errors)
+        length = children_time() - before
         codes = {n / STEPS: self.code(n / STEPS * length, words) for n in range(STEPS)}
         for _ in range(STEPS):
             if 130 in codes.values():
@@ -61,11 +81,17 @@ class TestInterrupts(unittest.TestCase):
         self.assertIn(130, codes.values())
 
     def code(self, delay, words):
-        """Interrupt a command after a while in [s]; give its exit code."""
+        """Interrupt a command when it has used some processor time, in [s].
+
+        Returns:
+            Its exit code.
+        """
         process = start(*words)
         self.addCleanup(process.kill)
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            process.wait(delay)
+        wait_for(
+            lambda: process.poll() is not None or processor_time(process.pid) >= delay,
+            "the moment of the interrupt",
+        )
         with contextlib.suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGINT)
         _, errors = process.communicate(timeout=PATIENCE)

@@ -16,7 +16,7 @@ from gazebo_msgs.msg import LinkStates
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
-from support.ros_testing import Launch, Listener, process_of, wait_for
+from support.ros_testing import DEADLINE, Launch, Listener, process_of, wait_for
 from tf2_msgs.msg import TFMessage
 
 
@@ -26,6 +26,10 @@ def has_ended(pid):
         return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] == "Z"
     except OSError:
         return True
+
+
+MOMENTS = 10
+"""Between the start of a node and its running, at which it gets a signal."""
 
 
 class TestLifecycle(unittest.TestCase):
@@ -127,20 +131,20 @@ class TestLifecycle(unittest.TestCase):
         """Also while the node starts, registers, and publishes to many."""
         command = ["rosrun", "g1_description", "gazebo_stand_in.py", "__name:=second"]
         pause = threading.Event()
-        for number in range(20):
+        for number in range(MOMENTS):
             kind = (signal.SIGINT, signal.SIGTERM)[number % 2]
             node = subprocess.Popen(
                 [*command, "__ns:=/other", "/clock:=/other/clock"],
                 stdout=subprocess.DEVNULL,
             )
-            pause.wait(0.3 + 0.06 * number)
+            pause.wait(0.3 + 1.2 * number / MOMENTS)
             node.send_signal(kind)
-            node.wait(5.0)
+            node.wait(DEADLINE)
 
     def test_7_an_interrupt_ends_the_simulator_at_once(self):
         pid = wait_for(lambda: process_of("/gazebo"), "the simulator")
         os.kill(pid, signal.SIGINT)
-        wait_for(lambda: has_ended(pid), "its end", deadline=10.0)
+        wait_for(lambda: has_ended(pid), "its end")
         self.assertIn("/link_states_bridge", rosnode.get_node_names())
 
 

@@ -8,7 +8,7 @@ import unittest
 import rospy
 import rostest
 from sensor_msgs.msg import JointState
-from support.ros_testing import SHARED, Listener, wait_for
+from support.ros_testing import DEADLINE, SHARED, Listener, wait_for
 
 CLIENT = SHARED / "clients" / "link_states_bridge_original.py"
 
@@ -17,7 +17,7 @@ CLIENT = SHARED / "clients" / "link_states_bridge_original.py"
 class TestOriginalClient(unittest.TestCase):
     def test_it_publishes_29_joints_and_its_commands_are_obeyed(self):
         client = subprocess.Popen([sys.executable, str(CLIENT)])
-        self.addCleanup(client.wait, 10)
+        self.addCleanup(client.wait, DEADLINE)
         self.addCleanup(client.terminate)
         states = Listener("/joint_states", JointState)
         message = states.wait()

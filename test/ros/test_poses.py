@@ -18,7 +18,14 @@ from gazebo_msgs.srv import DeleteModel, GetJointProperties
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
 from support.pose_command import KNEE, POSES, run, start
-from support.ros_testing import REPOSITORY, Connected, Launch, Listener, wait_for
+from support.ros_testing import (
+    DEADLINE,
+    REPOSITORY,
+    Connected,
+    Launch,
+    Listener,
+    wait_for,
+)
 
 INTERRUPTED = 130
 
@@ -192,11 +199,11 @@ class TestPoses(unittest.TestCase):
         self.addCleanup(process.kill)
         self.states.wait(lambda m: knee(m) > 0.001, "the first steps")
         process.send_signal(signal.SIGINT)
-        output, errors = process.communicate(timeout=5.0)
+        output, errors = process.communicate(timeout=DEADLINE)
         self.assertEqual((output, errors), ("", "pose: interrupted.\n"))
         self.assertEqual(process.returncode, INTERRUPTED)
         last = knee(self.states.messages[-1])
-        self.assertLess(last, 2.0)
+        self.assertLess(last, 2.35)
 
     def test_an_interrupt_ends_it_quietly_at_any_moment(self):
         """Many at once: the topic may be closed before the node knows."""
@@ -215,7 +222,7 @@ class TestPoses(unittest.TestCase):
         for process in processes:
             process.send_signal(signal.SIGINT)
         for process in processes:
-            output, errors = process.communicate(timeout=30.0)
+            output, errors = process.communicate(timeout=DEADLINE)
             # rospy itself may warn of a connection that is not there any more.
             self.assertNotIn("Traceback", errors)
             self.assertEqual(
@@ -231,12 +238,12 @@ class TestPoses(unittest.TestCase):
         self.states.wait(lambda m: knee(m) > 0.01, "the first steps")
         call("/gazebo/pause_physics")
         self.addCleanup(call, "/gazebo/unpause_physics")
-        with self.assertRaises(subprocess.TimeoutExpired):
-            process.communicate(timeout=5.0)
+        told = process.stdout.readline()
+        self.assertRegex(told, "^pose: waiting: .*(time stands still|is time paused)")
+        self.assertIsNone(process.poll())
         call("/gazebo/unpause_physics")
-        output, _ = process.communicate(timeout=30.0)
-        self.assertEqual(process.returncode, 0)
-        self.assertRegex(output, "^pose: waiting: .*(time stands still|is time paused)")
+        output, _ = process.communicate(timeout=DEADLINE)
+        self.assertEqual((process.returncode, output), (0, "pose: squat\n"))
         self.assert_shown("squat")
 
     def test_a_reset_brings_the_first_pose_back(self):
@@ -254,7 +261,7 @@ class TestPoses(unittest.TestCase):
                 "_robots:=[{name: g1_robot, namespace: left}]",
             ]
         )
-        self.addCleanup(bridge.wait, 30.0)
+        self.addCleanup(bridge.wait, DEADLINE)
         self.addCleanup(bridge.terminate)
         listener = Listener("/left/joint_states", JointState)
         listener.wait()

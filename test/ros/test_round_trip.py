@@ -8,10 +8,9 @@ import unittest
 import numpy as np
 import rospy
 import rostest
-from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import JointState
 from support.joint_limits import limits
-from support.ros_testing import Listener, wait_for
+from support.ros_testing import Listener, NodeLog, wait_for
 
 
 class TestRoundTrip(unittest.TestCase):
@@ -19,7 +18,7 @@ class TestRoundTrip(unittest.TestCase):
     def setUpClass(cls):
         cls.commands = rospy.Publisher("/joint_commands", JointState, queue_size=100)
         cls.states = Listener("/joint_states", JointState)
-        cls.log = Listener("/rosout", Log)
+        cls.log = NodeLog("/link_states_bridge")
         cls.states.wait()
         wait_for(cls.commands.get_num_connections, "the bridge to listen")
         cls.names, (cls.lower, cls.upper) = limits()

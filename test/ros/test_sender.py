@@ -12,9 +12,8 @@ import rosgraph
 import rospy
 import rostest
 from gazebo_msgs.srv import SetModelConfiguration, SetModelConfigurationResponse
-from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import JointState
-from support.ros_testing import DEADLINE, Listener, wait_for
+from support.ros_testing import DEADLINE, NodeLog, wait_for
 
 SERVICE = "/gazebo/set_model_configuration"
 
@@ -83,7 +82,7 @@ class TestSender(unittest.TestCase):
         master = rosgraph.Master(rospy.get_name())
         cls.relay = Relay(master.lookupService(SERVICE))
         master.registerService(SERVICE, cls.relay.uri, rospy.get_node_uri())
-        cls.log = Listener("/rosout", Log)
+        cls.log = NodeLog("/link_states_bridge")
         cls.commands = rospy.Publisher("/joint_commands", JointState, queue_size=1000)
         wait_for(cls.commands.get_num_connections, "the bridge to listen")
 
@@ -100,7 +99,7 @@ class TestSender(unittest.TestCase):
             lambda: positions in self.simulator.requests, f"a call with {positions}"
         )
 
-    def test_1_commands_that_come_during_a_call_make_one_more_call(self):
+    def test_commands_that_come_during_a_call_make_one_more_call(self):
         self.simulator.may_answer.clear()
         self.command(left_knee_joint=0.1)
         self.wait_for_request(left_knee_joint=0.1)
@@ -117,7 +116,7 @@ class TestSender(unittest.TestCase):
         self.wait_for_request(waist_yaw_joint=0.5, **newest)
         self.assertEqual(len(self.simulator.requests), 2)
 
-    def test_2_a_refusal_is_told_with_its_reason(self):
+    def test_a_refusal_is_told_with_its_reason(self):
         success = self.simulator.answer
         self.simulator.answer = SetModelConfigurationResponse(
             False, "SetModelConfiguration: model does not exist"
@@ -130,7 +129,7 @@ class TestSender(unittest.TestCase):
         self.command(left_knee_joint=0.25)
         self.wait_for_request(left_knee_joint=0.25)
 
-    def test_3_a_connection_that_is_reset_loses_no_command(self):
+    def test_a_connection_that_is_reset_loses_no_command(self):
         self.command(left_knee_joint=0.3)
         self.wait_for_request(left_knee_joint=0.3)
         self.assertTrue(self.relay.wires, "the bridge does not go through the relay")

@@ -26,7 +26,7 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
 from support.ros_testing import Connected, Repeated, wait_for
 
-DEADLINE = 90.0
+DEADLINE = 120.0
 READ = """
 import io, sys, numpy as np
 from PIL import Image, ImageSequence

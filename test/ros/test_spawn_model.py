@@ -31,7 +31,7 @@ from geometry_msgs.msg import Point, Pose, Quaternion
 from rosgraph_msgs.msg import Clock, Log
 from scipy.spatial.transform import Rotation
 from std_srvs.srv import Empty, EmptyResponse
-from support.ros_testing import REPOSITORY, Listener, wait_for
+from support.ros_testing import DEADLINE, REPOSITORY, Listener, wait_for
 
 URDF = str(REPOSITORY / "urdf" / "g1_29dof.urdf")
 LINK = '<link name="link"/>'
@@ -92,14 +92,14 @@ def start(*arguments, **options):
 def run(*arguments, text="", **options):
     """Run spawn_model to its end; give exit code and output."""
     process = start(*arguments, stdin=subprocess.PIPE, **options)
-    output, _ = process.communicate(text, timeout=30.0)
+    output, _ = process.communicate(text, timeout=DEADLINE)
     return process.returncode, output
 
 
 def interrupt(process):
     """Interrupt it as Ctrl-C would; give exit code and the rest of its output."""
     process.send_signal(signal.SIGINT)
-    output, _ = process.communicate(timeout=10.0)
+    output, _ = process.communicate(timeout=DEADLINE)
     return process.returncode, output
 
 
@@ -249,7 +249,7 @@ class TestSpawnModel(unittest.TestCase):
         self.wait_for_words("Waiting for the model table")
         self.assertEqual(recorder.requests, [])
         recorder.models = ["ground_plane", "table"]
-        process.communicate(timeout=10.0)
+        process.communicate(timeout=DEADLINE)
         self.assertEqual(process.returncode, 0)
         self.assertEqual(len(recorder.requests), 1)
 
@@ -258,7 +258,7 @@ class TestSpawnModel(unittest.TestCase):
         process = start(*wanted)
         self.wait_for_words("Waiting for the service /late/spawn_urdf_model")
         recorder = self.recorder("/late")
-        process.communicate(timeout=10.0)
+        process.communicate(timeout=DEADLINE)
         self.assertEqual((process.returncode, len(recorder.requests)), (0, 1))
 
     def test_an_interrupt_ends_the_waiting_with_a_sentence(self):

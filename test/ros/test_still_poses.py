@@ -9,7 +9,7 @@ import rospy
 import rostest
 from sensor_msgs.msg import JointState
 from support.pose_command import KNEE, POSES, run, start
-from support.ros_testing import Listener, Repeated
+from support.ros_testing import DEADLINE, Listener, Repeated
 
 
 class Frozen:
@@ -65,7 +65,7 @@ class TestStillPoses(unittest.TestCase):
         self.assertEqual(told, "pose: waiting: simulated time stands still at 7 s.\n")
         self.assertEqual(frozen.positions[KNEE], 0.0)
         frozen.runs = True
-        output, errors = process.communicate(timeout=30.0)
+        output, errors = process.communicate(timeout=DEADLINE)
         self.assertEqual((output, errors), ("pose: squat\n", ""))
 
     def test_what_does_not_happen_is_told(self):
@@ -82,7 +82,7 @@ class TestStillPoses(unittest.TestCase):
             (["squat"], "nobody"),
         )
         running = [start(*words, "--namespace", space) for words, space in asked]
-        done = [process.communicate(timeout=90.0) for process in running]
+        done = [process.communicate(timeout=2 * DEADLINE) for process in running]
         self.assertEqual([process.returncode for process in running], [1] * 5)
         for (_, space), (output, errors) in zip(asked, done):
             quiet = f"nothing comes on /{space}/joint_states; does a simulator run"

@@ -8,7 +8,7 @@ import unittest
 import rospy
 import rostest
 from support.golden.simulator import Simulator
-from support.ros_testing import wait_for
+from support.ros_testing import DEADLINE, wait_for
 
 
 class TestWorldFile(unittest.TestCase):
@@ -48,7 +48,7 @@ class TestWorldFile(unittest.TestCase):
                 stderr=subprocess.PIPE,
                 check=False,
                 text=True,
-                timeout=30.0,
+                timeout=DEADLINE,
             )
             self.assertEqual(done.returncode, 1)
             self.assertIn(words, done.stderr)

@@ -5,7 +5,7 @@ import subprocess
 
 import yaml
 
-from .ros_testing import REPOSITORY
+from .ros_testing import DEADLINE, REPOSITORY
 
 POSES = yaml.safe_load((REPOSITORY / "config" / "poses.yaml").read_text())
 KNEE = "left_knee_joint"
@@ -25,5 +25,5 @@ def start(*words, home=None):
 def run(*words, home=None):
     """Type a command; give its exit code, what it prints and what it complains of."""
     process = start(*words, home=home)
-    output, errors = process.communicate(timeout=60.0)
+    output, errors = process.communicate(timeout=DEADLINE)
     return process.returncode, output, errors

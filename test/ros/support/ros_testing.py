@@ -11,11 +11,13 @@ from xmlrpc.client import ServerProxy
 import rosgraph
 import rosnode
 import rospy
+from rosgraph_msgs.msg import Log
 
 REPOSITORY = Path(__file__).resolve().parents[3]
 SHARED = REPOSITORY.parent / "shared"
 sys.path.insert(0, str(REPOSITORY / "test"))  # for the oracle
-DEADLINE = 30.0
+DEADLINE = 60.0
+"""Longest wait for anything in [s]: many times what it takes on a busy machine."""
 
 
 def wait_for(condition, what, deadline=DEADLINE):
@@ -83,6 +85,31 @@ class Connected(Listener):
         wait_for(self._subscriber.get_num_connections, f"a connection to {topic}")
 
 
+class NodeLog(Listener):
+    """Keep what a node logs, from now on without a gap."""
+
+    def __init__(self, node):
+        """Wait until the node's log is connected.
+
+        Args:
+            node: Its full name.
+        """
+        super().__init__("/rosout", Log)
+        wait_for(lambda: self._is_heard(node), f"a connection to the log of {node}")
+
+    @staticmethod
+    def _is_heard(node):
+        uri = uri_of(node)
+        if uri is None:
+            return False
+        with ServerProxy(uri) as slave:
+            rows = slave.getBusInfo("/test")[2]
+        return any(
+            row[1] == rospy.get_name() and row[4] == "/rosout" and row[5]
+            for row in rows
+        )
+
+
 class Launch:
     """A launch file of this package, run in this master until it is stopped."""
 
@@ -103,13 +130,26 @@ class Launch:
         return self._process.poll()
 
 
-def process_of(node):
-    """Give the process id of a node, or None while it is not there."""
+def uri_of(node):
+    """Give the address of a node's slave API, or None while it is not there."""
     try:
-        uri = rosnode.get_api_uri(rosgraph.Master("/test"), node, skip_cache=True)
-        return ServerProxy(uri).getPid("/test")[2] if uri else None
+        return rosnode.get_api_uri(rosgraph.Master("/test"), node, skip_cache=True)
     except (OSError, rosnode.ROSNodeException):
         return None
+
+
+def process_of(node):
+    """Give the process id of a node, or None while it is not there."""
+    uri = uri_of(node)
+    try:
+        return ServerProxy(uri).getPid("/test")[2] if uri else None
+    except OSError:
+        return None
+
+
+def idle_seconds():
+    """Give how long the machine's cores have been idle so far, all together, in [s]."""
+    return float(Path("/proc/uptime").read_text().split()[1])
 
 
 class Repeated:

@@ -14,7 +14,7 @@ import rospy
 from .ros_testing import Launch, wait_for
 from .virtual_screen import VirtualScreen, write_png
 
-DEADLINE = 60.0
+DEADLINE = 120.0
 BACKGROUND = (232, 236, 240)
 COMPLAINTS = ((192, 32, 32), (192, 128, 0))
 """In which RViz writes the names of displays with errors, with warnings."""

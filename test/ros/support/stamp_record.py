@@ -12,7 +12,7 @@ from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
-from .ros_testing import Listener, wait_for
+from .ros_testing import DEADLINE, Listener, wait_for
 
 SECOND = 1_000_000_000
 """[ns]"""
@@ -81,7 +81,7 @@ class Others:
         for process in self._processes:
             process.send_signal(signal.SIGINT)
         for process in self._processes:
-            process.wait(10.0)
+            process.wait(DEADLINE)
 
 
 class Record:

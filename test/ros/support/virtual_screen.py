@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-DEADLINE = 30.0
+DEADLINE = 60.0
 
 
 class VirtualScreen:

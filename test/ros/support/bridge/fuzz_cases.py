@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 import struct
-from collections import defaultdict
-from itertools import zip_longest
 from typing import NamedTuple
 
 from geometry_msgs.msg import Pose, Twist
@@ -39,15 +37,6 @@ class Case(NamedTuple):
 def cases():
     """Give all cases by name."""
     return {**_broken(), **_strange_numbers(), **_strange_names(), **_good()}
-
-
-def batches():
-    """Share the cases out, by name: each kind of line comes once in a share."""
-    by_kind = defaultdict(list)
-    for name, case in cases().items():
-        by_kind[case.told].append(name)
-    rows = zip_longest(*by_kind.values())
-    return [[name for name in row if name is not None] for row in rows]
 
 
 def _broken():

@@ -13,9 +13,6 @@ from .arm import arm_states, shows
 from .process import Bridge
 from tcpros import body_of
 
-AT_ONCE = 1.0
-"""Longest time to the joint states of a good message in [s]."""
-
 
 class Watched:
     """A bridge in a namespace of its own, with a simulator's name to itself."""
@@ -64,10 +61,10 @@ class Watched:
             self.publisher.send(data)
 
     def show(self, message, positions):
-        """Send a message; the joint states of it must be here at once."""
+        """Send a message once, and wait for the joint states of it."""
         self.send(body_of(message))
         return self.states.wait(
-            lambda m: shows(m, positions), f"joint states {positions}", AT_ONCE
+            lambda m: shows(m, positions), f"joint states {positions}"
         )
 
     def warnings(self):

@@ -1,7 +1,5 @@
 """The running simulator, as a client sees it: scenes, calls, and where things are."""
 
-import time
-
 import genpy
 import numpy as np
 import rosgraph
@@ -69,6 +67,8 @@ PHYSICS = {
         "max_contacts": 20,
     },
 }
+LOOK = 0.005
+"""Simulated time between two looks in [s]."""
 LEVELS = {Log.DEBUG: "debug", Log.INFO: "info", Log.WARN: "warn", Log.ERROR: "error"}
 
 
@@ -204,12 +204,17 @@ class Simulator:
         return self.call("get_model_state", **fields)
 
     def is_paused(self):
-        """Look whether time stands still for a tenth of a second of wall time."""
-        before = self.time()
+        """Look whether time stands still, for a tenth of a second of wall time.
+
+        Where it runs it may be held up for longer, so there its going on is awaited.
+        """
+        before, physics = self.time(), self.physics()
         try:
             wait_for(lambda: self.time() != before, "time to go on", 0.1)
         except AssertionError:
-            return True
+            if physics["pause"] or not physics["time_step"]:
+                return True
+            wait_for(lambda: self.time() != before, "time to go on")
         return False
 
     def link_pose(self, model, link):
@@ -283,7 +288,7 @@ class Simulator:
         return line
 
     def watch(self, model, until):
-        """Let time run and look at a model as often as can be.
+        """Let time pass and look at a model every few steps.
 
         Args:
             model: The model.
@@ -293,14 +298,11 @@ class Simulator:
             Time since the beginning, pose and twist of each look.
         """
         begin = self.time()
-        end = time.monotonic() + 30.0
         looks = []
-        self.call("unpause_physics")
-        while not looks or looks[-1][0] < until:
-            assert time.monotonic() < end, f"time stands still at {looks[-1:]}"
+        while not looks or looks[-1][0] < until - 1e-9:
+            self.run(LOOK)
             state = self.state(model)
             stamp = state["header"]["stamp"]
             now = stamp["secs"] + 1e-9 * stamp["nsecs"] - begin
             looks.append((now, np.array(state["pose"]), np.array(state["twist"])))
-        self.call("pause_physics")
         return looks

@@ -71,9 +71,7 @@ class RawPublisher:
 
     def wait_for_subscriber(self, count=1):
         """Wait until so many have connected."""
-        wait_for(
-            lambda: len(self.sockets) >= count, f"a connection to {self._name}", 10.0
-        )
+        wait_for(lambda: len(self.sockets) >= count, f"a connection to {self._name}")
 
     def send(self, data):
         """Send the bytes of one message."""

@@ -6,6 +6,7 @@ from xmlrpc.client import ServerProxy
 
 import rospy
 
+from ..ros_testing import DEADLINE
 from tcpros import LENGTH, header_of, received
 
 
@@ -21,7 +22,7 @@ class RawSubscriber:
         if buffer:
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, buffer)
         self._socket.connect((protocol[1], protocol[2]))
-        self._socket.settimeout(20.0)
+        self._socket.settimeout(DEADLINE)
         fields = {"topic": topic, "type": kind._type, "md5sum": kind._md5sum}
         self._socket.sendall(
             header_of(**fields, callerid=name, tcp_nodelay="1", message_definition="")
@@ -30,6 +31,10 @@ class RawSubscriber:
 
     def _receive(self):
         return received(self._socket, LENGTH.unpack(received(self._socket, 4))[0])
+
+    def has_data(self, patience=0.0):
+        """Tell whether something is there to be read, or comes within so many [s]."""
+        return bool(select.select([self._socket], [], [], patience)[0])
 
     def read(self):
         """Give the next message's bytes."""
@@ -45,7 +50,7 @@ class RawSubscriber:
     def read_all(self, quiet=0.5):
         """Read on until nothing has come for so long, in [s]; give all of it."""
         read = []
-        while select.select([self._socket], [], [], quiet)[0]:
+        while self.has_data(quiet):
             read.append(self._receive())
         return read
 
