@@ -17,11 +17,9 @@ from gazebo_msgs.srv import GetWorldProperties
 from rosgraph_msgs.msg import Clock, Log
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
-from support.ros_testing import Connected, Launch, Listener, wait_for
+from support.ros_testing import DEADLINE, Connected, Launch, Listener, wait_for
 
 ELBOW = "left_elbow_joint"
-SOON = 0.2
-"""Longest time from a command to what it shows in [s] of wall time."""
 A_WHILE = 3.0
 """So long nothing may be said of a pause, in [s] of wall time."""
 
@@ -30,17 +28,21 @@ def elbow_of(message):
     return message.position[message.name.index(ELBOW)]
 
 
-class TestPaused(unittest.TestCase):
-    def launch(self, *arguments):
-        launch = Launch("display.launch", "rviz:=false", *arguments)
-        self.addCleanup(launch.stop)
-        self.log = Listener("/rosout", Log)
-        self.states = Listener("/joint_states", JointState)
-        for listener in (self.log, self.states):
-            self.addCleanup(listener.close)
-        self.states.wait()
-        self.commands = rospy.Publisher("/joint_commands", JointState, queue_size=10)
-        wait_for(self.commands.get_num_connections, "the bridge")
+class Paused(unittest.TestCase):
+    arguments = ()
+
+    @classmethod
+    def setUpClass(cls):
+        launch = Launch("display.launch", "rviz:=false", *cls.arguments)
+        cls.addClassCleanup(launch.stop)
+        cls.log = Listener("/rosout", Log)
+        cls.states = Listener("/joint_states", JointState)
+        for listener in (cls.log, cls.states):
+            cls.addClassCleanup(listener.close)
+        cls.states.wait()
+        cls.commands = rospy.Publisher("/joint_commands", JointState, queue_size=10)
+        cls.addClassCleanup(cls.commands.unregister)
+        wait_for(cls.commands.get_num_connections, "the bridge")
 
     def pause(self):
         rospy.wait_for_service("/gazebo/pause_physics", 30.0)
@@ -53,24 +55,19 @@ class TestPaused(unittest.TestCase):
         self.commands.publish(JointState(name=[ELBOW], position=[position]))
 
     def check_that_commands_show(self):
-        """Most of them soon: the machine may be held up now and then."""
-        times = [self.time_of_a_command(0.1 * n) for n in range(1, 6)]
-        self.assertLess(sorted(times)[2], SOON, times)
+        """Each in joint states and on TF, though time stands still."""
+        for number in range(1, 6):
+            self.check_that_a_command_shows(0.1 * number)
 
-    def time_of_a_command(self, position):
-        """Give how long a command takes to joint states and TF, in [s]."""
+    def check_that_a_command_shows(self, position):
         buffer = tf2_ros.Buffer()
         listener = tf2_ros.TransformListener(buffer, tcp_nodelay=True)
         self.wait_for_frames(buffer)
         before = self.turn(buffer)
-        begin = time.monotonic()
         self.command(position)
-        self.states.wait(lambda m: abs(elbow_of(m) - position) < 1e-9, "it", 5.0)
-        shown = time.monotonic() - begin
-        wait_for(lambda: self.turn(buffer) != before, "the command on TF", 5.0)
-        on_tf = time.monotonic() - begin
+        self.states.wait(lambda m: abs(elbow_of(m) - position) < 1e-9, "it")
+        wait_for(lambda: self.turn(buffer) != before, "the command on TF")
         listener.unregister()
-        return max(shown, on_tf)
 
     @staticmethod
     def turn(buffer):
@@ -78,14 +75,13 @@ class TestPaused(unittest.TestCase):
         return found.transform.rotation.y
 
     @staticmethod
-    def wait_for_frames(buffer, deadline=10.0):
+    def wait_for_frames(buffer):
         wait_for(
             lambda: all(
                 buffer.can_transform("map", link, rospy.Time())
                 for link in ("left_wrist_yaw_link", "head_link")
             ),
             "the frames",
-            deadline,
         )
 
     def check_that_it_can_be_seen(self):
@@ -94,7 +90,7 @@ class TestPaused(unittest.TestCase):
             ["rostopic", "echo", "-n1", "/joint_states/name"],
             stdout=subprocess.PIPE,
             text=True,
-            timeout=20,
+            timeout=DEADLINE,
         )
         self.assertIn(ELBOW, late.stdout)
         buffer = tf2_ros.Buffer()
@@ -105,13 +101,35 @@ class TestPaused(unittest.TestCase):
             picture = Path(folder) / "paused.png"
             command = ["rosrun", "g1_description", "snapshot", picture]
             run = subprocess.run(
-                [*command, "--size", "160x120"], capture_output=True, timeout=60
+                [*command, "--size", "160x120"], capture_output=True, timeout=DEADLINE
             )
             self.assertEqual(run.returncode, 0, run.stderr)
             self.assertGreater(picture.stat().st_size, 1000)
 
-    def test_1_a_pause_shows_what_is_there_and_what_changes(self):
-        self.launch()
+
+class TestLaunchedPaused(Paused):
+    arguments = ("paused:=true", "initial_pose:=wave")
+
+    def test_a_robot_that_is_launched_paused_is_there(self):
+        self.check_that_it_can_be_seen()
+        self.check_that_commands_show()
+
+
+class TestPaused(Paused):
+    def setUp(self):
+        """Begin while time runs, with the robot as it was at first."""
+        self.command(0.0)
+        rospy.wait_for_service("/gazebo/unpause_physics", DEADLINE)
+        rospy.ServiceProxy("/gazebo/unpause_physics", Empty)()
+        rospy.ServiceProxy("/gazebo/reset_world", Empty)()
+        before = rospy.Time.now()
+        for listener in (self.log, self.states):
+            listener.clear()
+        self.states.wait(
+            lambda m: m.header.stamp > before and elbow_of(m) == 0.0, "time to run"
+        )
+
+    def test_a_pause_shows_what_is_there_and_what_changes(self):
         self.command(0.5)
         self.states.wait(lambda m: abs(elbow_of(m) - 0.5) < 1e-9, "the command")
         self.pause()
@@ -131,9 +149,8 @@ class TestPaused(unittest.TestCase):
             self.assertEqual(listener.messages, [], listener.topic)
             listener.close()
 
-    def test_2_the_base_shows_to_the_last_micrometre(self):
+    def test_the_base_shows_to_the_last_micrometre(self):
         """Less than what the throttle lets pass is shown when nothing follows."""
-        self.launch()
         buffer = tf2_ros.Buffer()
         listener = tf2_ros.TransformListener(buffer)
         self.addCleanup(listener.unregister)
@@ -150,15 +167,9 @@ class TestPaused(unittest.TestCase):
                 return abs(found.transform.translation.x - x) < 1e-9
 
             self.wait_for_frames(buffer)
-            wait_for(is_there, f"the base at {x}", 5.0)
+            wait_for(is_there, f"the base at {x}")
 
-    def test_3_a_robot_that_is_launched_paused_is_there(self):
-        self.launch("paused:=true", "initial_pose:=wave")
-        self.check_that_it_can_be_seen()
-        self.check_that_commands_show()
-
-    def test_4_a_pause_that_was_asked_for_is_no_warning(self):
-        self.launch()
+    def test_a_pause_that_was_asked_for_is_no_warning(self):
         diagnostics = Listener("/diagnostics", DiagnosticArray)
         self.addCleanup(diagnostics.close)
         self.pause()
@@ -176,8 +187,7 @@ class TestPaused(unittest.TestCase):
         ]
         self.assertEqual(warned, [])
 
-    def test_5_a_reset_while_time_stands_still_shows(self):
-        self.launch()
+    def test_a_reset_while_time_stands_still_shows(self):
         self.command(0.5)
         self.states.wait(lambda m: m.header.stamp.to_sec() > 12.0, "twelve seconds")
         buffer = tf2_ros.Buffer()
@@ -202,4 +212,4 @@ class TestPaused(unittest.TestCase):
 
 if __name__ == "__main__":
     rospy.init_node("paused_test")
-    rostest.rosrun("g1_description", "paused", TestPaused, sys.argv)
+    rostest.rosrun("g1_description", "paused", "__main__", sys.argv)
