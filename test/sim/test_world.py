@@ -86,13 +86,14 @@ def test_set_configurations_are_where_scipy_puts_them(make_world, g1, record_pro
             assert_poses_close(pose, expected[link], 1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("physics", ["hold", "limp"])
 def test_moving_links_are_where_scipy_puts_them(make_world, g1, physics):
-    """300 random configurations in motion: joints and base as PyBullet has them."""
+    """Random configurations in motion: joints and base as PyBullet has them."""
     world, random = make_world(physics), np.random.default_rng(2)
     world.spawn_urdf("g1", g1, UPRIGHT + np.array([0, 0, 1, 0, 0, 0, 0]))
     client, body = world.client, world.body("g1").number
-    for _ in range(300):
+    for _ in range(100):
         world.set_joint_positions("g1", random_positions(world.models["g1"], random))
         world.step()
         positions, com = {}, {}
@@ -238,6 +239,7 @@ def test_the_hold_is_no_stronger_than_the_effort(make_world):
     assert world.models["arm"].position[0] > -0.2
 
 
+@pytest.mark.slow
 def test_the_g1_stands_in_hold_and_collapses_in_limp(make_world, g1):
     heights = {}
     for physics in ("hold", "limp"):
@@ -263,6 +265,7 @@ def run(world, g1, steps=300):
     return states
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("physics", PHYSICS)
 def test_the_same_calls_at_the_same_steps_give_the_same_bits(make_world, g1, physics):
     runs = []

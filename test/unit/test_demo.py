@@ -10,6 +10,7 @@ from conftest import REPOSITORY
 pytest.importorskip("rospy", reason="rospy is not installed")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("argument", "words"),
     [

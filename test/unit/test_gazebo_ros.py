@@ -60,6 +60,7 @@ def test_the_launch_file_takes_the_arguments_of_the_original():
     assert {arg.get("name"): arg.get("default") for arg in documented} == ARGUMENTS
 
 
+@pytest.mark.slow
 def test_the_server_gets_its_arguments():
     assert command("gazebo") == ["gzserver", "-e", "ode", "worlds/empty.world"]
     given = ("paused", "recording", "headless", "debug", "verbose")
@@ -75,6 +76,7 @@ def test_the_server_gets_its_arguments():
     ]
 
 
+@pytest.mark.slow
 def test_the_window_is_optional():
     launch = ("--nodes", "gazebo_ros", "empty_world.launch")
     assert roslaunch(*launch).split() == ["/gazebo", "/gazebo_gui"]
@@ -90,6 +92,7 @@ def test_parameters_are_set_where_asked_for():
     assert "/gazebo/pub_clock_frequency: 50" in told
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", ["debug", "gazebo", "gzclient", "gzserver", "spawn_model"]
 )

@@ -243,6 +243,7 @@ def faults(told):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("options", [[], ["--decimate", "9", "--convex-collisions"]])
 def test_the_import_and_the_stand_in_agree_on_what_can_be_read(bring, source, options):
     """More files than are read at once, so that the last come from another process."""
@@ -518,8 +519,10 @@ def test_hulls_and_fewer_triangles_are_made_once(bring, source):
     assert "x.dae kept as it is: of .dae nothing is made" in bring.told
 
 
-@pytest.mark.parametrize("scale", ["1 1 1", "0.001 0.001 -0.001"])
-@pytest.mark.parametrize("kind", ["visual", "collision"])
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("kind", "scale"), [("visual", "0.001 0.001 -0.001"), ("collision", "1 1 1")]
+)
 def test_fewer_triangles_move_no_mesh_farther_than_is_allowed(
     bring, source, scale, kind
 ):
@@ -718,7 +721,21 @@ def test_in_a_package_meshes_are_named_by_it(source, tmp_path, monkeypatch):
         model_files._packages.cache_clear()
 
 
-def command(*arguments, first="", **options):
+def command(*arguments, first="", ignored=(), **options):
+    """Start the command as a shell does: interrupts end it, whatever ended this one.
+
+    Args:
+        arguments: Its arguments.
+        first: A folder that Python looks into first.
+        ignored: Signals that it is to ignore.
+        options: Of subprocess.Popen.
+    """
+
+    def as_in_a_shell():
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+        for number in ignored:
+            signal.signal(number, signal.SIG_IGN)
+
     script = REPOSITORY / "scripts" / "import_model"
     path = os.pathsep.join([str(first), str(REPOSITORY / "src"), *sys.path])
     return subprocess.Popen(
@@ -727,10 +744,12 @@ def command(*arguments, first="", **options):
         stderr=subprocess.PIPE,
         text=True,
         env={**os.environ, "PYTHONPATH": path},
+        preexec_fn=as_in_a_shell,
         **options,
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -756,6 +775,7 @@ def test_a_mistake_is_answered_with_one_sentence(arguments, words, tmp_path):
     assert words in told
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupted_import_leaves_nothing(number, source, out, tmp_path):
     source.mkdir()
@@ -809,10 +829,7 @@ def test_an_interrupt_while_it_starts_ends_it(signalled, out):
 
 
 def test_a_signal_that_is_ignored_stays_so(signalled, out):
-    def ignore():
-        signal.signal(signal.SIGHUP, signal.SIG_IGN)
-
-    assert signalled("SIGHUP", preexec_fn=ignore) == 0
+    assert signalled("SIGHUP", ignored=[signal.SIGHUP]) == 0
     assert out.exists()
 
 

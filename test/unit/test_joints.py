@@ -34,6 +34,7 @@ def measure_placed(text, positions, root_pose, lumped, signs):
     return dict(zip(joints.names, measure(poses, twists, joints).position))
 
 
+@pytest.mark.slow
 @settings(max_examples=300, deadline=None)
 @given(chains(), world_poses(), st.booleans(), SIGNS)
 def test_recovers_the_position_that_placed_the_links(chain, root_pose, lumped, signs):

@@ -83,6 +83,7 @@ def dying_master():
     thread.join()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("script", "words"),
     [

@@ -44,6 +44,7 @@ def last_line(run):
     return run.stderr.strip().splitlines()[-1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -83,6 +84,7 @@ def test_what_is_wrong_is_told_in_one_sentence_and_writes_nothing(
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_a_file_is_drawn_without_a_master_and_without_a_screen(tmp_path):
     pictures = []
     for joints in ("left_elbow_joint=0", "left_elbow_joint=-1.0,waist_yaw_joint=1"):

@@ -11,6 +11,7 @@ pytest.importorskip("rospy", reason="rospy is not installed")
 TOOLS = Path(__file__).resolve().parents[2] / "tools"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("module", ["bench", "shapes.compare"])
 def test_a_tool_starts(module):
     path = os.pathsep.join([str(TOOLS), str(TOOLS.parent / "src"), *sys.path])
@@ -24,6 +25,7 @@ def test_a_tool_starts(module):
     assert "usage: tools/" in done.stdout
 
 
+@pytest.mark.slow
 def test_the_meshes_are_those_of_the_table(tmp_path):
     """One small link, made anew: the same box and, nearly, the same volume."""
     trimesh = pytest.importorskip("trimesh", reason="trimesh is not installed")
