@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from worlds import Bench
 
-from g1_description.sim.bullet.engine import STILL
 from g1_description.sim.forces import Span
+from g1_description.sim.rest import REST_SPEED
 
 INERTIA = '<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/>'
 MASS = f'<inertial><mass value="1"/>{INERTIA}</inertial>'
@@ -119,7 +119,7 @@ def test_what_rests_is_where_it_would_be_if_it_did_not():
         world.client.stepSimulation()
     number = world.body("box").number
     position, quaternion = world.client.getBasePositionAndOrientation(number)
-    np.testing.assert_allclose(pose, [*position, *quaternion], atol=STILL)
+    np.testing.assert_allclose(pose, [*position, *quaternion], atol=REST_SPEED)
 
 
 @pytest.mark.parametrize("time_step", [1e-9, 1e-3])

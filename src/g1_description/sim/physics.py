@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 from g1_description.core.errors import LARGEST, InvalidValueError
-from g1_description.sim.bullet.client import BulletClient
 
 LONGEST_STEP = 10.0
 """Longest time step in [s]: what Gazebo's dynamic_reconfigure allows."""
@@ -74,20 +73,6 @@ class PhysicsProperties:
     def period(self) -> float:
         """Wall time from one step to the next in [s]; 0: as short as can be."""
         return 1.0 / self.max_update_rate if self.max_update_rate > 0.0 else 0.0
-
-    def apply(self, client: BulletClient) -> None:
-        """Let PyBullet compute with these numbers."""
-        if self.step_ns:
-            client.setTimeStep(self.time_step)
-        client.setGravity(*self.gravity)
-        client.setPhysicsEngineParameter(
-            numSolverIterations=max(1, self.sor_pgs_iters),
-            erp=self.erp,
-            contactERP=self.erp,
-            globalCFM=self.cfm,
-            solverResidualThreshold=0.0,  # stopping early lets boxes creep
-            deterministicOverlappingPairs=1,
-        )
 
 
 _RANGES = {

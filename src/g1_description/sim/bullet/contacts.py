@@ -1,16 +1,28 @@
-"""Which links touch."""
+"""Contacts: which links touch, and how fast links that overlap are pushed apart."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Mapping
 
 from g1_description.core.robot.assembly import SCOPE
+from g1_description.sim.physics import PhysicsProperties
 
 from .body import Body
 from .client import BulletClient
 
+MAX_DEPENETRATION_SPEED = 0.3
+"""Greatest speed at which links that overlap part, in [m/s]. ODE has such a bound for
+each contact, Gazebo's ``max_vel``; its 0.01 m/s would be slow to watch, and what is
+thrown at this speed rises by 5 mm."""
 
-def contacts(client: BulletClient, bodies: Iterable[Body]) -> set[tuple[str, str]]:
+HARDNESS = 1e9
+"""Stiffness times the time step, plus damping, of links whose part of ``erp`` is given:
+so great that their contacts are as hard as others."""
+
+
+def find_contacts(
+    client: BulletClient, bodies: Mapping[int, Body]
+) -> set[tuple[str, str]]:
     """Find the pairs of links that touch or overlap now.
 
     Links of the same model don't collide, as in Gazebo; things that are fixed to
@@ -18,19 +30,102 @@ def contacts(client: BulletClient, bodies: Iterable[Body]) -> set[tuple[str, str
 
     Args:
         client: PyBullet.
-        bodies: All bodies.
+        bodies: All bodies by their numbers in PyBullet.
 
     Returns:
         Pairs of ``model::link``, each pair once, in alphabetical order.
     """
     client.performCollisionDetection()
-    owner = {body.number: body for body in bodies}
     pairs = set()
     for point in client.getContactPoints() or ():
         first, second = sorted(
-            f"{owner[number].model.name}{SCOPE}{owner[number].link_of(link)}"
+            f"{bodies[number].model.name}{SCOPE}{bodies[number].link_of(link)}"
             for number, link in ((point[1], point[3]), (point[2], point[4]))
         )
         if point[8] <= 0.0:
             pairs.add((first, second))
     return pairs
+
+
+class DepenetrationLimiter:
+    """Bounds the speed at which contacts push overlapping links apart.
+
+    In each step PyBullet takes back the part ``erp`` of an overlap, by a velocity that
+    bodies keep. It has no bound for that, but a part for each link, by its contact
+    stiffness and damping: a link that is deep in something gets less than the others.
+    """
+
+    def __init__(self, client: BulletClient) -> None:
+        """Begin without a link that is deep in something.
+
+        Args:
+            client: PyBullet.
+        """
+        self._client = client
+        self._given: dict[tuple[int, int], tuple[float, float]] = {}
+        self._may_overlap = False
+
+    def expect_overlaps(self) -> None:
+        """Note that something may have been put into something else."""
+        self._may_overlap = True
+
+    def forget(self, body: int) -> None:
+        """Note that a body is gone, by its number in PyBullet."""
+        self._given = {
+            key: share for key, share in self._given.items() if key[0] != body
+        }
+
+    def apply(self, bodies: Mapping[int, Body], properties: PhysicsProperties) -> None:
+        """Give each link its part of ``erp`` for the next step.
+
+        Args:
+            bodies: All bodies by their numbers in PyBullet.
+            properties: The physics' numbers.
+        """
+        if not (self._may_overlap and properties.step_ns):
+            return
+        time_step = properties.time_step
+        way = MAX_DEPENETRATION_SPEED * time_step
+        deepest = self._deep_links(bodies, properties.erp, way)
+        for key in {**self._given, **deepest}:
+            share = way / deepest[key] if key in deepest else properties.erp
+            if self._given.get(key) != (share, time_step):
+                self._give(key, share, time_step)
+        self._may_overlap = bool(deepest)
+
+    def _deep_links(
+        self, bodies: Mapping[int, Body], erp: float, way: float
+    ) -> dict[tuple[int, int], float]:
+        """Find the links that PyBullet would push too far in a step.
+
+        Args:
+            bodies: All bodies by their numbers in PyBullet.
+            erp: Part of an overlap that PyBullet takes back in a step.
+            way: As far as a link may be pushed in a step, in [m].
+
+        Returns:
+            The greatest depth in [m] by PyBullet's numbers of body and link; of each
+            pair the first link that can move is the one.
+        """
+        self._client.performCollisionDetection()
+        deepest: dict[tuple[int, int], float] = {}
+        for point in self._client.getContactPoints() or ():
+            depth = -point[8]
+            if erp * depth <= way:
+                continue
+            for body, link in ((point[1], point[3]), (point[2], point[4])):
+                if bodies[body].can_move(link):
+                    deepest[body, link] = max(depth, deepest.get((body, link), 0.0))
+                    break
+        return deepest
+
+    def _give(self, key: tuple[int, int], share: float, time_step: float) -> None:
+        """Let the contacts of a link take back a part of their depth in each step."""
+        body, link = key
+        self._client.changeDynamics(
+            body,
+            link,
+            contactStiffness=share * HARDNESS / time_step,
+            contactDamping=(1.0 - share) * HARDNESS,
+        )
+        self._given[key] = share, time_step

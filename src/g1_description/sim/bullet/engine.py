@@ -12,20 +12,13 @@ from g1_description.core.files.launch_arguments import PHYSICS
 from g1_description.sim.meshes.shapes import find_meshes
 from g1_description.sim.model import Model
 from g1_description.sim.physics import PhysicsProperties
+from g1_description.sim.rest import RestDetector
 
 from .body import Body
-from .client import connect
-from .contacts import contacts
+from .client import BulletClient, connect
+from .contacts import DepenetrationLimiter, find_contacts
 from .load import load_model
 from .moving_models import MovingModels
-from .parting import Parting
-
-STILL = 1e-5
-"""What is slower stands still, in [m/s] or [rad/s]."""
-
-REST = 0.1
-"""The world rests when all in it stood still for so long and became no faster, in [s]
-of simulated time."""
 
 
 class Engine:
@@ -55,9 +48,9 @@ class Engine:
         self._bodies: dict[str, tuple[Body, ...]] = {}
         self._sort()
         self._properties = properties
-        self._still_for = self._speed_before = 0.0
-        self._parting = Parting(self._client)
-        properties.apply(self._client)
+        self._rest = RestDetector()
+        self._depenetration = DepenetrationLimiter(self._client)
+        _write_properties(self._client, properties)
 
     def close(self) -> None:
         """Let PyBullet go."""
@@ -70,10 +63,10 @@ class Engine:
 
     def set_properties(self, properties: PhysicsProperties) -> None:
         """Compute with other numbers from now on."""
-        self._wake()
-        self._parting.look()
+        self._rest.wake()
+        self._depenetration.expect_overlaps()
         self._properties = properties
-        properties.apply(self._client)
+        _write_properties(self._client, properties)
 
     def add(self, model: Model) -> tuple[str, ...]:
         """Give a model its bodies, or leave all as it was.
@@ -101,8 +94,8 @@ class Engine:
         for body in bodies:
             if self.physics == "hold":
                 body.hold()
-        self._wake()
-        self._parting.look()
+        self._rest.wake()
+        self._depenetration.expect_overlaps()
         return left_out
 
     def _load(self, model: Model) -> tuple[tuple[Body, ...], tuple[str, ...]]:
@@ -123,7 +116,7 @@ class Engine:
 
     def remove(self, name: str) -> None:
         """Take a model's bodies away, if it has any."""
-        self._wake()
+        self._rest.wake()
         for body in self._bodies.pop(name, ()):
             self._remove(body)
         self._is_sorted = False
@@ -142,7 +135,7 @@ class Engine:
     def _remove(self, body: Body) -> None:
         """Take a body away."""
         self._client.removeBody(body.number)
-        self._parting.forget(body.number)
+        self._depenetration.forget(body.number)
 
     def rebuild(self, models: Iterable[Model]) -> None:
         """Build everything anew: PyBullet's solver remembers contacts.
@@ -151,8 +144,8 @@ class Engine:
             models: All models, in the state their bodies shall have.
         """
         self._client.resetSimulation()
-        self._parting = Parting(self._client)
-        self._properties.apply(self._client)
+        self._depenetration = DepenetrationLimiter(self._client)
+        _write_properties(self._client, self._properties)
         self._bodies.clear()
         self._is_sorted = False
         for model in models:
@@ -160,13 +153,13 @@ class Engine:
 
     def write(self, model: Model) -> None:
         """Take over a model's pose, joints and velocities."""
-        self._parting.look()
+        self._depenetration.expect_overlaps()
         for body in self._awake(model):
             body.write()
 
     def write_joints(self, model: Model) -> None:
         """Take over a model's joints, and hold them there in ``hold``."""
-        self._parting.look()
+        self._depenetration.expect_overlaps()
         for body in self._awake(model):
             body.write_joints()
             if self.physics == "hold":
@@ -199,7 +192,7 @@ class Engine:
 
     def step(self) -> None:
         """Let one time step pass, and give the models their new states."""
-        if self._still_for >= REST:
+        if self._rest.is_resting:
             return
         if not self._is_sorted:
             self._sort()
@@ -208,10 +201,12 @@ class Engine:
         if self.physics == "limp":
             for body in self._jointed:
                 body.drag()
-        self._parting.bound(self._by_number, self._properties)
+        self._depenetration.apply(self._by_number, self._properties)
         self._client.stepSimulation()
         self._moving.read()
-        self._watch_for_rest()
+        self._rest.update(self._moving.speed, self._properties.time_step)
+        if self._rest.is_resting:
+            self._moving.stop()
 
     def _sort(self) -> None:
         """Sort the bodies by what a step does with them."""
@@ -229,33 +224,26 @@ class Engine:
 
     def _awake(self, model: Model) -> tuple[Body, ...]:
         """Go on computing, and give a model's bodies."""
-        self._wake()
+        self._rest.wake()
         return self._bodies.get(model.name, ())
 
-    def _watch_for_rest(self) -> None:
-        """Count for how long all stands still, and stop it when that is enough.
-
-        What becomes faster is about to move, however slow it is: a pole that begins
-        to topple.
-        """
-        speed = self._moving.speed
-        if not speed <= STILL:
-            self._wake()
-            return
-        if self._still_for == 0.0:
-            self._speed_before = speed
-        self._still_for += self._properties.time_step
-        if self._still_for < REST:
-            return
-        if speed > self._speed_before:
-            self._wake()
-        else:
-            self._moving.stop()
-
-    def _wake(self) -> None:
-        """Go on computing, and count anew for how long all stands still."""
-        self._still_for = 0.0
-
     def contacts(self) -> set[tuple[str, str]]:
-        """Find which links touch or overlap now, as ``contacts.contacts``."""
-        return contacts(self._client, self._all_bodies())
+        """Find which links touch or overlap now, as ``contacts.find_contacts``."""
+        if not self._is_sorted:
+            self._sort()
+        return find_contacts(self._client, self._by_number)
+
+
+def _write_properties(client: BulletClient, properties: PhysicsProperties) -> None:
+    """Let PyBullet compute with these numbers."""
+    if properties.step_ns:
+        client.setTimeStep(properties.time_step)
+    client.setGravity(*properties.gravity)
+    client.setPhysicsEngineParameter(
+        numSolverIterations=max(1, properties.sor_pgs_iters),
+        erp=properties.erp,
+        contactERP=properties.erp,
+        globalCFM=properties.cfm,
+        solverResidualThreshold=0.0,  # stopping early lets boxes creep
+        deterministicOverlappingPairs=1,
+    )
