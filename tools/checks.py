@@ -260,8 +260,6 @@ def run_launch(runner):
     checker = Path(folder.splitlines()[-1]) / "scripts" / "roslaunch-check"
     package = WORKSPACE / "src" / "g1_description"
     files = {*package.glob("launch/*.launch"), *package.glob("interfaces/*/launch/*")}
-    # It names a package that is no dependency; test_launch.py reads it.
-    files.remove(package / "launch" / "sim_gazebo.launch")
     for file in sorted(files):
         results = runner.folder / "launch.xml"
         outcome.add(runner.check([checker, "-o", results, file]))

@@ -116,8 +116,9 @@ def test_arguments_that_are_right_or_may_be_empty_are_taken():
 
 
 def test_there_is_a_launch_file_for_each_simulator():
-    files = (REPOSITORY / "launch").glob("sim_*.launch")
-    assert {file.stem[len("sim_") :] for file in files} == set(CHOICES["sim"])
+    files = (REPOSITORY / "launch").glob("sim_*.launch.xml")
+    names = {file.name[len("sim_") : -len(".launch.xml")] for file in files}
+    assert names == set(CHOICES["sim"])
 
 
 def test_a_model_may_be_a_xacro_file_of_a_package_with_arguments(tmp_path):
