@@ -8,7 +8,7 @@ from oracle import forward_kinematics
 from robots import chains, world_poses
 
 from g1_description.core.bridge.joints import measured_joints
-from g1_description.core.bridge.measurement import Before, measure
+from g1_description.core.bridge.measurement import Previous, measure
 from g1_description.core.urdf.reader import parse_urdf
 
 SIGNS = st.lists(st.sampled_from([1.0, -1.0]), min_size=9, max_size=9)
@@ -60,8 +60,8 @@ def test_continuous_joints_go_on_from_their_last_position(chain, root_pose, turn
     poses = np.array([placed[link] for link in robot.link_names])
     last = np.array([positions[name] for name in joints.names]) + turns * 2 * np.pi
     twists = np.zeros((len(poses), 6))
-    before = Before(last + 0.01, np.zeros(len(last)), np.zeros(len(last)))
-    measured = measure(poses, twists, joints, before).position
+    previous = Previous(last + 0.01, np.zeros(len(last)), np.zeros(len(last)))
+    measured = measure(poses, twists, joints, previous).position
     free = np.isinf(joints.upper)
     np.testing.assert_allclose(measured[free], last[free], atol=1e-9)
 
@@ -92,7 +92,7 @@ def test_velocities_are_the_slopes_of_positions(chain, root_pose, random):
     expected = [speed[name] for name in joints.names]
     measured = measure(now, twists, joints)
     np.testing.assert_allclose(measured.velocity, expected, atol=1e-6)
-    np.testing.assert_allclose(measured.alignment, 1.0, atol=1e-12)
+    np.testing.assert_allclose(measured.axis_residual, 0.0, atol=1e-12)
 
 
 def test_a_joint_whose_link_is_missing_is_left_out_by_name():

@@ -187,7 +187,7 @@ def assert_seen(sight, drawn):
     for share, positions in zip(sight.shares, drawn):
         assert share.joints.names == tuple(positions)
         assert not share.joints.missing
-    np.testing.assert_allclose(sight.measured.alignment, 1.0, atol=1e-12)
+    np.testing.assert_allclose(sight.measured.axis_residual, 0.0, atol=1e-12)
     assert not sight.off_axis
 
 

@@ -61,13 +61,33 @@ def test_roll_pitch_yaw_come_back(seed, pitch):
     np.testing.assert_allclose(np.abs(again @ q), 1.0, atol=1e-12)
 
 
-@given(SEEDS, st.floats(-3.14, 3.14))
-def test_the_twist_angle_ignores_the_sign_of_a_quaternion(seed, angle):
+@given(SEEDS, st.floats(-3.14, 3.14), st.floats(0.0, 3.14), st.sampled_from([1, -1]))
+def test_swing_and_twist_are_the_turns_that_were_made(seed, angle, swing, sign):
     axis = random_quaternions(seed)[:3]
     axis = axis / np.linalg.norm(axis)
-    q = rotation.from_axis_angle(axis, angle)
-    for same in (q, -q):
-        np.testing.assert_allclose(rotation.twist_angle(same, axis), angle, atol=1e-12)
+    across = np.cross(axis, random_quaternions(seed + 1)[:3])
+    turns = [axis * angle, across / np.linalg.norm(across) * swing]
+    twist, swung = (Rotation.from_rotvec(turn) for turn in turns)
+    q = sign * (swung * twist).as_quat()
+    found, residual = rotation.swing_twist(q, axis)
+    # Near a half turn of the swing little of the twist is left in the numbers.
+    np.testing.assert_allclose(found, angle, atol=1e-12 / np.cos(0.5 * swing))
+    np.testing.assert_allclose(residual, np.sin(0.5 * swing) ** 2, atol=1e-12)
+
+
+@given(SEEDS)
+def test_about_no_axis_there_is_no_twist(seed):
+    q = random_quaternions(seed)
+    twist, residual = rotation.swing_twist(q, np.zeros(3))
+    assert twist == 0.0
+    np.testing.assert_allclose(residual, np.sum(q[:3] ** 2), atol=1e-12)
+
+
+@given(SEEDS)
+def test_the_relative_rotation_undoes_the_first_one(seed):
+    q_a_b, q_b_c = random_quaternions(seed), random_quaternions(seed + 1)
+    found = rotation.relative(q_a_b, rotation.multiply(q_a_b, q_b_c))
+    np.testing.assert_allclose(found, q_b_c, atol=1e-12)
 
 
 @given(SEEDS, st.floats(0.0, 3.14))

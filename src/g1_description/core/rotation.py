@@ -35,6 +35,8 @@ def _hamilton_product() -> np.ndarray:
 
 _HAMILTON = _hamilton_product()
 _CONJUGATE = np.array([-1.0, -1.0, -1.0, 1.0])
+# The same for a* b: row 4 i + j belongs to a_i b_j.
+_RELATIVE = np.repeat(_CONJUGATE, 4)[:, np.newaxis] * _HAMILTON
 # Turning the j-th axis, q e_j q*, is linear in the products of q's parts.
 _TENSOR = _HAMILTON.reshape(4, 4, 4)
 _AXES = np.einsum("ljm,mri,r->lrij", _TENSOR[:, :3], _TENSOR[..., :3], _CONJUGATE)
@@ -60,7 +62,7 @@ def multiply(q_a_b: np.ndarray, q_b_c: np.ndarray) -> np.ndarray:
 
 
 def conjugate(q_a_b: np.ndarray) -> np.ndarray:
-    """Turn q_a_b into q_b_a.
+    """Compute the inverse of rotations.
 
     Args:
         q_a_b: Unit quaternions (x, y, z, w), shape (..., 4).
@@ -69,6 +71,21 @@ def conjugate(q_a_b: np.ndarray) -> np.ndarray:
         q_b_a, shape (..., 4).
     """
     return q_a_b * _CONJUGATE
+
+
+def relative(q_a_b: np.ndarray, q_a_c: np.ndarray) -> np.ndarray:
+    """Compute the rotation from one frame to another.
+
+    Args:
+        q_a_b: Unit quaternions (x, y, z, w) that take b coordinates to a, shape
+            (..., 4).
+        q_a_c: Unit quaternions that take c coordinates to a, shape (..., 4).
+
+    Returns:
+        q_b_c, shape (..., 4).
+    """
+    outer = q_a_b[..., :, np.newaxis] * q_a_c[..., np.newaxis, :]
+    return outer.reshape((*outer.shape[:-2], 16)) @ _RELATIVE
 
 
 def to_axes(q_a_b: np.ndarray) -> np.ndarray:
@@ -87,7 +104,7 @@ def to_axes(q_a_b: np.ndarray) -> np.ndarray:
 
 
 def rotate(q_a_b: np.ndarray, vector_b: np.ndarray) -> np.ndarray:
-    """Write vectors of frame b in frame a.
+    """Convert vectors from frame b to frame a.
 
     Args:
         q_a_b: Unit quaternions (x, y, z, w), shape (..., 4).
@@ -100,7 +117,7 @@ def rotate(q_a_b: np.ndarray, vector_b: np.ndarray) -> np.ndarray:
 
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Multiply vectors, several times faster than numpy's ``cross``.
+    """Compute cross products, several times faster than numpy's ``cross``.
 
     Args:
         a: Vectors, shape (..., 3).
@@ -114,7 +131,7 @@ def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def from_axis_angle(axis: np.ndarray, angle: np.ndarray) -> np.ndarray:
-    """Turn about axes.
+    """Convert axes and angles to quaternions.
 
     Args:
         axis: Unit axes, shape (..., 3).
@@ -163,27 +180,28 @@ def axes_to_rpy(axes: np.ndarray) -> np.ndarray:
     return np.array([roll, pitch, np.arctan2(x_axis[1], x_axis[0])])
 
 
-def twist_angle(q: np.ndarray, axis: np.ndarray) -> np.ndarray:
-    """Measure how far rotations turn about given axes.
-
-    The swing-twist decomposition: what is left after the turn about the axis is
-    ignored. A half turn about a perpendicular axis has no such angle and reads 0.
+def swing_twist(q: np.ndarray, axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Split rotations into a twist about an axis and the swing that is left.
 
     Args:
         q: Unit quaternions (x, y, z, w), shape (..., 4).
-        axis: Unit axes, shape (..., 3).
+        axis: Unit axes, shape (..., 3). About a zero axis there is no twist.
 
     Returns:
-        Angles in [rad], from -pi to pi, shape (...).
+        Angles of the twists in [rad], from -pi to pi, shape (...), the same for q and
+        -q; where the swing is a half turn the twist is undefined and reads 0. And the
+        squared sines of half the angles of the swings, shape (...).
     """
-    half_sin = np.sum(q[..., :3] * axis, axis=-1)
+    half_sin = np.einsum("...i,...i->...", q[..., :3], axis)
     half_cos = q[..., 3]
+    sin_sin, cos_cos = half_sin * half_sin, half_cos * half_cos
     # 2 * arctan2(half_sin, half_cos) would set q and -q a whole turn apart.
-    return np.arctan2(2.0 * half_sin * half_cos, half_cos**2 - half_sin**2)
+    twist = np.arctan2(2.0 * half_sin * half_cos, cos_cos - sin_sin)
+    return twist, 1.0 - (sin_sin + cos_cos)
 
 
 def angle_between(q_a: np.ndarray, q_b: np.ndarray) -> np.ndarray:
-    """Measure the angle of the rotation from one orientation to another.
+    """Compute the angle of the rotation from one orientation to another.
 
     Args:
         q_a: Unit quaternions (x, y, z, w), shape (..., 4).
@@ -192,7 +210,7 @@ def angle_between(q_a: np.ndarray, q_b: np.ndarray) -> np.ndarray:
     Returns:
         Angles in [rad], from 0 to pi, shape (...).
     """
-    difference = multiply(conjugate(q_a), q_b)
+    difference = relative(q_a, q_b)
     vector = np.linalg.norm(difference[..., :3], axis=-1)
     return 2.0 * np.arctan2(vector, np.abs(difference[..., 3]))
 

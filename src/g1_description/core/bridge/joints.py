@@ -1,4 +1,4 @@
-"""Which joints can be measured from the links at hand, as arrays."""
+"""Joints that can be measured from the links a simulator publishes, as arrays."""
 
 from __future__ import annotations
 
@@ -10,33 +10,34 @@ from typing import Any
 import numpy as np
 
 from g1_description.core.robot.description import Description, Joint
-from g1_description.core.robot.rigid import seen_through
+from g1_description.core.robot.rigid import reference_links
 from g1_description.core.rotation import rotate
 from g1_description.core.transform import compose, inverse
 
 OVERSHOOT = 0.1
-"""How far physics may push a joint beyond its stop, in [rad]."""
+"""Largest angle in [rad] by which physics pushes a joint beyond its stop."""
 
-BLUR = 1e-4
-"""How exactly a simulator keeps to stops and tells poses, in [rad]."""
+TOLERANCE = 1e-4
+"""Largest error in [rad] of a simulator's poses and of a joint that rests at its
+stop."""
 
 
 @dataclass(frozen=True)
 class MeasuredJoints:
-    """The joints that can be measured from the links at hand, a row per joint."""
+    """The joints that can be measured from the available links, a row per joint."""
 
     names: tuple[str, ...]
     """Joint names, in the order of the robot description."""
 
     missing: tuple[str, ...]
-    """Links that neither are at hand nor are fixed to one that is, so that a joint of
-    theirs is left out."""
+    """Links that are neither available nor fixed to an available one. Their joints
+    are left out."""
 
     parent: np.ndarray
-    """Index of the link that each joint's parent is seen through, shape (n_joints,)."""
+    """Index of the reference link of each joint's parent, shape (n_joints,)."""
 
     child: np.ndarray
-    """Index of the link that each joint's child is seen through, shape (n_joints,)."""
+    """Index of the reference link of each joint's child, shape (n_joints,)."""
 
     T_parent_zero: np.ndarray
     """Frame of ``child`` in the frame of ``parent`` at position zero, shape
@@ -53,28 +54,33 @@ class MeasuredJoints:
     """Limits in [rad] or [m], infinite for continuous joints, shape (n_joints,)."""
 
     middle: np.ndarray
-    """The middle of the turn that is the first guess, the one inside the limits and
-    nearest zero, shape (n_joints,)."""
+    """Middle in [rad] of the turn that a first measurement is put in: the one inside
+    the limits that is nearest zero, shape (n_joints,)."""
 
-    goes_on: np.ndarray
-    """True where the limits do not tell one turn from the next, so that a position
-    goes on from the last one, shape (n_joints,)."""
+    needs_unwrapping: np.ndarray
+    """True where several turns lie within the limits, so that an angle is ambiguous
+    without the previous one, shape (n_joints,)."""
+
+    @cached_property
+    def twist_axis(self) -> np.ndarray:
+        """Axis of each joint's rotation, zero where it slides, shape (n_joints, 3)."""
+        return self.axis * self.turns[:, np.newaxis]
 
     @cached_property
     def all_turn(self) -> bool:
-        """Whether none slides."""
+        """Whether no joint slides."""
         return bool(self.turns.all())
 
     @cached_property
-    def some_go_on(self) -> bool:
-        """Whether any goes on from its last position."""
-        return bool(self.goes_on.any())
+    def any_needs_unwrapping(self) -> bool:
+        """Whether the angle of any joint is ambiguous."""
+        return bool(self.needs_unwrapping.any())
 
     @classmethod
     def joined(
         cls, parts: Sequence[MeasuredJoints], first_links: Sequence[int]
     ) -> MeasuredJoints:
-        """Put the joints of several robots into one.
+        """Concatenate the joints of several robots.
 
         Args:
             parts: Joints of each robot.
@@ -95,32 +101,33 @@ class MeasuredJoints:
 def measured_joints(
     description: Description, link_names: Sequence[str]
 ) -> MeasuredJoints:
-    """Find each movable joint's links among those a simulator publishes.
+    """Find the links from which each movable joint can be measured.
 
-    A link that is not at hand is seen through any other that fixed joints hold to
-    it; the constant transform between the two comes from the description.
+    A link that is not available is replaced by one that fixed joints connect it to,
+    its reference link; the constant transform between the two comes from the
+    description.
 
     Args:
-        description: The robot as its file tells it, fixed joints and all.
-        link_names: Links at hand, in the order of the poses to come. Of equal names
+        description: The robot as in its file, with its fixed joints.
+        link_names: Available links, in the order of the poses to come. Of equal names
             the first counts.
 
     Returns:
-        The joints whose two links are known, and the links that are not.
+        The joints whose two links have reference links, and the links without one.
     """
     index = {name: row for row, name in reversed([*enumerate(link_names)])}
-    seen = seen_through(description, index)
+    reference = reference_links(description, index)
     rows, missing = [], []
     for joint in description.movable_joints:
-        absent = [link for link in (joint.parent, joint.child) if link not in seen]
+        absent = [link for link in (joint.parent, joint.child) if link not in reference]
         if absent:
             missing += absent
             continue
-        parent, T_through_parent = seen[joint.parent]
-        child, T_through_child = seen[joint.child]
-        T_parent_through = compose(joint.pose, inverse(T_through_child))
-        zero = compose(T_through_parent, T_parent_through)
-        axis = rotate(T_through_child[3:], joint.axis)
+        parent, T_reference_parent = reference[joint.parent]
+        child, T_reference_child = reference[joint.child]
+        T_parent_reference = compose(joint.pose, inverse(T_reference_child))
+        zero = compose(T_reference_parent, T_parent_reference)
+        axis = rotate(T_reference_child[3:], joint.axis)
         rows.append((joint, index[parent], index[child], zero, axis))
     joints = [joint for joint, *_ in rows]
     lower = np.array([joint.lower for joint in joints])
@@ -137,17 +144,18 @@ def measured_joints(
         lower=lower,
         upper=upper,
         middle=np.array([_middle(joint) for joint in joints]),
-        goes_on=turns & (upper - lower > 2.0 * (np.pi - OVERSHOOT)),
+        needs_unwrapping=turns & (upper - lower > 2.0 * (np.pi - OVERSHOOT)),
     )
 
 
 def _middle(joint: Joint) -> float:
-    """Find the middle of a turn inside a joint's limits, as near zero as can be.
+    """Compute the middle of the turn inside a joint's limits that is nearest zero.
 
-    The middle of the limits where they are no whole turn apart.
+    It is the middle of the limits where they are less than a whole turn apart.
     """
     if joint.upper - joint.lower < 2.0 * np.pi:
         return 0.5 * (joint.lower + joint.upper)
-    # A joint at its stop is not a turn further.
-    first, last = joint.lower + np.pi - BLUR, joint.upper - np.pi + BLUR
+    # Without the tolerance a joint that rests at its stop would read a turn further.
+    first = joint.lower + np.pi - TOLERANCE
+    last = joint.upper - np.pi + TOLERANCE
     return float(np.clip(0.0, first, last))

@@ -10,12 +10,12 @@ import numpy as np
 
 from g1_description.core.robot.assembly import SCOPE, base_of
 from g1_description.core.robot.description import Description
-from g1_description.core.robot.rigid import seen_through
+from g1_description.core.robot.rigid import reference_links
 from g1_description.core.transform import IDENTITY, compose
 from g1_description.core.usable import all_usable, usable_rows
 
 from .joints import MeasuredJoints, measured_joints
-from .measurement import Before, Measured, measure
+from .measurement import Measured, Previous, measure
 
 OFF_AXIS = 0.05
 """A rotation left over off a joint's axis that is worth telling, in [rad].
@@ -26,7 +26,7 @@ rad off their axes; a robot_description of another robot is off by far more."""
 FORGOTTEN = 1.0
 """Turns do not go on from a position that is older than this, in [s]."""
 
-_ALIGNED = np.cos(0.5 * OFF_AXIS) ** 2
+_LARGEST = np.sin(0.5 * OFF_AXIS) ** 2
 _KEPT = 64
 """Sets of links at hand, for each robot at most, whose joints are kept."""
 
@@ -87,8 +87,8 @@ class Sight:
     @property
     def off_axis(self) -> bool:
         """Whether rotation is left over off any joint's axis."""
-        alignment = self.measured.alignment
-        return len(alignment) > 0 and not alignment.min() >= _ALIGNED
+        residual = self.measured.axis_residual
+        return len(residual) > 0 and not residual.max() <= _LARGEST
 
     def off_axis_joints(self, share: Share) -> dict[str, float]:
         """List a robot's joints that do not keep to their axes.
@@ -96,8 +96,8 @@ class Sight:
         Returns:
             The rotation left over in [rad] by joint name, the largest first.
         """
-        alignment = np.clip(self.measured.alignment[share.span], 0.0, 1.0)
-        left_over = 2.0 * np.arccos(np.sqrt(alignment))
+        residual = np.clip(self.measured.axis_residual[share.span], 0.0, 1.0)
+        left_over = 2.0 * np.arcsin(np.sqrt(residual))
         found = {
             name: float(angle)
             for name, angle in zip(share.joints.names, left_over)
@@ -180,17 +180,17 @@ class Observer:
 
     def _measure(self, poses: np.ndarray, twists: np.ndarray, time: float) -> Measured:
         """Measure the joints, going on from the last positions where need be."""
-        if not self._joints.some_go_on:
+        if not self._joints.any_needs_unwrapping:
             return measure(poses, twists, self._joints)
         which = self._which
         with np.errstate(invalid="ignore"):  # NaN stands for what was never seen
             self._position[time - self._seen > FORGOTTEN] = np.nan
-            before = Before(
+            previous = Previous(
                 self._position[which],
                 self._velocity[which],
                 self._passed(time)[which],
             )
-            measured = measure(poses, twists, self._joints, before)
+            measured = measure(poses, twists, self._joints, previous)
         self._position[which], self._velocity[which] = measured[:2]
         self._seen[which] = time
         return measured
@@ -289,7 +289,7 @@ class Observer:
                 self._kept.clear()
             base = None
             root, _ = base_of(robot)
-            if root in (seen := seen_through(robot, links)):
+            if root in (seen := reference_links(robot, links)):
                 link, T_link_root = seen[root]
                 base = (links.index(link), T_link_root)
             self._kept[key] = (measured_joints(robot, links), base)

@@ -40,34 +40,34 @@ def rigid_frames(
     return frames
 
 
-def seen_through(
-    description: Description, at_hand: Collection[str]
+def reference_links(
+    description: Description, available: Collection[str]
 ) -> dict[str, tuple[str, np.ndarray]]:
-    """Find for each link a link at hand that tells where it is.
+    """Find for each link an available link that it is fixed to.
 
     A simulator publishes some links of a robot: one that lumps fixed joints leaves
-    out what hangs on them, others leave out other links.
+    out the children of these joints, others leave out other links.
 
     Args:
-        description: The robot as its file tells it, fixed joints and all.
-        at_hand: Names of the links whose poses are known.
+        description: The robot as in its file, with its fixed joints.
+        available: Names of the links whose poses are known.
 
     Returns:
-        For each link that is known through itself or another: that link's name, and
-        its own pose in that link's frame, shape (7,).
+        For each link that is available or fixed to an available one: the name of that
+        link, and its own pose in that link's frame, shape (7,).
     """
     frames = rigid_frames(description)
     known: dict[str, tuple[str, np.ndarray]] = {}
     for link in description.link_names:
         body, pose = frames[link]
-        if link in at_hand and body not in known:
+        if link in available and body not in known:
             known[body] = (link, inverse(pose))
-    seen = {}
+    found = {}
     for link in description.link_names:
         body, pose = frames[link]
-        if link in at_hand:
-            seen[link] = (link, IDENTITY)
+        if link in available:
+            found[link] = (link, IDENTITY)
         elif body in known:
-            through, T_through_body = known[body]
-            seen[link] = (through, compose(T_through_body, pose))
-    return seen
+            reference, T_reference_body = known[body]
+            found[link] = (reference, compose(T_reference_body, pose))
+    return found
