@@ -71,8 +71,9 @@ class LinkStatesDecoder:
 
     def __init__(self) -> None:
         """Begin without names."""
-        self._names: tuple[str, ...] = ()
-        self._head = _COUNT.pack(0)
+        self._known: dict[bool, tuple[bytes, tuple[str, ...]]] = {}
+        """By whether there is a frame_id: its bytes and those of the names, and the
+        names."""
 
     def decode(self, data: bytes) -> LinkStatesArrays:
         """Read one LinkStates.
@@ -106,23 +107,28 @@ class LinkStatesDecoder:
         if len(data) < _SEQ_AND_STAMP.size:
             raise WireFormatError(f"The message ends after {len(data)} bytes.")
         _, seconds, rest = _SEQ_AND_STAMP.unpack_from(data)
-        _, offset = _read_string(data, _SEQ_AND_STAMP.size)
-        states, offset = self._read(data, offset)
-        count, offset = _read_count(data, offset)
-        _, offset = _read_numbers(data, offset - _COUNT.size, count, 6)
+        states, offset = self._read(data, _SEQ_AND_STAMP.size, True)
+        offset = _end_of_numbers(data, offset, 6)
         if offset != len(data):
             raise WireFormatError(f"{len(data) - offset} bytes follow the message.")
         return seconds * 1_000_000_000 + rest, states
 
-    def _read(self, data: bytes, offset: int) -> tuple[LinkStatesArrays, int]:
-        """Read names, poses and twists; give them and where they end."""
-        if not data.startswith(self._head, offset):
-            self._names, end = _read_names(data, offset)
-            self._head = data[offset:end]
-        n = len(self._names)
-        poses, offset = _read_numbers(data, offset + len(self._head), n, 7)
-        twists, offset = _read_numbers(data, offset, n, 6)
-        return LinkStatesArrays(self._names, poses, twists), offset
+    def _read(
+        self, data: bytes, offset: int, has_frame_id: bool = False
+    ) -> tuple[LinkStatesArrays, int]:
+        """Read names, poses and twists; return them and where they end."""
+        head, names = self._known.get(has_frame_id, (b"", ()))
+        if not head or not data.startswith(head, offset):
+            start = _read_string(data, offset)[1] if has_frame_id else offset
+            names, end = _read_names(data, start)
+            head = data[offset:end]
+            self._known[has_frame_id] = head, names
+        n, start = len(names), offset + len(head)
+        middle = _end_of_numbers(data, start, 7, n)
+        end = _end_of_numbers(data, middle, 6, n)
+        poses = np.frombuffer(data, _FLOAT, 7 * n, start + _COUNT.size)
+        twists = np.frombuffer(data, _FLOAT, 6 * n, middle + _COUNT.size)
+        return LinkStatesArrays(names, poses.reshape(n, 7), twists.reshape(n, 6)), end
 
 
 def _read_count(data: bytes, offset: int) -> tuple[int, int]:
@@ -154,18 +160,28 @@ def _read_names(data: bytes, offset: int) -> tuple[tuple[str, ...], int]:
     return tuple(names), offset
 
 
-def _read_numbers(
-    data: bytes, offset: int, n: int, width: int
-) -> tuple[np.ndarray, int]:
-    """Read n rows of numbers; give them and where they end."""
-    count, offset = _read_count(data, offset)
-    if count != n:
+def _end_of_numbers(data: bytes, offset: int, width: int, n: int | None = None) -> int:
+    """Check the size of an array of rows of numbers, and find its end.
+
+    Args:
+        data: The message.
+        offset: Where the array begins, with the number of its rows.
+        width: Number of float64 in each row.
+        n: Number of names, if the array has a row for each.
+
+    Raises:
+        WireFormatError: If the rows are not as many as the names, or not all there.
+    """
+    if offset + _COUNT.size > len(data):
+        raise WireFormatError(f"The message ends after {len(data)} bytes, in a count.")
+    count = _COUNT.unpack_from(data, offset)[0]
+    if n is not None and count != n:
         raise WireFormatError(f"{n} names come with {count} rows of numbers.")
-    end = offset + n * width * _FLOAT.itemsize
+    start = offset + _COUNT.size
+    end = start + count * width * _FLOAT.itemsize
     if end > len(data):
         raise WireFormatError(
-            f"{n} rows of {width} numbers start {len(data) - offset} bytes before the "
-            "message's end."
+            f"{count} rows of {width} numbers start {len(data) - start} bytes before "
+            "the message's end."
         )
-    flat = np.frombuffer(data, _FLOAT, n * width, offset)
-    return flat.reshape(n, width), end
+    return end
