@@ -1,0 +1,240 @@
+"""The subscribers of a topic, with the socket of each.
+
+rospy does not say which socket belongs to which subscriber, so this module relies on
+its insides, as they are in ROS noetic (rospy 1.15):
+
+- A ``SubscribeListener`` is called in the thread of the handshake, and gets a function
+  that publishes to that subscriber alone.
+- ``tcpros.HANDSHAKE`` holds that thread's socket. It is set by our replacement of
+  rospy's private TCP server; without it handshakes are assumed to follow one another.
+- ``getBusInfo`` lists the node's connections with a sentence about each, which ends in
+  "on socket 12": rospy.impl.tcpros_base.TCPROSTransport.get_transport_info.
+- rospy takes up a subscriber that already waits for the topic before it knows the
+  listener. Its connection is closed, and the master asked to call its node again.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import select
+import socket
+import struct
+import threading
+import time
+import warnings
+from collections import deque
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import rosgraph
+import rospy
+
+from g1_description.ros.node.own_node import FAILURES, own_node
+
+from .tcpros import HANDSHAKE
+
+SEND_TIMEOUT = struct.pack("ll", 0, 500_000)
+"""Longest time a subscriber may leave a message half read, as a struct timeval: 0.5 s.
+After that rospy drops it."""
+
+REFRESH_PERIOD = 0.5
+"""Shortest time between two calls of getBusInfo, in [s]."""
+
+MAX_CALLS = 5
+"""Number of times a node whose connection was closed is called again. A node that has
+not noticed the end of a connection ignores the call."""
+
+_SOCKET = re.compile(r"on socket (\d+)")
+_OTHER, _DIRECTION, _TOPIC, _INFO = 1, 2, 4, 6  # where they are in a row of getBusInfo
+
+
+@dataclass
+class Peer:
+    """One subscriber."""
+
+    send: Callable
+    """Publishes one message to it."""
+
+    descriptor: int
+    """Its socket."""
+
+    waiting: deque
+    """Messages that its socket had no room for."""
+
+    is_own: bool
+    """Whether it is this node itself."""
+
+    is_stuck: bool = False
+    """Whether it was waited for in vain, and has read nothing since."""
+
+    def send_waiting(self) -> None:
+        """Send the messages that wait, as far as there is room."""
+        room = select.poll()
+        room.register(self.descriptor, select.POLLOUT)
+        while self.waiting and room.poll(0):
+            self.send(self.waiting.popleft())
+            self.is_stuck = False
+
+
+class Subscribers(rospy.SubscribeListener):
+    """Advertises a topic and keeps a list of those who subscribe to it."""
+
+    def __init__(
+        self,
+        name: str,
+        kind: type,
+        queue_size: int,
+        greet: Callable[[Peer], None],
+        on_newcomer: Callable[[], None],
+    ) -> None:
+        """Advertise a topic.
+
+        Args:
+            name: The topic.
+            kind: Class of its messages.
+            queue_size: Number of messages that wait for a slow subscriber.
+            greet: Called with a subscriber, under the lock, before it is on the list.
+            on_newcomer: Called after that, in the thread of the handshake.
+        """
+        self.name = rospy.resolve_name(name)
+        self.lock = threading.Lock()
+        """Held while messages are sent, so that a newcomer gets each message once."""
+        self.peers: dict[int, Peer] = {}
+        """Subscribers by the numbers of their connections; replaced, never changed."""
+        self.poll = select.poll()
+        """Watches the sockets of all peers."""
+        self.n_known = 0
+        """Number of connections that need no attention."""
+        self._queue_size = queue_size
+        self._greet, self._on_newcomer = greet, on_newcomer
+        self._changing = threading.RLock()
+        self._connections: dict[int, tuple[int, bool]] = {}
+        self._strangers: set[int] = set()
+        self._dismissed: dict[int, int] = {}
+        self._refreshed = 0.0
+        with warnings.catch_warnings():
+            # rospy warns of a publisher that has no queue.
+            warnings.simplefilter("ignore", SyntaxWarning)
+            self.publisher = rospy.Publisher(name, kind, subscriber_listener=self)
+        # rospy takes up subscribers before it knows the listener.
+        self._update()
+        self._turn_away(self._strangers)
+
+    def peer_subscribe(self, topic_name, topic_publish, peer_publish) -> None:
+        """Add a subscriber; rospy calls this in the thread of its handshake."""
+        descriptor = getattr(HANDSHAKE, "descriptor", None)
+        with self._changing:
+            self._update()
+            # Without threads of their own, handshakes come one after the other.
+            fitting = [
+                number
+                for number in sorted(self._strangers)
+                if descriptor in (None, self._connections[number][0])
+            ]
+            if fitting:
+                self._strangers.remove(fitting[-1])
+                with contextlib.suppress(OSError):  # it is gone again
+                    self._add(fitting[-1], peer_publish)
+        self._on_newcomer()
+
+    def peer_unsubscribe(self, topic_name, num_peers) -> None:
+        """Make the next refresh due; rospy calls this and does not say who left."""
+        self._refreshed = 0.0
+
+    def refresh(self) -> None:
+        """Remove those who left; turn away those who were not added for a while."""
+        now = time.monotonic()
+        if now - self._refreshed < REFRESH_PERIOD:
+            return
+        if self._changing.acquire(blocking=False):
+            try:
+                self._refreshed = now
+                before = self._strangers
+                self._update()
+                self._turn_away(before & self._strangers)
+            finally:
+                self._changing.release()
+
+    def _update(self) -> None:
+        """Compare the subscribers with the node's connections."""
+        try:
+            self._connections = _connections_of(self.name)
+        except FAILURES as error:
+            if not rospy.core.is_shutdown_requested():
+                rospy.logwarn_once("This node cannot reach itself: %s", error)
+            return
+        here = set(self._connections)
+        for number in set(self.peers) - here:
+            with contextlib.suppress(KeyError):
+                self.poll.unregister(self.peers[number].descriptor)
+        self.peers = {n: peer for n, peer in self.peers.items() if n in here}
+        self._dismissed = {n: k for n, k in self._dismissed.items() if n in here}
+        self._strangers = here - set(self.peers) - set(self._dismissed)
+        self._count_known()
+
+    def _count_known(self) -> None:
+        """Count the peers, and the connections that are given up."""
+        given_up = list(self._dismissed.values()).count(0)
+        self.n_known = len(self.peers) + given_up
+
+    def _add(self, number: int, send: Callable) -> None:
+        """Put a connection on the list of subscribers."""
+        descriptor, is_own = self._connections[number]
+        with _borrowed(descriptor) as sock:
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, SEND_TIMEOUT)
+        self.poll.register(descriptor, select.POLLOUT)
+        waiting: deque = deque(maxlen=1 if is_own else self._queue_size)
+        peer = Peer(send, descriptor, waiting, is_own)
+        with self.lock:
+            self._greet(peer)
+            self.peers = {**self.peers, number: peer}
+        self._count_known()
+
+    def _turn_away(self, strangers: set[int]) -> None:
+        """Close connections, and let the master call their nodes again."""
+        for number in strangers:
+            descriptor, _ = self._connections[number]
+            with contextlib.suppress(OSError), _borrowed(descriptor) as sock:
+                sock.shutdown(socket.SHUT_RDWR)
+            self._dismissed[number] = MAX_CALLS
+        if any(self._dismissed.values()):
+            self._dismissed = {n: max(0, k - 1) for n, k in self._dismissed.items()}
+            self._count_known()
+            # A master that cannot be reached may take a minute to say so.
+            threading.Thread(target=self._call, daemon=True).start()
+
+    def _call(self) -> None:
+        """Let the master tell all subscribers of this publisher."""
+        with contextlib.suppress(*FAILURES, rosgraph.MasterException):
+            rosgraph.Master(rospy.get_name()).registerPublisher(
+                self.name, self.publisher.type, rospy.get_node_uri()
+            )
+
+
+def _connections_of(topic: str) -> dict[int, tuple[int, bool]]:
+    """Ask the node for the outgoing connections of a topic.
+
+    Returns:
+        By their numbers, their sockets and whether they lead to this node itself.
+    """
+    own = rospy.get_name()
+    with own_node() as node:
+        rows = node.getBusInfo(own)[2]
+    found = (
+        (row[0], _SOCKET.search(row[_INFO]), row[_OTHER] == own)
+        for row in rows
+        if row[_TOPIC] == topic and row[_DIRECTION] == "o"
+    )
+    return {n: (int(match.group(1)), is_own) for n, match, is_own in found if match}
+
+
+@contextlib.contextmanager
+def _borrowed(descriptor: int) -> Iterator[socket.socket]:
+    """Open a socket by its number; it stays open, and as blocking as it was."""
+    blocking = os.get_blocking(descriptor)
+    with socket.socket(fileno=os.dup(descriptor)) as sock:
+        # With a default timeout, which rospy sets, Python has unblocked it.
+        os.set_blocking(descriptor, blocking)
+        yield sock
