@@ -6,7 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from g1_description.core.bridge.command_tally import LONGEST_NAME, NAMES, CommandTally
+from g1_description.core.bridge.command_tally import (
+    MAX_NAME_LENGTH,
+    MAX_NAMES,
+    CommandTally,
+)
 from g1_description.core.bridge.commands import split_command
 
 LIMITS = {"knee": (-0.1, 2.9), "wheel": (-math.inf, math.inf)}
@@ -49,9 +53,9 @@ def test_each_position_counts_for_its_name(names, positions, clamped, ignored):
 )
 def test_a_command_that_is_obeyed_in_full_counts_nothing(names, positions):
     """What split_command complains of is counted, but for a message without names."""
-    complaints = [c for c in split_command(names, positions, LIMITS)[1] if names]
+    problems = [c for c in split_command(names, positions, LIMITS)[1] if names]
     ignored = sum(tally((names, positions)).ignored.values())
-    assert bool(ignored) == bool(complaints or len(positions) > len(names))
+    assert bool(ignored) == bool(problems or len(positions) > len(names))
 
 
 def test_what_was_clamped_lately_is_named():
@@ -65,8 +69,8 @@ def test_a_million_names_take_the_room_of_a_few():
     names = [f"{'x' * 100}{n}" for n in range(10)] + [f"n{n}" for n in range(100_000)]
     made.count(names, [0.0] * len(names), 0.0)
     made.count(["n3", "n99999"], [0.0, 0.0], 1.0)
-    assert len(made.ignored) == NAMES
-    assert max(map(len, made.ignored)) == LONGEST_NAME
-    assert made.ignored["x" * LONGEST_NAME] == 10
+    assert len(made.ignored) == MAX_NAMES
+    assert max(map(len, made.ignored)) == MAX_NAME_LENGTH
+    assert made.ignored["x" * MAX_NAME_LENGTH] == 10
     assert made.ignored["n3"] == 2
     assert sum(made.ignored.values()) + made.other_ignored == len(names) + 2

@@ -10,7 +10,7 @@ JOINTS = ("elbow", "knee")
 
 
 @pytest.mark.parametrize(
-    ("names", "positions", "accepted", "complaint"),
+    ("names", "positions", "accepted", "problem"),
     [
         (["elbow"], [0.5], {"elbow": 0.5}, None),
         (["elbow", "elbow"], [0.5, 0.7], {"elbow": 0.7}, None),
@@ -23,14 +23,14 @@ JOINTS = ("elbow", "knee")
         ([""], [1.0], {}, "is called ''"),
     ],
 )
-def test_each_fault_is_named_and_the_rest_obeyed(names, positions, accepted, complaint):
+def test_each_fault_is_named_and_the_rest_obeyed(names, positions, accepted, problem):
     assert split_command(names, positions, JOINTS)[0] == accepted
-    complaints = "; ".join(split_command(names, positions, JOINTS)[1])
-    assert complaints == "" if complaint is None else complaint in complaints
+    problems = "; ".join(split_command(names, positions, JOINTS)[1])
+    assert problems == "" if problem is None else problem in problems
 
 
 def test_a_thousand_faults_make_one_short_sentence():
     names = [f"joint_{number}" for number in range(1000)]
-    (complaint,) = split_command(names, [0.0] * 1000, JOINTS)[1]
-    assert "and 992 more" in complaint
-    assert len(complaint) < 200
+    (problem,) = split_command(names, [0.0] * 1000, JOINTS)[1]
+    assert "and 992 more" in problem
+    assert len(problem) < 200

@@ -1,4 +1,4 @@
-"""Joint commands: what of a message can be obeyed, and how commands add up."""
+"""Joint commands: which positions of a message can be obeyed."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from collections.abc import Collection, Iterable, Sequence
 def split_command(
     names: Sequence[str], positions: Sequence[float], joints: Collection[str]
 ) -> tuple[dict[str, float], list[str]]:
-    """Separate what can be obeyed in a command from what cannot.
+    """Split a command into positions that can be obeyed and problems.
 
     Args:
-        names: Joint names as they came.
-        positions: Positions in [rad] or [m] as they came.
+        names: Joint names in the command.
+        positions: Positions in [rad] or [m] in the command.
         joints: Names of the joints that exist and move.
 
     Returns:
-        The positions to set by joint name, where the last of equal names wins,
-        and a clause for each thing that is wrong with the rest.
+        The positions to set by joint name, where the last of equal names wins, and a
+        part of a sentence for each problem with the rest.
     """
     pairs = list(zip(names, positions))
     unknown = [name for name, _ in pairs if name not in joints]
@@ -27,25 +27,25 @@ def split_command(
         for name, position in pairs
         if name in joints and not math.isfinite(position)
     ]
-    complaints = []
+    problems = []
     if not names:
-        complaints.append("it names no joint")
+        problems.append("it names no joint")
     if len(names) > len(positions):
-        complaints.append(f"no position for {listed(names[len(positions) :])}")
+        problems.append(f"no position for {listed(names[len(positions) :])}")
     if len(positions) > len(names):
-        complaints.append(
+        problems.append(
             f"{len(positions)} positions for {len(names)} names, the rest is ignored"
         )
     if unknown:
-        complaints.append(f"no movable joint is called {listed(unknown)}")
+        problems.append(f"no movable joint is called {listed(unknown)}")
     if not_finite:
-        complaints.append(f"not a finite position: {listed(not_finite)}")
+        problems.append(f"not a finite position: {listed(not_finite)}")
     accepted = {
         name: float(position)
         for name, position in pairs
         if name in joints and math.isfinite(position)
     }
-    return accepted, complaints
+    return accepted, problems
 
 
 def listed(names: Iterable[str]) -> str:
