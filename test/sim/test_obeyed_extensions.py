@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from worlds import Bench
 
-from g1_description.core.bridge.observer import Observer
+from g1_description.core.bridge.estimator import JointStateEstimator
 from g1_description.core.urdf.reader import parse_urdf
 
 HIGH = np.array([0.3, 0.0, 2.0, 0.0, 0.0, 0.0, 1.0])
@@ -45,9 +45,9 @@ def fallen(world, name):
 
 def measured(world, text):
     """The positions of a robot's joints as the bridge sees them, by name."""
-    observer = Observer({"r": parse_urdf(text)})
-    sight = observer.see(tuple(world.link_names()), *world.link_states(), 0.0)
-    return dict(zip(sight.shares[0].joints.names, sight.measured.position))
+    estimator = JointStateEstimator({"r": parse_urdf(text)})
+    (seen,) = estimator.update(tuple(world.link_names()), *world.link_states(), 0.0)
+    return dict(zip(seen.names, seen.position))
 
 
 def test_a_static_robot_does_not_fall_and_is_measured(world):

@@ -5,7 +5,7 @@ import pytest
 from conftest import REPOSITORY
 from scipy.spatial.transform import Rotation
 
-from g1_description.core.bridge.observer import Observer
+from g1_description.core.bridge.estimator import JointStateEstimator
 from g1_description.core.urdf.reader import parse_urdf
 
 LEFT_OUT = (
@@ -97,15 +97,18 @@ def test_joints_are_as_fast_as_pybullet_says(make_world, file, gravity):
     """Three hundred steps, links lumped as the world lumps them."""
     text = file.read_text()
     world = make_world("limp", gravity=(0.0, 0.0, gravity))
-    robot, observer = Thrown(world, text), Observer({"robot": parse_urdf(text)})
+    robot, estimator = (
+        Thrown(world, text),
+        JointStateEstimator({"robot": parse_urdf(text)}),
+    )
     names = tuple(world.link_names())
     measured, expected = [], []
     for _ in range(300):
         world.step()
-        sight = observer.see(names, *world.link_states(), 1e-9 * world.time_ns)
-        position, velocity = robot.joint_states(sight.shares[0].joints.names)
-        np.testing.assert_allclose(sight.measured.position, position, atol=1e-9)
-        measured.append(sight.measured.velocity)
+        (seen,) = estimator.update(names, *world.link_states(), 1e-9 * world.time_ns)
+        position, velocity = robot.joint_states(seen.names)
+        np.testing.assert_allclose(seen.position, position, atol=1e-9)
+        measured.append(seen.velocity)
         expected.append(velocity)
     assert not world.contacts()
     assert_as_fast(measured, expected, 1e-6)
@@ -120,11 +123,14 @@ def test_the_link_velocities_of_pybullet_give_its_joint_velocities(make_world, f
     """
     text = file.read_text()
     world = make_world("limp")
-    robot, observer = Thrown(world, text), Observer({"robot": parse_urdf(text)})
+    robot, estimator = (
+        Thrown(world, text),
+        JointStateEstimator({"robot": parse_urdf(text)}),
+    )
     measured, expected = [], []
     for _ in range(100):
         world.step()
-        sight = observer.see(*robot.link_states(), 1e-9 * world.time_ns)
-        measured.append(sight.measured.velocity)
-        expected.append(robot.joint_states(sight.shares[0].joints.names)[1])
+        (seen,) = estimator.update(*robot.link_states(), 1e-9 * world.time_ns)
+        measured.append(seen.velocity)
+        expected.append(robot.joint_states(seen.names)[1])
     assert_as_fast(measured, expected, 1e-9)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from g1_description.core.bridge.observer import Observer
+from g1_description.core.bridge.estimator import JointStateEstimator
 from g1_description.core.urdf.reader import parse_urdf
 
 TURN = 2.0 * np.pi
@@ -19,7 +19,7 @@ DT = 0.02
 
 
 class Watched:
-    """A joint and the observer that watches it."""
+    """A joint and the estimator that watches it."""
 
     def __init__(self, lower=None, upper=None):
         kind, limit = "continuous", ""
@@ -32,7 +32,7 @@ class Watched:
             f'<origin xyz="1 2 3" rpy="{RPY[0]} {RPY[1]} {RPY[2]}"/>'
             f'<axis xyz="3 0 -4"/>{limit}</joint></robot>'
         )
-        self.observer = Observer({"r": parse_urdf(text)})
+        self.estimator = JointStateEstimator({"r": parse_urdf(text)})
         self.time = 0.0
 
     def at(self, position, speed=0.0):
@@ -44,8 +44,8 @@ class Watched:
         twists = np.zeros((2, 6))
         twists[1, 3:] = turned.apply(AXIS) * speed
         self.time += DT
-        sight = self.observer.see(("r::a", "r::b"), poses, twists, self.time)
-        return sight.measured.position[0]
+        (seen,) = self.estimator.update(("r::a", "r::b"), poses, twists, self.time)
+        return seen.position[0]
 
     def through(self, *stations, moving=False):
         """Go from station to station by steps of at most 0.1 rad.
@@ -153,7 +153,7 @@ def test_a_joint_that_is_fast_enough_for_its_way_has_not_jumped(speed):
 @pytest.mark.parametrize("limits", [(), (-40, 40)])
 def test_a_reset_counts_turns_anew(limits):
     joint = Watched(*limits).through(0.0, 30.0)
-    joint.observer.reset()
+    joint.estimator.reset()
     assert joint.at(30.0) == pytest.approx(30.0 - 5 * TURN, abs=1e-9)
 
 
@@ -166,13 +166,13 @@ def test_a_slide_has_no_turns():
         '<joint name="turn" type="continuous"><parent link="a"/><child link="c"/>'
         "</joint></robot>"
     )
-    observer = Observer({"r": parse_urdf(text)})
+    estimator = JointStateEstimator({"r": parse_urdf(text)})
     for way in (0.0, 4.9, -4.9, 5.3, -5.3):
         poses = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]] * 3)
         poses[1, 0] = way
         names = ("r::a", "r::b", "r::c")
-        sight = observer.see(names, poses, np.zeros((3, 6)), 0.0)
-        assert sight.measured.position[0] == pytest.approx(way, abs=1e-12)
+        (seen,) = estimator.update(names, poses, np.zeros((3, 6)), 0.0)
+        assert seen.position[0] == pytest.approx(way, abs=1e-12)
 
 
 def test_a_joint_that_was_not_seen_for_a_while_goes_on_where_its_speed_took_it():
@@ -183,7 +183,7 @@ def test_a_joint_that_was_not_seen_for_a_while_goes_on_where_its_speed_took_it()
         for name in "bc"
     )
     robot = parse_urdf(f'<robot name="r"><link name="a"/>{text}</robot>')
-    observer = Observer({"r": robot})
+    estimator = JointStateEstimator({"r": robot})
     speed = 100.0
     twists = np.zeros((3, 6))
     twists[1:, 5] = speed
@@ -192,8 +192,8 @@ def test_a_joint_that_was_not_seen_for_a_while_goes_on_where_its_speed_took_it()
         turns = Rotation.from_rotvec([[0, 0, a * speed * step * DT] for a in (0, 1, 1)])
         poses = np.hstack([np.zeros((3, 3)), turns.as_quat()])[:n_links]
         names = ("r::a", "r::b", "r::c")[:n_links]
-        sight = observer.see(names, poses, twists[:n_links], step * DT)
-    np.testing.assert_allclose(sight.measured.position, speed * 19 * DT)
+        (seen,) = estimator.update(names, poses, twists[:n_links], step * DT)
+    np.testing.assert_allclose(seen.position, speed * 19 * DT)
 
 
 @pytest.mark.parametrize("limits", [(), (-HALF, HALF)])

@@ -11,7 +11,7 @@ from conftest import REPOSITORY
 from oracle import assert_poses_close
 from scipy.spatial.transform import Rotation
 
-from g1_description.core.bridge.observer import Observer
+from g1_description.core.bridge.estimator import JointStateEstimator
 from g1_description.core.robot.lumping import lump_fixed_joints
 from g1_description.core.urdf.reader import parse_urdf
 
@@ -182,13 +182,12 @@ WAYS = (
 )
 
 
-def assert_seen(sight, drawn):
+def assert_seen(observations, drawn):
     """All joints that have a single position are there, and keep to their axes."""
-    for share, positions in zip(sight.shares, drawn):
-        assert share.joints.names == tuple(positions)
-        assert not share.joints.missing
-    np.testing.assert_allclose(sight.measured.axis_residual, 0.0, atol=1e-12)
-    assert not sight.off_axis
+    for seen, positions in zip(observations, drawn):
+        assert seen.names == tuple(positions)
+        assert not seen.missing
+        assert not seen.axis_residual
 
 
 @pytest.mark.parametrize("way", WAYS, ids=lambda way: way.__name__)
@@ -204,16 +203,15 @@ def test_every_robot_reads_as_it_was_placed(file, way):
         messages([way(text, groups, random) for _ in MODELS], placed, random, shuffled)
         for shuffled in [False, True] * 5
     ]
-    observer = Observer({model: parse_urdf(text) for model in MODELS})
+    estimator = JointStateEstimator({model: parse_urdf(text) for model in MODELS})
     positions, bases = [], []
     for row in range(N):
         names, poses = told[row % len(told)]
         still = np.zeros((len(names), 6))
-        sight = observer.see(names, poses[row], still, 0.01 * row)
-        assert_seen(sight, drawn)
-        spans = [share.span for share in sight.shares]
-        positions.append([sight.measured.position[span] for span in spans])
-        bases += [sight.base_pose(share) for share in sight.shares]
+        observations = estimator.update(names, poses[row], still, 0.01 * row)
+        assert_seen(observations, drawn)
+        positions.append([seen.position for seen in observations])
+        bases += [seen.base_pose for seen in observations]
     expected = np.array([list(joints.values()) for joints in drawn]).reshape(2, -1, N)
     errors = np.array(positions) - expected.transpose(2, 0, 1)
     largest = np.abs(errors).max(initial=0.0)
@@ -241,12 +239,11 @@ def test_a_link_turned_as_its_joint_cannot_is_told_by_how_much(kind, angle, is_t
     placed = place(text, random_poses(random, FURTHEST), positions, random)
     off = split(placed[turned])[1] * Rotation.from_rotvec(angle * np.array(axis))
     placed[turned][:, 3:] = off.as_quat()
-    observer = Observer({"g1": parse_urdf(text)})
+    estimator = JointStateEstimator({"g1": parse_urdf(text)})
     names = tuple(f"g1::{link}" for link in placed)
     poses = np.stack([*placed.values()], axis=1)
     (joint,) = positions
     expected = {joint: pytest.approx(angle, abs=1e-6)} if is_told else {}
     for row in range(N):
-        sight = observer.see(names, poses[row], np.zeros((2, 6)), 0.0)
-        assert sight.off_axis == is_told
-        assert sight.off_axis_joints(sight.shares[0]) == expected
+        (seen,) = estimator.update(names, poses[row], np.zeros((2, 6)), 0.0)
+        assert seen.axis_residual == expected

@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 from oracle import forward_kinematics
 from robots import chains, world_poses
 
+from g1_description.core.bridge.estimator import JointStateEstimator
 from g1_description.core.bridge.joints import measured_joints
 from g1_description.core.bridge.measurement import measure
-from g1_description.core.bridge.observer import Observer
 from g1_description.core.robot.kinematics import Kinematics
 from g1_description.core.robot.lumping import lump_fixed_joints
 from g1_description.core.urdf.reader import parse_urdf
@@ -26,12 +26,12 @@ FAR = st.sampled_from([1.0, 1e3])
 
 
 def seen(root_pose, root_twist, position, velocity):
-    """Let the bridge's observer see the G1; give what it measures by joint."""
+    """Let the bridge's estimator see the G1; give what it measures by joint."""
     poses, twists = KINEMATICS.link_states(root_pose, position, root_twist, velocity)
     names = [f"g1::{link}" for link in BODIES.link_names]
-    sight = Observer({"g1": G1}).see(names, poses, twists, 0.0)
-    pairs = zip(sight.measured.position.tolist(), sight.measured.velocity.tolist())
-    return dict(zip(sight.shares[0].joints.names, pairs))
+    (measured,) = JointStateEstimator({"g1": G1}).update(names, poses, twists, 0.0)
+    pairs = zip(measured.position.tolist(), measured.velocity.tolist())
+    return dict(zip(measured.names, pairs))
 
 
 def is_zero(number):

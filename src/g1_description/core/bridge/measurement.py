@@ -92,7 +92,8 @@ def measure(
         position = np.where(joints.turns, position, slid)
         velocity = np.where(joints.turns, velocity, speed)
     if previous is not None and joints.any_needs_unwrapping:
-        position = _unwrap(position, velocity, previous, joints)
+        with np.errstate(invalid="ignore"):  # NaN stands for no measurement
+            position = _unwrap(position, velocity, previous, joints)
     states = np.array([position, velocity])
     states[np.abs(states) <= ROUNDING] = 0.0  # -0.0 as well
     return Measured(states[0], states[1], axis_residual)

@@ -1,13 +1,19 @@
-"""The frames above a robot, and which node owns which edge."""
+"""The frames above robots, and the edges of TF that do not move."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
+import rospy
+import tf2_ros
 
 from g1_description.core.robot.assembly import base_of
 from g1_description.core.robot.description import Description
+from g1_description.core.transform import IDENTITY
+from g1_description.ros.wire.conversions import transform
 
-from .parameters import BridgeParameters
+from .parameters import BridgeParameters, RobotParameters
 
 
 def base_child(parameters: BridgeParameters, description: Description) -> str | None:
@@ -15,7 +21,7 @@ def base_child(parameters: BridgeParameters, description: Description) -> str | 
 
     Args:
         parameters: Names of the frames above.
-        description: The robot; its frame names come from its file.
+        description: The robot, which names its own frames.
 
     Returns:
         base_link; the root, or what floats in the world, where base_link is a link
@@ -37,7 +43,7 @@ def fixed_edges(
 
     Args:
         description: The robot.
-        prefix: What stands before the names of the robot's own frames.
+        prefix: Prefix of the names of the robot's own frames.
 
     Returns:
         Parent, child and the child's pose in the parent's frame, shape (7,).
@@ -57,7 +63,7 @@ def static_edges(
     Args:
         parameters: Names of the frames above.
         description: The robot.
-        prefix: What stands before the names of the robot's own frames.
+        prefix: Prefix of the names of the robot's own frames.
 
     Returns:
         Parent and child of world -> map, base_link -> root where base_link is no
@@ -74,3 +80,50 @@ def static_edges(
     if p.imu_link in description.link_names:
         edges.append((prefix + p.imu_link, prefix + p.imu_frame))
     return edges
+
+
+class StaticFrames:
+    """Sends the edges of all robots that do not move."""
+
+    def __init__(
+        self,
+        parameters: BridgeParameters,
+        robots: Sequence[tuple[RobotParameters, Description]],
+    ) -> None:
+        """Send the edges around the robots.
+
+        Args:
+            parameters: Names of the frames above.
+            robots: Names and descriptions of the robots.
+        """
+        self._broadcaster = tf2_ros.StaticTransformBroadcaster()
+        self._static_edges = {
+            (parent, child): IDENTITY
+            for robot, description in robots
+            for parent, child in static_edges(
+                parameters, description, robot.frame_prefix
+            )
+        }
+        self._fixed_edges = {
+            (parent, child): pose
+            for robot, description in robots
+            for parent, child, pose in fixed_edges(description, robot.frame_prefix)
+        }
+        self._send(self._static_edges)
+
+    def send_fixed_joints(self) -> None:
+        """Send the robots' fixed joints once, in place of robot_state_publisher.
+
+        It sends them by a timer, which waits for the clock: while that stands still
+        nobody else does.
+        """
+        if self._fixed_edges:
+            self._send({**self._static_edges, **self._fixed_edges})
+            self._fixed_edges = {}
+
+    def _send(self, edges: dict[tuple[str, str], np.ndarray]) -> None:
+        """Send edges in one message, as listeners keep only a node's last one."""
+        now = rospy.Time.now()
+        self._broadcaster.sendTransform(
+            [transform(now, *edge, pose.tolist()) for edge, pose in edges.items()]
+        )

@@ -1,25 +1,18 @@
-"""One robot of the bridge: its topics, its frames and what is wrong with it."""
+"""One robot of the bridge: its joint states, its base on TF, and its warnings."""
 
 from __future__ import annotations
 
 import posixpath
-import threading
 import time
-from functools import cached_property
 
-import genpy
 import rospy
 from geometry_msgs.msg import TransformStamped
-from sensor_msgs.msg import JointState
 
-from g1_description.core.bridge.command_tally import CommandTally
-from g1_description.core.bridge.commands import listed, split_command
-from g1_description.core.bridge.observer import Share, Sight
+from g1_description.core.bridge.commands import listed
+from g1_description.core.bridge.estimator import Observation
 from g1_description.core.bridge.throttle import PoseThrottle
 from g1_description.core.bridge.whole_states import State, WholeStates
-from g1_description.core.errors import DescriptionError
-from g1_description.core.robot.description import FREE, Description
-from g1_description.core.robot.lumping import lump_fixed_joints
+from g1_description.core.robot.description import FREE
 from g1_description.ros.node.complaints import Complaints
 from g1_description.ros.transport.direct_publisher import DirectPublisher
 from g1_description.ros.wire.conversions import stamp_from_ns, transform
@@ -27,56 +20,46 @@ from g1_description.ros.wire.joint_states import JointStateEncoder, PreparedJoin
 
 from .frames import base_child
 from .parameters import BridgeParameters, RobotParameters
-from .sender import CommandCount, CommandSender
+from .status import RobotStatus
 
-QUEUE = 10_000
-"""Joint states kept for a slow subscriber: a script that steps may be seconds ahead of
-what it hears, and shall hear of each step."""
+QUEUE_SIZE = 10_000
+"""Joint states kept for a slow subscriber: a script that steps the simulator may be
+seconds ahead of its own subscriber, which must get the states of each step."""
 
-TF_QUEUE = 100
+TF_QUEUE_SIZE = 100
+"""Joint states kept for a slow robot_state_publisher; older ones are useless on TF."""
 
-TF_INTERVAL = 20_000_000
-"""Joint states go to TF at least so often, in [ns]: 50 Hz, as robot_state_publisher
-does it by itself."""
-
-START = 5.0
-"""A robot may be spawned this long after the bridge began, in [s]."""
+TF_PERIOD = 20_000_000
+"""Longest time in [ns] between two joint states on TF: 50 Hz, the rate of
+robot_state_publisher itself."""
 
 
 class BridgedRobot:
-    """What comes in and goes out for one robot."""
+    """Publishes the observations of one robot."""
 
     _unsent: PreparedJointState | None = None
-    """What a robot without a base has not sent to TF yet."""
+    """Last message that TF has not got, of a robot without a base."""
 
     def __init__(
         self,
         robot: RobotParameters,
-        description: Description,
         parameters: BridgeParameters,
+        status: RobotStatus,
         complaints: Complaints,
     ) -> None:
         """Advertise its joint states.
 
         Args:
             robot: Its names.
-            description: The robot as its file tells it.
             parameters: The node's parameters.
-            complaints: Where to tell what is wrong.
+            status: Where to keep the last observation.
+            complaints: Where to log what is wrong.
         """
-        self.name = robot.name
-        self.description = description
-        self.namespace = robot.namespace
+        self.status = status
+        self._warnings = RobotWarnings(status, complaints)
         self._map_frame = parameters.map_frame
-        self._complaints = complaints
-        base = base_child(parameters, description)
+        base = base_child(parameters, status.description)
         self._base = base and robot.frame_prefix + base
-        limits = {j.name: (j.lower, j.upper) for j in description.movable_joints}
-        self.tally = CommandTally(limits)
-        """What of its commands is clamped or ignored."""
-        self._movable = frozenset(limits)
-        # rospy has a thread for each publisher of commands.
-        self._counting = threading.Lock()
         self._throttle = PoseThrottle(
             parameters.position_threshold,
             parameters.rotation_threshold,
@@ -84,101 +67,67 @@ class BridgedRobot:
             parameters.min_interval,
         )
         self._whole_states = WholeStates()
-        self._commands = CommandCount()
         self._encoder = JointStateEncoder()
-        self.joint_states = DirectPublisher(
-            self._topic("joint_states"), PreparedJointState, QUEUE, latch=True
+        self._joint_states = DirectPublisher(
+            topic_of(robot, "joint_states"), PreparedJointState, QUEUE_SIZE, latch=True
         )
-        self.tf_joint_states = DirectPublisher(
-            self._topic("tf_joint_states"), PreparedJointState, TF_QUEUE, latch=True
+        self._tf_joint_states = DirectPublisher(
+            topic_of(robot, "tf_joint_states"),
+            PreparedJointState,
+            TF_QUEUE_SIZE,
+            latch=True,
         )
-        self._tf_stamp = -TF_INTERVAL
-        self.share: Share | None = None
-        """What the last message had of it."""
-        self.off_axis: dict[str, float] = {}
-        """Rotation left over off the axis in [rad] by joint, in the last message."""
-        self.ignored: tuple[float, str] | None = None
-        """When something of a command was last ignored, on the monotonic clock, and
-        why."""
-        self.other_publishers: list[str] = []
-        """Other nodes that publish its joint states."""
-        self._began, self._may_be_late = time.monotonic(), True
-        self._tell_what_is_left_out()
+        self._tf_stamp = -TF_PERIOD
 
-    def _topic(self, name: str) -> str:
-        """Name a topic of the robot."""
-        return posixpath.join(self.namespace and f"/{self.namespace}", name)
-
-    def listen(self, sender: CommandSender) -> None:
-        """Take commands from now on, and let a sender send them."""
-        self._commands = sender.counts[self.name]
-
-        def came(message: JointState) -> None:
-            names, positions = message.name, message.position
-            with self._counting:
-                self.tally.count(names, positions, time.monotonic())
-            accepted, complaints = split_command(names, positions, self._movable)
-            if complaints:
-                self.ignored = time.monotonic(), "; ".join(complaints)
-                told = f"Of a joint command to {self.name} is ignored"
-                self._complaints.tell(
-                    f"command {self.name}", f"{told}: {self.ignored[1]}.", 1.0
-                )
-            if accepted:
-                sender.put(self.name, accepted)
-
-        # Messages may name different joints, so none of them may be lost.
-        topic = self._topic("joint_commands")
-        rospy.Subscriber(topic, JointState, came, queue_size=None, tcp_nodelay=True)
+    @property
+    def topic(self) -> str:
+        """Full name of the topic of its joint states."""
+        return self._joint_states.name
 
     def publish(
-        self, stamp: genpy.Time, sight: Sight, share: Share, again: bool = False
+        self, stamp: int, seen: Observation, again: bool = False
     ) -> TransformStamped | None:
-        """Publish what a message tells of the robot.
+        """Publish an observation.
 
         Args:
-            stamp: The message's time.
-            sight: What it tells of all robots.
-            share: This robot's share of it.
-            again: Whether it was published before, and only TF shall have it again.
+            stamp: Its time in [ns].
+            seen: The observation.
+            again: Whether it was published before, and only TF gets it again.
 
         Returns:
-            Its base in the map in the state before this one, if that is worth sending.
+            The base in the map in the state before this one, if that is worth sending.
         """
-        if share is not self.share:
-            self._tell_that_it_came(share)
-            self.share = share
-            self.off_axis = {}
-        if share.joints.missing or share.broken or not share.is_there:
-            self._tell_what_is_missing(share)
-        if sight.off_axis or self.off_axis:
-            self._tell_what_is_off_axis(sight, share)
-        if not share.is_there:
+        self.status.observation = seen
+        is_whole = seen.is_present and not (seen.missing or seen.invalid)
+        if seen.changed or seen.axis_residual or not is_whole:
+            self._warnings.check(seen)
+        if not seen.is_present:
             self._whole_states.reset()
-            self.joint_states.forget()
-            self.tf_joint_states.forget()
+            self._joint_states.forget()
+            self._tf_joint_states.forget()
             return None
-        self._may_be_late = False
-        message = self._encode(stamp, sight, share)
+        message = self._encoder.encode(stamp, seen.names, seen.position, seen.velocity)
         if not again:
-            self.joint_states.publish(message)
-        pose = sight.base_pose(share)
-        if self._base is None or pose is None:
-            is_due = not 0 <= stamp.to_nsec() - self._tf_stamp < TF_INTERVAL
-            self._unsent = None if is_due else message
-            if is_due:
-                self.tf_joint_states.publish(message)
-                self._tf_stamp = stamp.to_nsec()
+            self._joint_states.publish(message)
+        if self._base is None or seen.base_pose is None:
+            self._send_without_base(stamp, message)
             return None
         self._unsent = None
-        joints = sight.measured.position[share.span]
-        is_moving = bool(sight.measured.velocity[share.span].any())
-        state = State(stamp.to_nsec(), pose, joints, message, is_moving)
-        count = self._commands
+        is_moving = bool(seen.velocity.any())
+        state = State(stamp, seen.base_pose, seen.position, message, is_moving)
+        count = self.status.commands
         whole = self._whole_states.next(
-            state, time.monotonic(), count.came, count.came > count.answered
+            state, time.monotonic(), count.received, count.received > count.answered
         )
         return whole and self._show(whole)
+
+    def _send_without_base(self, stamp: int, message: PreparedJointState) -> None:
+        """Send joint states to TF where they are due, keep them otherwise."""
+        is_due = not 0 <= stamp - self._tf_stamp < TF_PERIOD
+        self._unsent = None if is_due else message
+        if is_due:
+            self._tf_joint_states.publish(message)
+            self._tf_stamp = stamp
 
     def settle(self) -> TransformStamped | None:
         """Show the last state on TF, if no other follows and it is not there.
@@ -187,7 +136,7 @@ class BridgedRobot:
             Its base in the map, if that was not sent.
         """
         if self._unsent is not None:
-            self.tf_joint_states.publish(self._unsent)
+            self._tf_joint_states.publish(self._unsent)
             self._unsent = None
         state = self._whole_states.held
         return state and self._show(state, is_last=True)
@@ -207,97 +156,100 @@ class BridgedRobot:
             Its base in the map, if that is to be sent.
         """
         pose, age = state.pose.tolist(), state.stamp - self._tf_stamp
-        is_due = is_last or (age >= TF_INTERVAL and self._throttle.is_near(pose))
+        is_due = is_last or (age >= TF_PERIOD and self._throttle.is_near(pose))
         passes = self._throttle.settles if is_last else self._throttle.passes
         with_base = passes(1e-9 * state.stamp, pose)
         if age > 0 and (with_base or is_due):
-            self.tf_joint_states.publish(state.message)
+            self._tf_joint_states.publish(state.message)
             self._tf_stamp = state.stamp
         if not with_base:
             return None
         stamp = stamp_from_ns(state.stamp)
         return transform(stamp, self._map_frame, self._base, pose)
 
-    def _encode(
-        self, stamp: genpy.Time, sight: Sight, share: Share
-    ) -> PreparedJointState:
-        """Make the robot's joint states."""
-        measured, span = sight.measured, share.span
-        return self._encoder.encode(
-            stamp,
-            share.joints.names,
-            measured.position[span],
-            measured.velocity[span],
-        )
-
     def flush(self) -> None:
-        """Send slow subscribers what is kept for them."""
-        self.joint_states.flush()
-        self.tf_joint_states.flush()
+        """Send slow subscribers the messages that are kept for them."""
+        self._joint_states.flush()
+        self._tf_joint_states.flush()
 
     def reset(self) -> None:
-        """Take it that time began again, or that nobody knows what was sent."""
+        """Forget what was sent to TF: time began again, or a listener is new."""
         self._throttle.reset()
         self._whole_states.reset()
-        self._tf_stamp, self._unsent = -TF_INTERVAL, None
+        self._tf_stamp, self._unsent = -TF_PERIOD, None
 
-    @cached_property
-    def vanishes(self) -> bool:
-        """Whether Gazebo leaves nothing of it."""
-        try:
-            return not lump_fixed_joints(self.description).link_names
-        except DescriptionError:
-            return False
 
-    def _tell_that_it_came(self, share: Share) -> None:
-        """Say that the robot is there, after it was not."""
-        if share.is_there and not (self.share and self.share.is_there):
-            told = (
-                f"{self.name} is there, {len(share.joints.names)} joints are measured."
-            )
-            self._complaints.tell(f"came {self.name}", told, 1.0, rospy.loginfo)
+class RobotWarnings:
+    """Logs what is wrong with the observations of one robot."""
 
-    def _tell_what_is_left_out(self) -> None:
-        """Say which joints have more than one degree of freedom."""
-        joints = self.description.joints
+    def __init__(self, status: RobotStatus, complaints: Complaints) -> None:
+        """Log which joints have more than one degree of freedom.
+
+        Args:
+            status: The robot.
+            complaints: Where to log what is wrong.
+        """
+        self._status, self._complaints = status, complaints
+        self._was_present = self._came = False
+        joints = status.description.joints
         found = [f"{j.name} ({j.kind})" for j in joints if j.kind in FREE]
         if found:
             rospy.logwarn(
                 "Joints of %s are left out, they have no single position: %s.",
-                self.name,
+                status.name,
                 ", ".join(found),
             )
 
-    def _tell_what_is_missing(self, share: Share) -> None:
-        """Say which links cannot be seen."""
-        if self._may_be_late and time.monotonic() - self._began < START:
+    def check(self, seen: Observation) -> None:
+        """Log what is new or wrong in an observation."""
+        if seen.is_present and not self._was_present:
+            self._log_arrival(seen)
+        if seen.missing or seen.invalid or not seen.is_present:
+            self._warn_of_missing_links(seen)
+        if seen.axis_residual:
+            self._warn_of_rotated_joints(seen)
+        self._was_present = seen.is_present
+        self._came = self._came or seen.is_present
+
+    def _log_arrival(self, seen: Observation) -> None:
+        """Log that the robot is there, after it was not."""
+        name = self._status.name
+        text = f"{name} is there, {len(seen.names)} joints are measured."
+        self._complaints.tell(f"came {name}", text, 1.0, rospy.loginfo)
+
+    def _warn_of_missing_links(self, seen: Observation) -> None:
+        """Warn that joints are left out as their links are unknown."""
+        if self._status.is_in_grace and not self._came:
             return
-        if share.broken:
-            why = f"no usable numbers for {listed(share.broken)}"
-        elif share.is_there:
-            why = f"no link {listed(share.joints.missing)}"
-        elif self.vanishes:
-            why = (
-                "no link of it: nothing is left where links without mass are dropped, "
-                "with all that hangs on them"
+        if seen.invalid:
+            reason = f"no usable numbers for {listed(seen.invalid)}"
+        elif seen.is_present:
+            reason = f"no link {listed(seen.missing)}"
+        elif self._status.vanishes:
+            reason = (
+                "no link of it: it drops links without mass, and all that hangs on "
+                "them, and nothing is left"
             )
         else:
-            why = "no link of it (is it spawned under this name?)"
+            reason = "no link of it (is it spawned under this name?)"
+        name = self._status.name
         self._complaints.tell(
-            f"missing {self.name}",
-            f"Joints of {self.name} are left out, the simulator has {why}.",
+            f"missing {name}",
+            f"Joints of {name} are left out, the simulator has {reason}.",
             stands=True,
         )
 
-    def _tell_what_is_off_axis(self, sight: Sight, share: Share) -> None:
-        """Say which joints do not keep to their axes."""
-        self.off_axis = sight.off_axis_joints(share)
-        if self.off_axis:
-            angles = listed(
-                f"{name} by {angle:.3g} rad" for name, angle in self.off_axis.items()
-            )
-            self._complaints.tell(
-                f"off axis {self.name}",
-                f"Joints of {self.name} are turned off their axes: {angles}. Is its "
-                "robot_description the one that was spawned?",
-            )
+    def _warn_of_rotated_joints(self, seen: Observation) -> None:
+        """Warn that joints do not keep to their axes."""
+        name, residual = self._status.name, seen.axis_residual
+        angles = (f"{joint} by {angle:.3g} rad" for joint, angle in residual.items())
+        self._complaints.tell(
+            f"off axis {name}",
+            f"Joints of {name} are turned off their axes: {listed(angles)}. Is its "
+            "robot_description the one that was spawned?",
+        )
+
+
+def topic_of(robot: RobotParameters, name: str) -> str:
+    """Return the name of a robot's topic."""
+    return posixpath.join(robot.namespace and f"/{robot.namespace}", name)

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 
 import rosgraph
 import rospy
-from gazebo_msgs.srv import SetModelConfiguration
+from gazebo_msgs.srv import SetModelConfiguration, SetModelConfigurationResponse
+from sensor_msgs.msg import JointState
 
+from g1_description.core.bridge.commands import split_command
 from g1_description.ros.node import own_node
+from g1_description.ros.node.complaints import Complaints
+
+from .status import CommandCount, RobotStatus
 
 SUCCESS = "SetModelConfiguration: success"
 # A connection or a master that breaks in the middle raises outside rospy's family.
@@ -22,39 +26,68 @@ FAILURES = (
     rosgraph.MasterException,
     *own_node.FAILURES,
 )
-RETRY = 0.2
+RETRY_PERIOD = 0.2
 """Wait before a failed call is tried again, in [s] of wall time."""
 
 
-@dataclass
-class CommandCount:
-    """What became of one robot's commands."""
+class CommandListener:
+    """Subscribes to one robot's joint commands and hands on what can be obeyed."""
 
-    came: int = 0
-    """Commands that have come."""
+    def __init__(
+        self,
+        topic: str,
+        status: RobotStatus,
+        sender: CommandSender,
+        complaints: Complaints,
+    ) -> None:
+        """Subscribe.
 
-    answered: int = 0
-    """How many of them the simulator has answered, alone or merged with others."""
+        Args:
+            topic: Name of the topic.
+            status: The robot.
+            sender: Sends the commands.
+            complaints: Where to log what cannot be obeyed.
+        """
+        self._status, self._sender, self._complaints = status, sender, complaints
+        joints = status.description.movable_joints
+        self._movable = frozenset(joint.name for joint in joints)
+        # rospy has a thread for each publisher of commands.
+        self._lock = threading.Lock()
+        # Messages may name different joints, so none of them may be lost.
+        rospy.Subscriber(
+            topic, JointState, self.on_command, queue_size=None, tcp_nodelay=True
+        )
 
-    sent: int = 0
-    """Calls that the simulator answered with success."""
-
-    refused: int = 0
-    """Calls that it refused."""
-
-    reason: str = ""
-    """Why it refused the last call; empty if it did not."""
+    def on_command(self, message: JointState) -> None:
+        """Hand on a command, and log what of it is ignored."""
+        status, names, positions = self._status, message.name, message.position
+        with self._lock:
+            status.tally.count(names, positions, time.monotonic())
+        accepted, problems = split_command(names, positions, self._movable)
+        if problems:
+            status.ignored = time.monotonic(), "; ".join(problems)
+            text = f"Part of a joint command to {status.name} is ignored"
+            self._complaints.tell(
+                f"command {status.name}", f"{text}: {status.ignored[1]}.", 1.0
+            )
+        if accepted:
+            self._sender.put(status.name, accepted)
 
 
 class CommandSender:
-    """One thread and one connection between all robots' commands and the service.
+    """Sends the commands of all robots from one thread over one connection.
 
-    Commands that come while a call is under way add up per joint; the newest
-    position of each wins. A call that fails goes back under what came since.
+    Commands that arrive during a call are merged joint by joint; the newest position
+    of each wins. After a call that failed its positions are sent again, unless newer
+    ones have arrived.
     """
 
     def __init__(
-        self, service: str, descriptions: Mapping[str, str], complain: Callable
+        self,
+        service: str,
+        descriptions: Mapping[str, str],
+        counts: Mapping[str, CommandCount],
+        complaints: Complaints,
     ) -> None:
         """Prepare; nothing is sent before ``start``.
 
@@ -62,12 +95,14 @@ class CommandSender:
             service: Name of the simulator's set_model_configuration.
             descriptions: The parameter that a request names, by model; Gazebo
                 ignores it.
-            complain: Tells what went wrong, as ``Complaints.tell``.
+            counts: Where to count each model's commands.
+            complaints: Where to log what went wrong.
         """
         self._service = service
         self._descriptions = descriptions
-        self._complain = complain
-        self.counts = {model: CommandCount() for model in descriptions}
+        self._complaints = complaints
+        self.counts = counts
+        """What became of the commands, by model."""
         self._pending: dict[str, dict[str, float]] = {}
         self._changed = threading.Condition()
         self._stopped = threading.Event()
@@ -76,12 +111,12 @@ class CommandSender:
         self._thread = threading.Thread(target=self._run, name="commands", daemon=True)
 
     def start(self) -> None:
-        """Begin to send."""
+        """Start to send."""
         rospy.on_shutdown(self._stop)
         self._thread.start()
 
     def put(self, model: str, positions: Mapping[str, float]) -> None:
-        """Take a command; it is sent as soon as the call under way is over.
+        """Queue a command; it is sent as soon as the present call is over.
 
         Args:
             model: The robot in the simulated world.
@@ -91,7 +126,7 @@ class CommandSender:
             if self._waiting_since is None:
                 self._waiting_since = time.monotonic()
             self._pending.setdefault(model, {}).update(positions)
-            self.counts[model].came += 1
+            self.counts[model].received += 1
             self._changed.notify()
 
     @property
@@ -101,28 +136,28 @@ class CommandSender:
         return 0.0 if since is None else time.monotonic() - since
 
     def _stop(self) -> None:
-        """Let the thread end."""
+        """End the thread."""
         self._stopped.set()
         with self._changed:
             self._changed.notify()
 
     def _take(self) -> list[tuple[str, dict[str, float], int]]:
-        """Wait for commands and take all there are: model, positions, how many came."""
+        """Wait for commands; return all: model, positions, how many were received."""
         with self._changed:
             while not self._pending and not self._stopped.is_set():
                 self._waiting_since = None
                 self._changed.wait()
             taken, self._pending = self._pending, {}
-            return [(m, taken[m], self.counts[m].came) for m in taken]
+            return [(m, taken[m], self.counts[m].received) for m in taken]
 
     def _run(self) -> None:
-        """Send what comes until the node is shut down."""
+        """Send commands until the node is shut down."""
         while not self._stopped.is_set():
-            for model, positions, came in self._take():
+            for model, positions, received in self._take():
                 if not self._stopped.is_set():
-                    self._send(model, positions, came)
+                    self._send(model, positions, received)
 
-    def _send(self, model: str, positions: dict[str, float], came: int) -> None:
+    def _send(self, model: str, positions: dict[str, float], received: int) -> None:
         """Call the service once; on failure put the command back."""
         if self._proxy is None:
             self._proxy = rospy.ServiceProxy(
@@ -135,30 +170,36 @@ class CommandSender:
             self._put_back(model, positions, error)
             return
         self._waiting_since = time.monotonic()
-        count, words = self.counts[model], answer.status_message
-        count.answered = came
+        self.counts[model].answered = received
+        self._note_answer(model, names, answer)
+
+    def _note_answer(
+        self, model: str, names: list[str], answer: SetModelConfigurationResponse
+    ) -> None:
+        """Count an answer, and log what it says against the command."""
+        count, message = self.counts[model], answer.status_message
         if answer.success:
             count.sent += 1
             count.reason = ""
         else:
             count.refused += 1
-            count.reason = words
-            told = f"The simulator refused a command to {model} for {', '.join(names)}"
-            self._complain(f"refused {model}", f"{told}: {words}", 1.0)
-        if answer.success and words != SUCCESS:
-            told = f"The simulator answered a command to {model}: {words}."
-            self._complain(f"answered {model}", told, 1.0)
+            count.reason = message
+            text = f"The simulator refused a command to {model} for {', '.join(names)}"
+            self._complaints.tell(f"refused {model}", f"{text}: {message}", 1.0)
+        if answer.success and message != SUCCESS:
+            text = f"The simulator answered a command to {model}: {message}."
+            self._complaints.tell(f"answered {model}", text, 1.0)
 
     def _put_back(
         self, model: str, positions: dict[str, float], error: Exception
     ) -> None:
-        """Keep a command that did not arrive for the next try."""
+        """Put a command that did not arrive back into the queue."""
         if self._stopped.is_set():
             return
-        self._complain("service", f"A command waits for the simulator: {error}.")
+        self._complaints.tell("service", f"A command waits for the simulator: {error}.")
         self._proxy.close()
         self._proxy = None
         with self._changed:
             since = self._pending.get(model, {})
             self._pending[model] = {**positions, **since}
-        self._stopped.wait(RETRY)
+        self._stopped.wait(RETRY_PERIOD)

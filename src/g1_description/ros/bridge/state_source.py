@@ -1,8 +1,9 @@
-"""Where the bridge has its states from, and the time of each."""
+"""The states of a simulator, and the time of each."""
 
 from __future__ import annotations
 
 import contextlib
+import math
 import threading
 import time
 from collections.abc import Callable
@@ -15,27 +16,59 @@ from g1_description.ros.node.complaints import Complaints
 from g1_description.ros.node.own_node import FAILURES
 from g1_description.ros.wire.link_states import LinkStatesArrays, LinkStatesDecoder
 
-from .backlog import Backlog
+MAX_IN_A_ROW = 100
+"""Messages without stamps that may arrive at once; of more, only the newest counts."""
 
-QUEUE = 100
-"""Messages that may come at once; of more that have no stamps the newest count."""
-
-BUFFER = 1 << 16
+BUFFER_SIZE = 1 << 16
 """Bytes read at once: a dozen messages of a humanoid."""
 
-KEPT = 0.1
-"""The newest of the states that are kept for a later stamp is taken after this, in [s]
-of wall time, if no such stamp comes."""
+MAX_KEEP_TIME = 0.1
+"""Longest wait in [s] of wall time of a kept state for a later time on /clock."""
+
+BACKLOG_DECAY = 0.005
+"""Pause in [s] that leaves a third of the count of messages in a row. rospy hands
+messages on in batches with a millisecond between them, so a single pause does not mean
+that a backlog has ended."""
+
+
+class Backlog:
+    """Recognises messages that piled up, by the time between them.
+
+    A node that stood still finds seconds of messages in the system's buffers. Taken
+    one by one they would make old states look new, and at the rate at which new ones
+    arrive the backlog might never shrink.
+    """
+
+    def __init__(self, most: int) -> None:
+        """Begin without a backlog.
+
+        Args:
+            most: Largest number of messages in a row that are no backlog.
+        """
+        self._most = most
+        self._in_a_row = 0.0
+        self.ended = 0.0
+        """When the last message had been handled, on the monotonic clock in [s]."""
+        self.skipped = 0
+        """Number of messages that were skipped."""
+
+    def is_old(self) -> bool:
+        """Whether to skip the message that has just arrived."""
+        waited = time.monotonic() - self.ended
+        self._in_a_row = 1.0 + self._in_a_row * math.exp(-waited / BACKLOG_DECAY)
+        old = self._in_a_row > self._most
+        self.skipped += old
+        return old
 
 
 class StateSource:
-    """A simulator's world_state where it has one, else its link_states.
+    """Subscribes to a simulator's world_state, or to link_states where it has none.
 
-    Each message of world_state has a stamp and is taken. A message of link_states is
-    given the newest time of /clock; of those that come under one time, or sooner than
-    ``max_rate`` allows, the first is taken, and the newest kept for a later time.
-    Those that piled up while the bridge was held up are passed over: nobody can tell
-    when they were true.
+    Each message of world_state has a stamp and is used. A message of link_states gets
+    the newest time of /clock; of several with the same time, or sooner than
+    ``max_rate`` allows, the first is used, and the newest is kept for a later time.
+    Messages that piled up while the bridge stood still are skipped, as the time at
+    which they were true is unknown.
 
     Subscribes: <gazebo>/world_state (gazebo_msgs/WorldState), <gazebo>/link_states
         (gazebo_msgs/LinkStates)
@@ -45,66 +78,67 @@ class StateSource:
         self,
         gazebo: str,
         max_rate: float,
-        take: Callable[[int, LinkStatesArrays], None],
+        on_states: Callable[[int, LinkStatesArrays], None],
         complaints: Complaints,
     ) -> None:
-        """Prepare; nothing comes before ``start``.
+        """Prepare; nothing is received before ``start``.
 
         Args:
             gazebo: Namespace of the simulator.
-            max_rate: States without stamps taken per second of /clock; 0: all.
-            take: Takes a state's time in [ns] and the state, one at a time.
-            complaints: Where to tell what cannot be read.
+            max_rate: States without stamps used per second of /clock; 0: all.
+            on_states: Called with the time of a state in [ns] and the state, from one
+                thread at a time.
+            complaints: Where to log what cannot be read.
         """
         self._unstamped_topic = rospy.resolve_name(f"{gazebo}/link_states")
         self._stamped_topic = rospy.resolve_name(f"{gazebo}/world_state")
-        self._take = take
+        self._on_states = on_states
         self._complaints = complaints
         self._decoder = LinkStatesDecoder()
         # rospy has a thread for each publisher; there may be several.
-        self._one_at_a_time = threading.RLock()
+        self.lock = threading.RLock()
+        """Held while a state is handled."""
         self._min_interval = 1e9 / max_rate if max_rate else 1.0
         self._stamp = 0
-        self._backlog = Backlog(QUEUE)
+        self._backlog = Backlog(MAX_IN_A_ROW)
         self._kept: tuple[bytes, float] | None = None
         self._has_stamps: dict[str, bool] = {}
         self._stamped: rospy.Subscriber | None = None
         self._unstamped: rospy.Subscriber | None = None
-        self.last_came: float | None = None
-        """When the last good message came, on the monotonic clock."""
+        self._last_message: float | None = None
         self.timeless = 0
-        """Messages of link_states that came before any time on /clock."""
+        """Number of messages of link_states before any time on /clock."""
         self.malformed = 0
-        """Messages that could not be read."""
+        """Number of messages that could not be read."""
 
     def start(self) -> None:
         """Subscribe."""
-        # Without simulated time all nodes go by the wall, and no state tells that.
+        # Without simulated time all nodes use wall time, which no state has.
         if not rospy.rostime.is_wallclock():
             self._stamped = self._subscribe(self._stamped_topic, self._on_stamped, None)
         self._unstamped = self._listen_to_unstamped()
 
     def _listen_to_unstamped(self) -> rospy.Subscriber:
         """Subscribe to link_states."""
-        return self._subscribe(self._unstamped_topic, self._on_unstamped, QUEUE)
+        return self._subscribe(self._unstamped_topic, self._on_unstamped, MAX_IN_A_ROW)
 
     @staticmethod
     def _subscribe(
         topic: str, callback: Callable, queue_size: int | None
     ) -> rospy.Subscriber:
-        """Subscribe to the bytes of a topic; without a queue size all are wanted."""
+        """Subscribe to the bytes of a topic; without a queue size none is dropped."""
         return rospy.Subscriber(
             topic,
             rospy.AnyMsg,
             callback,
             queue_size=queue_size,
-            buff_size=BUFFER,
+            buff_size=BUFFER_SIZE,
             tcp_nodelay=True,
         )
 
     @property
     def topic(self) -> str:
-        """The topic that states come on, or are waited for."""
+        """Name of the topic in use."""
         has_stamps = any(self._has_stamps.values())
         return self._stamped_topic if has_stamps else self._unstamped_topic
 
@@ -117,32 +151,31 @@ class StateSource:
         )
 
     @property
-    def passed_over(self) -> int:
-        """Messages that were passed over because newer ones had come."""
-        return self._backlog.passed_over
+    def skipped(self) -> int:
+        """Number of messages that were skipped because newer ones had arrived."""
+        return self._backlog.skipped
 
     @property
     def age(self) -> float | None:
-        """How old the last good message is in [s]; None before the first."""
-        came = self.last_came
-        return None if came is None else time.monotonic() - came
-
-    @property
-    def lock(self) -> threading.RLock:
-        """What is held while a state is taken."""
-        return self._one_at_a_time
+        """Age of the last good message in [s]; None before the first."""
+        last = self._last_message
+        return None if last is None else time.monotonic() - last
 
     def _on_stamped(self, message: rospy.AnyMsg) -> None:
-        """Take a message of world_state."""
-        with self._one_at_a_time:
-            self._has_stamps[_sender_of(message)] = True
+        """Use a message of world_state."""
+        with self.lock:
+            self._has_stamps[message._connection_header.get("callerid", "")] = True
             self._decode(message._buff, None)
 
     def _on_unstamped(self, message: rospy.AnyMsg) -> None:
-        """Take a message of link_states, or keep it for later."""
-        if self._comes_with_stamps(message):
+        """Use a message of link_states, or keep it for a later time."""
+        node = message._connection_header.get("callerid", "")
+        has_stamps = self._has_stamps.get(node)
+        if has_stamps is None and self._stamped:
+            has_stamps = self._has_world_state(node)
+        if has_stamps:
             return
-        with self._one_at_a_time:
+        with self.lock:
             stamp = rospy.Time.now().to_nsec()
             if not stamp:  # simulated time has not come yet, and is not invented
                 self.timeless += 1
@@ -153,20 +186,19 @@ class StateSource:
                 self._kept = message._buff, since
             else:
                 self._decode(message._buff, stamp)
-            self._backlog.end()
+            self._backlog.ended = time.monotonic()
 
-    def _comes_with_stamps(self, message: rospy.AnyMsg) -> bool:
-        """Tell whether the node that sent this sends world_state, too."""
-        node = _sender_of(message)
-        if self._stamped and node not in self._has_stamps:
-            with contextlib.suppress(*FAILURES, rosgraph.MasterException):
-                publishers, _, _ = rosgraph.Master(rospy.get_name()).getSystemState()
-                found = node in dict(publishers).get(self._stamped_topic, ())
-                self._has_stamps[node] = found
+    def _has_world_state(self, node: str) -> bool:
+        """Ask the master once whether a node publishes world_state, too."""
+        with contextlib.suppress(*FAILURES, rosgraph.MasterException):
+            publishers, _, _ = rosgraph.Master(rospy.get_name()).getSystemState()
+            self._has_stamps[node] = node in dict(publishers).get(
+                self._stamped_topic, ()
+            )
         return self._has_stamps.get(node, False)
 
     def _decode(self, data: bytes, stamp: int | None) -> None:
-        """Read a message and hand it on; without a stamp it has its own."""
+        """Decode a message and hand it on; without a stamp it contains one."""
         try:
             if stamp is None:
                 stamp, states = self._decoder.decode_stamped(data)
@@ -179,19 +211,16 @@ class StateSource:
             )
             return
         self._kept, self._stamp = None, stamp
-        self.last_came = time.monotonic()
-        self._take(stamp, states)
+        self._last_message = time.monotonic()
+        self._on_states(stamp, states)
 
-    def look_after(self) -> None:
-        """Take what was kept, and hear link_states just where it is needed."""
-        with self._one_at_a_time:
-            if self._kept:
-                (data, since), now = self._kept, rospy.Time.now().to_nsec()
-                is_due = now - self._stamp >= self._min_interval
-                if now < self._stamp:  # it is of the time before a reset
-                    self._kept = None
-                elif is_due or time.monotonic() - since > KEPT:
-                    self._decode(data, now)
+    def keep_up(self) -> None:
+        """Do what no message triggers; to be called every few hundredths of a second.
+
+        Use a state that was kept, and subscribe to link_states where they are needed.
+        """
+        with self.lock:
+            self._use_kept()
         if not self._stamped:
             return
         is_needed = not self._stamped.get_num_connections()
@@ -202,7 +231,13 @@ class StateSource:
             self._unstamped.unregister()
             self._unstamped = None
 
-
-def _sender_of(message: rospy.AnyMsg) -> str:
-    """Tell which node sent a message."""
-    return message._connection_header.get("callerid", "")
+    def _use_kept(self) -> None:
+        """Use the kept state if it is due."""
+        if not self._kept:
+            return
+        (data, since), now = self._kept, rospy.Time.now().to_nsec()
+        is_due = now - self._stamp >= self._min_interval
+        if now < self._stamp:  # it is from before a reset
+            self._kept = None
+        elif is_due or time.monotonic() - since > MAX_KEEP_TIME:
+            self._decode(data, now)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import struct
 from collections.abc import Sequence
 
-import genpy
 import numpy as np
 from sensor_msgs.msg import JointState
 
@@ -37,7 +36,7 @@ class JointStateEncoder:
 
     def encode(
         self,
-        stamp: genpy.Time,
+        stamp: int,
         names: Sequence[str],
         position: np.ndarray,
         velocity: np.ndarray,
@@ -45,7 +44,7 @@ class JointStateEncoder:
         """Write one message.
 
         Args:
-            stamp: When the joints were so.
+            stamp: Time of the state in [ns].
             names: Joint names. The same object as last time costs nothing.
             position: In [rad] or [m], shape (n_joints,).
             velocity: In [rad/s] or [m/s], shape (n_joints,).
@@ -61,7 +60,7 @@ class JointStateEncoder:
         message = PreparedJointState()
         message.data = b"".join(
             (
-                _STAMP.pack(self._seq, stamp.secs, stamp.nsecs),
+                _STAMP.pack(self._seq, *divmod(stamp, 1_000_000_000)),
                 self._head,
                 np.asarray(position, dtype="<f8").tobytes(),
                 self._count,
