@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from g1_description.core.bridge.throttle import PoseThrottle
+from g1_description.core.bridge.tf_filter import PoseThrottle
 from g1_description.core.rotation import from_axis_angle
 
 HOME = np.array([0.0, 0.0, 0.793, 0.0, 0.0, 0.0, 1.0])

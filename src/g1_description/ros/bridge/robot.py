@@ -10,8 +10,7 @@ from geometry_msgs.msg import TransformStamped
 
 from g1_description.core.bridge.commands import listed
 from g1_description.core.bridge.estimator import Observation
-from g1_description.core.bridge.throttle import PoseThrottle
-from g1_description.core.bridge.whole_states import State, WholeStates
+from g1_description.core.bridge.tf_filter import PoseThrottle, Shown, State, TfFilter
 from g1_description.core.robot.description import FREE
 from g1_description.ros.node.complaints import Complaints
 from g1_description.ros.transport.direct_publisher import DirectPublisher
@@ -28,10 +27,6 @@ seconds ahead of its own subscriber, which must get the states of each step."""
 
 TF_QUEUE_SIZE = 100
 """Joint states kept for a slow robot_state_publisher; older ones are useless on TF."""
-
-TF_PERIOD = 20_000_000
-"""Longest time in [ns] between two joint states on TF: 50 Hz, the rate of
-robot_state_publisher itself."""
 
 
 class BridgedRobot:
@@ -60,13 +55,14 @@ class BridgedRobot:
         self._map_frame = parameters.map_frame
         base = base_child(parameters, status.description)
         self._base = base and robot.frame_prefix + base
-        self._throttle = PoseThrottle(
-            parameters.position_threshold,
-            parameters.rotation_threshold,
-            parameters.max_interval,
-            parameters.min_interval,
+        self._tf_filter = TfFilter(
+            PoseThrottle(
+                parameters.position_threshold,
+                parameters.rotation_threshold,
+                parameters.max_interval,
+                parameters.min_interval,
+            )
         )
-        self._whole_states = WholeStates()
         self._encoder = JointStateEncoder()
         self._joint_states = DirectPublisher(
             topic_of(robot, "joint_states"), PreparedJointState, QUEUE_SIZE, latch=True
@@ -77,7 +73,6 @@ class BridgedRobot:
             TF_QUEUE_SIZE,
             latch=True,
         )
-        self._tf_stamp = -TF_PERIOD
 
     @property
     def topic(self) -> str:
@@ -102,7 +97,7 @@ class BridgedRobot:
         if seen.changed or seen.axis_residual or not is_whole:
             self._warnings.check(seen)
         if not seen.is_present:
-            self._whole_states.reset()
+            self._tf_filter.drop()
             self._joint_states.forget()
             self._tf_joint_states.forget()
             return None
@@ -116,18 +111,22 @@ class BridgedRobot:
         is_moving = bool(seen.velocity.any())
         state = State(stamp, seen.base_pose, seen.position, message, is_moving)
         count = self.status.commands
-        whole = self._whole_states.next(
-            state, time.monotonic(), count.received, count.received > count.answered
+        is_under_way = count.received > count.answered
+        shown = self._tf_filter.next(
+            state, time.monotonic(), count.received, is_under_way
         )
-        return whole and self._show(whole)
+        return shown and self._show(shown)
 
     def _send_without_base(self, stamp: int, message: PreparedJointState) -> None:
         """Send joint states to TF where they are due, keep them otherwise."""
-        is_due = not 0 <= stamp - self._tf_stamp < TF_PERIOD
-        self._unsent = None if is_due else message
-        if is_due:
-            self._tf_joint_states.publish(message)
-            self._tf_stamp = stamp
+        self._unsent = message
+        if self._tf_filter.passes_without_base(stamp):
+            self._send_unsent()
+
+    def _send_unsent(self) -> None:
+        """Send the joint states that were kept to TF."""
+        self._tf_joint_states.publish(self._unsent)
+        self._unsent = None
 
     def settle(self) -> TransformStamped | None:
         """Show the last state on TF, if no other follows and it is not there.
@@ -136,35 +135,18 @@ class BridgedRobot:
             Its base in the map, if that was not sent.
         """
         if self._unsent is not None:
-            self._tf_joint_states.publish(self._unsent)
-            self._unsent = None
-        state = self._whole_states.held
-        return state and self._show(state, is_last=True)
+            self._send_unsent()
+        shown = self._tf_filter.settle()
+        return shown and self._show(shown)
 
-    def _show(self, state: State, is_last: bool = False) -> TransformStamped | None:
-        """Show a state on TF, if it is worth it.
-
-        Where TF has the base and the joints of one state it interpolates neither. So
-        the joints go there with each base, and by themselves, where they are due, as
-        long as the base stands still.
-
-        Args:
-            state: The state.
-            is_last: Whether no other follows.
-
-        Returns:
-            Its base in the map, if that is to be sent.
-        """
-        pose, age = state.pose.tolist(), state.stamp - self._tf_stamp
-        is_due = is_last or (age >= TF_PERIOD and self._throttle.is_near(pose))
-        passes = self._throttle.settles if is_last else self._throttle.passes
-        with_base = passes(1e-9 * state.stamp, pose)
-        if age > 0 and (with_base or is_due):
+    def _show(self, shown: Shown) -> TransformStamped | None:
+        """Send a state's joints to TF; return its base in the map if that goes too."""
+        state = shown.state
+        if shown.with_joints:
             self._tf_joint_states.publish(state.message)
-            self._tf_stamp = state.stamp
-        if not with_base:
+        if not shown.with_base:
             return None
-        stamp = stamp_from_ns(state.stamp)
+        stamp, pose = stamp_from_ns(state.stamp), state.pose.tolist()
         return transform(stamp, self._map_frame, self._base, pose)
 
     def flush(self) -> None:
@@ -174,9 +156,8 @@ class BridgedRobot:
 
     def reset(self) -> None:
         """Forget what was sent to TF: time began again, or a listener is new."""
-        self._throttle.reset()
-        self._whole_states.reset()
-        self._tf_stamp, self._unsent = -TF_PERIOD, None
+        self._tf_filter.reset()
+        self._unsent = None
 
 
 class RobotWarnings:

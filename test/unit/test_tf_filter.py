@@ -5,7 +5,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from g1_description.core.bridge.whole_states import OVERDUE, UNSEEN, State, WholeStates
+from g1_description.core.bridge.tf_filter import (
+    ANSWER_DELAY,
+    JOINTS_PERIOD,
+    MAX_HOLD,
+    PoseThrottle,
+    State,
+    TfFilter,
+    WholeStates,
+)
 
 PERIOD = 0.005
 """Time between two states in [s]."""
@@ -114,7 +122,7 @@ def test_what_is_overdue_passes():
         robot.base = step
         robot.see()
     waited = np.diff([base for base, _ in robot.passed]) * PERIOD
-    assert waited.max() <= OVERDUE + PERIOD
+    assert waited.max() <= MAX_HOLD + PERIOD
     assert len(robot.passed) > 10
 
 
@@ -127,7 +135,7 @@ def test_a_command_that_moves_nothing_holds_up_for_a_moment_only():
     for step in range(1, 20):
         robot.base = step
         robot.see()
-    assert (round(UNSEEN / PERIOD) + 2, 0.0) in robot.passed
+    assert (round(ANSWER_DELAY / PERIOD) + 2, 0.0) in robot.passed
     assert robot.passed[-1] == (18.0, 0.0)
 
 
@@ -146,3 +154,52 @@ def test_joints_that_come_or_go_start_anew():
     pose = np.array([0.0, 0.0, 5.0, 0.0, 0.0, 0.0, 1.0])
     state = State(round(1e9 * robot.now) + 1, pose, np.zeros(2))
     assert robot.states.next(state, robot.now, 0, False) is not None
+
+
+@pytest.fixture
+def tf_filter():
+    return TfFilter(PoseThrottle(0.005, 0.01, max_interval=10.0))
+
+
+def taken(tf_filter, number, height):
+    """Give the filter a state each millisecond; return what is shown of the last."""
+    pose = np.array([0.0, 0.0, height, 0.0, 0.0, 0.0, 1.0])
+    state = State(1_000_000 * number, pose, np.zeros(1), number)
+    shown = tf_filter.next(state, 1e-3 * number, 0, False)
+    return shown and (shown.state.message, shown.with_joints, shown.with_base)
+
+
+def test_joints_go_with_each_base(tf_filter):
+    shown = [taken(tf_filter, number, 0.01 * number) for number in range(1, 6)]
+    assert shown == [None, *((number, True, True) for number in range(1, 5))]
+
+
+def test_joints_go_by_themselves_while_the_base_stands_still(tf_filter):
+    shown = [taken(tf_filter, number, 1.0) for number in range(1, 102)]
+    period = JOINTS_PERIOD // 1_000_000
+    assert [one for one in shown if one] == [
+        (1, True, True),
+        *((1 + n * period, True, False) for n in range(1, 5)),
+    ]
+
+
+def test_joints_wait_for_the_base_while_it_moves_a_little(tf_filter):
+    """By themselves they would be shown with the base of another state."""
+    shown = [taken(tf_filter, number, 1e-4 * number) for number in range(1, 60)]
+    assert [one[0] for one in shown if one] == [1, 51]
+    assert all(one[2] for one in shown if one)
+
+
+def test_the_last_state_is_shown_once(tf_filter):
+    for number in (1, 2, 3):
+        taken(tf_filter, number, 1.0)
+    state, with_joints, with_base = tf_filter.settle()
+    assert (state.message, with_joints, with_base) == (3, True, True)
+    assert tf_filter.settle() is None
+    tf_filter.reset()
+    assert tf_filter.settle() is None
+
+
+def test_without_a_base_joints_pass_at_their_rate(tf_filter):
+    passed = [ms for ms in range(100) if tf_filter.passes_without_base(ms * 1_000_000)]
+    assert passed == [0, 20, 40, 60, 80]

@@ -1,0 +1,260 @@
+"""Which states of a robot go to TF: whole ones, and no more than listeners need."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+MIN_MOTION = 1e-9
+"""Smallest change that is a motion, in [m], [rad] or parts of a quaternion; less is
+rounding."""
+
+ANSWER_DELAY = 0.02
+"""Longest time in [s] of wall time from the answer to a command until states show what
+it moved."""
+
+MAX_HOLD = 0.05
+"""Longest time in [s] of wall time without a state on TF: commands may come without a
+pause."""
+
+JOINTS_PERIOD = 20_000_000
+"""Longest time in [ns] between two joint states on TF: 50 Hz, the rate of
+robot_state_publisher itself."""
+
+
+class State(NamedTuple):
+    """A robot at some time."""
+
+    stamp: int
+    """In [ns]."""
+
+    pose: np.ndarray
+    """Pose of the root link, shape (7,)."""
+
+    joints: np.ndarray
+    """Positions in [rad] or [m], shape (n_joints,)."""
+
+    message: Any = None
+    """The message with the joints."""
+
+    is_moving: bool = False
+    """Whether it moves by itself, and is not just set: then each state is whole."""
+
+
+class Shown(NamedTuple):
+    """A state that goes to TF."""
+
+    state: State
+    with_joints: bool
+    with_base: bool
+
+
+@dataclass
+class PoseThrottle:
+    """Lets a pose pass when it moved, turned, or was last sent a while ago.
+
+    Plain numbers: for a single pose they cost a tenth of what arrays do.
+    """
+
+    position_threshold: float
+    """A pose this far from the last one sent passes, in [m]."""
+
+    rotation_threshold: float
+    """A pose turned this far from the last one sent passes, in [rad]."""
+
+    max_interval: float
+    """Any pose passes this long after the last one sent, in [s]."""
+
+    min_interval: float = 0.0
+    """No pose passes sooner than this after the last one sent, in [s]."""
+
+    _stamp: float | None = None
+    _pose: Sequence[float] | None = None
+
+    def passes(self, stamp: float, pose: Sequence[float]) -> bool:
+        """Decide on one pose, and remember it as sent if it passes.
+
+        Args:
+            stamp: Time of the pose in [s]. A stamp that is not newer than the
+                last one sent never passes.
+            pose: Position and unit quaternion (x, y, z, w), seven numbers.
+
+        Returns:
+            Whether to send the pose.
+        """
+        if self._stamp is not None and self._pose is not None:
+            # A thousandth of a microsecond: stamps are whole nanoseconds.
+            since = stamp - self._stamp + 1e-9
+            if stamp <= self._stamp or since < self.min_interval:
+                return False
+            if since < self.max_interval and not self._moved(self._pose, pose):
+                return False
+        self._stamp, self._pose = stamp, pose
+        return True
+
+    def settles(self, stamp: float, pose: Sequence[float]) -> bool:
+        """Decide on a pose that no other follows, and remember it as sent if it passes.
+
+        Returns:
+            Whether its stamp is newer than that of the last one sent.
+        """
+        if self._stamp is not None and stamp <= self._stamp:
+            return False
+        self._stamp, self._pose = stamp, pose
+        return True
+
+    def is_near(self, pose: Sequence[float]) -> bool:
+        """Whether a pose is within a tenth of the thresholds of the last one sent."""
+        return self._pose is not None and not self._moved(self._pose, pose, 0.1)
+
+    def _moved(
+        self, before: Sequence[float], pose: Sequence[float], share: float = 1.0
+    ) -> bool:
+        """Decide whether a pose is a share of a threshold away from another."""
+        if math.dist(pose[:3], before[:3]) >= share * self.position_threshold:
+            return True
+        # The chord between unit quaternions; q and -q are the same rotation.
+        opposite = [-part for part in before[3:]]
+        chord = min(math.dist(pose[3:], before[3:]), math.dist(pose[3:], opposite))
+        angle = 4.0 * math.asin(min(1.0, 0.5 * chord))
+        return angle >= share * self.rotation_threshold
+
+    def reset(self) -> None:
+        """Forget what was sent: the next pose passes."""
+        self._stamp = self._pose = None
+
+
+class WholeStates:
+    """Holds each state until the next one, when it is known whether it was whole.
+
+    A planner that moves base and joints sends two messages at a time, and the one for
+    the joints takes longer: through the bridge. A state between the two has a new base
+    and old joints, and a foot that should stand still is off by a step of the motion.
+    So a state whose base has moved does not pass while a command for the joints is on
+    its way.
+    """
+
+    def __init__(self) -> None:
+        """Begin without any."""
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the state that is held."""
+        self.held: State | None = None
+        """The last state."""
+        self._is_torn = False
+        self._base_moved = False
+        self._shown: np.ndarray | None = None
+        self._passed = self._answered = -math.inf
+        self._commands = 0
+
+    def next(
+        self, state: State, now: float, commands: int, is_under_way: bool
+    ) -> State | None:
+        """Hold a state.
+
+        Args:
+            state: The state.
+            now: Wall time, from any beginning, in [s].
+            commands: Number of commands for the joints until now.
+            is_under_way: Whether one of them has not been answered.
+
+        Returns:
+            The state before, if that was whole or was held for too long.
+        """
+        held, self.held = self.held, state
+        has_news, self._commands = commands != self._commands, commands
+        if held is None or len(state.joints) != len(held.joints):
+            return held
+        was_torn = self._is_torn or (self._base_moved and has_news)
+        self._base_moved = bool(np.abs(state.pose - held.pose).max() > MIN_MOTION)
+        change = np.abs(state.joints - held.joints).max(initial=0.0)
+        joints_moved = change > MIN_MOTION
+        if is_under_way or (has_news and not joints_moved):
+            self._is_torn, self._answered = True, now
+        elif joints_moved or now - self._answered > ANSWER_DELAY:
+            self._is_torn = False
+        is_still = self._shown is not None and (
+            np.abs(held.pose - self._shown).max() <= MIN_MOTION
+        )
+        is_early = now - self._passed < MAX_HOLD
+        if was_torn and is_early and not (is_still or held.is_moving):
+            return None
+        self._shown, self._passed = held.pose, now
+        return held
+
+
+class TfFilter:
+    """Decides whether a state's base and joints go to TF.
+
+    Where TF has the base and the joints of one state it interpolates neither. So the
+    joints go there with each base, and by themselves, where they are due, as long as
+    the base stands still.
+    """
+
+    def __init__(self, throttle: PoseThrottle) -> None:
+        """Begin without a state.
+
+        Args:
+            throttle: Decides which poses of the base are worth sending.
+        """
+        self._throttle, self._whole_states = throttle, WholeStates()
+        self._joints_stamp = -JOINTS_PERIOD
+
+    def next(
+        self, state: State, now: float, commands: int, is_under_way: bool
+    ) -> Shown | None:
+        """Take a state; the arguments are those of ``WholeStates.next``.
+
+        Returns:
+            What to send of the state before it.
+        """
+        whole = self._whole_states.next(state, now, commands, is_under_way)
+        if whole is None:
+            return None
+        pose, age = whole.pose.tolist(), whole.stamp - self._joints_stamp
+        is_due = age >= JOINTS_PERIOD and self._throttle.is_near(pose)
+        with_base = self._throttle.passes(1e-9 * whole.stamp, pose)
+        return self._shown(whole, with_base or is_due, with_base)
+
+    def settle(self) -> Shown | None:
+        """Decide on the last state, which no other follows.
+
+        Returns:
+            What to send of it that was not sent.
+        """
+        held = self._whole_states.held
+        if held is None:
+            return None
+        with_base = self._throttle.settles(1e-9 * held.stamp, held.pose.tolist())
+        return self._shown(held, True, with_base)
+
+    def _shown(self, state: State, wants_joints: bool, with_base: bool) -> Shown | None:
+        """Note what is sent of a state; joints go out once."""
+        with_joints = wants_joints and state.stamp > self._joints_stamp
+        if with_joints:
+            self._joints_stamp = state.stamp
+        return (
+            Shown(state, with_joints, with_base) if with_joints or with_base else None
+        )
+
+    def passes_without_base(self, stamp: int) -> bool:
+        """Decide on joint states at a time in [ns] whose base is unknown."""
+        is_due = not 0 <= stamp - self._joints_stamp < JOINTS_PERIOD
+        if is_due:
+            self._joints_stamp = stamp
+        return is_due
+
+    def drop(self) -> None:
+        """Forget the state that is held: the robot is gone."""
+        self._whole_states.reset()
+
+    def reset(self) -> None:
+        """Forget what was sent: time began again, or a listener is new."""
+        self._throttle.reset()
+        self._whole_states.reset()
+        self._joints_stamp = -JOINTS_PERIOD
