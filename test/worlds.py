@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from g1_description.core.robot.lumping import lump_fixed_joints
 from g1_description.core.urdf.reader import parse_urdf
-from g1_description.sim.entities import Entity, seen_from
+from g1_description.sim.entities import ModelEntity, seen_from
 from g1_description.sim.physics import PhysicsProperties
 from g1_description.sim.world import World
 
@@ -26,8 +26,11 @@ class Bench(World):
     def client(self):
         return self._engine._client
 
+    def bodies(self, name):
+        return self._engine.bodies(self.model(name))
+
     def body(self, name):
-        (body,) = self._engine._bodies[name]
+        (body,) = self.bodies(name)
         return body
 
     def read_back(self):
@@ -44,7 +47,7 @@ class Bench(World):
         self.set_model_state(model, pose, twist, self.entities.frame(frame))
 
     def model_state(self, name, frame=""):
-        entity = Entity("model", name, name, self.model(name))
+        entity = ModelEntity(self.model(name))
         return seen_from(self.entities.frame(frame), entity)
 
     def link_state(self, name, frame=""):

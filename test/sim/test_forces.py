@@ -34,11 +34,11 @@ VECTOR = st.tuples(*[st.floats(-3.0, 3.0)] * 3).map(np.array)
 def push(world, model, force, torque=NOWHERE, span=(0, None)):
     link = world.entities.link(f"{model}::body")
     wrench = np.array([*force, *torque])
-    world.jobs.push(link, Span(*span), wrench, world.time_ns)
+    world.forces.apply_wrench(link, Span(*span), wrench, world.time_ns)
 
 
 def strain(world, joint, effort, end=100):
-    world.jobs.strain(
+    world.forces.apply_effort(
         world.entities.joint(joint), Span(world.time_ns, end * MS), effort
     )
 
@@ -73,7 +73,7 @@ def test_a_wrench_acts_for_its_span_to_the_step(make_world, start, end, steps):
     world.run(0.03)
     assert world.model("body").twist[0] == pytest.approx(steps * 1e-3, abs=1e-12)
     over = end is not None and end <= 30 * MS
-    assert len(world.jobs) == (0 if over else 1)
+    assert len(world.forces) == (0 if over else 1)
 
 
 def test_of_two_wrenches_the_newest_acts_and_then_the_other_again(make_world):
@@ -203,18 +203,18 @@ def test_jobs_that_cannot_act_any_more_are_forgotten(make_world):
     world.spawn_urdf("body", BODY, np.array([0, 0, 1.0, 0, 0, 0, 1]))
     for _ in range(100):
         push(world, "body", [2.0, 0, 0])
-        world.jobs.strain(world.entities.joint("swing"), Span(0, None), 0.001)
-    assert len(world.jobs) == 2
+        world.forces.apply_effort(world.entities.joint("swing"), Span(0, None), 0.001)
+    assert len(world.forces) == 2
     push(world, "body", [0, 2.0, 0], span=(0, 10 * MS))
     push(world, "body", [0, 0, 2.0], span=(5 * MS, 10 * MS))
-    assert len(world.jobs) == 4
+    assert len(world.forces) == 4
     world.run(0.02)
     at_center = world.model("body").twist[:3]
     np.testing.assert_allclose(at_center, [0.01, 0.005, 0.005], atol=1e-12)
     still = make_world("kinematic")
     still.spawn_urdf("body", BODY, np.array([0, 0, 1.0, 0, 0, 0, 1]))
     push(still, "body", [2.0, 0, 0])
-    assert not len(still.jobs)
+    assert not len(still.forces)
 
 
 @pytest.mark.parametrize("damping", [0.5, 50.0, 1e4, 1e9])
@@ -273,7 +273,7 @@ def test_a_limit_on_one_side_leaves_the_other_free(make_world, lower, upper):
         world.set_joint_positions("m", {"j": 0.0})
         joint = world.entities.joint("j")
         now = world.time_ns
-        world.jobs.strain(joint, Span(now, now + 1000 * MS), 4.0 * direction)
+        world.forces.apply_effort(joint, Span(now, now + 1000 * MS), 4.0 * direction)
         world.run(1.0)
         position[direction] = abs(world.model("m").position[0])
     assert position[free] > 1.5

@@ -10,11 +10,13 @@ from g1_description.core.sdf.world import read_sdf
 from g1_description.core.transform import compose
 from g1_description.core.urdf.reader import parse_urdf
 from g1_description.sim.bullet.standing import hanging_height, standing_height
+from g1_description.sim.forces import Span
 
 ONE = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
 TILTED = np.array([0.5, -0.2, 2.0, 0.0, 0.6, 0.0, 0.8])
 HIGH = np.array([0.0, 0.0, 50.0, 0.0, 0.0, 0.0, 1.0])
 STILL = np.zeros(6)
+MS = 1_000_000
 MASS = (
     '<inertial><mass value="2"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" '
     'ixz="0" iyz="0"/></inertial>'
@@ -66,7 +68,7 @@ def link_pose(world, name):
 def test_the_links_stand_in_the_order_of_the_file_where_it_has_them(make_world):
     world = make_world()
     world.spawn_urdf("m", TWO, TILTED)
-    assert world.link_names()[1:] == ["m::puck", "m::base", "m::arm", "m::knob"]
+    assert world.link_names[1:] == ("m::puck", "m::base", "m::arm", "m::knob")
     half = np.sqrt(0.5)
     expected = {
         "base": ONE,
@@ -157,7 +159,7 @@ def test_one_free_body_is_set_and_the_others_stay(make_world):
 def test_resets_bring_free_bodies_back_and_the_same_again(make_world):
     world = make_world("limp")
     world.spawn_urdf("m", TWO, TILTED)
-    begin = {name: link_pose(world, name) for name in world.link_names()}
+    begin = {name: link_pose(world, name) for name in world.link_names}
     world.run(0.3)
     first = world.link_states()
     world.reset_models()
@@ -175,13 +177,13 @@ def test_resets_bring_free_bodies_back_and_the_same_again(make_world):
 def test_pushes_efforts_masses_and_deletion_find_the_right_body(make_world):
     world = make_world("limp", gravity=(0.0, 0.0, 0.0))
     world.spawn_urdf("m", TWO, TILTED)
-    model = world.model("m")
-    world._engine.push(model, "knob", np.array([0, 0, 4000.0]), np.zeros(3))
+    knob, now = world.entities.link("knob"), Span(0, MS)
+    world.forces.apply_wrench(knob, now, np.array([0, 0, 4000.0, 0, 0, 0]), 0)
     world.step()
     assert world.link_state("puck")[1][:3].any()
     assert not world.link_state("base")[1].any()
     world.put("m", TILTED, STILL)
-    world._engine.strain(model, "turn", 1.0)
+    world.forces.apply_effort(world.entities.joint("turn"), Span(MS, 2 * MS), 1.0)
     world.step()
     assert world.link_state("base")[1].any()
     assert not world.link_state("puck")[1].any()
@@ -259,7 +261,7 @@ def spawned(world, text):
 
 def test_sdf_links_that_nothing_joins_are_free(make_world):
     world = spawned(make_world("limp"), SDF.replace("JOINT", TO_WORLD))
-    assert world.link_names()[1:] == ["m::table", "m::ball", "m::cup::link"]
+    assert world.link_names[1:] == ("m::table", "m::ball", "m::cup::link")
     assert link_pose(world, "m::ball")[2] == 5.0
     world.run(2.0)
     assert link_pose(world, "m::table")[2] == 0.5

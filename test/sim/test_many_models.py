@@ -31,7 +31,8 @@ def throw(world, name, number):
     world.put(name, place(number), TWIST)
     model = world.model(name)
     model.velocity[:] = np.linspace(0.5, 1.0, len(model.velocity))
-    world._engine.write(model)
+    for body in world.bodies(name):
+        body.write()
     return model
 
 

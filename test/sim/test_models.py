@@ -130,7 +130,7 @@ def test_what_hangs_on_the_world_does_not_fall(make_world):
     np.testing.assert_array_equal(model.poses[0], before[0])
     np.testing.assert_array_equal(model.pose, HERE)
     assert np.abs(model.poses[1] - before[1]).max() > 1e-3
-    assert world.entities.joint("weld").row == -1
+    assert world.entities.joint("weld").row is None
 
 
 def test_a_static_model_of_loose_links_stays_and_bears_others(make_world):

@@ -46,7 +46,7 @@ def fallen(world, name):
 def measured(world, text):
     """The positions of a robot's joints as the bridge sees them, by name."""
     estimator = JointStateEstimator({"r": parse_urdf(text)})
-    (seen,) = estimator.update(tuple(world.link_names()), *world.link_states(), 0.0)
+    (seen,) = estimator.update(world.link_names, *world.link_states(), 0.0)
     return dict(zip(seen.names, seen.position))
 
 

@@ -55,12 +55,12 @@ def weigh(world, has_gravity):
 def push(world):
     wrench = np.array([0.0, 0.0, 50.0, 0.0, 0.0, 0.0])
     link = world.entities.link("box::box")
-    world.jobs.push(link, Span(world.time_ns, None), wrench, world.time_ns)
+    world.forces.apply_wrench(link, Span(world.time_ns, None), wrench, world.time_ns)
 
 
 def strain(world):
     joint = world.entities.joint("joint")
-    world.jobs.strain(joint, Span(world.time_ns, None), 9.9)
+    world.forces.apply_effort(joint, Span(world.time_ns, None), 9.9)
 
 
 def set_stop(world):

@@ -70,7 +70,7 @@ def gaps(world, model, reach=0.05):
     robot, ground = (world.body(n).number for n in (model.name, "ground_plane"))
     distances = {}
     for point in world.client.getClosestPoints(robot, ground, reach):
-        name = world.body(model.name).link_of(point[3])
+        name = world.body(model.name).link_name(point[3])
         distances.setdefault(name, []).append(point[8])
     return distances
 
@@ -161,11 +161,11 @@ def test_no_links_but_neighbours_touch(make_world, g1, name):
     neighbours = rigid_bodies(model.assembly)
     numbers = range(-1, world.client.getNumJoints(body.number))
     touching = {
-        (body.link_of(one), body.link_of(other))
+        (body.link_name(one), body.link_name(other))
         for one in numbers
         for other in numbers
         if one < other
-        and frozenset((body.link_of(one), body.link_of(other))) not in neighbours
+        and frozenset((body.link_name(one), body.link_name(other))) not in neighbours
         and world.client.getClosestPoints(body.number, body.number, 0.0, one, other)
     }
     assert not touching

@@ -101,7 +101,7 @@ def test_joints_are_as_fast_as_pybullet_says(make_world, file, gravity):
         Thrown(world, text),
         JointStateEstimator({"robot": parse_urdf(text)}),
     )
-    names = tuple(world.link_names())
+    names = world.link_names
     measured, expected = [], []
     for _ in range(300):
         world.step()

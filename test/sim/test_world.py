@@ -228,6 +228,24 @@ def test_commands_to_one_joint_let_no_other_creep(make_world):
     assert world.models["arm"].position[0] == pytest.approx(held, abs=1e-4)
 
 
+def test_a_command_writes_only_the_joints_that_it_changes(make_world):
+    """PyBullet keeps what it alone knows of the other joints."""
+    world = make_world("hold", gravity=(0.0, 0.0, 0.0))
+    world.spawn_urdf("arm", ARM, UPRIGHT, True)
+    client, body = world.client, world.body("arm").number
+    hinge, slide, turn = 0, 1, 2
+    client.resetJointState(body, slide, 0.2)
+    client.setJointMotorControl2(
+        body, turn, client.POSITION_CONTROL, targetPosition=0.3, force=9.0
+    )
+    wanted = {"hinge": 0.5, "slide": 0.0}
+    assert world.set_joint_positions("arm", wanted).changed == [hinge]
+    positions = [client.getJointState(body, joint)[0] for joint in (hinge, slide)]
+    assert positions == [0.5, 0.2]
+    world.run(0.5)
+    assert world.models["arm"].position[turn] == pytest.approx(0.3, abs=0.01)
+
+
 def test_the_hold_is_no_stronger_than_the_effort(make_world):
     world = make_world("hold")
     arm = ARM.replace('xyz="0 1 1"', 'xyz="0 1 0"').replace('effort="10"', 'effort="1"')
@@ -294,10 +312,10 @@ def test_models_are_listed_as_they_come_and_go(make_world):
     world.spawn_urdf("one", ARM, UPRIGHT)
     world.spawn_urdf("two", TOP, UPRIGHT)
     arm = ["one::base", "one::upper", "one::rod", "one::tip"]
-    assert world.link_names() == ["ground_plane::link", *arm, "two::body"]
+    assert world.link_names == ("ground_plane::link", *arm, "two::body")
     world.delete("one")
     world.spawn_urdf("one", ARM, UPRIGHT)
-    assert world.link_names() == ["ground_plane::link", "two::body", *arm]
+    assert world.link_names == ("ground_plane::link", "two::body", *arm)
     assert [len(part) for part in world.link_states()] == [6, 6]
     frames = [world.entities.frame(name).pose for name in ("upper", "one::upper")]
     assert (frames[0] == frames[1]).all()
@@ -415,7 +433,7 @@ def test_a_teleported_joint_stands_still_and_goes_on_from_there(make_world):
     model = world.models["arm"]
     world.put("arm", UPRIGHT, np.zeros(6), "")
     model.velocity[:] = [0.5, 0.1, 1.0]
-    world.body("arm").write_joints()
+    world.body("arm").write()
     world.step()
     assert np.abs(model.velocity).min() > 0.05
     world.set_joint_positions("arm", {"hinge": 0.4, "slide": 0.1, "turn": 3.0})

@@ -34,7 +34,7 @@ QUIET = 0.3  # [s] without an answer: there is none to come
 class Recording(NamedTuple):
     """A robot that hangs and swings, a row per step of 1 ms."""
 
-    link_names: list
+    link_names: tuple
     """Scoped names; the first is that of the ground plane."""
 
     poses: np.ndarray
@@ -73,7 +73,7 @@ def record(urdf, seed, steps=STEPS):
         positions.append(np.array(robot.position))
     joints = assembly.description.movable_joints
     recording = Recording(
-        world.link_names(),
+        world.link_names,
         *(np.array(poses), np.array(twists)),
         *(robot.joint_names, np.array(positions)),
         np.array([abs(joint.pose[6]) == 1.0 for joint in joints]),
@@ -116,7 +116,7 @@ def crowd(recording, count, steps):
     links = [name.split(SCOPE, 1)[1] for name in recording.link_names[1:]]
     names = [f"robot_{n}{SCOPE}{link}" for n in range(count) for link in links]
     return recording._replace(
-        link_names=[recording.link_names[0], *names],
+        link_names=(recording.link_names[0], *names),
         poses=np.hstack([recording.poses[:steps, :1], poses.reshape(steps, -1, 7)]),
         twists=np.hstack([recording.twists[:steps, :1], twists.reshape(steps, -1, 6)]),
     )

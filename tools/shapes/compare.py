@@ -162,11 +162,11 @@ def count_contacts(bench, assembly):
     for name, positions in POSES.items():
         model.set_positions({joint: 0.0 for joint in model.joint_names})
         model.set_positions(positions)
-        body.write_joints()
+        body.write()
         touching = [
             pair
             for pair in combinations(indices, 2)
-            if frozenset(map(body.link_of, pair)) not in joined
+            if frozenset(map(body.link_name, pair)) not in joined
             and client.getClosestPoints(number, number, 0.0, *pair)
         ]
         bench.add(name, len(touching), "", "= 0")

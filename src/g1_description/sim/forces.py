@@ -6,11 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from g1_description.core.robot.assembly import SCOPE
-from g1_description.sim.bullet.body import NO_LIMIT
 from g1_description.sim.bullet.engine import Engine
+from g1_description.sim.bullet.joints import MAX_EFFORT
 
-from .entities import Entity
+from .entities import JointEntity, LinkEntity
 from .model import Model
 
 
@@ -23,15 +22,15 @@ class Span:
     """None: for ever."""
 
     def holds(self, time_ns: int) -> bool:
-        """Tell whether it acts during the step that ends at a time."""
+        """Return whether it acts during the step that ends at a time."""
         return self.start < time_ns and (self.end is None or time_ns <= self.end)
 
     def is_over(self, time_ns: int) -> bool:
-        """Tell whether it acts no more after a time."""
+        """Return whether it acts no more after a time."""
         return self.end is not None and self.end <= time_ns
 
     def covers(self, other: Span, now: int) -> bool:
-        """Tell whether another acts, from now on, only while this one does."""
+        """Return whether another acts, from now on, only while this one does."""
         outlasts = self.end is None or (other.end is not None and other.end <= self.end)
         return outlasts and self.start <= max(other.start, now)
 
@@ -40,8 +39,7 @@ class Span:
 class Wrench:
     """A wrench on a link, along the world's axes, at its center of mass."""
 
-    model: Model
-    link: str
+    link: LinkEntity
     span: Span
     force: np.ndarray
     """In [N], shape (3,)."""
@@ -54,21 +52,20 @@ class Wrench:
 class Effort:
     """An effort of a movable joint."""
 
-    model: Model
-    joint: str
+    joint: JointEntity
     span: Span
     effort: float
     """In [N m] or [N]."""
 
 
-class Jobs:
-    """What acts and will act, in the order it was asked for."""
+class ForceSchedule:
+    """What acts and will act, in the order in which it was requested."""
 
     def __init__(self, is_dynamic: bool) -> None:
         """Begin with nothing.
 
         Args:
-            is_dynamic: Whether things move; where not, nothing is planned.
+            is_dynamic: Whether things move; where not, nothing is scheduled.
         """
         self._is_dynamic = is_dynamic
         self._wrenches: list[Wrench] = []
@@ -78,14 +75,16 @@ class Jobs:
         """Count what acts and will act."""
         return len(self._wrenches) + len(self._efforts)
 
-    def push(self, entity: Entity, span: Span, wrench: np.ndarray, now: int) -> None:
-        """Plan a wrench on a link. Where several act the newest alone does.
+    def apply_wrench(
+        self, link: LinkEntity, span: Span, wrench: np.ndarray, now: int
+    ) -> None:
+        """Schedule a wrench on a link. Of several on one link only the newest acts.
 
-        Gazebo sets a link's force anew with each of its jobs. What the new one
-        leaves no time for is forgotten.
+        Gazebo sets a link's force again with each of its wrenches. Those that the new
+        one leaves no time for are removed.
 
         Args:
-            entity: The link.
+            link: The link.
             span: From when to when.
             wrench: Force at the center of mass in [N] and torque in [N m], along
                 the world's axes, shape (6,).
@@ -93,68 +92,63 @@ class Jobs:
         """
         if not self._is_dynamic:
             return
-        assert entity.model is not None
-        new = Wrench(entity.model, entity.name, span, *wrench.reshape(2, 3))
         self._wrenches = [
             old
             for old in self._wrenches
-            if (old.model, old.link) != (new.model, new.link)
-            or not span.covers(old.span, now)
+            if old.link != link or not span.covers(old.span, now)
         ]
-        self._wrenches.append(new)
+        self._wrenches.append(Wrench(link, span, *wrench.reshape(2, 3)))
 
-    def strain(self, entity: Entity, span: Span, effort: float) -> None:
-        """Plan an effort of a joint, within its limit. Where several act, they add up.
+    def apply_effort(self, joint: JointEntity, span: Span, effort: float) -> None:
+        """Schedule an effort of a joint, within its limit. Several of one add up.
 
         Args:
-            entity: The joint; a fixed one bears any effort.
+            joint: The joint; a fixed one bears any effort.
             span: From when to when.
             effort: In [N m] or [N].
         """
-        if not self._is_dynamic or entity.row < 0:
+        if not self._is_dynamic or joint.row is None:
             return
-        assert entity.model is not None
-        limit = min(entity.joint.effort, NO_LIMIT)
-        bounded = min(max(effort, -limit), limit)
-        new = Effort(entity.model, entity.name, span, bounded)
+        limit = min(joint.joint.effort, MAX_EFFORT)
+        new = Effort(joint, span, min(max(effort, -limit), limit))
         for old in self._efforts:
-            if (old.model, old.joint, old.span) == (new.model, new.joint, span):
+            if (old.joint, old.span) == (joint, span):
                 self._efforts.remove(old)
-                new = replace(new, effort=bounded + old.effort)
+                new = replace(new, effort=new.effort + old.effort)
                 break
         self._efforts.append(new)
 
     def clear_wrenches(self, scoped_link: str) -> None:
-        """Forget the wrenches on a link, by its scoped name."""
-        self._wrenches = [
-            job
-            for job in self._wrenches
-            if f"{job.model.name}{SCOPE}{job.link}" != scoped_link
-        ]
+        """Remove the wrenches on a link, by its scoped name."""
+        self._wrenches = [w for w in self._wrenches if w.link.scoped != scoped_link]
 
     def clear_efforts(self, joint: str) -> None:
-        """Forget the efforts of all joints of this plain name."""
-        self._efforts = [job for job in self._efforts if job.joint != joint]
+        """Remove the efforts of all joints of this plain name."""
+        self._efforts = [e for e in self._efforts if e.joint.name != joint]
 
     def forget(self, model: Model) -> None:
-        """Forget what acts on a model."""
-        self._wrenches = [job for job in self._wrenches if job.model is not model]
-        self._efforts = [job for job in self._efforts if job.model is not model]
+        """Remove what acts on a model."""
+        self._wrenches = [w for w in self._wrenches if w.link.model is not model]
+        self._efforts = [e for e in self._efforts if e.joint.model is not model]
 
-    def act(self, engine: Engine, time_ns: int) -> None:
-        """Let everything act during the next step, and forget what is over then.
+    def apply(self, engine: Engine, time_ns: int) -> None:
+        """Let everything act during the next step, and remove what is over then.
 
         Args:
             engine: What moves the models.
             time_ns: The time at which the step ends, in [ns].
         """
-        active = [job for job in self._wrenches if job.span.holds(time_ns)]
-        for job in {(job.model.name, job.link): job for job in active}.values():
-            engine.push(job.model, job.link, job.force, job.torque)
+        active = [w for w in self._wrenches if w.span.holds(time_ns)]
+        for wrench in {w.link: w for w in active}.values():
+            for body in engine.bodies(wrench.link.model):
+                if body.has_link(wrench.link.name):
+                    body.apply_wrench(wrench.link.name, wrench.force, wrench.torque)
         for effort in self._efforts:
             if effort.span.holds(time_ns):
-                engine.strain(effort.model, effort.joint, effort.effort)
-        if any(job.span.is_over(time_ns) for job in self._wrenches):
-            self._wrenches = [j for j in self._wrenches if not j.span.is_over(time_ns)]
-        if any(job.span.is_over(time_ns) for job in self._efforts):
-            self._efforts = [j for j in self._efforts if not j.span.is_over(time_ns)]
+                for body in engine.bodies(effort.joint.model):
+                    if effort.joint.name in body.joints:
+                        body.joints.apply_effort(effort.joint.name, effort.effort)
+        if any(w.span.is_over(time_ns) for w in self._wrenches):
+            self._wrenches = [w for w in self._wrenches if not w.span.is_over(time_ns)]
+        if any(e.span.is_over(time_ns) for e in self._efforts):
+            self._efforts = [e for e in self._efforts if not e.span.is_over(time_ns)]

@@ -6,29 +6,30 @@ effect at once, and the same calls at the same steps give the same bits.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from g1_description.core.errors import DescriptionError
-from g1_description.core.robot.assembly import SCOPE, Assembly
+from g1_description.core.robot.assembly import Assembly
 from g1_description.core.robot.description import Inertial
-from g1_description.core.rotation import cross, rotate
-from g1_description.core.sdf.world import EMPTY_WORLD, Light, Sdf, read_sdf
+from g1_description.core.rotation import rotate
+from g1_description.core.sdf.world import EMPTY_WORLD, Sdf, read_sdf
 from g1_description.core.transform import compose
 from g1_description.sim.bullet.engine import Engine
 from g1_description.sim.bullet.load import check_size
 
-from .entities import Entities, Entity, named
-from .forces import Jobs
+from .contents import Contents
+from .entities import Frame, JointEntity, LinkEntity
+from .forces import ForceSchedule
 from .link_placing import Placed, joint_above, place_link
 from .model import Model, Report
 from .physics import PhysicsProperties
 
 
-class World:
-    """Gravity, models and lights that come and go.
+class World(Contents):
+    """Models and lights under gravity, while time passes.
 
     Physics ``kinematic``: what is set stays set, to the last bit; time runs,
     nothing falls, contacts are still found. ``hold``: full dynamics, motors hold
@@ -52,18 +53,21 @@ class World:
         Raises:
             UnknownNameError: If there is no such physics.
         """
-        self.properties = properties or PhysicsProperties()
-        self._engine = Engine(physics, self.properties)
-        self.models: dict[str, Model] = {}
-        self.lights: dict[str, Light] = {}
-        self.jobs = Jobs(self.is_dynamic)
-        self._entities: Entities | None = None
+        super().__init__()
+        self._engine = Engine(physics, properties or PhysicsProperties())
+        self.forces = ForceSchedule(self.is_dynamic)
+        """Wrenches and efforts that act or will act."""
         content = content or read_sdf(EMPTY_WORLD)
         self.time_ns = round(content.time * 1e9)
         """Simulated time in [ns]."""
+        self.left_out = (*content.left_out, *self._add_content(content))
+        """A clause for each thing of the content that was left out."""
+
+    def _add_content(self, content: Sdf) -> list[str]:
+        """Add the models and lights of a file; return a clause for what is left out."""
+        left_out = []
         for light in content.lights:
             self.add_light(light)
-        left_out = list(content.left_out)
         for model in content.models:
             try:
                 clauses = self.spawn(model.name, model.assembly, model.pose)
@@ -71,8 +75,7 @@ class World:
                 left_out.append(f"model {model.name} is left out: {error}".rstrip("."))
             else:
                 left_out += [f"{model.name}: {clause}" for clause in clauses]
-        self.left_out = tuple(left_out)
-        """A clause for each thing of the content that was left out."""
+        return left_out
 
     def close(self) -> None:
         """Let PyBullet go."""
@@ -84,15 +87,12 @@ class World:
         return self._engine.is_dynamic
 
     @property
-    def entities(self) -> Entities:
-        """All things by name."""
-        if self._entities is None:
-            self._entities = Entities(self.models.values(), self.lights.values())
-        return self._entities
+    def properties(self) -> PhysicsProperties:
+        """The physics' numbers."""
+        return self._engine.properties
 
     def set_properties(self, properties: PhysicsProperties) -> None:
         """Compute with other numbers from now on."""
-        self.properties = properties
         self._engine.set_properties(properties)
 
     def spawn(
@@ -123,7 +123,7 @@ class World:
         model = Model(name, assembly, pose, fixed_base and self.is_dynamic)
         left_out = self._engine.add(model)
         self.models[name] = model
-        self._entities = None
+        self._forget_names()
         is_gone = assembly.left_out and not model.link_names
         nothing = ("nothing is left of the model",) if is_gone else ()
         return assembly.left_out + left_out + nothing
@@ -135,81 +135,17 @@ class World:
             UnknownNameError: If there is no such model.
         """
         model = self.model(name)
-        self.jobs.forget(model)
+        self.forces.forget(model)
         self._engine.remove(name)
         del self.models[name]
-        self._entities = None
-
-    def add_light(self, light: Light) -> None:
-        """Add a light, or replace the one of its name."""
-        self.lights[light.name] = light
-        self._entities = None
-
-    def delete_light(self, name: str) -> None:
-        """Remove a light.
-
-        Raises:
-            UnknownNameError: If there is no such light.
-        """
-        del self.lights[self.light(name).name]
-        self._entities = None
+        self._forget_names()
 
     def step(self) -> None:
-        """Let one time step pass."""
+        """Compute one time step."""
         self.time_ns += self.properties.step_ns
         if self.is_dynamic:
-            self.jobs.act(self._engine, self.time_ns)
+            self.forces.apply(self._engine, self.time_ns)
             self._engine.step()
-
-    def model(self, name: str) -> Model:
-        """Find a model.
-
-        Raises:
-            UnknownNameError: If there is none of this name.
-        """
-        return named("model", self.models, name)
-
-    def light(self, name: str) -> Light:
-        """Find a light.
-
-        Raises:
-            UnknownNameError: If there is none of this name.
-        """
-        return named("light", self.lights, name)
-
-    def link_names(self) -> list[str]:
-        """List all links as ``model::link``, in the order of ``link_states``."""
-        return [
-            f"{model.name}{SCOPE}{link}"
-            for model in self.models.values()
-            for link in model.link_names
-        ]
-
-    def link_states(self) -> tuple[np.ndarray, np.ndarray]:
-        """Give the state of all links.
-
-        Returns:
-            Poses of the link frames in the world, shape (n_links, 7), and twists
-            of their origins along the world's axes, shape (n_links, 6).
-        """
-        models = self.models.values()
-        poses = [np.zeros((0, 7)), *(model.poses for model in models)]
-        twists = [np.zeros((0, 6)), *(model.twists for model in models)]
-        return np.concatenate(poses), np.concatenate(twists)
-
-    def model_states(self) -> tuple[np.ndarray, np.ndarray]:
-        """Give the state of all models.
-
-        Returns:
-            Poses of the model frames in the world, shape (n_models, 7), and twists of
-            their canonical links' origins along the world's axes, shape (n_models, 6).
-        """
-        models = self.models.values()
-        carriers = np.array([model.carrier_pose for model in models])
-        offsets = np.array([model.T_carrier_model for model in models])
-        twists = np.array([model.twist for model in models])
-        poses = compose(carriers.reshape(-1, 7), offsets.reshape(-1, 7))
-        return poses, twists.reshape(-1, 6)
 
     def set_joint_positions(self, name: str, positions: Mapping[str, float]) -> Report:
         """Teleport joints of a model; it holds them there in ``hold``.
@@ -227,11 +163,11 @@ class World:
         """
         model = self.model(name)
         report = model.set_positions(positions)
-        self._engine.write_joints(model)
+        self._write_joints(model, report.changed)
         return report
 
     def set_model_state(
-        self, model: Model, pose: np.ndarray, twist: np.ndarray, frame: Entity
+        self, model: Model, pose: np.ndarray, twist: np.ndarray, frame: Frame
     ) -> None:
         """Put a model somewhere, joints as they are.
 
@@ -246,7 +182,7 @@ class World:
         T_world_frame = frame.pose
         turned = rotate(T_world_frame[3:], twist.reshape(2, 3)).reshape(6)
         model.set_state(compose(T_world_frame, pose), turned * self.is_dynamic)
-        self._engine.write(model)
+        self._write(model)
 
     def set_root_state(
         self, model: Model, pose: np.ndarray, twist: np.ndarray, tree: int = 0
@@ -262,10 +198,10 @@ class World:
             tree: Which of the model's trees.
         """
         model.set_root_state(pose, twist * self.is_dynamic, tree)
-        self._engine.write(model)
+        self._write(model)
 
     def set_link_state(
-        self, entity: Entity, pose: np.ndarray, twist: np.ndarray
+        self, entity: LinkEntity, pose: np.ndarray, twist: np.ndarray
     ) -> Placed | None:
         """Put a link somewhere: a root with its model, others along their joint.
 
@@ -281,23 +217,26 @@ class World:
         Raises:
             InvalidValueError: If it is fixed to another link; nothing is changed.
         """
-        model = entity.model
-        assert model is not None
-        joint = joint_above(model, entity.name)
+        model, joint = entity.model, joint_above(entity)
         if joint is None:
             self.set_root_state(model, pose, twist, model.tree_below(entity.row) or 0)
             return None
-        inertial = entity.link.inertial
-        twist = np.array(twist, dtype=float) * float(self.is_dynamic)
-        if inertial is not None:
-            lever = rotate(pose[3:], inertial.center_of_mass)
-            twist[:3] -= cross(twist[3:], lever)
-        placed = place_link(model, joint, pose, twist)
-        self._engine.write_joints(model)
+        placed = place_link(entity, joint, pose, twist * self.is_dynamic)
+        self._write_joints(model, [model.joint_names.index(placed.joint)])
         return placed
 
+    def _write(self, model: Model) -> None:
+        """Write a model's pose, joints and velocities to its bodies."""
+        for body in self._engine.teleported(model):
+            body.write()
+
+    def _write_joints(self, model: Model, rows: Iterable[int]) -> None:
+        """Write some of a model's movable joints to its bodies."""
+        for body in self._engine.teleported(model):
+            body.write_joints(rows)
+
     def set_link_properties(
-        self, entity: Entity, inertial: Inertial, has_gravity: bool
+        self, entity: LinkEntity, inertial: Inertial, has_gravity: bool
     ) -> None:
         """Give a link another mass; the model's state stays as it is.
 
@@ -309,50 +248,50 @@ class World:
         Raises:
             DescriptionError: If PyBullet refuses it; nothing is changed.
         """
-        model = entity.model
-        assert model is not None
-        before, old = model.assembly, entity.link
-        link = replace(old, inertial=inertial, gravity=has_gravity)
-        model.assembly = before.with_link(link)
+        model, old = entity.model, entity.link
+        model.replace_link(replace(old, inertial=inertial, gravity=has_gravity))
         if inertial == old.inertial:
-            self._engine.weigh(model)
+            self._engine.update_gravity(model)
             return
         try:
             self._engine.replace(model)
         except DescriptionError:
-            model.assembly = before
+            model.replace_link(old)
             raise
 
     def set_joint_properties(
-        self, entity: Entity, numbers: Mapping[str, float]
+        self, entity: JointEntity, numbers: Mapping[str, float]
     ) -> None:
         """Give a joint numbers of ODE, in Gazebo's words.
 
         ``damping``, ``loStop`` and ``hiStop`` take effect, the others are kept.
+
+        Args:
+            entity: The joint.
+            numbers: Values by the names of ``gazebo_msgs/ODEJointProperties``.
         """
-        model = entity.model
-        assert model is not None
-        model.ode_joints.setdefault(entity.name, {}).update(numbers)
-        self._engine.tune(model, entity.name)
+        entity.model.ode_joints.setdefault(entity.name, {}).update(numbers)
+        for body in self._engine.bodies(entity.model):
+            body.joints.set_properties(entity.name)
 
     def reset_models(self) -> None:
         """Put all models where they were spawned, at rest, joints as they are."""
         for model in self.models.values():
             model.return_home()
-            self._engine.write(model)
+            self._write(model)
 
     def reset(self) -> None:
         """Begin again: time zero, models and joints as spawned, nothing acts.
 
-        PyBullet's world is built anew, so that a second run equals the first to
+        PyBullet's world is built again, so that a second run equals the first to
         the last bit.
         """
         self.time_ns = 0
-        self.jobs = Jobs(self.is_dynamic)
+        self.forces = ForceSchedule(self.is_dynamic)
         for model in self.models.values():
-            model.rewind()
+            model.reset()
         self._engine.rebuild(self.models.values())
 
     def contacts(self) -> set[tuple[str, str]]:
-        """Find which links touch or overlap now, as ``contacts.contacts``."""
+        """Find which links touch or overlap now, as ``contacts.find_contacts``."""
         return self._engine.contacts()

@@ -170,7 +170,7 @@ class StateTopics:
     def _model_states(self) -> PreparedModelStates:
         """Make a message of the states of all models."""
         message = PreparedModelStates()
-        names = list(self._world.models)
+        names = self._world.model_names
         message.data = self._models.encode(names, *self._world.model_states())
         return message
 
@@ -187,5 +187,5 @@ class StateTopics:
 
     def _encoded_links(self) -> bytes:
         """Write the states of all links."""
-        names = self._world.link_names()
+        names = self._world.link_names
         return self._links.encode(names, *self._world.link_states())

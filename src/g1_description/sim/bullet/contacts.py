@@ -39,7 +39,7 @@ def find_contacts(
     pairs = set()
     for point in client.getContactPoints() or ():
         first, second = sorted(
-            f"{bodies[number].model.name}{SCOPE}{bodies[number].link_of(link)}"
+            f"{bodies[number].model.name}{SCOPE}{bodies[number].link_name(link)}"
             for number, link in ((point[1], point[3]), (point[2], point[4]))
         )
         if point[8] <= 0.0:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from itertools import chain, combinations
-
-import numpy as np
 
 from g1_description.core.errors import UnknownNameError
 from g1_description.core.files.launch_arguments import PHYSICS
@@ -22,7 +20,7 @@ from .moving_models import MovingModels
 
 
 class Engine:
-    """Takes states in, moves them by physics, gives them back.
+    """Steps the bodies, and gives their models the new states.
 
     In ``kinematic`` physics nothing moves by itself: the bodies are there for
     contacts only. In the others, a world in which all stands still rests: steps
@@ -44,13 +42,18 @@ class Engine:
                 f"There is no physics '{physics}'; there are {', '.join(PHYSICS)}."
             )
         self.physics = physics
+        self.properties = properties
         self._client = connect()
         self._bodies: dict[str, tuple[Body, ...]] = {}
-        self._sort()
-        self._properties = properties
         self._rest = RestDetector()
+        self._begin()
+
+    def _begin(self) -> None:
+        """Prepare PyBullet while it has no bodies."""
+        self._bodies.clear()
         self._depenetration = DepenetrationLimiter(self._client)
-        _write_properties(self._client, properties)
+        _write_properties(self._client, self.properties)
+        self._is_sorted = False
 
     def close(self) -> None:
         """Let PyBullet go."""
@@ -65,8 +68,18 @@ class Engine:
         """Compute with other numbers from now on."""
         self._rest.wake()
         self._depenetration.expect_overlaps()
-        self._properties = properties
+        self.properties = properties
         _write_properties(self._client, properties)
+
+    def bodies(self, model: Model) -> tuple[Body, ...]:
+        """Return a model's bodies for changes to them; the world rests no longer."""
+        self._rest.wake()
+        return self._bodies.get(model.name, ())
+
+    def teleported(self, model: Model) -> tuple[Body, ...]:
+        """Return a model's bodies for its links to be put elsewhere."""
+        self._depenetration.expect_overlaps()
+        return self.bodies(model)
 
     def add(self, model: Model) -> tuple[str, ...]:
         """Give a model its bodies, or leave all as it was.
@@ -84,16 +97,12 @@ class Engine:
             return ()
         before = self._client.getNumBodies()
         try:
-            bodies, left_out = self._load(model)
+            self._bodies[model.name], left_out = self._load(model)
         except BaseException:
             for index in reversed(range(before, self._client.getNumBodies())):
                 self._client.removeBody(self._client.getBodyUniqueId(index))
             raise
-        self._bodies[model.name] = bodies
         self._is_sorted = False
-        for body in bodies:
-            if self.physics == "hold":
-                body.hold()
         self._rest.wake()
         self._depenetration.expect_overlaps()
         return left_out
@@ -108,7 +117,8 @@ class Engine:
         )
         for tree in range(len(model.trees)):
             number, clauses = load_model(self._client, model, tree)
-            bodies.append(Body(self._client, number, model, tree))
+            holds = self.physics == "hold"
+            bodies.append(Body(self._client, number, model, tree, holds))
             left_out += clauses
         for first, second in combinations(bodies, 2):
             first.pass_through(second)
@@ -117,9 +127,7 @@ class Engine:
     def remove(self, name: str) -> None:
         """Take a model's bodies away, if it has any."""
         self._rest.wake()
-        for body in self._bodies.pop(name, ()):
-            self._remove(body)
-        self._is_sorted = False
+        self._remove(self._bodies.pop(name, ()))
 
     def replace(self, model: Model) -> None:
         """Give a model other bodies, or leave all as it was.
@@ -129,108 +137,65 @@ class Engine:
         """
         old = self._bodies.get(model.name, ())
         self.add(model)
-        for body in old:
-            self._remove(body)
+        self._remove(old)
 
-    def _remove(self, body: Body) -> None:
-        """Take a body away."""
-        self._client.removeBody(body.number)
-        self._depenetration.forget(body.number)
+    def _remove(self, bodies: Iterable[Body]) -> None:
+        """Take bodies away."""
+        for body in bodies:
+            self._client.removeBody(body.number)
+            self._depenetration.forget(body.number)
+        self._is_sorted = False
 
     def rebuild(self, models: Iterable[Model]) -> None:
-        """Build everything anew: PyBullet's solver remembers contacts.
+        """Build everything again: PyBullet's solver remembers contacts.
 
         Args:
             models: All models, in the state their bodies shall have.
         """
         self._client.resetSimulation()
-        self._depenetration = DepenetrationLimiter(self._client)
-        _write_properties(self._client, self._properties)
-        self._bodies.clear()
-        self._is_sorted = False
+        self._begin()
         for model in models:
             self.add(model)
 
-    def write(self, model: Model) -> None:
-        """Take over a model's pose, joints and velocities."""
-        self._depenetration.expect_overlaps()
-        for body in self._awake(model):
-            body.write()
-
-    def write_joints(self, model: Model) -> None:
-        """Take over a model's joints, and hold them there in ``hold``."""
-        self._depenetration.expect_overlaps()
-        for body in self._awake(model):
-            body.write_joints()
-            if self.physics == "hold":
-                body.hold()
-
-    def weigh(self, model: Model) -> None:
-        """Take over which links of a model gravity pulls."""
+    def update_gravity(self, model: Model) -> None:
+        """Read which links of a model gravity pulls."""
+        for body in self.bodies(model):
+            body.update_gravity()
         self._is_sorted = False
-        for body in self._awake(model):
-            body.weigh()
-
-    def tune(self, model: Model, joint: str) -> None:
-        """Take over the numbers of ``ode_joints`` of a joint."""
-        for body in self._awake(model):
-            body.tune(joint)
-
-    def push(
-        self, model: Model, link: str, force: np.ndarray, torque: np.ndarray
-    ) -> None:
-        """Let a wrench act on a link during the next step, as ``Body.push``."""
-        for body in self._awake(model):
-            if body.has_link(link):
-                body.push(link, force, torque)
-
-    def strain(self, model: Model, joint: str, effort: float) -> None:
-        """Let a joint's effort act during the next step, as ``Body.strain``."""
-        for body in self._awake(model):
-            if body.has_joint(joint):
-                body.strain(joint, effort)
 
     def step(self) -> None:
-        """Let one time step pass, and give the models their new states."""
+        """Compute one time step, and give the models their new states."""
         if self._rest.is_resting:
             return
-        if not self._is_sorted:
-            self._sort()
+        self._sort()
         for body in self._weightless:
-            body.float_weightless(self._properties.gravity)
+            body.compensate_gravity(self.properties.gravity)
         if self.physics == "limp":
             for body in self._jointed:
-                body.drag()
-        self._depenetration.apply(self._by_number, self._properties)
+                body.joints.apply_damping()
+        self._depenetration.apply(self._by_number, self.properties)
         self._client.stepSimulation()
         self._moving.read()
-        self._rest.update(self._moving.speed, self._properties.time_step)
+        self._rest.update(self._moving.speed, self.properties.time_step)
         if self._rest.is_resting:
             self._moving.stop()
 
     def _sort(self) -> None:
-        """Sort the bodies by what a step does with them."""
+        """Sort the bodies by what a step does with them, where they have changed."""
+        if self._is_sorted:
+            return
         models = self._bodies.values()
         moving = [bodies for bodies in models if any(body.moves for body in bodies)]
         self._moving = MovingModels(self._client, moving)
-        self._by_number = {body.number: body for body in self._all_bodies()}
-        self._jointed = [body for body in self._all_bodies() if body.has_joints]
-        self._weightless = [body for body in self._all_bodies() if body.has_weightless]
+        bodies = list(chain.from_iterable(models))
+        self._by_number = {body.number: body for body in bodies}
+        self._jointed = [body for body in bodies if len(body.joints)]
+        self._weightless = [body for body in bodies if body.has_weightless]
         self._is_sorted = True
-
-    def _all_bodies(self) -> Iterator[Body]:
-        """Walk through the bodies of all models."""
-        return chain.from_iterable(self._bodies.values())
-
-    def _awake(self, model: Model) -> tuple[Body, ...]:
-        """Go on computing, and give a model's bodies."""
-        self._rest.wake()
-        return self._bodies.get(model.name, ())
 
     def contacts(self) -> set[tuple[str, str]]:
         """Find which links touch or overlap now, as ``contacts.find_contacts``."""
-        if not self._is_sorted:
-            self._sort()
+        self._sort()
         return find_contacts(self._client, self._by_number)
 
 

@@ -13,7 +13,7 @@ from g1_description.core.robot.description import Description, Joint, Link
 from g1_description.core.robot.kinematics import Kinematics
 from g1_description.core.rotation import cross
 from g1_description.core.transform import compose
-from g1_description.sim.model import Model
+from g1_description.sim.model import MeasuredState, Model
 
 from .body import Body
 from .client import BulletClient
@@ -47,7 +47,7 @@ class MovingModels:
             (body, joints.start + body.tree.joints)
             for own, joints in zip(models, self._joints)
             for body in own
-            if body.has_joints
+            if len(body.joints)
         ]
         self._jointed = [body for body, _ in jointed]
         rows = [rows for _, rows in jointed]
@@ -58,13 +58,13 @@ class MovingModels:
             self._kinematics = Kinematics(forest)
 
     def read(self) -> None:
-        """Give all models the state that PyBullet has."""
+        """Read the state of all models from PyBullet."""
         if not self._models:
             return
         roots, root_twists = self._read_roots()
         joints = np.zeros((len(self._rows), 2))
         joints[self._rows] = [
-            state[:2] for body in self._jointed for state in body.joint_states()
+            state[:2] for body in self._jointed for state in body.joints.states()
         ] or np.zeros((0, 2))
         position, velocity = joints.T
         poses, twists = self._kinematics.link_states(
@@ -74,9 +74,13 @@ class MovingModels:
         for model, root, joint, link in zip(
             self._models, self._roots, self._joints, self._links
         ):
-            model.root_poses, model.root_twists = roots[root], root_twists[root]
-            model.position, model.velocity = position[joint], velocity[joint]
-            model.poses, model.twists = poses[link], twists[link]
+            model.set_measured_state(
+                MeasuredState(
+                    *(roots[root], root_twists[root]),
+                    *(position[joint], velocity[joint]),
+                    *(poses[link], twists[link]),
+                )
+            )
         self._speeds = np.abs(np.concatenate([root_twists.ravel(), velocity]))
 
     def _read_roots(self) -> tuple[np.ndarray, np.ndarray]:
@@ -104,7 +108,7 @@ class MovingModels:
         return float(self._speeds.max())
 
     def stop(self) -> None:
-        """Take all velocities for zero; PyBullet keeps what it has."""
+        """Zero the velocities of all models without writing them to PyBullet."""
         for model in self._models:
             model.stop()
 
@@ -139,6 +143,6 @@ def _joined(models: Sequence[Model]) -> tuple[Description, np.ndarray]:
 
 
 def _slices(lengths: Sequence[int]) -> list[slice]:
-    """Tell where parts of these lengths are that follow each other."""
+    """Return where parts of these lengths are that follow each other."""
     ends = np.cumsum([0, *lengths]).tolist()
     return [slice(begin, end) for begin, end in zip(ends, ends[1:])]

@@ -84,7 +84,7 @@ class JointServices(Services):
             return response
         model, joint = entity.model, entity.joint
         response.type = KINDS[joint.kind]
-        fixed = entity.row < 0
+        fixed = entity.row is None
         if not fixed:
             given = model.ode_joints.get(joint.name, {})
             response.damping = [given.get("damping", joint.damping)]
@@ -130,14 +130,14 @@ class JointServices(Services):
                 False, f"ApplyJointEffort: refused, {error}"
             )
         span = time_span(request.start_time, request.duration, self._world.time_ns)
-        self._world.jobs.strain(entity, span, float(effort))
+        self._world.forces.apply_effort(entity, span, float(effort))
         details = [self._no_effect("nothing moves")]
         message = self._messages.compose("ApplyJointEffort: effort set", details)
         return ApplyJointEffortResponse(True, message)
 
     def clear_efforts(self, request):
         """Clear the efforts on a joint; Gazebo knows only the plain name here."""
-        self._world.jobs.clear_efforts(request.joint_name)
+        self._world.forces.clear_efforts(request.joint_name)
         return JointRequestResponse()
 
 

@@ -37,7 +37,7 @@ from g1_description.ros.wire.conversions import (
     vector_to_array,
     wrench_to_array,
 )
-from g1_description.sim.entities import WORLD_ENTITY, Entity, seen_from
+from g1_description.sim.entities import WORLD_ENTITY, Frame, LinkEntity, seen_from
 
 from .base import (
     FRAME_NOT_FOUND,
@@ -137,17 +137,17 @@ class LinkServices(Services):
             rospy.logwarn_throttle_identical(1.0, f"SetLinkState: {details[-1]}")
         return True, self._messages.compose("SetLinkState: success", details)
 
-    def _link_frame(self, name: str) -> Entity:
+    def _link_frame(self, name: str) -> Frame:
         """Find a frame for set_link_state; a refusal is in Gazebo's message."""
         try:
-            return self._world.entities.frame(name, ("link",))
+            return self._world.entities.link_frame(name)
         except UnknownNameError:
             rospy.logerr(
                 "Updating LinkState: reference_frame is not a valid entity name"
             )
             raise UnknownNameError("failed") from None
 
-    def _found_link(self, name: str) -> Entity:
+    def _found_link(self, name: str) -> LinkEntity:
         """Find a link for set_link_state; a refusal is in Gazebo's message."""
         try:
             return self._world.entities.link(name)
@@ -232,13 +232,13 @@ class LinkServices(Services):
             torque = torque + np.cross(T_link_frame[:3], force)
         span = time_span(request.start_time, request.duration, self._world.time_ns)
         applied = np.concatenate([force, torque])
-        self._world.jobs.push(link, span, applied, self._world.time_ns)
+        self._world.forces.apply_wrench(link, span, applied, self._world.time_ns)
         message = self._messages.compose("", [self._no_effect("nothing moves")])
         return ApplyBodyWrenchResponse(True, message)
 
     def clear_wrenches(self, request):
         """Stop pushing a link; only its scoped name is known here."""
-        self._world.jobs.clear_wrenches(request.body_name)
+        self._world.forces.clear_wrenches(request.body_name)
         return BodyRequestResponse()
 
 

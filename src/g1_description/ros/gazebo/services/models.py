@@ -33,7 +33,7 @@ from g1_description.ros.wire.conversions import (
     stamp_from_ns,
     twist_from_array,
 )
-from g1_description.sim.entities import Entity, seen_from
+from g1_description.sim.entities import ModelEntity, seen_from
 from g1_description.sim.world import World
 
 from .base import Services, StatusMessages, checked_pose, checked_twist
@@ -136,7 +136,7 @@ class ModelServices(Services):
                 "forget to scope the body by model name?"
             )
             return response
-        entity = Entity("model", name, name, self._world.models[name])
+        entity = ModelEntity(self._world.models[name])
         pose, twist = seen_from(seen, entity)
         response.pose, response.twist = pose_from_array(pose), twist_from_array(twist)
         response.success = True

@@ -24,7 +24,7 @@ from g1_description.core.sdf.world import Light, Sdf, SdfModel, read_sdf
 from g1_description.core.transform import IDENTITY, compose
 from g1_description.core.urdf.reader import parse_urdf
 from g1_description.core.xml import parse_xml
-from g1_description.sim.entities import Entity
+from g1_description.sim.entities import Frame
 
 from .base import FRAME_NOT_FOUND, Services, checked_pose
 
@@ -101,7 +101,7 @@ class SpawnServices(Services):
             return self._messages.compose(message, ["a model needs a name"])
         return ""
 
-    def _add(self, parsed: ParsedRequest, frame: Entity) -> tuple[str, ...]:
+    def _add(self, parsed: ParsedRequest, frame: Frame) -> tuple[str, ...]:
         """Add the content under the requested name; return what was left out."""
         request, content = parsed.request, parsed.content
         pose = compose(frame.pose, checked_pose(request.initial_pose))

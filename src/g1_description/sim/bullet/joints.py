@@ -1,0 +1,149 @@
+"""The movable joints of a body in PyBullet, and their motors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+
+from g1_description.core.errors import LARGEST
+from g1_description.sim.model import Model
+
+from .client import BulletClient
+
+MAX_EFFORT = 1e6
+"""Effort limit of a joint whose file gives none, in [N m] or [N]: PyBullet takes no
+infinity."""
+
+
+class BodyJoints:
+    """The movable joints of a tree.
+
+    A joint is given by its name or by its row in the model's arrays. PyBullet has a
+    number of its own for it, that of the link below.
+    """
+
+    def __init__(
+        self,
+        client: BulletClient,
+        body: int,
+        model: Model,
+        tree: int,
+        numbers: Mapping[str, int],
+    ) -> None:
+        """Switch all motors off, also those PyBullet starts with as friction.
+
+        Args:
+            client: PyBullet.
+            body: The body's number in PyBullet.
+            model: The model whose joints they are.
+            tree: Which of the model's trees has them.
+            numbers: PyBullet's numbers of the body's links by name.
+        """
+        self._client, self._body, self._model = client, body, model
+        joints = model.assembly.description.trees[tree].movable_joints
+        self.rows: np.ndarray = model.trees[tree].joints
+        """Which of the model's movable joints they are, shape (n,)."""
+        self._numbers = [numbers[joint.child] for joint in joints]
+        self._own = {row: own for own, row in enumerate(self.rows.tolist())}
+        self._efforts = [min(joint.effort, MAX_EFFORT) for joint in joints]
+        self._damping = np.array([joint.damping for joint in joints])
+        self._friction = np.array([joint.friction for joint in joints])
+        for name in model.ode_joints:
+            self.set_properties(name)
+        if joints:
+            self._drive(np.zeros(len(joints)))
+
+    def __len__(self) -> int:
+        """Count them."""
+        return len(self._numbers)
+
+    def __contains__(self, name: str) -> bool:
+        """Return whether a movable joint is one of them."""
+        return self._model.joint_row(name) in self._own
+
+    def states(self) -> Sequence[tuple]:
+        """Read position and velocity, and more, of each."""
+        states: Sequence[tuple] = self._client.getJointStates(self._body, self._numbers)
+        return states
+
+    def write(self, rows: Iterable[int]) -> None:
+        """Write positions and velocities.
+
+        Args:
+            rows: Rows of the movable joints in the model; those of other trees are
+                skipped.
+        """
+        position, velocity = self._model.position, self._model.velocity
+        for row in rows:
+            if row in self._own:
+                number = self._numbers[self._own[row]]
+                self._client.resetJointState(
+                    self._body, number, position[row], velocity[row]
+                )
+
+    def hold(self, rows: Iterable[int]) -> None:
+        """Let motors hold joints at the model's targets, within their efforts.
+
+        Args:
+            rows: Rows of the movable joints in the model; those of other trees are
+                skipped.
+        """
+        held = [row for row in rows if row in self._own]
+        if held:
+            self._client.setJointMotorControlArray(
+                self._body,
+                [self._numbers[self._own[row]] for row in held],
+                self._client.POSITION_CONTROL,
+                targetPositions=self._model.target[held],
+                forces=[self._efforts[self._own[row]] for row in held],
+            )
+
+    def apply_effort(self, name: str, effort: float) -> None:
+        """Let an effort act during the next step.
+
+        Args:
+            name: The joint's name.
+            effort: In [N m] or [N].
+        """
+        number = self._numbers[self._own[self._model.joint_row(name)]]
+        torque = self._client.TORQUE_CONTROL
+        self._client.setJointMotorControl2(self._body, number, torque, force=effort)
+
+    def apply_damping(self) -> None:
+        """Let friction and damping slow the joints down during the next step.
+
+        Motors that want to stand still, none stronger than what slows its joint:
+        PyBullet's own damping overshoots where it is strong for the step, and it
+        has no friction. Joints that are held need neither.
+        """
+        if self._damping.any() or self._friction.any():
+            speed = np.abs(self._model.velocity[self.rows])
+            self._drive(self._friction + self._damping * speed)
+
+    def _drive(self, efforts: np.ndarray) -> None:
+        """Let motors stop the joints, with efforts in [N m] or [N], shape (n,)."""
+        self._client.setJointMotorControlArray(
+            self._body, self._numbers, self._client.VELOCITY_CONTROL, forces=efforts
+        )
+
+    def set_properties(self, name: str) -> None:
+        """Write those of ODE's numbers of a joint that PyBullet knows too.
+
+        Args:
+            name: One of the model's ``ode_joints``; those of other trees are skipped.
+        """
+        if name not in self:
+            return
+        row, numbers = self._model.joint_row(name), self._model.ode_joints[name]
+        if "damping" in numbers:
+            self._damping[self._own[row]] = numbers["damping"]
+        if "loStop" in numbers or "hiStop" in numbers:  # PyBullet wants both
+            lower = float(self._model.lower[row])
+            upper = float(self._model.upper[row])
+            self._client.changeDynamics(
+                self._body,
+                self._numbers[self._own[row]],
+                jointLowerLimit=max(numbers.get("loStop", lower), -LARGEST),
+                jointUpperLimit=min(numbers.get("hiStop", upper), LARGEST),
+            )
