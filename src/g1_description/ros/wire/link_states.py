@@ -10,7 +10,6 @@ float64; uint32 n, n twists of six float64. WorldState has a header before that
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -36,31 +35,32 @@ class LinkStatesArrays(NamedTuple):
 
 
 class LinkStatesEncoder:
-    """Write messages; the names are only written when they change."""
+    """Write messages; the names are only written when they are another object."""
 
     def __init__(self) -> None:
         """Begin without names."""
-        self._names: list[str] | None = None
+        self._names: tuple[str, ...] | None = None
         self._head = b""
 
     def encode(
-        self, names: Sequence[str], poses: np.ndarray, twists: np.ndarray
+        self, names: tuple[str, ...], poses: np.ndarray, twists: np.ndarray
     ) -> bytes:
         """Write one message.
 
         Args:
-            names: Scoped names.
+            names: Scoped names; as long as they are the same object, they are not
+                written again.
             poses: Poses in the world, shape (n, 7).
             twists: Twists along the world's axes, shape (n, 6).
 
         Returns:
             The message's bytes.
         """
-        if names != self._names:
+        if names is not self._names:
             encoded = [name.encode("utf-8") for name in names]
             strings = [_COUNT.pack(len(name)) + name for name in encoded]
             self._head = _COUNT.pack(len(names)) + b"".join(strings)
-            self._names = list(names)
+            self._names = names
         count = _COUNT.pack(len(names))
         numbers = (np.asarray(part, dtype=_FLOAT).tobytes() for part in (poses, twists))
         return self._head + b"".join(count + part for part in numbers)
