@@ -414,7 +414,7 @@ def test_a_robot_without_mass_is_there_without_bodies(make_world):
 
 
 def test_pybullet_rounds_the_link_frames_it_reports_to_floats(make_world):
-    """Why link poses are computed in core: docs/design.md."""
+    """Why link poses are computed in core: docs/decisions.md."""
     world = make_world()
     world.spawn_urdf("arm", ARM, np.array([0.1, 0.2, 0.3, 0, 0, 0, 1]))
     body = world.body("arm").number

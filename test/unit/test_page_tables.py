@@ -1,0 +1,99 @@
+"""Tables of the pages, YAML files and launch files say what the code does."""
+
+import re
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import pytest
+import yaml
+
+rospy = pytest.importorskip("rospy", reason="rospy is not installed")
+
+from g1_description.ros.bridge.parameters import BridgeParameters  # noqa: E402
+from g1_description.ros.gazebo.parameters import GazeboParameters  # noqa: E402
+from g1_description.ros.node.parameters import default_parameters  # noqa: E402
+
+ROOT = Path(__file__).resolve().parents[2]
+NODES = {"link_states_bridge": BridgeParameters, "gazebo": GazeboParameters}
+
+
+LAUNCH = ROOT / "launch"
+OWN_MEANING = {("bridge", "rate"), ("view", "use_sim_time")}
+OWN_DEFAULT = {(file, "rvizconfig") for file in ("two_robots", "view")}
+OWN_DEFAULT |= {("view", "use_sim_time")}
+
+
+def section(page, title):
+    """Return what stands below a heading, down to the next one of its level."""
+    text = (ROOT / "docs" / page).read_text()
+    return re.split(rf"^## {title}$", text, flags=re.M)[1].split("\n## ")[0]
+
+
+def launch_arguments(file):
+    """Return the arguments of a launch file that people may give, by name."""
+    args = ET.parse(file).getroot().findall("arg")
+    return {arg.get("name"): arg for arg in args if arg.get("value") is None}
+
+
+@pytest.mark.parametrize("node", NODES)
+def test_the_page_lists_every_parameter_with_its_default(node):
+    table = section("nodes.md", node).split("| parameter |")[1]
+    rows = re.findall(r"^\| `~(\w+)` \| `?([^|`]*)`? \|", table, flags=re.M)
+    listed = {name: default.strip() for name, default in rows}
+    known = default_parameters(NODES[node])
+    written = {
+        name: str(default).lower() if isinstance(default, bool) else str(default)
+        for name, default in known.items()
+    }
+    empty = ("", "()")
+    assert listed == {
+        name: "(empty)" if text in empty else text for name, text in written.items()
+    }
+
+
+@pytest.mark.parametrize(
+    ("file", "kind"), [("bridge", BridgeParameters), ("gazebo", GazeboParameters)]
+)
+def test_the_yaml_files_hold_known_parameters_and_their_defaults(file, kind):
+    values = yaml.safe_load((ROOT / "config" / f"{file}.yaml").read_text())
+    known = default_parameters(kind)
+    assert values.items() <= known.items()
+
+
+@pytest.mark.parametrize(
+    ("file", "title"), [("display", None), ("view", "A bag, or a real robot")]
+)
+def test_the_page_lists_every_launch_argument(file, title):
+    page = (ROOT / "docs" / "launch.md").read_text()
+    text = section("launch.md", title) if title else page.split("\n## ")[0]
+    table = text.split("| argument |")[1]
+    cells = re.findall(r"^\| `([^`]+)` \|", table, flags=re.M)
+    names = [name for cell in cells for name in cell.split()]
+    assert sorted(names) == sorted(launch_arguments(LAUNCH / f"{file}.launch"))
+
+
+def test_every_launch_argument_has_a_meaning_and_a_default():
+    for path in LAUNCH.glob("*.launch"):
+        for name, arg in launch_arguments(path).items():
+            assert arg.get("doc"), f"{path.name}: {name}"
+            assert arg.get("default") is not None, f"{path.name}: {name}"
+
+
+def test_an_argument_is_the_same_in_every_launch_file():
+    """Several declare the same, as roslaunch lists those of one file only."""
+    meanings, defaults = {}, {}
+    for path in LAUNCH.glob("*.launch"):
+        for name, arg in launch_arguments(path).items():
+            if (path.stem, name) not in OWN_MEANING:
+                meanings.setdefault(name, set()).add(arg.get("doc"))
+            if (path.stem, name) not in OWN_DEFAULT:
+                defaults.setdefault(name, set()).add(arg.get("default"))
+    assert {name for name, texts in meanings.items() if len(texts) > 1} == set()
+    assert {name for name, texts in defaults.items() if len(texts) > 1} == set()
+
+
+def test_files_that_are_only_included_declare_no_arguments():
+    included = [*LAUNCH.glob("*.launch.xml")]
+    assert included
+    for path in included:
+        assert launch_arguments(path) == {}, path.name
