@@ -1,18 +1,18 @@
-"""The bridge at 1 kHz, beside others that do the same or less.
+"""The bridge at 1 kHz, beside nodes that do the same or less.
 
-A process without rospy plays a recording, the hanging G1 that swings: for each step
-first /clock, then the states, on sockets that wait for nothing. The bridge takes
-/gazebo/world_state, the others know /gazebo/link_states only. The same process takes
-/joint_states. Latency is from just before the states are written until joint_states
-is read. Joint states are matched with states by the positions they tell, in order, so
-a message that waited in a queue shows; the
-empty node tells none, so they are matched by order, and only if none is lost.
-Processor time is that of all threads of the node between the first and the last
-message, after two seconds of warm-up, per message sent, answered or not.
-robot_state_publisher does not run. Gaps between messages tell how busy the machine
-was with other things: they are the sender's. The empty node is rospy's share: it
-takes bytes and publishes one and the same message. The naive node is plain rospy with
-a scipy Rotation per joint. The original is the node that this package started from.
+A process without rospy plays a recording of the G1, hanging and swinging. For each step
+it sends /clock, then the states, on sockets without delay; it also receives
+/joint_states. The bridge uses /gazebo/world_state, the other nodes know only
+/gazebo/link_states. Latency runs from just before the states are written until
+joint_states is read. Joint states are matched with states by their positions, in order,
+so a message that waited in a queue shows. The empty node sends no positions: its
+messages are matched by order, and only if none is lost. Processor time is that of all
+threads of the node between the first and the last message, after two seconds of
+warm-up, per message sent. robot_state_publisher does not run. Gaps between messages are
+the sender's, and show how busy the machine was. The empty node shows the share of
+rospy: it receives bytes and publishes the same message each time. The naive node is
+plain rospy with a scipy Rotation per joint. The original node is the script that this
+bridge replaces; it is not part of the repository.
 """
 
 from __future__ import annotations

@@ -1,12 +1,12 @@
 """From a command to the joint_states that show it.
 
-A process without rospy writes random configurations, within the limits and from a
-seed, to /joint_commands, and reads /joint_states until all joints are within 0.02
-rad of it; between two commands it waits 5 to 25 ms, so that they fall anywhere
-between two steps, each of which has its states. The largest error is that of the
-joint_states found in kinematic. A robot that lies is told the last two joints of each
-limb only, and 0.2 rad are near enough: other joints bury limbs in the floor, and
-physics throws it about.
+A process without rospy publishes random configurations within the limits, from a seed,
+on /joint_commands, and reads /joint_states until all joints are within 0.02 rad. It
+waits 5 to 25 ms between commands, so that they arrive at any time between two steps.
+States of every step are published. The largest error is that of the joint_states in
+kinematic. A robot that lies on the floor gets commands for the last two joints of each
+limb only, with a tolerance of 0.2 rad: other joints would push limbs into the floor,
+and the contact would throw the robot.
 """
 
 from __future__ import annotations

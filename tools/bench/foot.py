@@ -1,11 +1,11 @@
-"""How still a foot stands on TF while base and joints are moved together.
+"""How still a foot stands on TF while base and joints move together.
 
-A plain rospy node moves the pelvis up and down by exact kinematics, so that the feet
-stand still: the base by /gazebo/set_model_state, the joints by /joint_commands, 100
-times a second for five seconds, with the display as it is launched. The same node has
-a plain tf2_ros listener and looks up map -> left_ankle_roll_link every 20 ms. Once
-the machine is quiet, as far as others let it, once as many processes as there are cores
-do nothing but count.
+A plain rospy node moves the pelvis up and down with exact kinematics, so that the feet
+stand still: the base through /gazebo/set_model_state, the joints through
+/joint_commands, 100 times a second for five seconds, with the default display. The
+same node has a plain tf2_ros listener and looks up map -> left_ankle_roll_link every
+20 ms. The measurement is made twice: on a quiet machine, and with one busy process per
+core.
 """
 
 import sys

@@ -1,9 +1,9 @@
 """One bridge for many robots.
 
-As in the bridge's part, with 1, 10, 50 and 200 robots in each message, the rate so
-low that the bridge keeps up. Each message is 1 ms of simulated time later than the
-one before, whatever the rate, so map -> base_link is sent as often per message. All
-robots' joint_states are taken.
+The same as for the bridge, with 1, 10, 50 and 200 robots in each message, at rates that
+the bridge can follow. Each message is 1 ms of simulated time after the previous one at
+any rate, so map -> base_link is sent equally often per message. The process receives
+the joint_states of all robots.
 """
 
 from contextlib import closing

@@ -1,9 +1,10 @@
 """Stand-in and bridge together, on a robot that hangs and swings.
 
-A process without rospy takes /gazebo/link_states and /joint_states. Afterwards the
-joints of each link_states are computed, as the naive node does, and the joint_states
-with these positions is found. Latency is from reading the one to reading the other.
-The display runs with states of each step, robot_state_publisher and all.
+A process without rospy receives /gazebo/link_states and /joint_states. It then computes
+the joint positions of each link_states, as the naive node does, and finds the
+joint_states with these positions. Latency runs from reading the one to reading the
+other. The display publishes the states of every step and includes
+robot_state_publisher.
 """
 
 import time

@@ -1,9 +1,8 @@
-"""The command pose, again and again, while all cores are busy.
+"""The command pose, repeatedly, while all cores are busy.
 
-As many processes as there are cores do nothing but count, beside the display at its
-defaults. A call ends when the joint states show the pose, or when its patience does;
-every other one moves smoothly for a second. Its time is that from starting rosrun to
-its end, Python's own start included.
+One busy process per core runs beside the default display. A call ends when the joint
+states show the pose, or when it gives up; every other call moves smoothly for a second.
+Its time runs from starting rosrun to its end and includes the start of Python.
 """
 
 import subprocess

@@ -1,11 +1,11 @@
-"""A planner on a busy machine, with states at 200 Hz and of each step.
+"""A planner on a busy machine, with states at 200 Hz and of every step.
 
-As many processes as there are cores do nothing but count. A plain rospy node sends a
-smooth motion of all joints, 50 samples a second, and reads /joint_states with an
-ordinary subscriber that has a long queue. A sample is seen when all joints of a
-message are at it to 1e-9 rad; latency is from just before it is published until the
-node's callback has it. Samples that followed another one within 5 ms were sent late by
-the planner, which waited for a core. Shares of a core are those during the motion.
+One busy process per core runs beside it. A plain rospy node publishes a smooth motion
+of all joints, 50 samples a second, and reads /joint_states through an ordinary
+subscriber with a long queue. A sample counts as seen when all joints of a message match
+it to 1e-9 rad; latency runs from just before it is published until the node's callback
+gets it. Samples less than 5 ms after the previous one were sent late by the planner,
+which waited for a core. Shares of a core are those during the motion.
 """
 
 import sys

@@ -1,7 +1,7 @@
-"""The bridge at 1 kHz for long.
+"""The bridge at 1 kHz for a long time.
 
-It is fed as in the bridge's part. Memory is the resident one, after a minute (or a
-tenth of the time, if that is less) and at the end.
+It gets the messages of the bridge's part. Memory is the resident memory after a minute
+(or a tenth of the time, if that is less) and at the end.
 """
 
 from contextlib import closing

@@ -1,13 +1,13 @@
 """The stand-in, with the display around it.
 
-The display runs without RViz and with states of each step; they flow to the bridge,
-and from there to robot_state_publisher. Nothing else listens: the real-time factor is
-that of get_world_properties before and after a window, processor time is the system's,
-and the bridge itself is asked how many states it has taken. For the
-highest real-time factor ~set_real_time_factor is 0. All but kinematic begin five
-simulated seconds after the robot was let go: in hold it stands still by then and rests;
-"hold, moved" is what it costs when a joint is set twenty times a second. A call of a
-service is timed on one connection while physics runs.
+The display runs without RViz and publishes the states of every step; the bridge
+receives them, and robot_state_publisher receives the bridge's. There is no other
+listener: the real-time factor comes from get_world_properties before and after a
+window, processor time from the system, and the number of received states from the
+bridge. For the highest real-time factor, ~set_real_time_factor is 0. All but kinematic
+start five simulated seconds after the robot is released: in hold it stands and rests by
+then. "hold, moved" sets a joint twenty times a second. Service calls are timed on one
+connection while physics runs.
 """
 
 from __future__ import annotations

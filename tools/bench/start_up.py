@@ -1,8 +1,8 @@
-"""From roslaunch to the first joint_states with the robot in it.
+"""From roslaunch to the first joint_states that contain the robot.
 
-The master runs already; the display is launched without RViz. The time is from
-starting roslaunch until joint_states that name joints are read. One launch before
-is not counted, so that files are in the system's memory.
+The master is already running, and the display is launched without RViz. The time runs
+from the start of roslaunch until joint_states with joint names are read. A first launch
+is not counted, so that files are in the system's cache.
 """
 
 import time

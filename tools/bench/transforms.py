@@ -1,12 +1,11 @@
 """TF on a busy machine, through resets and a pause.
 
-As many processes as there are cores do nothing but count, beside the display with RViz
-on a screen that nobody sees, tf_echo, and a plain rospy node. That moves base and
-joints fifty times a second, resets the world, pauses it for a second, and looks at map
--> left_wrist_yaw_link with a tf2_ros listener. A time is that from the service's
-answer until the second transform of the new life, or after the pause, is there. A
-second run, without RViz, resets twenty times. Trouble are lines that tell of repeated
-or old data, on /rosout, on a console or in a log.
+One busy process per core runs beside the display with RViz on a virtual screen,
+tf_echo, and a plain rospy node. The node moves base and joints fifty times a second,
+resets the world, pauses it for a second, and looks up map -> left_wrist_yaw_link with a
+tf2_ros listener. A time runs from the service's answer until the second transform after
+the reset or the pause. A second run, without RViz, resets twenty times. Trouble means
+lines about repeated or old data, on /rosout, on a console or in a log.
 """
 
 import sys

@@ -1,8 +1,8 @@
 """Worlds of many small models, in limp, before anything touches.
 
-The drop-in gzserver loads a world in which they fall from far above, with a real-time
-factor of 0: as fast as can be. Nobody listens to states. Processor time is that of the
-whole simulator between two looks at the simulated time.
+The substitute of gzserver loads a world in which they fall from a great height, with a
+real-time factor of 0: as fast as possible. Nobody subscribes to states. Processor time
+is that of the whole simulator between two readings of the simulated time.
 """
 
 from __future__ import annotations
