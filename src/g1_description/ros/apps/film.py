@@ -10,9 +10,14 @@ import rospy
 from PIL import Image
 
 from g1_description.core.errors import InvalidValueError
+from g1_description.ros.node.waiting import wait_until
 
 from .picture_files import in_colors, palette_of
-from .robot_watch import PATIENCE, Moment, NotThereError, RobotWatch, wait_until
+from .robot_view import NoAnswerError
+from .robot_watch import Moment, RobotWatch
+
+CLOCK_TIMEOUT = 10.0
+"""Longest wait for the clock to go on, in [s]."""
 
 LONGEST, FASTEST = 60.0, 30.0
 """Of a film, in [s] and in pictures per second."""
@@ -61,8 +66,8 @@ def record(
         What all robots did at each moment.
 
     Raises:
-        NotThereError: If the clock stands still.
-        KeyboardInterrupt: If the node was shut down meanwhile.
+        NoAnswerError: If the clock stands still.
+        ROSInterruptException: If the node is shut down.
     """
     clock, moments = _Stopwatch(), []
     for n in range(count(seconds, fps)):
@@ -83,13 +88,14 @@ class _Stopwatch:
         """Wait until a time, in [s], however slow the clock is.
 
         Raises:
-            NotThereError: If the clock stands still.
-            KeyboardInterrupt: If the node was shut down meanwhile.
+            NoAnswerError: If the clock stands still.
+            ROSInterruptException: If the node is shut down.
         """
         while self._passed < time:
-            if not wait_until(lambda: rospy.get_time() != self._last, PATIENCE):
-                raise NotThereError(
-                    f"The clock stood still for {PATIENCE:g} s at {self._last:g} s."
+            if not wait_until(lambda: rospy.get_time() != self._last, CLOCK_TIMEOUT):
+                raise NoAnswerError(
+                    f"The clock stood still for {CLOCK_TIMEOUT:g} s at "
+                    f"{self._last:g} s."
                 )
             now = rospy.get_time()
             self._passed += max(0.0, now - self._last)

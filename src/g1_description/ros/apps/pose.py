@@ -28,7 +28,8 @@ from g1_description.core.poses.yaml_text import check_name
 from g1_description.ros.node.arguments import own_arguments
 from g1_description.ros.node.shutdown import start_node
 
-from .posed_robot import NoAnswerError, PosedRobot
+from .posed_robot import PosedRobot
+from .robot_view import NoAnswerError
 
 DIGITS = 6
 """Decimals of the positions that are saved."""
@@ -97,9 +98,9 @@ def go(asked: argparse.Namespace) -> None:
     check_pose(pose, robot.description)
     goal = pose_positions(pose, robot.description)
     if asked.seconds:
-        robot.glide(goal, asked.seconds)
+        robot.move(goal, asked.seconds)
     else:
-        robot.jump(goal)
+        robot.teleport(goal)
     print(f"pose: {pose.name}")
 
 
@@ -123,7 +124,7 @@ def save(asked: argparse.Namespace) -> None:
     joints = robot.description.movable_joints
     rounded = {
         joint.name: min(max(round(position, DIGITS), joint.lower), joint.upper)
-        for joint, position in zip(joints, robot.positions().tolist())
+        for joint, position in zip(joints, robot.measured_positions().tolist())
     }
     told = {name: position for name, position in rounded.items() if position}
     save_pose(Pose(asked.save, told, asked.about), file)

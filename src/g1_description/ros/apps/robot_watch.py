@@ -2,44 +2,36 @@
 
 from __future__ import annotations
 
-import math
-import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Callable
 
 import numpy as np
 import rospy
-from sensor_msgs.msg import JointState
+import tf2_ros
+from tf2_msgs.msg import TFMessage
 
-from g1_description.core.errors import DescriptionError, G1DescriptionError
 from g1_description.core.robot.assembly import base_of
-from g1_description.core.robot.description import Description
 from g1_description.core.transform import compose, inverse
-from g1_description.core.urdf.reader import parse_urdf
-from g1_description.ros.bridge.descriptions import find_parameter
-from g1_description.ros.node.newest import NEWEST
+from g1_description.ros.node.waiting import wait_until
 
-from .transforms import Transforms
+from .robot_view import BUFFER, NoAnswerError, RobotView
 
-DESCRIPTION, JOINT_STATES, MAP = "robot_description", "joint_states", "map"
+MAP = "map"
 
-PATIENCE = 10.0
-"""Longest wait for a description and for joint states, in [s] of wall time."""
+JOINTS_TIMEOUT = 10.0
+"""Longest wait for the positions of all joints, in [s]."""
 
-TF_PATIENCE = 2.0
-"""Longest wait for a transform once the joints are known, in [s] of wall time."""
+TF_TIMEOUT = 2.0
+"""Longest wait for a transform once the joints are known, in [s]."""
 
-POLL = 0.02
-"""Time between two looks, in [s]."""
-
-
-class NotThereError(G1DescriptionError):
-    """Something did not come in time."""
+TF_QUEUE = 100
+"""Messages kept per publisher of /tf when many come at once: each may be the only one
+with a frame."""
 
 
 @dataclass(frozen=True)
 class Moment:
-    """How a robot is at some time."""
+    """The state of a robot at some time."""
 
     positions: dict[str, float]
     """Positions of its joints in [rad] or [m] by name; unknown ones are left out."""
@@ -48,107 +40,108 @@ class Moment:
     """Pose of its root link in the map, shape (7,); None where it is unknown."""
 
     def with_joints(self, positions: dict[str, float]) -> Moment:
-        """Give the same with other positions of some joints."""
+        """Return the same with other positions of some joints."""
         return replace(self, positions={**self.positions, **positions})
 
 
-def wait_until(condition: Callable[[], bool], patience: float) -> bool:
-    """Wait for a condition; tell whether it came true.
+class Transforms:
+    """The newest transforms on TF.
 
-    Raises:
-        KeyboardInterrupt: If the node was shut down meanwhile.
-    """
-    end = time.monotonic() + patience
-    while not condition():
-        if rospy.is_shutdown():
-            raise KeyboardInterrupt
-        if time.monotonic() > end:
-            return False
-        time.sleep(POLL)
-    return True
+    tf2 keeps them as static transforms: so the last one received counts, also after
+    the clock was reset, and none is refused.
 
-
-class RobotWatch:
-    """Follows one robot.
-
-    Subscribes: joint_states (sensor_msgs/JointState).
-    Reads: robot_description, searched for upward from the robot's namespace.
+    Subscribes: /tf, /tf_static (tf2_msgs/TFMessage)
     """
 
-    def __init__(self, namespace: str, transforms: Transforms) -> None:
-        """Begin to listen.
+    def __init__(self) -> None:
+        """Subscribe."""
+        self._buffer = tf2_ros.Buffer(debug=False)
+        self._subscribers = [
+            rospy.Subscriber(
+                "/tf",
+                TFMessage,
+                self._on_transforms,
+                queue_size=TF_QUEUE,
+                buff_size=BUFFER,
+            ),
+            # Each publisher sends its frames once, so none may be lost.
+            rospy.Subscriber(
+                "/tf_static", TFMessage, self._on_transforms, queue_size=None
+            ),
+        ]
+
+    def close(self) -> None:
+        """Unsubscribe; what was received stays known."""
+        for subscriber in self._subscribers:
+            subscriber.unregister()
+
+    def _on_transforms(self, message: TFMessage) -> None:
+        for transform in message.transforms:
+            self._buffer.set_transform_static(transform, "tf")
+
+    def pose(self, parent: str, child: str) -> np.ndarray | None:
+        """Return the pose of a frame in another one.
+
+        Returns:
+            T_parent_child, shape (7,); None if it is unknown.
+        """
+        try:
+            found = self._buffer.lookup_transform(parent, child, rospy.Time())
+        except tf2_ros.TransformException:
+            return None
+        p, q = found.transform.translation, found.transform.rotation
+        return np.array([p.x, p.y, p.z, q.x, q.y, q.z, q.w])
+
+
+class RobotWatch(RobotView):
+    """Follows one robot's joints and its place in the map."""
+
+    def __init__(
+        self,
+        namespace: str,
+        notify: Callable[[str], None],
+        transforms: Transforms,
+    ) -> None:
+        """Read the description and subscribe.
 
         Args:
-            namespace: Of the robot's topics, without slashes around; its frames are
-                called after it as the bridge does it.
-            transforms: What TF tells.
+            namespace: Of the robot's topics, without slashes around; the bridge
+                prefixes its frames with it.
+            notify: Takes messages about what is waited for.
+            transforms: The frames on TF.
 
         Raises:
-            DescriptionError: If its description does not come, or is no robot.
+            DescriptionError: If there is no description, or it is not one.
+            ROSInterruptException: If the node is shut down.
         """
-        self._topic = rospy.resolve_name(f"/{namespace}/{JOINT_STATES}")
+        super().__init__(namespace, notify)
         self._transforms = transforms
-        self.description = _wait_for_description(namespace)
         prefix = f"{namespace}/" if namespace else ""
         base, self._T_root_base = base_of(self.description)
         self.frame = prefix + base
-        """Name in TF of the link that tells where it is."""
-        self._joints = {joint.name for joint in self.description.movable_joints}
-        self._positions: dict[str, float] = {}
-        self._subscriber = rospy.Subscriber(
-            self._topic, JointState, self._hear, **NEWEST
-        )
-
-    def _hear(self, message: JointState) -> None:
-        """Take the positions that are numbers; a new dictionary, for other threads."""
-        heard = {
-            name: position
-            for name, position in zip(message.name, message.position)
-            if name in self._joints and math.isfinite(position)
-        }
-        self._positions = {**self._positions, **heard}
+        """Name in TF of the link that tells where the robot is."""
 
     def wait(self) -> None:
-        """Wait for all joints, or at least some, and for the place of the root.
+        """Wait for all joints, or at least some, and for the pose of the root.
 
         Raises:
-            NotThereError: If nothing is known of any joint.
-            KeyboardInterrupt: If the node was shut down meanwhile.
+            NoAnswerError: If no position of any joint comes.
+            ROSInterruptException: If the node is shut down.
         """
-        wait_until(lambda: not self.missing, PATIENCE)
-        if self._joints and not self._positions:
-            raise NotThereError(
-                f"No joint states of '{self.description.name}' came on {self._topic} "
-                f"within {PATIENCE:g} s: does the bridge run, and is time not paused?"
+        wait_until(lambda: not self.missing, JOINTS_TIMEOUT)
+        if self.missing and not self.positions:
+            raise NoAnswerError(
+                f"No joint states of '{self.description.name}' came on {self.topic} "
+                f"within {JOINTS_TIMEOUT:g} s: does the bridge run, and is time not "
+                "paused?"
             )
-        wait_until(lambda: self._root_pose() is not None, TF_PATIENCE)
-
-    @property
-    def missing(self) -> list[str]:
-        """Names of the joints that nothing is known of."""
-        known = self._positions
-        joints = self.description.movable_joints
-        return [joint.name for joint in joints if joint.name not in known]
+        wait_until(lambda: self._root_pose() is not None, TF_TIMEOUT)
 
     def now(self) -> Moment:
-        """Tell how the robot is."""
-        return Moment(self._positions, self._root_pose())
+        """Return how the robot is."""
+        return Moment(self.positions, self._root_pose())
 
     def _root_pose(self) -> np.ndarray | None:
-        """Tell where the root link is in the map, shape (7,)."""
+        """Return T_map_root, shape (7,); None if it is unknown."""
         pose = self._transforms.pose(MAP, self.frame)
         return None if pose is None else compose(pose, inverse(self._T_root_base))
-
-    def close(self) -> None:
-        """Listen no more."""
-        self._subscriber.unregister()
-
-
-def _wait_for_description(namespace: str) -> Description:
-    """Wait for a robot on the parameter server."""
-    if not wait_until(lambda: bool(find_parameter(DESCRIPTION, namespace)), PATIENCE):
-        raise DescriptionError(
-            f"There is no parameter {DESCRIPTION} in /{namespace} or above it "
-            f"after {PATIENCE:g} s."
-        )
-    return parse_urdf(str(rospy.get_param(find_parameter(DESCRIPTION, namespace))))

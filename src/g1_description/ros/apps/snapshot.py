@@ -33,9 +33,9 @@ from g1_description.sim.render.scene import Scene
 
 from .film import film, record
 from .picture_files import write_film, write_picture
-from .robot_watch import MAP, Moment, NotThereError, RobotWatch
+from .robot_view import NoAnswerError
+from .robot_watch import MAP, Moment, RobotWatch, Transforms
 from .snapshot_options import parse
-from .transforms import Transforms
 
 
 def tell(sentence: str) -> None:
@@ -140,12 +140,14 @@ def draw_now(asked: argparse.Namespace) -> None:
     """Draw the robots that run.
 
     Raises:
-        NotThereError: If there is no master, it goes, or nothing comes from a robot.
+        NoAnswerError: If there is no master, it goes, or nothing comes from a robot.
     """
     try:
         descriptions, moments = watch_now(asked)
+    except rospy.ROSInterruptException:
+        raise
     except (OSError, rospy.ROSException, rosgraph.MasterException) as error:
-        raise NotThereError(f"the master is gone: {error}.") from error
+        raise NoAnswerError(f"the master is gone: {error}.") from error
     with Scene() as scene:
         for description in descriptions:
             load(scene, description)
@@ -161,18 +163,18 @@ def watch_now(
         The robots, and what all of them did at each moment.
 
     Raises:
-        NotThereError: If there is no master, or nothing comes from a robot.
+        NoAnswerError: If there is no master, or nothing comes from a robot.
         OSError: If the master goes meanwhile; likewise the errors of ROS.
     """
     if not rosgraph.is_master_online():
-        raise NotThereError(
+        raise NoAnswerError(
             f"There is no master at {rosgraph.get_master_uri()}: launch a robot, or "
             "draw a file with --model FILE."
         )
     start_node("snapshot", anonymous=True)
     transforms = Transforms()
     namespaces = asked.namespace or [rospy.get_namespace()]
-    watches = [RobotWatch(name.strip("/"), transforms) for name in namespaces]
+    watches = [RobotWatch(name.strip("/"), tell, transforms) for name in namespaces]
     for watch in watches:
         check_joints(asked.joints, watch.description)
         watch.wait()

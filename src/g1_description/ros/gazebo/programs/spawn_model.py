@@ -12,7 +12,6 @@ from __future__ import annotations
 import argparse
 import re
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -32,13 +31,11 @@ from g1_description.core.rotation import from_rpy
 from g1_description.core.xml import decoded, parse_xml
 from g1_description.ros.node.arguments import own_arguments
 from g1_description.ros.node.shutdown import start_node
+from g1_description.ros.node.waiting import wait_until
 from g1_description.ros.wire.conversions import pose_from_array
 
 WARN_AFTER = 1.0
 """Wait for a service before telling that it is waited for, in [s]."""
-
-POLL_PERIOD = 0.1
-"""Time between two questions for a model, in [s]."""
 
 
 def parser() -> OneSentenceParser:
@@ -179,8 +176,7 @@ class GazeboServices:
         """Wait until a model is in the world."""
         rospy.loginfo("Waiting for the model %s.", name)
         world = "get_world_properties", GetWorldProperties
-        while name not in self.wait_and_call(*world).model_names:
-            time.sleep(POLL_PERIOD)
+        wait_until(lambda: name in self.wait_and_call(*world).model_names)
 
 
 def calls(args: argparse.Namespace, text: str):

@@ -1,0 +1,46 @@
+"""Waiting for a condition by wall time: simulated time may stand still."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from typing import Callable, TypeVar
+
+import rospy
+
+POLL = 0.02
+"""Time between two evaluations of a condition, in [s]."""
+
+Result = TypeVar("Result")
+
+
+def wait_until(
+    condition: Callable[[], Result],
+    timeout: float | None = None,
+    changed: threading.Condition | None = None,
+) -> Result:
+    """Wait until a condition holds.
+
+    Args:
+        condition: Returns something true when it holds.
+        timeout: Longest wait in [s]; None: no limit.
+        changed: Held while the condition is evaluated; notifying it evaluates the
+            condition at once.
+
+    Returns:
+        What the condition returned last: something false after the timeout.
+
+    Raises:
+        ROSInterruptException: If the node is shut down.
+    """
+    end = math.inf if timeout is None else time.monotonic() + timeout
+    changed = changed or threading.Condition()
+    with changed:
+        while True:
+            result = condition()
+            if result or time.monotonic() >= end:
+                return result
+            if rospy.is_shutdown():
+                raise rospy.ROSInterruptException("interrupted")
+            changed.wait(POLL)
