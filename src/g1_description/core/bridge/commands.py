@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Sequence
+
+from g1_description.core.text import listed
 
 
 def split_command(
@@ -46,10 +48,3 @@ def split_command(
         if name in joints and math.isfinite(position)
     }
     return accepted, problems
-
-
-def listed(names: Iterable[str]) -> str:
-    """Join names for a sentence, cut short where there are very many."""
-    once = list(dict.fromkeys(names))
-    shown = ", ".join(name[:80] if name else "''" for name in once[:8])
-    return shown + (f" and {len(once) - 8} more" if len(once) > 8 else "")

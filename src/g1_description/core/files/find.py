@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import os
 import re
 import stat
@@ -11,6 +10,7 @@ from pathlib import Path
 from urllib.parse import unquote
 
 from g1_description.core.errors import DescriptionError
+from g1_description.core.text import similar
 
 from .model_files import find_folder, package_names
 
@@ -89,14 +89,14 @@ def named_path(name: str) -> Path:
     package, _, inside = rest.partition("/")
     folder = find_folder(package)
     if folder is None:
-        near = _near(package, package_names())
+        near = _similar(package, package_names())
         raise DescriptionError(f"There is no package '{package}'{near}.")
     return Path(folder) / unquote(inside)
 
 
-def _near(name: str, existing: Iterable[str]) -> str:
-    """Tell which names are like one that does not exist."""
-    found = difflib.get_close_matches(name, list(existing), n=3)
+def _similar(name: str, existing: Iterable[str]) -> str:
+    """Return the end of a message: which names are like one that does not exist."""
+    found = similar(name, existing)
     return f"; like it is {' or '.join(found)}" if found else ""
 
 
@@ -106,7 +106,7 @@ def _absent(path: Path) -> str:
     while not missing.parent.is_dir() and missing.parent != missing:
         missing = missing.parent
     kind = "file" if missing == path else "folder"
-    near = _near(missing.name, _names_in(missing.parent))
+    near = _similar(missing.name, _names_in(missing.parent))
     if not near and kind == "file":
         near = with_robots(missing.parent)
     return f"There is no {kind} {missing}{near}."

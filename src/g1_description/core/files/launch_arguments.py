@@ -7,9 +7,8 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 
-from g1_description.core.bridge.commands import listed
 from g1_description.core.errors import InvalidValueError, UnknownNameError
-from g1_description.core.poses.pose import near_first
+from g1_description.core.text import listed, similar_first
 
 PHYSICS = ("kinematic", "hold", "limp")
 
@@ -35,7 +34,7 @@ def check_arguments(given: Mapping[str, str]) -> None:
     """
     for name, choices in CHOICES.items():
         if given.get(name, choices[0]) not in choices:
-            known = listed(near_first(given[name], choices))
+            known = listed(similar_first(given[name], choices))
             raise UnknownNameError(
                 f"There is no {name} '{given[name]}'; there are {known}."
             )

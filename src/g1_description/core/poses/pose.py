@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from g1_description.core.bridge.commands import listed
 from g1_description.core.errors import InvalidValueError, UnknownNameError
 from g1_description.core.robot.description import Description, Joint
+from g1_description.core.text import listed, similar_first
 
 ZERO = "zero"
 """The pose that needs no file: every robot has it."""
@@ -39,16 +38,9 @@ def find_pose(name: str, poses: Mapping[str, Pose]) -> Pose:
         UnknownNameError: If there is none; its words begin with the nearest names.
     """
     if name not in poses:
-        known = listed(near_first(name, poses)) or "none"
+        known = listed(similar_first(name, poses)) or "none"
         raise UnknownNameError(f"There is no pose '{name}'; there are {known}.")
     return poses[name]
-
-
-def near_first(name: str, names: Iterable[str]) -> list[str]:
-    """Sort names by how near they are to one that does not exist."""
-    known = list(names)
-    near = difflib.get_close_matches(name, known, n=3)
-    return [*near, *(other for other in known if other not in near)]
 
 
 def check_pose(pose: Pose, description: Description) -> None:
@@ -67,7 +59,7 @@ def check_pose(pose: Pose, description: Description) -> None:
     told = f"Pose {pose.name} of {pose.place}"
     for name, position in pose.positions.items():
         if name not in joints:
-            known = listed(near_first(name, joints)) or "none"
+            known = listed(similar_first(name, joints)) or "none"
             raise UnknownNameError(
                 f"{told} names {name}, which is no movable joint of "
                 f"'{description.name}'; there are {known}."

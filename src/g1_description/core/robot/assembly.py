@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from g1_description.core.bridge.commands import listed
+from g1_description.core.text import listed
 from g1_description.core.transform import IDENTITY
 
 from .description import FREE, Description, Link

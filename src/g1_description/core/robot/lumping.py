@@ -19,8 +19,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from g1_description.core.bridge.commands import listed
 from g1_description.core.rotation import to_axes
+from g1_description.core.text import listed
 from g1_description.core.transform import IDENTITY, compose
 
 from .assembly import WORLD, Assembly

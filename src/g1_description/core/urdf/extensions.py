@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 from lxml import etree
 
 from g1_description.core.bounds import checked
-from g1_description.core.bridge.commands import listed
 from g1_description.core.errors import DescriptionError
 from g1_description.core.sdf.values import numbers
+from g1_description.core.text import listed
 from g1_description.core.xml import local_name
 
 _KEPT = {"disableFixedJointLumping": "revolute", "preserveFixedJoint": "fixed"}

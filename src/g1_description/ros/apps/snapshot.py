@@ -14,15 +14,15 @@ import numpy as np
 import rosgraph
 import rospy
 
-from g1_description.core.bridge.commands import listed
 from g1_description.core.errors import (
     G1DescriptionError,
     InvalidValueError,
     UnknownNameError,
 )
 from g1_description.core.files.absolute_urdf import absolute_urdf
-from g1_description.core.poses.pose import check_limits, near_first
+from g1_description.core.poses.pose import check_limits
 from g1_description.core.robot.description import Description
+from g1_description.core.text import listed, similar_first
 from g1_description.core.transform import IDENTITY
 from g1_description.core.urdf.reader import parse_urdf
 from g1_description.ros.node.arguments import own_arguments
@@ -55,7 +55,7 @@ def check_joints(wanted: dict[str, float], description: Description) -> None:
     if unknown:
         raise UnknownNameError(
             f"Robot '{description.name}' has no joint {listed(unknown)}; "
-            f"it has {listed(near_first(unknown[0], joints)) or 'none'}."
+            f"it has {listed(similar_first(unknown[0], joints)) or 'none'}."
         )
     for name, position in wanted.items():
         check_limits("--joints", joints[name], position)

@@ -13,7 +13,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from diagnostic_updater import Updater
 from gazebo_msgs.srv import GetPhysicsProperties
 
-from g1_description.core.bridge.commands import listed
+from g1_description.core.text import listed
 from g1_description.ros.node.complaints import Complaints
 from g1_description.ros.node.shutdown import quiet_when_closing
 

@@ -23,11 +23,11 @@ import rospy
 from geometry_msgs.msg import TransformStamped
 from tf2_msgs.msg import TFMessage
 
-from g1_description.core.bridge.commands import listed
 from g1_description.core.bridge.estimator import JointStateEstimator, Observation
 from g1_description.core.bridge.stamps import RisingStamps
 from g1_description.core.errors import G1DescriptionError
 from g1_description.core.robot.description import Description
+from g1_description.core.text import listed
 from g1_description.ros.node.complaints import Complaints
 from g1_description.ros.node.parameters import read_parameters
 from g1_description.ros.node.shutdown import quiet_when_closing, start_node

@@ -8,10 +8,10 @@ import time
 import rospy
 from geometry_msgs.msg import TransformStamped
 
-from g1_description.core.bridge.commands import listed
 from g1_description.core.bridge.estimator import Observation
 from g1_description.core.bridge.tf_filter import PoseThrottle, Shown, State, TfFilter
 from g1_description.core.robot.description import FREE
+from g1_description.core.text import listed
 from g1_description.ros.node.complaints import Complaints
 from g1_description.ros.transport.direct_publisher import DirectPublisher
 from g1_description.ros.wire.conversions import stamp_from_ns, transform

@@ -5,9 +5,8 @@ Everything here runs in the simulator's loop, between two steps.
 
 from __future__ import annotations
 
-from g1_description.core.bridge.commands import listed
 from g1_description.core.errors import InvalidValueError, UnknownNameError
-from g1_description.core.poses.pose import near_first
+from g1_description.core.text import listed, similar_first
 from g1_description.ros.wire.conversions import (
     pose_from_array,
     stamp_from_ns,
@@ -87,7 +86,7 @@ class StepServices(SteppedServices):
             )
         unknown = [name for name in names if name not in model.joint_names]
         if unknown:
-            near = listed(near_first(unknown[0], model.joint_names))
+            near = listed(similar_first(unknown[0], model.joint_names))
             raise UnknownNameError(
                 f"{model.name} has no movable joint {listed(unknown)}, it has "
                 f"{near or 'none'}"

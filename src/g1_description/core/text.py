@@ -1,0 +1,32 @@
+"""Names as sentences list them."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+MAX_NAMES = 8
+"""Most names that a sentence lists."""
+
+MAX_NAME = 80
+"""Longest name that a sentence shows whole, in characters."""
+
+
+def listed(names: Iterable[str]) -> str:
+    """Join names for a sentence, cut short where there are very many."""
+    once = list(dict.fromkeys(names))
+    shown = ", ".join(name[:MAX_NAME] if name else "''" for name in once[:MAX_NAMES])
+    more = len(once) - MAX_NAMES
+    return shown + (f" and {more} more" if more > 0 else "")
+
+
+def similar(name: str, names: Iterable[str]) -> list[str]:
+    """Return at most three names like one that does not exist, the likest first."""
+    return difflib.get_close_matches(name, list(names), n=3)
+
+
+def similar_first(name: str, names: Iterable[str]) -> list[str]:
+    """Sort names: first those like one that does not exist, then the others."""
+    names = list(names)
+    first = similar(name, names)
+    return [*first, *(other for other in names if other not in first)]
