@@ -1,4 +1,4 @@
-"""The numbers that a robot can have, whatever format its file has."""
+"""Bounds of the numbers that a robot can have, wherever they come from."""
 
 from __future__ import annotations
 
@@ -6,11 +6,25 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .errors import LARGEST, DescriptionError
+from .errors import DescriptionError
+
+LARGEST = 1e9
+"""Largest magnitude accepted for any length, angle, mass or speed."""
+
+NORM_TOLERANCE = 1e-3
+"""Largest deviation of a unit quaternion's norm from 1."""
 
 
 def checked(what: str, numbers: Sequence[float], least: float = -LARGEST) -> np.ndarray:
-    """Check that numbers are some that a robot can have.
+    """Check that numbers are finite and within bounds.
+
+    Args:
+        what: What the numbers are, for the message.
+        numbers: The numbers.
+        least: Lower bound; the upper one is ``LARGEST``.
+
+    Returns:
+        The numbers as an array.
 
     Raises:
         DescriptionError: If one is NaN, or out of bounds.
@@ -25,17 +39,17 @@ def checked(what: str, numbers: Sequence[float], least: float = -LARGEST) -> np.
 
 
 def position_limits(owner: str, lower: float, upper: float) -> tuple[float, float, str]:
-    """Take the limits of a joint's position as Gazebo does.
+    """Read the limits of a joint's position as Gazebo does.
 
-    Its ODE passes over both where the lower one is above the upper one.
+    Gazebo's ODE ignores both limits if the lower one is above the upper one.
 
     Args:
-        owner: The joint, for the words: "joint left_elbow_joint".
-        lower: In [rad] or [m], as it is written.
+        owner: The joint, for the message: "joint left_elbow_joint".
+        lower: In [rad] or [m], as the file has it.
         upper: Likewise.
 
     Returns:
-        Lower and upper limit, and a clause if they are not those that were given.
+        Lower and upper limit, and a message if they are not those of the file.
 
     Raises:
         DescriptionError: If they leave no position.
@@ -48,3 +62,29 @@ def position_limits(owner: str, lower: float, upper: float) -> tuple[float, floa
             f"The limits of {owner} are {lower:g} to {upper:g}: no position is left."
         )
     return lower, upper, ""
+
+
+def all_usable(lengths: np.ndarray, poses: np.ndarray, twists: np.ndarray) -> bool:
+    """Check that the numbers of all links are within bounds; NaN is not.
+
+    Args:
+        lengths: Norms of the links' quaternions, shape (n_links,).
+        poses: Poses of the links, shape (n_links, 7).
+        twists: Twists of the links, shape (n_links, 6).
+    """
+    if not len(lengths):
+        return True
+    deviation = np.abs(lengths - 1.0).max()
+    largest = np.abs(poses).max(), np.abs(twists).max()
+    return bool(
+        deviation <= NORM_TOLERANCE and largest[0] <= LARGEST and largest[1] <= LARGEST
+    )
+
+
+def usable_rows(
+    lengths: np.ndarray, poses: np.ndarray, twists: np.ndarray
+) -> np.ndarray:
+    """Return which links have numbers within bounds, shape (n_links,)."""
+    with np.errstate(invalid="ignore"):
+        sizes = np.abs(np.concatenate([poses, twists], axis=1)).max(axis=1)
+        return (np.abs(lengths - 1.0) <= NORM_TOLERANCE) & (sizes <= LARGEST)

@@ -1,13 +1,10 @@
 """The one family of errors that core and sim raise.
 
-A message holds what was asked and what exists, in one sentence that may be
+A message says what was requested and what exists, in one sentence that may be
 shown to a user as it is.
 """
 
 from __future__ import annotations
-
-LARGEST = 1e9
-"""No length, angle, mass or speed of a robot is beyond this: it is a mistake."""
 
 
 class G1DescriptionError(Exception):

@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from g1_description.core.errors import LARGEST, InvalidValueError
+from g1_description.core.bounds import LARGEST
+from g1_description.core.errors import InvalidValueError
 from g1_description.core.robot.assembly import Assembly
 from g1_description.core.rotation import cross, rotate
 from g1_description.core.transform import compose, inverse

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 
-from g1_description.core.errors import LARGEST, InvalidValueError
+from g1_description.core.bounds import LARGEST
+from g1_description.core.errors import InvalidValueError
 
 LONGEST_STEP = 10.0
 """Longest time step in [s]: what Gazebo's dynamic_reconfigure allows."""

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from g1_description.core.bounds import all_usable, usable_rows
 from g1_description.core.robot.description import Description
 from g1_description.core.transform import IDENTITY, compose
-from g1_description.core.usable import all_usable, usable_rows
 
 from .joints import MeasuredJoints
 from .layout import LinkLayout, RobotLayout

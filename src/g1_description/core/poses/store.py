@@ -9,8 +9,9 @@ import rospkg
 from g1_description.core.errors import PoseFileError
 from g1_description.core.files.atomic import write_whole
 from g1_description.core.files.model_files import find_folder
-from g1_description.core.poses.pose import Pose
 from g1_description.core.poses.yaml_text import parse_poses, with_pose
+
+from .pose import Pose
 
 PACKAGE = "g1_description"
 

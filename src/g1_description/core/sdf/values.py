@@ -13,8 +13,8 @@ from collections.abc import Sequence
 import numpy as np
 from lxml import etree
 
-from g1_description.core.bounds import checked
-from g1_description.core.errors import LARGEST, DescriptionError
+from g1_description.core.bounds import LARGEST, checked
+from g1_description.core.errors import DescriptionError
 from g1_description.core.rotation import from_rpy
 from g1_description.core.transform import IDENTITY
 

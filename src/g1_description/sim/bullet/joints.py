@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from g1_description.core.errors import LARGEST
+from g1_description.core.bounds import LARGEST
 from g1_description.sim.model import Model
 
 from .client import BulletClient

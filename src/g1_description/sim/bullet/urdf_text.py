@@ -8,7 +8,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from g1_description.core.errors import LARGEST, DescriptionError
+from g1_description.core.bounds import LARGEST
+from g1_description.core.errors import DescriptionError
 from g1_description.core.robot.assembly import WORLD
 from g1_description.core.robot.description import (
     Description,

@@ -18,7 +18,7 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from g1_description.core.errors import LARGEST
+from g1_description.core.bounds import LARGEST
 
 from .assimp import TRIANGULATE, Assimp, CannotReadError, RawPart
 from .stl import HEAD, binary_size, triangle_count

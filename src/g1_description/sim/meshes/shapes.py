@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from g1_description.core.errors import LARGEST
+from g1_description.core.bounds import LARGEST
 from g1_description.core.files.model_files import find_folder
 from g1_description.core.files.uris import local_path
 from g1_description.core.robot.description import Shape

@@ -12,8 +12,8 @@ from dataclasses import replace
 import numpy as np
 from lxml import etree
 
-from g1_description.core.bounds import position_limits
-from g1_description.core.errors import LARGEST, DescriptionError
+from g1_description.core.bounds import LARGEST, position_limits
+from g1_description.core.errors import DescriptionError
 from g1_description.core.robot.assembly import WORLD
 from g1_description.core.robot.description import MOVABLE, Joint
 from g1_description.core.rotation import rotate

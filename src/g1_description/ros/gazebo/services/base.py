@@ -6,7 +6,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from g1_description.core.errors import LARGEST, InvalidValueError
+from g1_description.core.bounds import LARGEST
+from g1_description.core.errors import InvalidValueError
 from g1_description.core.rotation import normalized
 from g1_description.ros.gazebo.stepper import Stepper
 from g1_description.ros.wire.conversions import pose_to_array, twist_to_array

@@ -23,10 +23,7 @@ from gazebo_msgs.srv import (
     SetModelStateResponse,
 )
 
-from g1_description.core.errors import (
-    InvalidValueError,
-    UnknownNameError,
-)
+from g1_description.core.errors import InvalidValueError, UnknownNameError
 from g1_description.core.robot.assembly import SCOPE, Assembly
 from g1_description.ros.wire.conversions import (
     pose_from_array,
