@@ -26,7 +26,7 @@ from support.stand_in import Node
 
 from tcpros import HangupError, ServiceError, header_of, packed
 
-REQUESTS = int(os.environ.get("FUZZ_REQUESTS", "4000"))
+REQUESTS = int(os.environ.get("FUZZ_REQUESTS", "2000"))
 SEED = int(os.environ.get("FUZZ_SEED", "0")) or random.randrange(1, 2**32)
 BATCH = 250
 """Requests between two times that the world is put in order."""

@@ -22,7 +22,7 @@ ENDS = (0, 130, -signal.SIGINT)
 show as 130 too."""
 OURS = "g1_description/ros/"
 """In tracebacks of what we import; before that Python itself answers signals."""
-STEPS = 6
+STEPS = 4
 """Moments from a command's start to its end."""
 PATIENCE = 60.0
 

@@ -50,6 +50,10 @@ class Paused(unittest.TestCase):
         world = rospy.ServiceProxy("/gazebo/get_world_properties", GetWorldProperties)
         end = world().sim_time
         wait_for(lambda: abs(rospy.get_time() - end) < 1e-9, "the last /clock")
+        # At 200 Hz it is 5 ms old at most.
+        self.states.wait(
+            lambda m: m.header.stamp.to_sec() > end - 0.0051, "the last joint states"
+        )
 
     def command(self, position):
         self.commands.publish(JointState(name=[ELBOW], position=[position]))
@@ -194,11 +198,6 @@ class TestPaused(Paused):
         listener = tf2_ros.TransformListener(buffer)
         self.addCleanup(listener.unregister)
         self.wait_for_frames(buffer)
-        self.pause()
-        rospy.ServiceProxy("/gazebo/reset_simulation", Empty)()
-        self.states.wait(
-            lambda m: m.header.stamp.to_sec() < 0.001 and elbow_of(m) == 0.0, "zero"
-        )
 
         def stamp():
             try:
@@ -207,6 +206,14 @@ class TestPaused(Paused):
                 return None
             return found.header.stamp.to_sec()
 
+        self.pause()
+        # What comes after the reset from before it would make TF refuse what is new.
+        last = self.states.messages[-1].header.stamp.to_sec()
+        wait_for(lambda: (stamp() or 0.0) > last - 1e-6, "TF of the pause")
+        rospy.ServiceProxy("/gazebo/reset_simulation", Empty)()
+        self.states.wait(
+            lambda m: m.header.stamp.to_sec() < 0.001 and elbow_of(m) == 0.0, "zero"
+        )
         wait_for(lambda: (stamp() or 1.0) < 0.001, "TF of the reset")
 
 

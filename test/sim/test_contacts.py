@@ -56,6 +56,7 @@ def crate(mass):
     return thing("<box><size>1 1 1</size></box>", inertia=mass / 6.0, mass=mass)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("depth", [0.005, 0.05, 0.1, 0.2])
 @pytest.mark.parametrize(
     ("mass", "time_step", "iterations"),
@@ -146,6 +147,7 @@ def assert_stands(world, count, x=0.0, z=0.0):
         assert np.abs(pose[:2] - [x, 0.0]).max() < 0.001
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("beside", [nothing, deep_house, rooted_robot, other_numbers])
 def test_ten_boxes_stand_on_each_other_as_if_they_were_hard(make_world, beside):
     world = make_world("hold")
@@ -155,6 +157,7 @@ def test_ten_boxes_stand_on_each_other_as_if_they_were_hard(make_world, beside):
     assert_stands(world, 10)
 
 
+@pytest.mark.slow
 def test_they_stand_on_a_house_that_stands_in_the_floor(make_world):
     world = make_world("hold")
     deep_house(world)
@@ -163,6 +166,7 @@ def test_they_stand_on_a_house_that_stands_in_the_floor(make_world):
     assert_stands(world, 10, x=3.6, z=0.5)
 
 
+@pytest.mark.slow
 def test_a_box_that_was_taken_out_of_the_floor_is_as_hard_as_others(make_world):
     """Nine boxes on it, the highest the heaviest, sink no further."""
     world = make_world("limp")
@@ -213,12 +217,14 @@ def collapse(make_world):
     return world
 
 
+@pytest.mark.slow
 def test_the_vendors_g1_collapses_as_in_gazebo(collapse):
     for time, height in GAZEBO_COLLAPSE.items():
         collapse.run(time - collapse.time_ns * 1e-9)
         assert collapse.model("g1").pose[2] == pytest.approx(height, rel=0.15), time
 
 
+@pytest.mark.slow
 @pytest.mark.xfail(strict=True, reason="0.12 m, where Gazebo still has 0.288 m")
 def test_the_vendors_g1_is_as_high_as_in_gazebo_after_a_second(collapse):
     """The one time of nine at which the collapse is not Gazebo's."""

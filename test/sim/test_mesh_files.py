@@ -374,6 +374,7 @@ def test_all_files_of_a_robot_are_read_by_one_process(tmp_path, counted):
     assert len(counted) == 2
 
 
+@pytest.mark.slow
 def test_hostile_files_end_no_one_and_take_no_other_file_with_them(
     make_world, tmp_path, counted
 ):
@@ -393,7 +394,7 @@ def test_hostile_files_end_no_one_and_take_no_other_file_with_them(
     good = [f"file://{tmp_path}/{name}_good.obj" for name in "az"]
     began = time.monotonic()
     left_out = make_world().spawn_urdf("r", body(good[0], *names, good[1]), UP)
-    assert time.monotonic() - began < mesh_contents.PATIENCE + 10.0
+    assert time.monotonic() - began < 2 * mesh_contents.PATIENCE
     assert len(counted) < 6
     for name in names:
         if not name.endswith("flat.stl"):
@@ -401,7 +402,9 @@ def test_hostile_files_end_no_one_and_take_no_other_file_with_them(
             assert "its reader ended" not in clause
     assert not [clause for clause in left_out if "good" in clause]
     (bomb,) = (clause for clause in left_out if "nodes.dae" in clause)
-    assert bomb.endswith("cannot be read: it took more than 5 s of the processor")
+    # On a machine with much else to do its time of the wall is over before.
+    taken = "cannot be read: it took more than (5 s of the processor|20 s)$"
+    assert re.search(taken, bomb)
     with Scene() as scene:
         _, left_out = scene.add(parse_urdf(body(good[0], *names, good[1])))
         assert not [clause for clause in left_out if "good" in clause]

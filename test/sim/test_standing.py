@@ -212,6 +212,7 @@ def test_a_squat_is_deep(g1):
     assert depth[2] < 0.5 * depth[0]
 
 
+@pytest.mark.slow
 def test_a_standing_robot_stands_for_a_minute_in_hold(make_world, g1):
     """Its pelvis stays within a centimetre, from the first step on."""
     world = make_world("hold")

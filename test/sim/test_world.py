@@ -69,6 +69,7 @@ def test_the_g1_weighs_what_its_file_says(make_world, g1, physics, fixed_base):
     assert loaded + pelvis == pytest.approx(35.115, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_set_configurations_are_where_scipy_puts_them(make_world, g1, record_property):
     """300 random configurations within limits, at a tilted pose, kinematic."""
     world, random = make_world("kinematic"), np.random.default_rng(1)
