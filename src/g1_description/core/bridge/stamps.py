@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 MAX_STEP_BACK = 100_000
-"""A stamp at most this far behind the last one, in [ns], belongs to the same instant.
+"""A stamp less than this far behind the last one, in [ns], is of the same instant.
 A reset goes back by at least a time step, and no simulator publishes so many states of
 one instant that their stamps reach this far."""
 

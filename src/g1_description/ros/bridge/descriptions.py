@@ -1,4 +1,4 @@
-"""Robots on the parameter server."""
+"""Robot descriptions on the parameter server."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ def wait_for_descriptions(
     """Wait until all robots are on the parameter server.
 
     Args:
-        robots: Where to look for them.
+        robots: The parameters to wait for.
 
     Returns:
-        The robots that have come, all unless the node was shut down. Equal texts make
-        one description.
+        The robots that were found, all unless the node was shut down. Equal texts give
+        the same description.
 
     Raises:
-        DescriptionError: If what came is no robot.
+        DescriptionError: If a parameter is no robot.
     """
     found = []
     parsed: dict[str, Description] = {}
@@ -42,16 +42,16 @@ def wait_for_descriptions(
 
 
 def _wait_for(robot: RobotParameters) -> str | None:
-    """Wait for one robot; None if the node was shut down before it came."""
-    told = False
+    """Wait for one robot; None if the node was shut down before that."""
+    is_logged = False
     while not rospy.is_shutdown():
         name = find_parameter(robot.description, robot.namespace)
         if name is not None:
             return str(rospy.get_param(name))
-        if not told:
+        if not is_logged:
             where = f"{robot.description}, from /{robot.namespace} upward"
             rospy.loginfo("Waiting for %s on the parameter %s.", robot.name, where)
-            told = True
+            is_logged = True
         time.sleep(0.1)
     return None
 
@@ -60,16 +60,16 @@ def find_parameter(name: str, namespace: str = "") -> str | None:
     """Find a parameter in a namespace or one above it.
 
     Args:
-        name: The parameter; one with its full name is not searched for.
-        namespace: Where to begin; by default the node's.
+        name: The parameter. A full name is only looked up, not searched for.
+        namespace: Namespace to begin in; by default the node's.
 
     Returns:
         Its full name; None if there is none.
     """
     if name.startswith(("/", "~")):
         return rospy.resolve_name(name) if rospy.has_param(name) else None
-    # The master begins in the namespace of who asks: not in the node's own, where its
-    # private parameters are.
+    # The master begins in the caller's namespace. With the node's own name that would
+    # be the one of its private parameters.
     begin = f"/{namespace}/" if namespace else rospy.get_namespace()
     try:
         return rosgraph.Master(f"{begin}anyone").searchParam(name)

@@ -17,7 +17,7 @@ from .parameters import BridgeParameters, RobotParameters
 
 
 def base_child(parameters: BridgeParameters, description: Description) -> str | None:
-    """Find the frame that moves in the map.
+    """Find the frame of a robot that moves in the map.
 
     Args:
         parameters: Names of the frames above.

@@ -150,12 +150,9 @@ class BridgeHealth:
         source, age = self._source, self._source.age
         is_early = time.monotonic() - self._start <= SPAWN_GRACE
         if age is None and not is_early and not self._pause.is_paused:
-            text = f"Nothing usable has come on {source.topic} yet."
+            text = f"Nothing usable has arrived on {source.topic} yet."
             if source.timeless:
-                text = (
-                    f"Nothing is published: {source.topic} comes, but no time on "
-                    "/clock."
-                )
+                text = f"Nothing is published: {source.topic} has no time on /clock."
             self._complaints.tell("silence", text)
         if age is not None and self._is_stale and self._pause.is_known(age):
             text = f"Nothing usable on {source.topic} for {age:.0f} s"
@@ -165,8 +162,8 @@ class BridgeHealth:
         """Warn that the simulator does not answer a command."""
         waiting = self._sender.waiting
         if waiting > MAX_ANSWER_TIME:
-            text = f"A command waits for the simulator's answer for {waiting:.0f} s."
-            self._complaints.tell("hanging", text)
+            text = "A command still waits for the simulator's answer after"
+            self._complaints.tell("hanging", f"{text} {waiting:.0f} s.")
 
     @property
     def _reason(self) -> str:

@@ -129,7 +129,7 @@ class BridgeNode:
         self._observations = self._estimator.update(*states, 1e-9 * stamp)
         if self._estimator.duplicates:
             names = listed(self._estimator.duplicates)
-            text = f"Links come more than once, the first counts: {names}."
+            text = f"Links are listed more than once, the first one counts: {names}."
             self._complaints.tell("duplicates", text)
         pairs = zip(self._robots, self._observations)
         edges = [robot.publish(stamp, seen) for robot, seen in pairs]
@@ -144,7 +144,7 @@ class BridgeNode:
 
     def _reset(self) -> None:
         """Start again, as simulated time did."""
-        text = "Time went back: starting anew."
+        text = "Time went back: starting over."
         self._complaints.tell("time", text, 1.0, rospy.loginfo)
         self._estimator.reset()
         for robot in self._robots:

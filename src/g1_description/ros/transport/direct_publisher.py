@@ -23,7 +23,7 @@ from .subscribers import Peer, Subscribers
 
 OWN_SHARE = 10
 """A node that subscribes to itself, as rospy does to /clock, gets every tenth message,
-and the last one when it flushes: reading all would cost it as much as sending."""
+and the last one when it flushes: it knows the time, and reading costs it time."""
 
 ROOM_TIMEOUT = 10
 """Longest wait for room in one round of ``wait_for_room``, in [ms]."""

@@ -1,15 +1,15 @@
-"""rospy's TCP server, taught what roscpp's does.
+"""Changes to rospy's TCP server that make it behave like roscpp's.
 
-rospy shakes hands with one client after the other, and a client that connects and
-says nothing holds up all that come after it. Here each shakes hands in a thread of
-its own, and has a few seconds for it. roscpp also names the types of a service's
-request and response in its handshake; rospy does not.
+rospy shakes hands with one client after the other, so a client that connects and says
+nothing blocks all that follow. Here each handshake has a thread of its own and a few
+seconds. roscpp also sends the types of a service's request and response in its
+handshake; rospy does not.
 
-A client whose request makes no sense is let go; rospy would let it wait for ever.
-Many clients may come at the same time; rospy lets five wait for their turn.
+A client with a malformed request is disconnected; rospy would let it wait for ever.
+Many clients may connect at the same time; rospy lets five wait for their turn.
 
-rospy offers no way to set any of it, so its classes are changed, for the process of
-the node that asks for it.
+rospy has no option for any of this, so four private functions of its classes are
+replaced, for the process of the node that calls ``serve_as_roscpp``.
 """
 
 from __future__ import annotations
@@ -24,23 +24,25 @@ from rospy.exceptions import TransportException
 from rospy.impl.tcpros_base import TCPROSServer, TCPServer
 from rospy.impl.tcpros_service import ServiceImpl, TCPService
 
-PATIENCE = 5
-"""How long a client may take for its handshake, in [s]."""
+HANDSHAKE_TIMEOUT = 5
+"""Longest time of a client's handshake in [s]."""
 
-WAITING = 1024
-"""Clients that may wait for their turn."""
+MAX_WAITING_CLIENTS = 1024
+"""Number of clients that may wait for their turn, far more than a robot's nodes."""
 
-LONGEST_HEADER = 65536
-"""Longest handshake header in bytes."""
+MAX_HEADER_SIZE = 65536
+"""Longest handshake header in bytes. It holds a few names and a message definition;
+its length is the client's word, and as many bytes are waited for."""
 
 HANDSHAKE = threading.local()
-"""In the thread of a handshake: the number of its socket, as ``descriptor``."""
+"""In the thread of a handshake: the number of its socket, as ``descriptor``. It tells
+``subscribers`` which socket a new subscriber has."""
 
 _LENGTH = struct.Struct("<I")
 
 
 def serve_as_roscpp() -> None:
-    """Change rospy's server; to be called before ``rospy.init_node``."""
+    """Change rospy's server. Call it before ``rospy.init_node``."""
     shake_hands = TCPROSServer._tcp_server_callback
     header_fields = TCPService.get_header_fields
     handle, make_socket = ServiceImpl.handle, TCPServer._create_server_sock
@@ -71,7 +73,7 @@ def serve_as_roscpp() -> None:
 
     def with_room(server):
         sock = make_socket(server)
-        sock.listen(WAITING)
+        sock.listen(MAX_WAITING_CLIENTS)
         return sock
 
     TCPROSServer._tcp_server_callback = in_a_thread
@@ -83,20 +85,20 @@ def serve_as_roscpp() -> None:
 def _header_has_come(sock: socket.socket) -> bool:
     """Wait until a whole handshake header can be read, and leave it unread."""
     with contextlib.suppress(OSError):
-        _set_patience(sock, PATIENCE)
+        _set_timeout(sock, HANDSHAKE_TIMEOUT)
         length = sock.recv(_LENGTH.size, socket.MSG_PEEK | socket.MSG_WAITALL)
         if len(length) < _LENGTH.size:
             return False
         size = _LENGTH.size + _LENGTH.unpack(length)[0]
-        if size > LONGEST_HEADER:
+        if size > MAX_HEADER_SIZE:
             return False
         header = sock.recv(size, socket.MSG_PEEK | socket.MSG_WAITALL)
-        _set_patience(sock, 0)
+        _set_timeout(sock, 0)
         return len(header) == size
     return False
 
 
-def _set_patience(sock: socket.socket, seconds: int) -> None:
+def _set_timeout(sock: socket.socket, seconds: int) -> None:
     """Set how long the system lets a read wait; 0: for ever.
 
     Not Python's own timeout: rospy's threads share the socket and would inherit it.
