@@ -8,11 +8,10 @@ import unittest
 import numpy as np
 import rospy
 import rostest
+from g1_description.ros.node.newest import NEWEST
 from sensor_msgs.msg import JointState
 from support.joint_limits import limits
 from support.ros_testing import Listener, NodeLog, wait_for
-
-from g1_description.ros.node.newest import NEWEST
 
 
 class TestRoundTrip(unittest.TestCase):

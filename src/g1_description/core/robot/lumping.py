@@ -19,13 +19,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from g1_description.core.rotation import to_axes
 from g1_description.core.text import listed
 from g1_description.core.transform import IDENTITY, compose
 
 from .assembly import WORLD, Assembly
-from .description import FREE, Description, Inertial, Joint, Link, Shape
-from .inertias import fault_of
+from .description import FREE, Description, Joint, Link, Shape
+from .inertias import combine_inertials, fault_of
 from .rigid import rigid_frames
 from .tree import below, depth_first
 
@@ -41,66 +40,111 @@ def lump_fixed_joints(description: Description, is_dynamic: bool = True) -> Asse
     Returns:
         The robot as Gazebo would simulate it.
     """
-    root = description.root
     frames = rigid_frames(description, as_lumped=True)
     bodies = {
         name: _merge(name, parts) for name, parts in _parts(description, frames).items()
     }
-    joints = tuple(
-        _rehang(joint, frames)
-        for joint in description.joints
-        if frames[joint.child][0] == joint.child
-    )
-    if description.static:
-        joints = tuple(_held(joint) for joint in joints)
-    massless = _massless(root, bodies, joints)
-    why = {
-        name: massless[frames[name][0]]
-        for name in description.link_names
-        if frames[name][0] in massless
-    }
-    told = [
-        f"link {name} has no mass"
-        if frames[name][0] == body
-        else f"link {name} hangs on {body}, which has no mass"
-        for name, body in why.items()
-    ]
-    kept = set(bodies) - set(massless)
+    joints = _between_bodies(description, frames)
+    massless = _massless(description.root, bodies, joints)
     if is_dynamic:
-        told += _impossible(
-            bodies[name] for name in description.link_names if name in kept
-        )
-    else:
-        kept = set(bodies)
-        bare = [name for name, body in why.items() if frames[name][0] == body]
-        hanging = [name for name, body in why.items() if frames[name][0] != body]
-        told = [_unlike_gazebo(bare, hanging)] if why else []
-    held = tuple(j for j in joints if j.child in kept and j.kind not in FREE)
-    free = tuple(j for j in joints if j.child in kept and j.kind in FREE)
-    if root == WORLD and free and not any(joint.parent == WORLD for joint in held):
-        root = next(name for name in description.link_names if name in _children(free))
-        kept.remove(WORLD)
-    robot = Description(
-        name=description.name,
-        root=root,
-        links=tuple(bodies[name] for name in description.link_names if name in kept),
-        joints=held,
-    )
+        bodies = {name: body for name, body in bodies.items() if name not in massless}
+    robot = _robot(description, bodies, joints)
     return Assembly(
         description=robot,
         root_poses=_root_poses(description.root, joints, robot.roots),
         static=description.static,
         left_out=(
             *description.left_out,
-            *told,
-            *(f"joint {j.name} is {j.kind}, {j.child} is free" for j in free),
-            *(joint.remark for joint in held if joint.remark),
+            *_mass_clauses(description, frames, massless, is_dynamic),
+            *(_impossible(robot.links) if is_dynamic else ()),
+            *(
+                f"joint {joint.name} is {joint.kind}, {joint.child} is free"
+                for joint in joints
+                if joint.child in bodies and joint.kind in FREE
+            ),
+            *(joint.remark for joint in robot.joints if joint.remark),
         ),
     )
 
 
+def _between_bodies(
+    description: Description, frames: dict[str, tuple[str, np.ndarray]]
+) -> tuple[Joint, ...]:
+    """Select the joints that are not lumped, hung on the bodies that hold their links.
+
+    Args:
+        description: The robot.
+        frames: Which body each link is part of, and where, as ``rigid_frames``.
+    """
+    joints = tuple(
+        _rehang(joint, frames)
+        for joint in description.joints
+        if frames[joint.child][0] == joint.child
+    )
+    return tuple(_held(joint) for joint in joints) if description.static else joints
+
+
+def _robot(
+    description: Description, bodies: dict[str, Link], joints: tuple[Joint, ...]
+) -> Description:
+    """Make a robot of the bodies that are left.
+
+    Joints that Gazebo makes nothing of leave their children free. Where nothing else
+    hangs on the world, the first free one is the root.
+
+    Args:
+        description: The robot as its file tells it.
+        bodies: What is left of its links, by name.
+        joints: Between all bodies, also those that are not left.
+    """
+    names = [name for name in description.link_names if name in bodies]
+    held = tuple(j for j in joints if j.child in bodies and j.kind not in FREE)
+    free = {j.child for j in joints if j.child in bodies and j.kind in FREE}
+    root = description.root
+    if root == WORLD and free and not any(joint.parent == WORLD for joint in held):
+        names.remove(WORLD)
+        root = next(name for name in names if name in free)
+    return Description(
+        name=description.name,
+        root=root,
+        links=tuple(bodies[name] for name in names),
+        joints=held,
+    )
+
+
+def _mass_clauses(
+    description: Description,
+    frames: dict[str, tuple[str, np.ndarray]],
+    massless: dict[str, str],
+    is_dynamic: bool,
+) -> list[str]:
+    """Return clauses on links that have no mass, or hang on one that has none.
+
+    Args:
+        description: The robot.
+        frames: Which body each link is part of, and where, as ``rigid_frames``.
+        massless: Bodies without mass, and what hangs on them, as ``_massless``.
+        is_dynamic: Whether they are left out; else they stay, unlike in Gazebo.
+    """
+    why = {
+        name: massless[frames[name][0]]
+        for name in description.link_names
+        if frames[name][0] in massless
+    }
+    if is_dynamic:
+        return [
+            f"link {name} has no mass"
+            if frames[name][0] == body
+            else f"link {name} hangs on {body}, which has no mass"
+            for name, body in why.items()
+        ]
+    bare = [name for name, body in why.items() if frames[name][0] == body]
+    hanging = [name for name, body in why.items() if frames[name][0] != body]
+    return [_unlike_gazebo(bare, hanging)] if why else []
+
+
 def _unlike_gazebo(bare: list[str], hanging: list[str]) -> str:
-    """Say which links are there though Gazebo would leave them out.
+    """Return a clause on links that stay though Gazebo would leave them out.
 
     Args:
         bare: Links without mass.
@@ -115,7 +159,7 @@ def _unlike_gazebo(bare: list[str], hanging: list[str]) -> str:
 
 
 def _impossible(bodies: Iterable[Link]) -> list[str]:
-    """Say which bodies have an inertia that none has, if any."""
+    """Return a clause on the bodies with an impossible inertia, if there are any."""
     found = [body.name for body in bodies if body.inertial and fault_of(body.inertial)]
     if not found:
         return []
@@ -123,11 +167,6 @@ def _impossible(bodies: Iterable[Link]) -> list[str]:
         f"inertia of {listed(found)} is one that no body has, moments are not positive "
         "or one is greater than the other two together"
     ]
-
-
-def _children(joints: Iterable[Joint]) -> set[str]:
-    """Name the links that joints carry."""
-    return {joint.child for joint in joints}
 
 
 def _root_poses(
@@ -196,41 +235,8 @@ def _collision_name(body: str, link: str, shape: Shape, number: int) -> str:
     return name if name.startswith(body) else f"{body}_fixed_joint_lump__{name}"
 
 
-def combine_inertials(
-    parts: Iterable[tuple[Inertial, np.ndarray]],
-) -> Inertial | None:
-    """Add up masses that are rigidly connected (parallel-axis theorem).
-
-    Args:
-        parts: Inertials with the pose, shape (7,), of their link in the body.
-
-    Returns:
-        The inertial of the body, or None where there is no mass at all.
-    """
-    placed = [
-        (part.mass, *_turned(part, pose)) for part, pose in parts if part.mass > 0.0
-    ]
-    if not placed:
-        return None
-    mass = sum(part[0] for part in placed)
-    center = np.sum([part[0] * part[1] for part in placed], axis=0) / mass
-    inertia = np.zeros((3, 3))
-    for part_mass, part_center, part_inertia in placed:
-        offset = part_center - center
-        steiner = offset @ offset * np.eye(3) - np.outer(offset, offset)
-        inertia += part_inertia + part_mass * steiner
-    return Inertial(mass, center, inertia)
-
-
-def _turned(part: Inertial, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Write a link's center of mass and inertia in its body's frame."""
-    axes = to_axes(pose[3:])
-    center = pose[:3] + axes @ part.center_of_mass
-    return center, axes @ part.inertia @ axes.T
-
-
 def _moved(shape: Shape, pose: np.ndarray) -> Shape:
-    """Write a shape's pose in the frame of the body that holds its link."""
+    """Express a shape's pose in the frame of the body that holds its link."""
     return replace(shape, pose=compose(pose, shape.pose))
 
 
@@ -248,7 +254,7 @@ def _rehang(joint: Joint, frames: dict[str, tuple[str, np.ndarray]]) -> Joint:
 
 
 def _held(joint: Joint) -> Joint:
-    """Let a joint hold still; no simulator lists one that Gazebo makes nothing of."""
+    """Make a joint fixed; one that Gazebo makes nothing of is not listed."""
     return replace(joint, kind="fixed", listed=joint.kind not in FREE)
 
 

@@ -54,17 +54,7 @@ def read_model(element: etree._Element, pose: np.ndarray) -> SdfModel:
     static = flag(element, "static", False, f"model {name}")
     scopes = _scopes(element, name)
     frames = scopes[0][0].frames
-    left_out = [
-        drop_wrong_inertial(link, scope)
-        for scope, model in scopes
-        for link in model.findall("link")
-        if static
-    ]
-    links = tuple(
-        read_link(link, scope)
-        for scope, model in scopes
-        for link in model.findall("link")
-    )
+    links, wrong = _links(scopes, static)
     _check_links(name, links, static)
     joints, odd = _joints(scopes, {link.name for link in links}, static)
     joints = hung([link.name for link in links], joints)
@@ -72,31 +62,60 @@ def read_model(element: etree._Element, pose: np.ndarray) -> SdfModel:
         joints = _held_together(links, joints, frames)
     elif any(joint.parent == WORLD for joint in joints):
         links = (Link(WORLD), *links)
-    roots = find_roots(name, links, joints)
-    first = next(link.name for link in links if link.name != WORLD)
-    return SdfModel(
-        name=name,
-        pose=pose,
-        assembly=Assembly(
-            description=Description(name, roots[0], links, joints),
-            root_poses=np.array(
-                [frames.pose(MODEL if root == WORLD else root) for root in roots]
-            ),
-            canonical=first if first != roots[0] else "",
-            static=static,
-            nested=tuple(
-                scope.prefix[: -len(SCOPE)]
-                for scope, inner in scopes[1:]
-                if inner.get(INCLUDED) is None
-            ),
-            left_out=(
-                *unread(element),
-                *filter(None, left_out),
-                *odd,
-                *_static_inside(scopes, static),
-            ),
+    left_out = (*unread(element), *wrong, *odd, *_static_inside(scopes, static))
+    description = Description(name, find_roots(name, links, joints)[0], links, joints)
+    return SdfModel(name, pose, _assembly(description, scopes, static, left_out))
+
+
+def _assembly(
+    description: Description,
+    scopes: list[tuple[Scope, etree._Element]],
+    static: bool,
+    left_out: tuple[str, ...],
+) -> Assembly:
+    """Place the trees of a model, whose first link in the file carries its frame.
+
+    Args:
+        description: Its links and joints.
+        scopes: It and the models inside of it.
+        static: Whether it never moves by itself.
+        left_out: A clause for each thing that is not simulated.
+    """
+    frames = scopes[0][0].frames
+    first = next(link.name for link in description.links if link.name != WORLD)
+    return Assembly(
+        description=description,
+        root_poses=np.array(
+            [
+                frames.pose(MODEL if root == WORLD else root)
+                for root in description.roots
+            ]
         ),
+        canonical=first if first != description.root else "",
+        static=static,
+        nested=tuple(
+            scope.prefix[: -len(SCOPE)]
+            for scope, inner in scopes[1:]
+            if inner.get(INCLUDED) is None
+        ),
+        left_out=left_out,
     )
+
+
+def _links(
+    scopes: list[tuple[Scope, etree._Element]], static: bool
+) -> tuple[tuple[Link, ...], list[str]]:
+    """Read the links of a model and of those inside of it.
+
+    Returns:
+        The links, and a clause for each wrong inertial of a model that never moves.
+    """
+    elements = [
+        (link, scope) for scope, model in scopes for link in model.findall("link")
+    ]
+    wrong = [drop_wrong_inertial(*one) for one in elements] if static else []
+    links = tuple(read_link(*one) for one in elements)
+    return links, [clause for clause in wrong if clause]
 
 
 def _scopes(model: etree._Element, name: str) -> list[tuple[Scope, etree._Element]]:
