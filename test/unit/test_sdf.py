@@ -470,7 +470,7 @@ def test_a_joint_and_a_link_may_have_the_same_name():
     inside = A_B + joint(name="b", inside="<pose>0 1 0 0 0 0</pose>")
     (found,) = read_model(inside, version="1.6").assembly.description.joints
     assert found.name == "b"
-    np.testing.assert_allclose(found.anchor, [0, 1, 0])
+    np.testing.assert_allclose(found.joint_origin, [0, 1, 0])
 
 
 BAD_NUMBERS = ["nan", "inf", "1e300", "one", "0x1", "-", "kg 1"]

@@ -12,14 +12,14 @@ from g1_description.core.transform import IDENTITY
 from .description import FREE, Description, Link
 
 SCOPE = "::"
-"""What stands between a model's name and a link's or joint's."""
+"""Separates the name of a model from that of its link or joint."""
 
 WORLD = "world"
 """A root link of this name is the world itself: it is no body and does not move."""
 
 
 def base_of(description: Description) -> tuple[str, np.ndarray]:
-    """Find the link that tells where a robot is.
+    """Find the link whose pose is the robot's.
 
     Args:
         description: The robot as its file tells it.
@@ -78,7 +78,7 @@ class Assembly:
         return tuple(name for name in names if name != WORLD)
 
     def inside_limits(self) -> Assembly:
-        """Give the same with all joints beginning inside their limits.
+        """Return a copy in which all joints begin inside their limits.
 
         One that cannot be at zero, and begins nowhere else, begins at the limit that is
         nearest.
@@ -99,7 +99,7 @@ class Assembly:
         )
 
     def holder(self, name: str) -> str:
-        """Name the nested model that holds a thing directly.
+        """Return the nested model that holds a thing directly.
 
         Args:
             name: Of a link, joint or nested model, as this assembly has it.
@@ -111,7 +111,7 @@ class Assembly:
         return max(around, key=len, default="")
 
     def with_link(self, link: Link) -> Assembly:
-        """Give the same with one link in the place of that of its name."""
+        """Return a copy with a link in place of the one of the same name."""
         links = tuple(
             link if old.name == link.name else old for old in self.description.links
         )

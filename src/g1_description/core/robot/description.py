@@ -1,4 +1,4 @@
-"""What is known about a robot: its links and joints, whatever file names them."""
+"""A robot as links and joints, whatever file it came from."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 from .tree import below
 
 MOVABLE = ("revolute", "continuous", "prismatic")
+"""Types of joints with one degree of freedom."""
 
 FREE = ("floating", "planar")
 """Types of joints that have no single position. Gazebo makes nothing of them."""
@@ -105,8 +106,9 @@ class Joint:
     axis: np.ndarray = field(default_factory=lambda: np.array([1.0, 0.0, 0.0]))
     """Unit axis in the child frame, shape (3,)."""
 
-    anchor: np.ndarray = field(default_factory=lambda: np.zeros(3))
-    """A point of the axis in the child frame, in [m], shape (3,); zero in URDF."""
+    joint_origin: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    """Origin of the joint's own frame, a point of its axis, in the child frame, in [m],
+    shape (3,); zero in URDF."""
 
     lower: float = -np.inf
     upper: float = np.inf
@@ -120,10 +122,10 @@ class Joint:
     friction: float = 0.0
 
     remark: str = ""
-    """A clause on what it is in spite of what the file says; empty for most."""
+    """A clause on where it differs from what the file says; empty for most."""
 
     listed: bool = True
-    """False where no file names it: it only holds links of a static model together."""
+    """False for a joint that no file has: it only holds a static model together."""
 
     kept_as: str = ""
     """What a fixed joint is where others are lumped: fixed, or revolute without any

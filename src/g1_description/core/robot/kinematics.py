@@ -46,14 +46,14 @@ class Kinematics:
         movable = description.movable_joints
         self._child = np.array([node[j.child] for j in movable], dtype=int)
         axis = np.array([j.axis for j in movable]).reshape(-1, 3)
-        self._anchor = np.array([j.anchor for j in movable]).reshape(-1, 3)
+        self._origin = np.array([j.joint_origin for j in movable]).reshape(-1, 3)
         self._turns = np.array([j.kind != "prismatic" for j in movable], dtype=float)
         self._slides = bool((self._turns == 0.0).any())
-        self._anchored = bool(self._anchor.any())
+        self._has_offsets = bool(self._origin.any())
         self._half_turn = multiply(
             self._rest[self._child, 3:], np.pad(axis, ((0, 0), (0, 1)))
         )
-        self._rest_anchor = rotate(self._rest[self._child, 3:], self._anchor)
+        self._rest_origin = rotate(self._rest[self._child, 3:], self._origin)
         self._columns = np.zeros((len(links), 3, 2))
         self._columns[:, :, 0] = self._rest[:, :3]
         self._columns[self._child, :, 1] = rotate(self._rest[self._child, 3:], axis)
@@ -104,10 +104,10 @@ class Kinematics:
             their origins, linear then angular, along the world's axes, shape
             (n_links, 6).
         """
-        poses, anchor, axis = self._place(T_world_root, position)
+        poses, joint_origin, axis = self._place(T_world_root, position)
         speed = axis * velocity[:, np.newaxis]
         turning = speed * self._turns[:, np.newaxis] if self._slides else speed
-        at_origin = np.concatenate([cross(anchor, turning), turning], axis=1)
+        at_origin = np.concatenate([cross(joint_origin, turning), turning], axis=1)
         if self._slides:
             at_origin[:, :3] += speed - turning
         roots, root_twists = T_world_root.reshape(-1, 7), root_twist.reshape(-1, 6)
@@ -122,8 +122,8 @@ class Kinematics:
         """Place links and joints.
 
         Returns:
-            Poses of the link frames, shape (n_links, 7), anchors and axes of the
-            movable joints, shapes (n_joints, 3), all in the world.
+            Poses of the link frames, shape (n_links, 7), joint origins and axes
+            of the movable joints, shapes (n_joints, 3), all in the world.
         """
         rotations = self._rest[:, 3:].copy()
         half = 0.5 * self._turns * position
@@ -137,29 +137,29 @@ class Kinematics:
         turned = to_axes(rotations[self._parent]) @ self._in_parent(position)
         offsets, axis = turned[..., 0], turned[self._child, :, 1]
         offsets[self._roots] = T_world_root[..., :3]
-        if self._anchored:
-            lever = rotate(rotations[self._child], self._anchor)
+        if self._has_offsets:
+            lever = rotate(rotations[self._child], self._origin)
             offsets[self._child] -= lever
         places = self._chain @ offsets
-        anchor = places[self._child]
-        if self._anchored:
-            anchor += lever
+        origin = places[self._child]
+        if self._has_offsets:
+            origin += lever
         poses = np.concatenate([places, rotations], axis=1)[: self._n_links]
-        return poses, anchor, axis
+        return poses, origin, axis
 
     def _in_parent(self, position: np.ndarray) -> np.ndarray:
         """Find where links are in their parents, and their joints' axes.
 
         Returns:
-            Two columns per node: its origin, or its anchor where it has one, and
-            the axis of its joint, shape (n_nodes, 3, 2).
+            Two columns per node: the origin of its joint, which is its own where no
+            joint is offset, and the axis of its joint, shape (n_nodes, 3, 2).
         """
-        if not (self._slides or self._anchored):
+        if not (self._slides or self._has_offsets):
             return self._columns
         columns = self._columns.copy()
         slid = ((1.0 - self._turns) * position)[:, np.newaxis]
         columns[self._child, :, 0] += (
-            self._rest_anchor + slid * columns[self._child, :, 1]
+            self._rest_origin + slid * columns[self._child, :, 1]
         )
         return columns
 

@@ -39,5 +39,5 @@ def _length(joint: Joint) -> float:
         travel = max(abs(joint.lower), abs(joint.upper))
         return float(np.linalg.norm(joint.pose[:3])) + travel
     # The child turns about a point of the axis.
-    anchor = joint.pose[:3] + rotate(joint.pose[3:], joint.anchor)
-    return float(np.linalg.norm(anchor) + np.linalg.norm(joint.anchor))
+    origin = joint.pose[:3] + rotate(joint.pose[3:], joint.joint_origin)
+    return float(np.linalg.norm(origin) + np.linalg.norm(joint.joint_origin))

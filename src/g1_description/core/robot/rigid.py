@@ -1,4 +1,4 @@
-"""Links that fixed joints hold together: where one is, all are."""
+"""Links that fixed joints hold together, and where they are in each other's frames."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .tree import below
 def rigid_frames(
     description: Description, as_lumped: bool = False
 ) -> dict[str, tuple[str, np.ndarray]]:
-    """Find what each link is rigidly part of.
+    """Find the uppermost link that each link is rigidly connected to.
 
     Args:
         description: Any robot.

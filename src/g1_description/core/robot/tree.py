@@ -113,7 +113,7 @@ def find_roots(
 
 
 def _loop(link: str, joints: Sequence[Edge]) -> str:
-    """Name the links of the loop that a link is in or hangs on."""
+    """List the links of the loop that a link is in or hangs on."""
     parents = {joint.child: joint.parent for joint in joints}
     walked: dict[str, None] = {}
     while link not in walked:

@@ -54,7 +54,7 @@ def prepared_urdf(
     Raises:
         DescriptionError: If PyBullet would cut a name short.
     """
-    anchors = {joint.child: joint.anchor for joint in description.joints}
+    anchors = {joint.child: joint.joint_origin for joint in description.joints}
     # The robot's own name is not needed, and one of a megabyte ends PyBullet.
     robot = ElementTree.Element("robot", name="robot")
     left_out: list[str] = []
@@ -186,7 +186,7 @@ def _write_joint(
     ElementTree.SubElement(element, "parent", link=joint.parent)
     ElementTree.SubElement(element, "child", link=joint.child)
     axes = to_axes(joint.pose[3:])
-    origin = joint.pose[:3] + axes @ joint.anchor - parent_anchor
+    origin = joint.pose[:3] + axes @ joint.joint_origin - parent_anchor
     _write_origin(element, origin, axes)
     if joint.kind == "fixed":
         return

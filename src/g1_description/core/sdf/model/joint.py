@@ -82,7 +82,7 @@ def turned_around(joint: Joint) -> Joint:
         child=joint.parent,
         pose=inverse(joint.pose),
         axis=-rotate(axes, joint.axis),
-        anchor=joint.pose[:3] + rotate(axes, joint.anchor),
+        joint_origin=joint.pose[:3] + rotate(axes, joint.joint_origin),
     )
 
 
@@ -114,7 +114,7 @@ def read_joint(
         joint,
         kind="continuous" if kind == "revolute" and free else kind,
         axis=_axis(axis, joint, frame, scope),
-        anchor=scope.frames.between(joint.child, frame)[:3],
+        joint_origin=scope.frames.between(joint.child, frame)[:3],
         lower=lower,
         upper=upper,
         effort=_most(limit, "effort", owner),
