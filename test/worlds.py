@@ -33,6 +33,13 @@ class Bench(World):
         (body,) = self.bodies(name)
         return body
 
+    def joint_numbers(self, name):
+        """Map the joints of a model to PyBullet's numbers for them."""
+        body = self.body(name)
+        joint = {j.child: j.name for j in body.model.assembly.description.joints}
+        numbers = range(self.client.getNumJoints(body.number))
+        return {joint[body.link_of(number)]: number for number in numbers}
+
     def read_back(self):
         """Give the models the state that PyBullet has, as a step does."""
         self._engine._sort()

@@ -8,10 +8,11 @@ import unittest
 import numpy as np
 import rospy
 import rostest
-from g1_description.ros.node.newest import NEWEST
 from sensor_msgs.msg import JointState
 from support.joint_limits import limits
 from support.ros_testing import Listener, NodeLog, wait_for
+
+from g1_description.ros.apps.robot_view import NEWEST
 
 
 class TestRoundTrip(unittest.TestCase):

@@ -9,8 +9,8 @@ from g1_description.core.robot.lumping import lump_fixed_joints
 from g1_description.core.sdf.world import read_sdf
 from g1_description.core.transform import compose
 from g1_description.core.urdf.reader import parse_urdf
-from g1_description.sim.bullet.standing import hanging_height, standing_height
 from g1_description.sim.forces import Span
+from g1_description.sim.standing import hanging_height, standing_height
 
 ONE = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
 TILTED = np.array([0.5, -0.2, 2.0, 0.0, 0.6, 0.0, 0.8])

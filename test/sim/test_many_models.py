@@ -62,12 +62,9 @@ def test_their_links_are_where_their_joints_bring_them(make_world):
     world.run(0.2)
     for model in models:
         number = world.body(model.name).number
-        joints = range(world.client.getNumJoints(number))
         positions = {
-            world.client.getJointInfo(number, j)[1].decode(): (
-                world.client.getJointState(number, j)[0]
-            )
-            for j in joints
+            joint: world.client.getJointState(number, index)[0]
+            for joint, index in world.joint_numbers(model.name).items()
         }
         root = model.root_poses[0]
         expected = forward_kinematics(CAST[model.name], root, positions)

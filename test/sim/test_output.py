@@ -15,7 +15,7 @@ from g1_description.core.robot.lumping import lump_fixed_joints
 from g1_description.sim.bullet.engine import Engine
 from g1_description.sim.physics import PhysicsProperties
 from g1_description.sim.render.scene import Scene
-from g1_description.sim.bullet.standing import standing_height
+from g1_description.sim.standing import standing_height
 robot = parse_urdf('{ROBOT}')
 Engine("hold", PhysicsProperties(), str).close()
 standing_height(lump_fixed_joints(robot), np.array([0.0, 0.0, 0.0, 1.0]))

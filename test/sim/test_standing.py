@@ -19,7 +19,7 @@ from g1_description.core.files.uris import with_absolute_uris
 from g1_description.core.poses.yaml_text import parse_poses
 from g1_description.core.robot.lumping import lump_fixed_joints
 from g1_description.core.urdf.reader import parse_urdf
-from g1_description.sim.bullet.standing import hanging_height, standing_height
+from g1_description.sim.standing import hanging_height, standing_height
 
 OURS = with_absolute_uris(
     (REPOSITORY / "urdf" / "g1_29dof.urdf").read_text(), REPOSITORY / "urdf"

@@ -34,12 +34,9 @@ class Thrown:
         world.spawn_urdf("robot", text, HIGH)
         world.put("robot", HIGH, SPINNING)
         self._client, self._body = world.client, world.body("robot").number
-        infos = [
-            self._client.getJointInfo(self._body, index)
-            for index in range(self._client.getNumJoints(self._body))
-        ]
-        self._index = {info[1].decode(): info[0] for info in infos}
-        self._links = [info[12].decode() for info in infos]
+        self._index = world.joint_numbers("robot")
+        name_of = world.body("robot").link_of
+        self._links = [name_of(index) for index in range(-1, len(self._index))]
         self._let_go(parse_urdf(text), np.random.default_rng(1))
 
     def _let_go(self, description, random):
@@ -62,15 +59,14 @@ class Thrown:
     def link_states(self):
         """Give names, poses and twists of the links' frames."""
         states = [self._base_state()]
-        for index in range(len(self._links)):
+        for index in range(len(self._index)):
             state = self._client.getLinkState(
                 self._body, index, computeLinkVelocity=1, computeForwardKinematics=1
             )
             states.append((state[0], state[4], state[5], state[6], state[7]))
-        root = self._client.getBodyInfo(self._body)[0].decode()
         center, origin, rotation, linear, angular = map(np.array, zip(*states))
         linear = linear + np.cross(angular, origin - center)
-        names = tuple(f"robot::{link}" for link in [root, *self._links])
+        names = tuple(f"robot::{link}" for link in self._links)
         return names, np.hstack([origin, rotation]), np.hstack([linear, angular])
 
     def _base_state(self):

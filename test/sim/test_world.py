@@ -98,11 +98,10 @@ def test_moving_links_are_where_scipy_puts_them(make_world, g1, physics):
         world.set_joint_positions("g1", random_positions(world.models["g1"], random))
         world.step()
         positions, com = {}, {}
-        for index in range(client.getNumJoints(body)):
-            info = client.getJointInfo(body, index)
-            positions[info[1].decode()] = client.getJointState(body, index)[0]
+        for joint, index in world.joint_numbers("g1").items():
+            positions[joint] = client.getJointState(body, index)[0]
             state = client.getLinkState(body, index, computeForwardKinematics=1)
-            com[info[12].decode()] = np.concatenate(state[4:6])
+            com[world.body("g1").link_of(index)] = np.concatenate(state[4:6])
         poses = link_poses(world, "g1")
         expected = forward_kinematics(g1, poses["pelvis"], positions)
         for link, pose in poses.items():
@@ -471,7 +470,7 @@ def test_a_spawn_that_fails_late_leaves_no_body_behind(make_world, monkeypatch):
     def spoiled(*arguments):
         raise DescriptionError("too late")
 
-    monkeypatch.setattr("g1_description.sim.bullet.load._check_mass", spoiled)
+    monkeypatch.setattr("g1_description.sim.bullet.load._check_count", spoiled)
     with pytest.raises(DescriptionError, match="too late"):
         world.spawn_urdf("arm", ARM.replace(heavier, 'mass value="6"'), UPRIGHT)
     assert world.client.getNumBodies() == 1

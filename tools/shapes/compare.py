@@ -29,11 +29,11 @@ from g1_description.core.urdf.reader import parse_urdf
 from g1_description.sim.bullet.body import Body
 from g1_description.sim.bullet.client import connect
 from g1_description.sim.bullet.load import load_model
-from g1_description.sim.bullet.standing import standing_height
 from g1_description.sim.model import Model
 from g1_description.sim.render.camera import Camera
 from g1_description.sim.render.picture import silhouette
 from g1_description.sim.render.scene import NOTHING, Scene
+from g1_description.sim.standing import standing_height
 from g1_description.sim.world import World
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -155,8 +155,8 @@ def count_contacts(bench, assembly):
     bench.say("all poses")
     client = connect()
     model = Model("g1", assembly, np.array(IDENTITY))
-    number, _ = load_model(client, model)
-    body = Body(client, number, model)
+    body = Body(client, load_model(client, model), model)
+    number = body.number
     joined = {frozenset((j.parent, j.child)) for j in assembly.description.joints}
     indices = range(-1, client.getNumJoints(number))
     for name, positions in POSES.items():

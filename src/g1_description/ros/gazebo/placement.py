@@ -14,7 +14,7 @@ from g1_description.core.robot.assembly import Assembly
 from g1_description.core.robot.lumping import lump_fixed_joints
 from g1_description.core.rotation import from_rpy
 from g1_description.core.urdf.reader import parse_urdf
-from g1_description.sim.bullet.standing import hanging_height, standing_height
+from g1_description.sim.standing import hanging_height, standing_height
 
 from .parameters import SpawnParameters
 

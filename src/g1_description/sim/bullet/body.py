@@ -13,7 +13,7 @@ from g1_description.sim.model import Model
 
 from .client import BulletClient
 from .joints import BodyJoints
-from .load import ROOT, links_of
+from .load import ROOT, Loaded
 
 MAX_JOINT_VELOCITY = 1000.0
 """No joint or body moves faster, in [m/s] or [rad/s]; PyBullet's own bound is 100."""
@@ -32,7 +32,7 @@ class Body:
     def __init__(
         self,
         client: BulletClient,
-        number: int,
+        loaded: Loaded,
         model: Model,
         tree: int = 0,
         holds: bool = False,
@@ -41,29 +41,31 @@ class Body:
 
         Args:
             client: PyBullet.
-            number: The body's number in PyBullet.
+            loaded: What ``load_model`` made of it.
             model: The model whose body it is.
             tree: Which of the model's trees it is the body of.
             holds: Whether motors hold its joints where they were last set.
         """
         self._client = client
-        self.number = number
+        self.number = loaded.number
+        """PyBullet's number for it."""
         self.model = model
         """The model that it is the body, or a part, of."""
         self.tree = model.trees[tree]
         """What it is the body of."""
         self._tree_number = tree
         self._holds = holds
-        description = model.assembly.description.trees[tree]
-        self._link_names = dict(links_of(client, number, description))
-        self._index = {name: index for index, name in self._link_names.items()}
-        inertial = client.getDynamicsInfo(number, ROOT)[3:5]
+        self._link_names = dict(enumerate(loaded.links, ROOT))
+        self._index: dict[str, int] = {}
+        for index, name in self._link_names.items():
+            self._index.setdefault(name, index)  # the next ones only hold shapes
+        inertial = client.getDynamicsInfo(self.number, ROOT)[3:5]
         self._T_root_center = np.concatenate(inertial)
         self.T_center_root = inverse(self._T_root_center)
         """Pose of the root link on its principal axes, shape (7,)."""
         self._set_dynamics()
         self.update_gravity()
-        self.joints = BodyJoints(client, number, model, tree, self._index)
+        self.joints = BodyJoints(client, self.number, model, tree, self._index)
         """Its movable joints."""
         self.write()
         if holds:
@@ -91,7 +93,7 @@ class Body:
 
     def update_gravity(self) -> None:
         """Read from the model which links gravity does not pull."""
-        links = [(n, self.model.links[name]) for n, name in self._link_names.items()]
+        links = [(n, self.model.links[name]) for name, n in self._index.items()]
         self._weightless = [
             (index, link.inertial.mass)
             for index, link in links
@@ -115,7 +117,8 @@ class Body:
 
     def can_move(self, index: int) -> bool:
         """Return whether physics can move a link, given by PyBullet's number."""
-        return self.is_free or (len(self.joints) > 0 and index != ROOT)
+        on_root = self._link_names[index] == self._link_names[ROOT]
+        return self.is_free or (len(self.joints) > 0 and not on_root)
 
     def link_name(self, index: int) -> str:
         """Return the name of a link, given by PyBullet's number."""

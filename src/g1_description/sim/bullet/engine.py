@@ -15,7 +15,7 @@ from g1_description.sim.rest import RestDetector
 from .body import Body
 from .client import BulletClient, connect
 from .contacts import DepenetrationLimiter, find_contacts
-from .load import load_model
+from .load import TooManyLinksError, load_model
 from .moving_models import MovingModels
 
 
@@ -116,10 +116,15 @@ class Engine:
             s for link in model.assembly.description.links for s in link.collisions
         )
         for tree in range(len(model.trees)):
-            number, clauses = load_model(self._client, model, tree)
+            try:
+                loaded = load_model(self._client, model, tree)
+            except TooManyLinksError:
+                if self.is_dynamic:
+                    raise
+                continue  # its links are where they are set, its contacts not found
             holds = self.physics == "hold"
-            bodies.append(Body(self._client, number, model, tree, holds))
-            left_out += clauses
+            bodies.append(Body(self._client, loaded, model, tree, holds))
+            left_out += loaded.left_out
         for first, second in combinations(bodies, 2):
             first.pass_through(second)
         return tuple(bodies), tuple(left_out)

@@ -1,47 +1,99 @@
-"""A robot written for PyBullet: what its own URDF import gets wrong is settled first.
+"""A robot made in PyBullet from our arrays: the one place that knows its form there.
 
-PyBullet gives a link without inertial 1 kg, so bodies are lumped before. It fails
-the whole load for one missing mesh, so only meshes that were read are named, by
-absolute paths. It needs no visuals: ``scene`` draws them.
+PyBullet's links sit where their joint's axis is; a joint whose axis misses its child's
+origin moves the child's content instead. It needs no visuals: ``scene`` draws them.
 """
 
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from xml.etree import ElementTree
 
 import numpy as np
 
+from g1_description.core.bounds import LARGEST
 from g1_description.core.errors import DescriptionError
-from g1_description.core.robot.description import Description
+from g1_description.core.robot.assembly import WORLD
+from g1_description.core.robot.description import Description, Inertial, Joint, Link
+from g1_description.core.robot.tree import depth_first
+from g1_description.core.rotation import axes_to_rpy, from_rpy, rotate
+from g1_description.core.transform import IDENTITY
+from g1_description.sim.meshes.shapes import find_meshes
 from g1_description.sim.model import Model
 
-from .client import BulletClient
-from .urdf_text import prepared_urdf, principal_axes
+from .client import BulletClient, pybullet
+from .collision import MAX_TOGETHER, Form, Forms, create_shapes
 
 ROOT = -1
 """PyBullet's number for a body's root link."""
 
-MOST_JOINTS = 127
-"""Degrees of freedom of one body in PyBullet, without its base."""
+MAX_JOINTS = 127
+"""Links of one body in PyBullet, without its root: it leaves out more in silence."""
 
-MOST_LINKS = 1000
+MAX_LINKS = 1000
 """Links of one model: more could not be published a thousand times a second."""
 
-MOST_SHAPES = 1000
+MAX_SHAPES = 1000
 """Collision shapes of one model: a step with ten thousand takes minutes."""
 
-MASS_TOLERANCE = 1e-3
-"""How far the loaded mass may be from the file's, in [kg]."""
+UNKNOWN = Inertial(1.0, np.zeros(3), np.eye(3))
+"""In the place of mass properties that a file does not give. Nothing moves by itself
+where there are such links; without a mass PyBullet finds no contacts."""
+
+NO_MASS = Inertial(0.0, np.zeros(3), np.zeros((3, 3)))
+
+JOINTS = {
+    "revolute": pybullet.JOINT_REVOLUTE,
+    "continuous": pybullet.JOINT_REVOLUTE,
+    "prismatic": pybullet.JOINT_PRISMATIC,
+    "fixed": pybullet.JOINT_FIXED,
+}
 
 
-def load_model(
-    client: BulletClient,
-    model: Model,
-    tree: int = 0,
-) -> tuple[int, tuple[str, ...]]:
-    """Load a tree of a model where it is.
+class TooManyLinksError(DescriptionError):
+    """PyBullet has no room for the links of a tree."""
+
+
+@dataclass(frozen=True)
+class Loaded:
+    """A body in PyBullet."""
+
+    number: int
+    """PyBullet's number for it."""
+
+    links: tuple[str, ...]
+    """Names by PyBullet's numbers for its links from ``ROOT`` on. Where one has more
+    shapes than PyBullet takes together, the next ones are of the same name."""
+
+    left_out: tuple[str, ...]
+    """A clause for each mesh that was left out."""
+
+
+@dataclass(frozen=True)
+class _Row:
+    """A link as PyBullet has it."""
+
+    name: str
+    parent: int
+    """Row of the link that carries it."""
+
+    joint: Joint | None
+    """What carries it; None for the root, and for what holds more shapes of a link."""
+
+    position: np.ndarray
+    """In the frame that PyBullet has for the parent, in [m], shape (3,)."""
+
+    anchor: np.ndarray
+    """Where PyBullet has its frame, in the link frame, in [m], shape (3,)."""
+
+    inertial: Inertial
+    forms: Sequence[Form] = field(repr=False)
+
+
+def load_model(client: BulletClient, model: Model, tree: int = 0) -> Loaded:
+    """Make a tree of a model where it is.
 
     Args:
         client: PyBullet.
@@ -49,141 +101,194 @@ def load_model(
         tree: Which of the model's trees.
 
     Returns:
-        PyBullet's number for the body, and a clause for each shape left out.
+        The body.
 
     Raises:
-        DescriptionError: If PyBullet refuses the model or loads something else.
+        TooManyLinksError: If PyBullet has no room for all links.
+        DescriptionError: If PyBullet refuses the model.
     """
     description, fixed = model.assembly.description.trees[tree], model.trees[tree].fixed
+    collisions = [shape for link in description.links for shape in link.collisions]
+    meshes = find_meshes(collisions)
     with tempfile.TemporaryDirectory() as folder:
-        text, left_out = prepared_urdf(description, Path(folder), model.assembly.static)
-        file = Path(folder) / "robot.urdf"
-        file.write_text(text, encoding="utf-8")
-        number = _load(client, file, model.root_poses[tree], fixed)
-    _write_inertias(client, number, description)
-    _check_mass(client, number, description, fixed)
-    return number, left_out + _unread_shapes(client, number, description, text)
+        forms = Forms(meshes, Path(folder), model.assembly.static)
+        rows = _rows(description, forms)
+        _check_room(description.name, rows)
+        try:
+            number = _create(client, rows, model.root_poses[tree], fixed)
+        except client.error as error:
+            raise DescriptionError(
+                f"PyBullet cannot load the robot: {error}."
+            ) from error
+    _check_count(client, number, description.name, rows)
+    _set_moments_and_limits(client, number, rows)
+    left_out = (mesh for mesh in meshes.values() if isinstance(mesh, str))
+    names = tuple(row.name for row in rows)
+    return Loaded(number, names, tuple(dict.fromkeys(left_out)))
 
 
-def _load(client: BulletClient, file: Path, pose: np.ndarray, fixed: bool) -> int:
-    """Load a prepared URDF; give PyBullet's number for the body."""
-    try:
-        return client.loadURDF(
-            str(file),
-            pose[:3],
-            pose[3:],
-            useFixedBase=fixed,
-            flags=client.URDF_USE_INERTIA_FROM_FILE,
-        )
-    except client.error as error:
-        raise DescriptionError(f"PyBullet cannot load the robot: {error}.") from error
+def _rows(description: Description, forms: Forms) -> list[_Row]:
+    """List the links of a tree as PyBullet numbers them: depth first.
 
-
-def links_of(
-    client: BulletClient, body: int, description: Description
-) -> list[tuple[int, str]]:
-    """List a body's links by PyBullet's numbers; ``ROOT`` is the root."""
-    infos = (client.getJointInfo(body, n) for n in range(client.getNumJoints(body)))
-    below = ((info[0], info[12].decode()) for info in infos)
-    return [(ROOT, description.root), *below]
-
-
-def _write_inertias(client: BulletClient, body: int, description: Description) -> None:
-    """Give the links their principal moments.
-
-    PyBullet sets all three to zero where the largest exceeds the sum of the other
-    two, as rounded figures in many files make it.
+    A link with too many shapes is followed by others without mass that are fixed to it.
     """
-    inertials = {link.name: link.inertial for link in description.links}
-    for index, name in links_of(client, body, description):
-        inertial = inertials[name]
-        if inertial is not None:
-            moments, _ = principal_axes(inertial.inertia)
-            client.changeDynamics(body, index, localInertiaDiagonal=moments)
+    above = {joint.child: joint for joint in description.joints}
+    links = {link.name: link for link in description.links}
+    rows: list[_Row] = []
+    places: dict[str, int] = {}
+    for name in depth_first(description.root, description.joints):
+        joint = above.get(name)
+        parent, position, anchor = 0, np.zeros(3), np.zeros(3)
+        if joint is not None:
+            parent, anchor = places[joint.parent], joint.joint_origin
+            position = joint.pose[:3] + rotate(joint.pose[3:], anchor)
+            position = position - rows[parent].anchor
+        places[name] = place = len(rows)
+        inertial = _inertial(links[name], joint is None)
+        all_forms = forms.of(links[name].collisions, anchor)
+        first, *others = _groups(all_forms)
+        rows.append(_Row(name, parent, joint, position, anchor, inertial, first))
+        rows += [
+            _Row(name, place, None, np.zeros(3), anchor, NO_MASS, group)
+            for group in others
+        ]
+    return rows
 
 
-def _unread_shapes(
-    client: BulletClient, body: int, description: Description, text: str
-) -> tuple[str, ...]:
-    """Find collision shapes that PyBullet passed over, such as a broken mesh.
+def _groups(forms: Sequence[Form]) -> list[Sequence[Form]]:
+    """Divide shapes into groups that PyBullet takes together; at least one."""
+    begins = range(0, max(len(forms), 1), MAX_TOGETHER)
+    return [forms[begin : begin + MAX_TOGETHER] for begin in begins]
+
+
+def _inertial(link: Link, is_root: bool) -> Inertial:
+    """Return the mass properties that PyBullet is given for a link."""
+    return NO_MASS if is_root and link.name == WORLD else link.inertial or UNKNOWN
+
+
+def _create(
+    client: BulletClient, rows: Sequence[_Row], pose: np.ndarray, fixed: bool
+) -> int:
+    """Make a body with its root link at a pose; return PyBullet's number for it."""
+    centers = [_center(row) for row in rows]
+    shapes = [create_shapes(client, row.forms) for row in rows]
+    root, *below = rows
+    poses = [row.joint.pose if row.joint else IDENTITY for row in below]
+    number = client.createMultiBody(
+        baseMass=0.0 if fixed else root.inertial.mass,
+        baseCollisionShapeIndex=shapes[0],
+        basePosition=pose[:3],
+        baseOrientation=pose[3:],
+        baseInertialFramePosition=centers[0][:3],
+        baseInertialFrameOrientation=centers[0][3:],
+        linkMasses=[row.inertial.mass for row in below],
+        linkCollisionShapeIndices=shapes[1:],
+        linkVisualShapeIndices=[-1] * len(below),
+        linkPositions=[row.position for row in below],
+        linkOrientations=[pose[3:] for pose in poses],
+        linkInertialFramePositions=[center[:3] for center in centers[1:]],
+        linkInertialFrameOrientations=[center[3:] for center in centers[1:]],
+        linkParentIndices=[row.parent for row in below],
+        linkJointTypes=[
+            JOINTS[row.joint.kind if row.joint else "fixed"] for row in below
+        ],
+        linkJointAxis=[row.joint.axis if row.joint else np.zeros(3) for row in below],
+        # Without visuals PyBullet would read the meshes again and draw those.
+        flags=client.URDF_IGNORE_VISUAL_SHAPES,
+    )
+    return int(number)
+
+
+def _center(row: _Row) -> np.ndarray:
+    """Place the principal axes in PyBullet's frame of a link, shape (7,)."""
+    _, axes = principal_axes(row.inertial.inertia)
+    center = row.inertial.center_of_mass - row.anchor
+    return np.concatenate([center, from_rpy(axes_to_rpy(axes))])
+
+
+def principal_axes(inertia: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Find the axes about which a body turns freely.
 
     Args:
-        client: PyBullet.
-        body: The loaded body.
-        description: The robot.
-        text: What ``prepared_urdf`` wrote of it.
+        inertia: Tensor in [kg m^2], shape (3, 3).
 
     Returns:
-        A clause for each link that has fewer shapes than were written.
+        Principal moments in [kg m^2], shape (3,), and the principal axes as the
+        columns of a rotation matrix, shape (3, 3).
     """
-    written = {
-        link.get("name"): len(link.findall("collision"))
-        for link in ElementTree.fromstring(text).findall("link")
-    }
-    clauses = []
-    for index, name in links_of(client, body, description):
-        read = len(client.getCollisionShapeData(body, index))
-        if read < written[name]:
-            clauses.append(
-                f"{written[name] - read} of {written[name]} collision shapes of link "
-                f"{name} cannot be read"
+    moments, axes = np.linalg.eigh(inertia)
+    axes[:, 2] = np.cross(axes[:, 0], axes[:, 1])
+    return moments, axes
+
+
+def _set_moments_and_limits(
+    client: BulletClient, number: int, rows: Sequence[_Row]
+) -> None:
+    """Set what ``createMultiBody`` does not take: moments of inertia and limits."""
+    for index, row in enumerate(rows, ROOT):
+        moments, _ = principal_axes(row.inertial.inertia)
+        client.changeDynamics(number, index, localInertiaDiagonal=moments)
+        joint = row.joint
+        if joint and joint.kind in ("revolute", "prismatic"):
+            # PyBullet wants both limits, or a joint has none.
+            client.changeDynamics(
+                number,
+                index,
+                jointLowerLimit=max(joint.lower, -LARGEST),
+                jointUpperLimit=min(joint.upper, LARGEST),
             )
-    return tuple(clauses)
+
+
+def _check_room(name: str, rows: Sequence[_Row]) -> None:
+    """Check that PyBullet has room for the links of a tree.
+
+    Raises:
+        TooManyLinksError: If it has not.
+    """
+    if len(rows) > MAX_JOINTS + 1:
+        raise TooManyLinksError(
+            f"Robot '{name}' needs {len(rows)} links, one for each body and for each "
+            f"{MAX_TOGETHER} of its collision shapes; only kinematic physics has room "
+            f"for more than {MAX_JOINTS + 1}."
+        )
+
+
+def _check_count(
+    client: BulletClient, number: int, name: str, rows: Sequence[_Row]
+) -> None:
+    """Check that PyBullet made all links.
+
+    Raises:
+        DescriptionError: If there are fewer.
+    """
+    made = client.getNumJoints(number) + 1
+    if made != len(rows):
+        raise DescriptionError(
+            f"Robot '{name}' has {len(rows)} links, but PyBullet made {made} of them."
+        )
 
 
 def check_size(description: Description, is_dynamic: bool) -> None:
-    """Refuse what PyBullet loads but cannot step: its own calls fail then.
+    """Refuse what PyBullet has no room for, or takes too long for.
 
     Raises:
         DescriptionError: If the model has too many links, joints or shapes.
     """
     links = len(description.links)
     joints = max(len(tree.movable_joints) for tree in description.trees)
-    if links > MOST_LINKS:
+    if links > MAX_LINKS:
         raise DescriptionError(
             f"Robot '{description.name}' has {links} links that are not fixed to "
-            f"others; there is room for {MOST_LINKS}."
+            f"others; there is room for {MAX_LINKS}."
         )
-    if is_dynamic and joints > MOST_JOINTS:
+    if is_dynamic and joints > MAX_JOINTS:
         raise DescriptionError(
             f"Robot '{description.name}' has {joints} movable joints; only kinematic "
-            f"physics has room for more than {MOST_JOINTS}."
+            f"physics has room for more than {MAX_JOINTS}."
         )
     shapes = sum(len(link.collisions) for link in description.links)
-    if shapes > MOST_SHAPES:
+    if shapes > MAX_SHAPES:
         raise DescriptionError(
             f"Robot '{description.name}' has {shapes} collision shapes; there is room "
-            f"for {MOST_SHAPES}."
-        )
-
-
-def _check_mass(
-    client: BulletClient, body: int, description: Description, fixed: bool
-) -> None:
-    """Check that PyBullet gave the body the mass its file says.
-
-    Args:
-        client: PyBullet.
-        body: The loaded body.
-        description: What was to be loaded.
-        fixed: Whether the root does not move: PyBullet forgets its mass then.
-
-    Raises:
-        DescriptionError: If the masses differ by more than a gram.
-    """
-    masses = {
-        link.name: link.inertial.mass
-        for link in description.links
-        if link.inertial and not (fixed and link.name == description.root)
-    }
-    loaded = sum(
-        client.getDynamicsInfo(body, index)[0]
-        for index, name in links_of(client, body, description)
-        if name in masses
-    )
-    expected = sum(masses.values())
-    if abs(loaded - expected) > MASS_TOLERANCE:
-        raise DescriptionError(
-            f"Robot '{description.name}' weighs {expected:.3f} kg by its file, "
-            f"but PyBullet loaded {loaded:.3f} kg."
+            f"for {MAX_SHAPES}."
         )

@@ -1,0 +1,128 @@
+"""How high a robot stands, and how high it hangs clear of the floor."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from g1_description.core.errors import DescriptionError
+from g1_description.core.robot.assembly import Assembly
+from g1_description.core.robot.description import Shape
+from g1_description.core.robot.reach import origin_reaches
+from g1_description.core.rotation import rotate, to_axes
+from g1_description.core.transform import IDENTITY, compose
+
+from .meshes.hulls import cylinder_points, hull_points
+from .meshes.shapes import Mesh, find_meshes
+from .model import Model
+
+GAP = 0.0005
+"""Least distance from the floor, in [m]: what touches is pushed away."""
+
+HULL_MARGIN = 0.001
+"""How thick PyBullet makes a hull on all sides, in [m]."""
+
+
+def standing_height(assembly: Assembly, rotation: np.ndarray) -> float:
+    """Find the height at which a robot stands on the floor, which is z = 0.
+
+    Args:
+        assembly: The robot, its joints where they begin.
+        rotation: How the model frame is turned in the world, shape (4,).
+
+    Returns:
+        The least height of the model frame in whole millimetres, in [m], at which all
+        collision shapes are above the floor; without any, all links' origins.
+    """
+    pose = np.concatenate([IDENTITY[:3], rotation])
+    model = Model("standing", assembly, pose)
+    boxes = [box for _, box in _boxes(model)]
+    lowest = min((box[0, 2] for box in boxes), default=math.inf)
+    if math.isinf(lowest):
+        lowest = model.poses[:, 2].min(initial=0.0)
+    return _above(-lowest)
+
+
+def hanging_height(assembly: Assembly, rotation: np.ndarray) -> float:
+    """Find a height at which no joint can bring a robot to the floor, which is z = 0.
+
+    Args:
+        assembly: The robot.
+        rotation: How the model frame is turned in the world, shape (4,).
+
+    Returns:
+        Height of the model frame in whole millimetres, in [m]. The root link's origin
+        is then higher than the farthest that a collision shape, or the origin of a
+        link, can be from it, joints anywhere within their limits.
+
+    Raises:
+        DescriptionError: If a joint slides without limits.
+    """
+    model = Model("hanging", replace(assembly, positions={}), IDENTITY)
+    description = assembly.description.trees[0]  # only the first one can hang
+    reaches = origin_reaches(description)
+    origins = dict(zip(model.link_names, model.poses[:, :3]))
+    reach = max((reaches[n] for n in description.link_names if n in origins), default=0)
+    for name, box in _boxes(model):
+        if name in reaches and np.isfinite(box).all():
+            extent = np.linalg.norm(np.abs(box - origins[name]).max(axis=0))
+            reach = max(reach, reaches[name] + float(extent))
+    if math.isinf(reach):
+        raise DescriptionError(
+            f"A joint of '{description.name}' slides without limits, no height is out "
+            "of its reach: say how high the robot hangs."
+        )
+    return _above(reach - rotate(rotation, assembly.root_pose[:3])[2])
+
+
+def _above(height: float) -> float:
+    """Return the next whole millimetre above a height, in [m], with a gap between."""
+    return math.ceil((height + GAP) * 1000.0) / 1000.0
+
+
+def _boxes(model: Model) -> Iterator[tuple[str, np.ndarray]]:
+    """Bound each collision shape by a box along the world's axes.
+
+    Args:
+        model: The robot, where it is.
+
+    Yields:
+        The link's name, and the lowest and highest corner in the world, in [m], shape
+        (2, 3). A mesh that is left out has none, and a plane has no end.
+    """
+    links = [link for link in model.assembly.description.links if link.collisions]
+    meshes = find_meshes(shape for link in links for shape in link.collisions)
+    poses = dict(zip(model.link_names, model.poses))
+    for link in links:
+        for shape in link.collisions:
+            if not isinstance(meshes.get(shape.filename), str) and link.name in poses:
+                yield (
+                    link.name,
+                    _box(shape, compose(poses[link.name], shape.pose), meshes),
+                )
+
+
+def _box(
+    shape: Shape, pose: np.ndarray, meshes: Mapping[str, Mesh | str]
+) -> np.ndarray:
+    """Bound a shape at a pose in the world by a box, shape (2, 3)."""
+    axes = to_axes(pose[3:])
+    if shape.kind == "plane":
+        return np.array([[math.inf] * 3, [math.inf] * 3])
+    if shape.kind == "box":
+        half = np.abs(axes) @ np.array(shape.size) / 2.0
+        return pose[:3] + np.array([-half, half])
+    if shape.kind == "sphere":
+        return pose[:3] + np.array([[-shape.size[0]] * 3, [shape.size[0]] * 3])
+    if shape.kind == "cylinder":
+        points = cylinder_points(*shape.size)
+    else:
+        mesh = meshes[shape.filename]
+        assert isinstance(mesh, Mesh)
+        points = np.concatenate(hull_points(mesh)) * np.array(shape.size)
+    turned = pose[:3] + points @ axes.T
+    margin = np.array([[-HULL_MARGIN], [HULL_MARGIN]])
+    return np.array([turned.min(axis=0), turned.max(axis=0)]) + margin
