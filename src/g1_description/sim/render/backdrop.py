@@ -37,8 +37,8 @@ def backdrop(
         width: Of the picture, in pixels.
         height: Likewise.
         floor: Height of the floor in the world, in [m].
-        shadow: Camera in the place of the lamp, and how much of the lamp's light is
-            caught in each pixel that it sees, from 0 to 1, shape (n, m).
+        shadow: Camera in the place of the lamp, and how much of the lamp's light
+            robots block in each pixel that it sees, from 0 to 1, shape (n, m).
 
     Returns:
         Colours from 0 to 1, shape (height, width, 3).
@@ -51,7 +51,7 @@ def backdrop(
         is_floor = (way > 0.0) & (way < 20.0)
     points = eye + np.where(is_floor, way, 1.0)[..., np.newaxis] * rays
     darker = LINES_DARKEN * _grid(points, is_floor)
-    darker = 1.0 - (1.0 - darker) * (1.0 - SHADOW_DARKENS * _caught(points, *shadow))
+    darker = 1.0 - (1.0 - darker) * (1.0 - SHADOW_DARKENS * _shadow_at(points, *shadow))
     across = np.linalg.norm(points[..., :2] - camera.target[:2], axis=-1)
     fade = np.where(is_floor, np.exp(-((across / camera.width) ** 2)), 0.0)
     return air * (1.0 - fade * darker)[..., np.newaxis]
@@ -78,31 +78,31 @@ def _grid(points: np.ndarray, is_floor: np.ndarray) -> np.ndarray:
     return np.where(is_floor, 1.0 - clear, 0.0)
 
 
-def _caught(points: np.ndarray, lamp: Camera, caught: np.ndarray) -> np.ndarray:
-    """Look up how much light is caught on the way to points.
+def _shadow_at(points: np.ndarray, lamp: Camera, shadow_mask: np.ndarray) -> np.ndarray:
+    """Return how much of the lamp's light robots block on its way to points.
 
     Args:
         points: In the world, in [m], shape (height, width, 3).
         lamp: Camera in the place of the lamp.
-        caught: How much light is caught in what it sees, shape (n, m).
+        shadow_mask: How much of its light robots block in what it sees, shape (n, m).
 
     Returns:
         Shares from 0 to 1, shape (height, width).
     """
-    n, m = caught.shape
+    n, m = shadow_mask.shape
     seen = lamp.seen(points.reshape(-1, 3)) * m
     column, row = seen[:, 0] + m / 2 - 0.5, n / 2 - 0.5 - seen[:, 1]
     inside = (column >= 0) & (column < m - 1) & (row >= 0) & (row < n - 1)
     column, row = np.where(inside, column, 0.0), np.where(inside, row, 0.0)
     i, j = row.astype(int), column.astype(int)
     down, right = row - i, column - j
-    top = caught[i, j] * (1 - right) + caught[i, j + 1] * right
-    bottom = caught[i + 1, j] * (1 - right) + caught[i + 1, j + 1] * right
+    top = shadow_mask[i, j] * (1 - right) + shadow_mask[i, j + 1] * right
+    bottom = shadow_mask[i + 1, j] * (1 - right) + shadow_mask[i + 1, j + 1] * right
     shares = np.where(inside, top * (1 - down) + bottom * down, 0.0)
     return shares.reshape(points.shape[:2])
 
 
-def softened(shares: np.ndarray, reach: int) -> np.ndarray:
+def blur(shares: np.ndarray, reach: int) -> np.ndarray:
     """Blur a picture, three times by the mean of a square.
 
     Args:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from .backdrop import backdrop, softened
+from .backdrop import backdrop, blur
 from .camera import Camera
+from .crop import Crop
 from .scene import NOTHING, Scene
-from .window import Window
 
-FINER = 3
+SUPERSAMPLING = 3
 """Pixels drawn for one pixel of the picture, in each direction."""
 
 LAMP = np.radians([-38.0, 50.0])
@@ -18,7 +18,7 @@ LAMP = np.radians([-38.0, 50.0])
 LAMP_PIXELS = 400
 """Side of the picture that the lamp takes of the robots to find their shadow."""
 
-SOFTNESS = 2
+SHADOW_BLUR = 2
 """How far the edge of a shadow reaches, in pixels of that picture."""
 
 
@@ -41,14 +41,14 @@ def draw(
     """
     lamp = _lamp(camera, height / width)
     behind = 255.0 * backdrop(
-        camera, width, height, floor, (lamp, _shadow(scene, lamp))
+        camera, width, height, floor, (lamp, _shadow_mask(scene, lamp))
     )
-    window = scene.window(camera, width, height)
-    fine = FINER * width, FINER * height, _finer(window)
-    colors, robots = scene.look(camera, *fine, lamp.axes[2])
+    crop = scene.crop(camera, width, height)
+    fine = SUPERSAMPLING * width, SUPERSAMPLING * height, _supersampled(crop)
+    colors, robots = scene.render(camera, *fine, lamp.axes[2])
     seen = (robots != NOTHING)[..., np.newaxis]
-    clear = 1.0 - _coarser(seen)
-    behind[window] = behind[window] * clear + _coarser(colors * seen)
+    clear = 1.0 - _downsampled(seen)
+    behind[crop] = behind[crop] * clear + _downsampled(colors * seen)
     return np.clip(np.round(behind), 0, 255).astype(np.uint8)
 
 
@@ -64,22 +64,30 @@ def silhouette(scene: Scene, camera: Camera, width: int, height: int) -> np.ndar
     Returns:
         The robot's number, ``NOTHING`` where there is none, shape (height, width).
     """
-    window = scene.window(camera, width, height)
+    crop = scene.crop(camera, width, height)
     robots = np.full((height, width), NOTHING)
-    robots[window] = scene.look(camera, width, height, window)[1]
+    robots[crop] = scene.render(camera, width, height, crop)[1]
     return robots
 
 
-def _finer(window: Window) -> Window:
-    """Give the fine pixels of a window."""
-    rows, columns = (slice(FINER * w.start, FINER * w.stop) for w in window)
+def _supersampled(crop: Crop) -> Crop:
+    """Return a crop of the supersampled picture."""
+    rows, columns = (
+        slice(SUPERSAMPLING * w.start, SUPERSAMPLING * w.stop) for w in crop
+    )
     return rows, columns
 
 
-def _coarser(pixels: np.ndarray) -> np.ndarray:
-    """Take the mean of the fine pixels that become one."""
+def _downsampled(pixels: np.ndarray) -> np.ndarray:
+    """Return the mean of the rendered pixels that become one."""
     height, width, parts = pixels.shape
-    fine = pixels.reshape(height // FINER, FINER, width // FINER, FINER, parts)
+    fine = pixels.reshape(
+        height // SUPERSAMPLING,
+        SUPERSAMPLING,
+        width // SUPERSAMPLING,
+        SUPERSAMPLING,
+        parts,
+    )
     return fine.mean(axis=(1, 3), dtype=np.float32)
 
 
@@ -94,7 +102,7 @@ def _lamp(camera: Camera, aspect: float) -> Camera:
     return Camera(camera.target, camera.yaw + LAMP[0], LAMP[1], width)
 
 
-def _shadow(scene: Scene, lamp: Camera) -> np.ndarray:
-    """Find how much of the lamp's light is caught by robots, from 0 to 1."""
+def _shadow_mask(scene: Scene, lamp: Camera) -> np.ndarray:
+    """Return how much of the lamp's light robots block, from 0 to 1."""
     size = LAMP_PIXELS, LAMP_PIXELS
-    return softened((silhouette(scene, lamp, *size) != NOTHING).astype(float), SOFTNESS)
+    return blur((silhouette(scene, lamp, *size) != NOTHING).astype(float), SHADOW_BLUR)

@@ -20,8 +20,8 @@ from g1_description.sim.bullet.client import connect
 from g1_description.sim.meshes.shapes import find_meshes
 
 from .camera import Camera
+from .crop import Crop, crop_around, matrices
 from .shapes import load_visual
-from .window import Window, matrices, window_around
 
 AMBIENT, DIFFUSE, SPECULAR = 0.72, 0.55, 0.06
 """Shares of the light: from everywhere, from the lamp, mirrored."""
@@ -137,25 +137,25 @@ class Scene:
         choices = np.indices((2, 2, 2)).reshape(3, 8).T
         return boxes[:, choices, np.arange(3)].reshape(-1, 3)
 
-    def window(self, camera: Camera, width: int, height: int) -> Window:
+    def crop(self, camera: Camera, width: int, height: int) -> Crop:
         """Find the part of a picture, in pixels, that robots can be seen in."""
-        return window_around(self.corners(), camera, width, height)
+        return crop_around(self.corners(), camera, width, height)
 
-    def look(
+    def render(
         self,
         camera: Camera,
         width: int,
         height: int,
-        window: Window,
+        crop: Crop,
         light: np.ndarray | None = None,
     ) -> tuple[np.ndarray, np.ndarray]:
-        """See the robots, without ground and sky and without smooth edges.
+        """Render the robots, without ground and sky and without smooth edges.
 
         Args:
             camera: Where from.
             width: Of the whole picture, in pixels.
             height: Likewise.
-            window: Part of the picture, n times m pixels, that is seen.
+            crop: Part of the picture, n times m pixels, that is seen.
             light: Direction to the lamp in the world, shape (3,); by default it is
                 where the camera is.
 
@@ -163,7 +163,7 @@ class Scene:
             Colours as uint8, shape (n, m, 3), and the number of the robot that is
             seen, ``NOTHING`` for none, shape (n, m).
         """
-        rows, columns = (part.stop - part.start for part in window)
+        rows, columns = (part.stop - part.start for part in crop)
         if not rows or not columns:
             return np.zeros((rows, columns, 3), np.uint8), np.zeros(
                 (rows, columns), int
@@ -171,7 +171,7 @@ class Scene:
         _, _, rgba, _, bodies = self._client.getCameraImage(
             columns,
             rows,
-            *matrices(camera, width, height, window),
+            *matrices(camera, width, height, crop),
             lightDirection=list(camera.axes[2] if light is None else light),
             lightAmbientCoeff=AMBIENT,
             lightDiffuseCoeff=DIFFUSE,

@@ -8,16 +8,14 @@ import numpy as np
 
 from .camera import Camera
 
-Window = Tuple[slice, slice]
+Crop = Tuple[slice, slice]
 """Rows and columns of a picture, none left out in between."""
 
 NEAREST = 0.05
 """How near the eye something can be seen, in distances of the target."""
 
 
-def window_around(
-    points: np.ndarray, camera: Camera, width: int, height: int
-) -> Window:
+def crop_around(points: np.ndarray, camera: Camera, width: int, height: int) -> Crop:
     """Find the part of a picture that points are seen in.
 
     Args:
@@ -47,7 +45,7 @@ def _covering(places: np.ndarray, size: int) -> slice:
 
 
 def matrices(
-    camera: Camera, width: int, height: int, window: Window
+    camera: Camera, width: int, height: int, crop: Crop
 ) -> tuple[tuple[float, ...], ...]:
     """Write a camera as OpenGL's view and projection matrix, column by column.
 
@@ -58,14 +56,14 @@ def matrices(
         camera: The camera.
         width: Of the whole picture, in pixels.
         height: Likewise.
-        window: The part of it that is drawn, not empty.
+        crop: The part of it that is drawn, not empty.
     """
     view = np.eye(4)
     view[:3, :3] = camera.axes
     view[:3, 3] = -camera.axes @ camera.target - [0.0, 0.0, camera.range]
     depth = min((1.0 - NEAREST) * camera.range, 20.0 * camera.width)
     near, far = camera.range - depth, camera.range + depth
-    rows, columns = window
+    rows, columns = crop
     pixel = camera.width / width / camera.range
     ends = np.array([columns.start, columns.stop, -rows.stop, -rows.start])
     middle = np.array([width, width, -height, -height]) / 2
