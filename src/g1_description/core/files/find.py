@@ -17,20 +17,20 @@ from .model_files import find_folder, package_names
 _ARGUMENT = re.compile(r"\s+(?=[A-Za-z_]\w*:?=)")
 
 
-def split_arguments(asked: str) -> tuple[str, dict[str, str]]:
+def split_arguments(requested: str) -> tuple[str, dict[str, str]]:
     """Take a model apart into its file and the arguments for xacro behind it.
 
     Args:
-        asked: File, then any number of ``NAME=VALUE`` or ``NAME:=VALUE``. The name
+        requested: File, then any number of ``NAME=VALUE`` or ``NAME:=VALUE``. The name
             of a file that exists is not taken apart.
 
     Returns:
         The file as it was written, and the arguments.
     """
-    if _exists(Path(os.path.expanduser(asked))):
-        return asked, {}
-    file, *words = _ARGUMENT.split(asked.strip())
-    pairs = (re.split(":?=", word, maxsplit=1) for word in words)
+    if _exists(Path(os.path.expanduser(requested))):
+        return requested, {}
+    file, *given = _ARGUMENT.split(requested.strip())
+    pairs = (re.split(":?=", word, maxsplit=1) for word in given)
     return file, {name: value.strip() for name, value in pairs}
 
 

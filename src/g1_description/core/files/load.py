@@ -16,7 +16,7 @@ from g1_description.core.xml import decoded
 from .find import find_model_file, split_arguments
 from .model_files import LARGEST_FILE
 
-PATIENCE = 60.0
+XACRO_TIMEOUT = 60.0
 """Longest time that xacro may take, in [s]."""
 
 
@@ -31,11 +31,11 @@ class ModelText:
     description: Description
 
 
-def read_model(asked: str) -> ModelText:
+def read_model(requested: str) -> ModelText:
     """Read a robot description.
 
     Args:
-        asked: URDF file or xacro file as a path, ``package://`` or ``file://``; for
+        requested: URDF file or xacro file as a path, ``package://`` or ``file://``; for
             xacro with arguments behind it: ``robot.urdf.xacro hand=true``.
 
     Returns:
@@ -44,7 +44,7 @@ def read_model(asked: str) -> ModelText:
     Raises:
         DescriptionError: If there is no such file, or no robot in it.
     """
-    name, arguments = split_arguments(asked)
+    name, arguments = split_arguments(requested)
     path = find_model_file(name)
     text = _read(path)
     if path.suffix == ".xacro":
@@ -81,11 +81,11 @@ def _read(path: Path) -> str:
 
 def _expand(path: Path, arguments: dict[str, str]) -> str:
     """Have xacro write URDF, in a process of its own."""
-    words = [f"{name}:={value}" for name, value in arguments.items()]
+    given = [f"{name}:={value}" for name, value in arguments.items()]
     runner = f"{__package__}.run_xacro"
     try:
         run = subprocess.run(
-            [sys.executable, "-m", runner, str(path), *words],
+            [sys.executable, "-m", runner, str(path), *given],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             encoding="utf-8",
@@ -94,12 +94,12 @@ def _expand(path: Path, arguments: dict[str, str]) -> str:
                 "PYTHONPATH": os.pathsep.join(sys.path),
                 "PYTHONIOENCODING": "utf-8:backslashreplace",
             },
-            timeout=PATIENCE,
+            timeout=XACRO_TIMEOUT,
             check=False,
         )
     except subprocess.TimeoutExpired as error:
         raise DescriptionError(
-            f"xacro has not written {path.name} within {PATIENCE:.0f} s."
+            f"xacro has not written {path.name} within {XACRO_TIMEOUT:.0f} s."
         ) from error
     if run.returncode:
         raise DescriptionError(run.stdout.strip() or f"xacro fails for {path.name}.")

@@ -58,8 +58,8 @@ def sentence(error: Exception, file: str) -> str:
     # Of what goes wrong in a substitution xacro tells the class, and all twice.
     shown = cause if str(error).startswith("<class ") and cause else error
     lines = (line.strip() for line in str(shown).splitlines())
-    told = " ".join(line for line in lines if not line.startswith("ROS path"))
-    return f"xacro: {told or repr(error)} (in {file})."
+    text = " ".join(line for line in lines if not line.startswith("ROS path"))
+    return f"xacro: {text or repr(error)} (in {file})."
 
 
 def main() -> None:
@@ -73,7 +73,7 @@ def main() -> None:
     file, arguments = sys.argv[1], Arguments(sys.argv[2:])
     try:
         document = xacro.process_file(file, mappings=arguments)
-    except Exception as error:
+    except Exception as error:  # xacro evaluates Python: anything can come out of it
         print(sentence(error, (xacro.filestack or [file])[-1]))
         sys.exit(1)
     if arguments.unused:

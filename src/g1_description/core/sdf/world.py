@@ -15,7 +15,7 @@ from lxml import etree
 
 from g1_description.core.errors import DescriptionError, NoSuchModelError
 from g1_description.core.robot.assembly import WORLD
-from g1_description.core.sdf.model.model import SdfModel, read_model
+from g1_description.core.sdf.model.model import SdfModel, read_model_element
 
 from .document import EMPTY_WORLD, whole_document
 from .frames import Frames, Scope
@@ -102,7 +102,9 @@ def read_sdf(text: str, find_model: Callable[[str], str] = no_model) -> Sdf:
     state = reduce(
         State.then, reader.read(holder.findall("state"), read_state), State()
     )
-    read = reader.read(models, lambda m: read_model(m, scope.frames.pose(name_of(m))))
+    read = reader.read(
+        models, lambda m: read_model_element(m, scope.frames.pose(name_of(m)))
+    )
     return Sdf(
         models=tuple(in_state(model, state) for model in read),
         lights=tuple(

@@ -87,11 +87,11 @@ def read_extensions(robot: etree._Element) -> Extensions:
                     of = f" of {name}" if name else ""
                     wrong.append(f"{tag}{of} is left out: {error}".rstrip("."))
     if unknown:
-        told = "<gazebo> refers to what is no link or joint"
-        wrong.append(f"{told}: {listed(unknown)}")
+        fault = "<gazebo> refers to what is no link or joint"
+        wrong.append(f"{fault}: {listed(unknown)}")
     if unread:
-        told = "of the <gazebo> elements these are not simulated"
-        wrong.append(f"{told}: {listed(unread)}")
+        fault = "of the <gazebo> elements these are not simulated"
+        wrong.append(f"{fault}: {listed(unread)}")
     found.left_out = tuple(wrong)
     return found
 

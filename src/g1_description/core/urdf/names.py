@@ -21,10 +21,10 @@ def give_names(root: etree._Element, name: str) -> list[str]:
     Returns:
         A sentence for the robot, and one for all materials, that got a name.
     """
-    told = []
+    sentences = []
     if root.get("name") is None:
         root.set("name", name)
-        told.append(f"The robot, which had no name, is named {name}, as its file.")
+        sentences.append(f"The robot, which had no name, is named {name}, as its file.")
     taken = {material.get("name") for material in root.iter("material")}
     free = (f"material_{number}" for number in count(1))
     given = []
@@ -35,5 +35,5 @@ def give_names(root: etree._Element, name: str) -> list[str]:
                 material.set("name", new)
                 given.append(f"{new} (link {link.get('name')})")
     if given:
-        told.append(f"Materials that had no name are named {', '.join(given)}.")
-    return told
+        sentences.append(f"Materials that had no name are named {', '.join(given)}.")
+    return sentences

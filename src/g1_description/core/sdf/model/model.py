@@ -40,7 +40,7 @@ class SdfModel:
     """What a simulator builds."""
 
 
-def read_model(element: etree._Element, pose: np.ndarray) -> SdfModel:
+def read_model_element(element: etree._Element, pose: np.ndarray) -> SdfModel:
     """Read a model element.
 
     Args:
