@@ -21,14 +21,14 @@ from support.wire.raw_subscriber import RawSubscriber
 
 from tcpros import LENGTH, body_of
 
-MUTATIONS = 300
+MUTATIONS = 200
 ROUNDS = 20
 GROWTH = 3e6
 """Most memory that all rounds but the first may cost in [bytes]."""
 TIMES = 20
 """How often each message comes."""
 PILE = 2500
-STEPS = 1000
+STEPS = 300
 APART = 5.0
 """Least time between two lines of one kind in [s]: half the time for which they are
 counted, as a line is stamped some time after it was found to be due."""
