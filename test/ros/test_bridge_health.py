@@ -15,7 +15,7 @@ from support.bridge.watched import Watched
 from support.ros_testing import Connected, Repeated, wait_for
 from support.wire.raw_service import SUCCESS, Gate, Simulator, refusal
 
-from g1_description.ros.node.complaints import PERIOD
+from g1_description.ros.node.throttled_log import LOG_PERIOD
 
 from tcpros import body_of
 
@@ -169,7 +169,7 @@ class TestBridgeHealth(unittest.TestCase):
         words = f"{rospy.get_name()} also publishes /clock and {topic}"
         line = self.watched.log.wait(lambda m: words in m.msg, words)
         self.assertIn("roslaunch g1_description view.launch", line.msg)
-        end = time.monotonic() + PERIOD + 2.0
+        end = time.monotonic() + LOG_PERIOD + 2.0
         wait_for(lambda: time.monotonic() > end, "the time of a second line", 60.0)
         told = [m.msg for m in self.watched.log.messages if "also publishes" in m.msg]
         self.assertEqual(len(told), 1)

@@ -14,9 +14,9 @@ from g1_description.core.robot.description import Shape
 from g1_description.core.robot.reach import origin_reaches
 from g1_description.core.rotation import rotate, to_axes
 from g1_description.core.transform import IDENTITY, compose
+from g1_description.sim.meshes.hulls import cylinder_points, hull_points
+from g1_description.sim.meshes.shapes import Mesh, find_meshes
 
-from .meshes.hulls import cylinder_points, hull_points
-from .meshes.shapes import Mesh, find_meshes
 from .model import Model
 
 GAP = 0.0005

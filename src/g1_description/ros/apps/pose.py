@@ -25,8 +25,7 @@ from g1_description.core.poses.store import (
     user_file,
 )
 from g1_description.core.poses.yaml_text import check_name
-from g1_description.ros.node.arguments import own_arguments
-from g1_description.ros.node.shutdown import start_node
+from g1_description.ros.node.lifecycle import own_arguments, start_node
 
 from .posed_robot import PosedRobot
 from .robot_view import NoAnswerError

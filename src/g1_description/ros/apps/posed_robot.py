@@ -16,7 +16,7 @@ from sensor_msgs.msg import JointState
 
 from g1_description.core.poses.motion import minimum_jerk
 from g1_description.core.text import listed
-from g1_description.ros.node.shutdown import quiet_when_closing
+from g1_description.ros.node.lifecycle import quiet_when_closing
 
 from .robot_view import STANDS_STILL, NoAnswerError, RobotView
 

@@ -13,7 +13,7 @@ from sensor_msgs.msg import JointState
 from g1_description.core.errors import DescriptionError, G1DescriptionError
 from g1_description.core.robot.description import Description
 from g1_description.core.urdf.reader import parse_urdf
-from g1_description.ros.bridge.descriptions import find_parameter
+from g1_description.ros.node.parameters import find_parameter
 from g1_description.ros.node.waiting import wait_until
 
 BUFFER = 1 << 20

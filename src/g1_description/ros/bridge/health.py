@@ -14,8 +14,8 @@ from diagnostic_updater import Updater
 from gazebo_msgs.srv import GetPhysicsProperties
 
 from g1_description.core.text import listed
-from g1_description.ros.node.complaints import Complaints
-from g1_description.ros.node.shutdown import quiet_when_closing
+from g1_description.ros.node.lifecycle import quiet_when_closing
+from g1_description.ros.node.throttled_log import ThrottledLog
 
 from .sender import FAILURES, CommandSender
 from .state_source import StateSource
@@ -91,7 +91,7 @@ class BridgeHealth:
         source: StateSource,
         sender: CommandSender,
         robots: Sequence[RobotStatus],
-        complaints: Complaints,
+        log: ThrottledLog,
     ) -> None:
         """Prepare the diagnostics.
 
@@ -100,10 +100,10 @@ class BridgeHealth:
             source: Receives the states.
             sender: Sends the commands.
             robots: The robots.
-            complaints: Where to log what stays away.
+            log: Where to log what stays away.
         """
         self._source, self._sender, self._robots = source, sender, robots
-        self._complaints = complaints
+        self._log = log
         self._stopped = threading.Event()
         self._start = time.monotonic()
         self._pause = PauseWatch(gazebo)
@@ -153,17 +153,17 @@ class BridgeHealth:
             text = f"Nothing usable has arrived on {source.topic} yet."
             if source.timeless:
                 text = f"Nothing is published: {source.topic} has no time on /clock."
-            self._complaints.tell("silence", text)
+            self._log.warn("silence", text)
         if age is not None and self._is_stale and self._pause.is_known(age):
             text = f"Nothing usable on {source.topic} for {age:.0f} s"
-            self._complaints.tell("silence", f"{text}: {self._reason}.")
+            self._log.warn("silence", f"{text}: {self._reason}.")
 
     def _warn_of_no_answer(self) -> None:
         """Warn that the simulator does not answer a command."""
         waiting = self._sender.waiting
         if waiting > MAX_ANSWER_TIME:
             text = "A command still waits for the simulator's answer after"
-            self._complaints.tell("hanging", f"{text} {waiting:.0f} s.")
+            self._log.warn("hanging", f"{text} {waiting:.0f} s.")
 
     @property
     def _reason(self) -> str:

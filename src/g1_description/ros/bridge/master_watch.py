@@ -9,9 +9,9 @@ from collections.abc import Sequence
 import rosgraph
 import rospy
 
-from g1_description.ros.node.complaints import Complaints
-from g1_description.ros.node.own_node import FAILURES
-from g1_description.ros.node.registration import keep_in_touch
+from g1_description.ros.node.master import restore_connections
+from g1_description.ros.node.slave_api import SLAVE_API_ERRORS
+from g1_description.ros.node.throttled_log import ThrottledLog
 
 from .robot import BridgedRobot
 
@@ -25,14 +25,14 @@ class MasterWatch:
     The master may take long to answer, or be gone.
     """
 
-    def __init__(self, robots: Sequence[BridgedRobot], complaints: Complaints) -> None:
+    def __init__(self, robots: Sequence[BridgedRobot], log: ThrottledLog) -> None:
         """Prepare.
 
         Args:
             robots: Robots whose status gets the other publishers.
-            complaints: Where to log new ones.
+            log: Where to log new ones.
         """
-        self._robots, self._complaints = robots, complaints
+        self._robots, self._log = robots, log
         self._stopped = threading.Event()
 
     def start(self) -> None:
@@ -44,11 +44,11 @@ class MasterWatch:
         """Register where the master does not know this node; look for others."""
         while not self._stopped.wait(PERIOD):
             # Without a master, or with one that is starting, the next time will do.
-            with contextlib.suppress(*FAILURES, rosgraph.MasterException):
+            with contextlib.suppress(*SLAVE_API_ERRORS, rosgraph.MasterException):
                 state = rosgraph.Master(rospy.get_name()).getSystemState()
                 if rospy.core.is_shutdown_requested():
                     return
-                if keep_in_touch(state):
+                if restore_connections(state):
                     rospy.loginfo("The master did not know this node; it does now.")
                 self._find_other_publishers(dict(state[0]))
 
@@ -63,7 +63,7 @@ class MasterWatch:
             robot.status.other_publishers = others
             for node in new:
                 what = f"/clock and {robot.topic}" if node in clocks else robot.topic
-                self._complaints.tell(
+                self._log.warn(
                     f"publisher {node} {robot.topic}",
                     f"{node} also publishes {what}: readers get both. To look at a "
                     "bag, end this launch and use "

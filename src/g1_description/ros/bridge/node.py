@@ -28,18 +28,21 @@ from g1_description.core.bridge.stamps import RisingStamps
 from g1_description.core.errors import G1DescriptionError
 from g1_description.core.robot.description import Description
 from g1_description.core.text import listed
-from g1_description.ros.node.complaints import Complaints
+from g1_description.ros.node.lifecycle import quiet_when_closing, start_node
 from g1_description.ros.node.parameters import read_parameters
-from g1_description.ros.node.shutdown import quiet_when_closing, start_node
+from g1_description.ros.node.throttled_log import ThrottledLog
 from g1_description.ros.transport.direct_publisher import DirectPublisher
 from g1_description.ros.transport.tcpros import serve_as_roscpp
 from g1_description.ros.wire.link_states import LinkStatesArrays
 
-from .descriptions import wait_for_descriptions
 from .frames import StaticFrames
 from .health import BridgeHealth
 from .master_watch import MasterWatch
-from .parameters import BridgeParameters, RobotParameters
+from .parameters import (
+    BridgeParameters,
+    RobotParameters,
+    wait_for_descriptions,
+)
 from .robot import BridgedRobot, topic_of
 from .sender import CommandListener, CommandSender
 from .state_source import StateSource
@@ -78,12 +81,12 @@ class BridgeNode:
             robots: Names and descriptions of the robots.
         """
         p = parameters
-        self._complaints = Complaints()
+        self._log = ThrottledLog()
         statuses = [
             RobotStatus(robot.name, description) for robot, description in robots
         ]
         self._robots = [
-            BridgedRobot(robot, p, status, self._complaints)
+            BridgedRobot(robot, p, status, self._log)
             for (robot, _), status in zip(robots, statuses)
         ]
         self._estimator = JointStateEstimator({s.name: s.description for s in statuses})
@@ -100,23 +103,19 @@ class BridgeNode:
             f"{p.gazebo}/set_model_configuration",
             {robot.name: robot.description for robot, _ in robots},
             {status.name: status.commands for status in statuses},
-            self._complaints,
+            self._log,
         )
         self._sender.start()
         for (robot, _), status in zip(robots, statuses):
             topic = topic_of(robot, "joint_commands")
-            CommandListener(topic, status, self._sender, self._complaints)
-        self._source = StateSource(
-            p.gazebo, p.max_rate, self._on_states, self._complaints
-        )
+            CommandListener(topic, status, self._sender, self._log)
+        self._source = StateSource(p.gazebo, p.max_rate, self._on_states, self._log)
         self._source.start()
         self._stopped = threading.Event()
         rospy.on_shutdown(self._stopped.set)
         threading.Thread(target=self._keep_house, daemon=True).start()
-        MasterWatch(self._robots, self._complaints).start()
-        BridgeHealth(
-            p.gazebo, self._source, self._sender, statuses, self._complaints
-        ).start()
+        MasterWatch(self._robots, self._log).start()
+        BridgeHealth(p.gazebo, self._source, self._sender, statuses, self._log).start()
 
     def _on_states(self, stamp: int, states: LinkStatesArrays) -> None:
         """Turn one state into joint states and, now and then, TF."""
@@ -130,7 +129,7 @@ class BridgeNode:
         if self._estimator.duplicates:
             names = listed(self._estimator.duplicates)
             text = f"Links are listed more than once, the first one counts: {names}."
-            self._complaints.tell("duplicates", text)
+            self._log.warn("duplicates", text)
         pairs = zip(self._robots, self._observations)
         edges = [robot.publish(stamp, seen) for robot, seen in pairs]
         if any(edges):
@@ -145,7 +144,7 @@ class BridgeNode:
     def _reset(self) -> None:
         """Start again, as simulated time did."""
         text = "Time went back: starting over."
-        self._complaints.tell("time", text, 1.0, rospy.loginfo)
+        self._log.warn("time", text, 1.0, rospy.loginfo)
         self._estimator.reset()
         for robot in self._robots:
             robot.reset()
@@ -207,6 +206,7 @@ def main() -> None:
     except G1DescriptionError as error:
         rospy.logfatal("%s", error)
         sys.exit(1)
-    if not rospy.is_shutdown():
-        BridgeNode(parameters, robots)
-        rospy.spin()
+    except rospy.ROSInterruptException:  # before the robots were there
+        return
+    BridgeNode(parameters, robots)
+    rospy.spin()

@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
+import rospy
+
 from g1_description.core.errors import InvalidValueError
-from g1_description.ros.node.parameters import check_range
+from g1_description.core.robot.description import Description
+from g1_description.core.urdf.reader import parse_urdf
+from g1_description.ros.node.parameters import check_range, find_parameter
+from g1_description.ros.node.waiting import wait_until
 
 
 @dataclass(frozen=True)
@@ -130,3 +136,40 @@ def _check_prefix(what: str, prefix: str) -> None:
         raise InvalidValueError(
             f"The {what} is '{prefix}', it must end with a slash, not begin with one."
         )
+
+
+def wait_for_descriptions(
+    robots: Sequence[RobotParameters],
+) -> list[tuple[RobotParameters, Description]]:
+    """Wait until the descriptions of all robots are on the parameter server.
+
+    Args:
+        robots: The robots to wait for.
+
+    Returns:
+        The robots with their descriptions; equal texts share one description.
+
+    Raises:
+        DescriptionError: If a parameter holds no robot.
+        ROSInterruptException: If the node is shut down.
+    """
+    found = []
+    parsed: dict[str, Description] = {}
+    for robot in robots:
+        text = _wait_for_description(robot)
+        if text not in parsed:
+            parsed[text] = parse_urdf(text)
+        found.append((robot, parsed[text]))
+    return found
+
+
+def _wait_for_description(robot: RobotParameters) -> str:
+    """Wait for the description of one robot; return its text."""
+
+    def find():
+        return find_parameter(robot.description, robot.namespace)
+
+    if find() is None:
+        where = f"{robot.description}, from /{robot.namespace} upward"
+        rospy.loginfo("Waiting for %s on the parameter %s.", robot.name, where)
+    return str(rospy.get_param(wait_until(find)))

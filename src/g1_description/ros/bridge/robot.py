@@ -12,7 +12,7 @@ from g1_description.core.bridge.estimator import Observation
 from g1_description.core.bridge.tf_filter import PoseThrottle, Shown, State, TfFilter
 from g1_description.core.robot.description import FREE
 from g1_description.core.text import listed
-from g1_description.ros.node.complaints import Complaints
+from g1_description.ros.node.throttled_log import ThrottledLog
 from g1_description.ros.transport.direct_publisher import DirectPublisher
 from g1_description.ros.wire.conversions import stamp_from_ns, transform
 from g1_description.ros.wire.joint_states import JointStateEncoder, PreparedJointState
@@ -40,7 +40,7 @@ class BridgedRobot:
         robot: RobotParameters,
         parameters: BridgeParameters,
         status: RobotStatus,
-        complaints: Complaints,
+        log: ThrottledLog,
     ) -> None:
         """Advertise its joint states.
 
@@ -48,10 +48,10 @@ class BridgedRobot:
             robot: Its names.
             parameters: The node's parameters.
             status: Where to keep the last observation.
-            complaints: Where to log what is wrong.
+            log: Where to log what is wrong.
         """
         self.status = status
-        self._warnings = RobotWarnings(status, complaints)
+        self._warnings = RobotWarnings(status, log)
         self._map_frame = parameters.map_frame
         base = base_child(parameters, status.description)
         self._base = base and robot.frame_prefix + base
@@ -163,14 +163,14 @@ class BridgedRobot:
 class RobotWarnings:
     """Logs what is wrong with the observations of one robot."""
 
-    def __init__(self, status: RobotStatus, complaints: Complaints) -> None:
+    def __init__(self, status: RobotStatus, log: ThrottledLog) -> None:
         """Log which joints have more than one degree of freedom.
 
         Args:
             status: The robot.
-            complaints: Where to log what is wrong.
+            log: Where to log what is wrong.
         """
-        self._status, self._complaints = status, complaints
+        self._status, self._log = status, log
         self._was_present = self._came = False
         joints = status.description.joints
         found = [f"{j.name} ({j.kind})" for j in joints if j.kind in FREE]
@@ -196,7 +196,7 @@ class RobotWarnings:
         """Log that the robot is there, after it was not."""
         name = self._status.name
         text = f"{name} is there, {len(seen.names)} joints are measured."
-        self._complaints.tell(f"came {name}", text, 1.0, rospy.loginfo)
+        self._log.warn(f"came {name}", text, 1.0, rospy.loginfo)
 
     def _warn_of_missing_links(self, seen: Observation) -> None:
         """Warn that joints are left out as their links are unknown."""
@@ -214,17 +214,17 @@ class RobotWarnings:
         else:
             reason = "no link of it (is it spawned under this name?)"
         name = self._status.name
-        self._complaints.tell(
+        self._log.warn(
             f"missing {name}",
             f"Joints of {name} are left out, the simulator has {reason}.",
-            stands=True,
+            lasts=True,
         )
 
     def _warn_of_rotated_joints(self, seen: Observation) -> None:
         """Warn that joints do not keep to their axes."""
         name, residual = self._status.name, seen.axis_residual
         angles = (f"{joint} by {angle:.3g} rad" for joint, angle in residual.items())
-        self._complaints.tell(
+        self._log.warn(
             f"off axis {name}",
             f"Joints of {name} are turned off their axes: {listed(angles)}. Is its "
             "robot_description the one that was spawned?",

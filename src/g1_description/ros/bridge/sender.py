@@ -12,8 +12,8 @@ from gazebo_msgs.srv import SetModelConfiguration, SetModelConfigurationResponse
 from sensor_msgs.msg import JointState
 
 from g1_description.core.bridge.commands import split_command
-from g1_description.ros.node import own_node
-from g1_description.ros.node.complaints import Complaints
+from g1_description.ros.node import slave_api
+from g1_description.ros.node.throttled_log import ThrottledLog
 
 from .status import CommandCount, RobotStatus
 
@@ -24,7 +24,7 @@ FAILURES = (
     rospy.ROSException,
     rospy.exceptions.ROSInternalException,
     rosgraph.MasterException,
-    *own_node.FAILURES,
+    *slave_api.SLAVE_API_ERRORS,
 )
 RETRY_PERIOD = 0.2
 """Wait before a failed call is tried again, in [s] of wall time."""
@@ -38,7 +38,7 @@ class CommandListener:
         topic: str,
         status: RobotStatus,
         sender: CommandSender,
-        complaints: Complaints,
+        log: ThrottledLog,
     ) -> None:
         """Subscribe.
 
@@ -46,9 +46,9 @@ class CommandListener:
             topic: Name of the topic.
             status: The robot.
             sender: Sends the commands.
-            complaints: Where to log what cannot be obeyed.
+            log: Where to log what cannot be obeyed.
         """
-        self._status, self._sender, self._complaints = status, sender, complaints
+        self._status, self._sender, self._log = status, sender, log
         joints = status.description.movable_joints
         self._movable = frozenset(joint.name for joint in joints)
         # rospy has a thread for each publisher of commands.
@@ -67,7 +67,7 @@ class CommandListener:
         if problems:
             status.ignored = time.monotonic(), "; ".join(problems)
             text = f"Part of a joint command to {status.name} is ignored"
-            self._complaints.tell(
+            self._log.warn(
                 f"command {status.name}", f"{text}: {status.ignored[1]}.", 1.0
             )
         if accepted:
@@ -87,7 +87,7 @@ class CommandSender:
         service: str,
         descriptions: Mapping[str, str],
         counts: Mapping[str, CommandCount],
-        complaints: Complaints,
+        log: ThrottledLog,
     ) -> None:
         """Prepare; nothing is sent before ``start``.
 
@@ -96,11 +96,11 @@ class CommandSender:
             descriptions: The parameter that a request names, by model; Gazebo
                 ignores it.
             counts: Where to count each model's commands.
-            complaints: Where to log what went wrong.
+            log: Where to log what went wrong.
         """
         self._service = service
         self._descriptions = descriptions
-        self._complaints = complaints
+        self._log = log
         self.counts = counts
         """What became of the commands, by model."""
         self._pending: dict[str, dict[str, float]] = {}
@@ -185,10 +185,10 @@ class CommandSender:
             count.refused += 1
             count.reason = message
             text = f"The simulator refused a command to {model} for {', '.join(names)}"
-            self._complaints.tell(f"refused {model}", f"{text}: {message}", 1.0)
+            self._log.warn(f"refused {model}", f"{text}: {message}", 1.0)
         if answer.success and message != SUCCESS:
             text = f"The simulator answered a command to {model}: {message}."
-            self._complaints.tell(f"answered {model}", text, 1.0)
+            self._log.warn(f"answered {model}", text, 1.0)
 
     def _put_back(
         self, model: str, positions: dict[str, float], error: Exception
@@ -196,7 +196,7 @@ class CommandSender:
         """Put a command that did not arrive back into the queue."""
         if self._stopped.is_set():
             return
-        self._complaints.tell("service", f"A command waits for the simulator: {error}.")
+        self._log.warn("service", f"A command waits for the simulator: {error}.")
         self._proxy.close()
         self._proxy = None
         with self._changed:

@@ -12,8 +12,8 @@ import rosgraph
 import rospy
 
 from g1_description.core.errors import WireFormatError
-from g1_description.ros.node.complaints import Complaints
-from g1_description.ros.node.own_node import FAILURES
+from g1_description.ros.node.slave_api import SLAVE_API_ERRORS
+from g1_description.ros.node.throttled_log import ThrottledLog
 from g1_description.ros.wire.link_states import LinkStatesArrays, LinkStatesDecoder
 
 MAX_IN_A_ROW = 100
@@ -79,7 +79,7 @@ class StateSource:
         gazebo: str,
         max_rate: float,
         on_states: Callable[[int, LinkStatesArrays], None],
-        complaints: Complaints,
+        log: ThrottledLog,
     ) -> None:
         """Prepare; nothing is received before ``start``.
 
@@ -88,12 +88,12 @@ class StateSource:
             max_rate: States without stamps used per second of /clock; 0: all.
             on_states: Called with the time of a state in [ns] and the state, from one
                 thread at a time.
-            complaints: Where to log what cannot be read.
+            log: Where to log what cannot be read.
         """
         self._unstamped_topic = rospy.resolve_name(f"{gazebo}/link_states")
         self._stamped_topic = rospy.resolve_name(f"{gazebo}/world_state")
         self._on_states = on_states
-        self._complaints = complaints
+        self._log = log
         self._decoder = LinkStatesDecoder()
         # rospy has a thread for each publisher; there may be several.
         self.lock = threading.RLock()
@@ -190,7 +190,7 @@ class StateSource:
 
     def _has_world_state(self, node: str) -> bool:
         """Ask the master once whether a node publishes world_state, too."""
-        with contextlib.suppress(*FAILURES, rosgraph.MasterException):
+        with contextlib.suppress(*SLAVE_API_ERRORS, rosgraph.MasterException):
             publishers, _, _ = rosgraph.Master(rospy.get_name()).getSystemState()
             self._has_stamps[node] = node in dict(publishers).get(
                 self._stamped_topic, ()
@@ -206,7 +206,7 @@ class StateSource:
                 states = self._decoder.decode(data)
         except WireFormatError as error:
             self.malformed += 1
-            self._complaints.tell(
+            self._log.warn(
                 "malformed", f"A message of the simulator cannot be read: {error}"
             )
             return

@@ -30,10 +30,10 @@ from g1_description.ros.gazebo.services.physics import UNSETTABLE, PhysicsServic
 from g1_description.ros.gazebo.services.spawn import SpawnServices
 from g1_description.ros.gazebo.services.steps import StepServices
 from g1_description.ros.gazebo.services.time import TimeServices
+from g1_description.ros.node.lifecycle import quiet_when_closing, start_node
 from g1_description.ros.node.loggers import answer_as_roscpp
 from g1_description.ros.node.parameters import read_parameters
 from g1_description.ros.node.rosout import publish_log
-from g1_description.ros.node.shutdown import quiet_when_closing, start_node
 from g1_description.ros.transport.tcpros import serve_as_roscpp
 from g1_description.sim.world import World
 

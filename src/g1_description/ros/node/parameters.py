@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import fields, is_dataclass
 
+import rosgraph
 import rospy
 
 from g1_description.core.errors import InvalidValueError
@@ -75,3 +76,24 @@ def _converted(name, value, default):
     kind = "list" if isinstance(default, tuple) else type(default).__name__
     example = "" if isinstance(default, tuple) else f" like {default!r}"
     raise InvalidValueError(f"~{name} is {value!r}, it must be a {kind}{example}.")
+
+
+def find_parameter(name: str, namespace: str = "") -> str | None:
+    """Find a parameter in a namespace or one above it.
+
+    Args:
+        name: The parameter. A full name is only looked up, not searched for.
+        namespace: Namespace to begin in; by default the node's.
+
+    Returns:
+        Its full name; None if there is none.
+    """
+    if name.startswith(("/", "~")):
+        return rospy.resolve_name(name) if rospy.has_param(name) else None
+    # The master begins in the caller's namespace. With the node's own name that would
+    # be the one of its private parameters.
+    begin = f"/{namespace}/" if namespace else rospy.get_namespace()
+    try:
+        return rosgraph.Master(f"{begin}anyone").searchParam(name)
+    except rosgraph.MasterError:
+        return None

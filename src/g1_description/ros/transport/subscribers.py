@@ -31,7 +31,7 @@ from dataclasses import dataclass
 import rosgraph
 import rospy
 
-from g1_description.ros.node.own_node import FAILURES, own_node
+from g1_description.ros.node.slave_api import SLAVE_API_ERRORS, slave_api
 
 from .tcpros import HANDSHAKE
 
@@ -161,7 +161,7 @@ class Subscribers(rospy.SubscribeListener):
         """Compare the subscribers with the node's connections."""
         try:
             self._connections = _connections_of(self.name)
-        except FAILURES as error:
+        except SLAVE_API_ERRORS as error:
             if not rospy.core.is_shutdown_requested():
                 rospy.logwarn_once("This node cannot reach itself: %s", error)
             return
@@ -207,7 +207,7 @@ class Subscribers(rospy.SubscribeListener):
 
     def _call(self) -> None:
         """Let the master tell all subscribers of this publisher."""
-        with contextlib.suppress(*FAILURES, rosgraph.MasterException):
+        with contextlib.suppress(*SLAVE_API_ERRORS, rosgraph.MasterException):
             rosgraph.Master(rospy.get_name()).registerPublisher(
                 self.name, self.publisher.type, rospy.get_node_uri()
             )
@@ -220,7 +220,7 @@ def _connections_of(topic: str) -> dict[int, tuple[int, bool]]:
         By their numbers, their sockets and whether they lead to this node itself.
     """
     own = rospy.get_name()
-    with own_node() as node:
+    with slave_api() as node:
         rows = node.getBusInfo(own)[2]
     found = (
         (row[0], _SOCKET.search(row[_INFO]), row[_OTHER] == own)

@@ -7,10 +7,10 @@ from itertools import chain, combinations
 
 from g1_description.core.errors import UnknownNameError
 from g1_description.core.files.launch_arguments import PHYSICS
+from g1_description.sim.bullet.rest import RestDetector
 from g1_description.sim.meshes.shapes import find_meshes
 from g1_description.sim.model import Model
 from g1_description.sim.physics import PhysicsProperties
-from g1_description.sim.rest import RestDetector
 
 from .body import Body
 from .client import BulletClient, connect

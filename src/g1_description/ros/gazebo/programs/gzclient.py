@@ -10,8 +10,7 @@ import rospkg
 import rospy
 
 from g1_description.core.cli import Ignored, OneSentenceParser
-from g1_description.ros.node.arguments import own_arguments
-from g1_description.ros.node.shutdown import start_node
+from g1_description.ros.node.lifecycle import own_arguments, start_node
 
 NODE = "gazebo_gui"
 

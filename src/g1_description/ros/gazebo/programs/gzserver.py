@@ -12,7 +12,7 @@ import rospy
 
 from g1_description.core.cli import Ignored, OneSentenceParser
 from g1_description.core.files.model_files import RESOURCE_PATH, resource_folders
-from g1_description.ros.node.arguments import own_arguments
+from g1_description.ros.node.lifecycle import own_arguments
 
 from . import gzclient
 

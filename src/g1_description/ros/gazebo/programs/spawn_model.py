@@ -29,8 +29,7 @@ from g1_description.core.errors import DescriptionError
 from g1_description.core.files.model_files import model_folders, searched_folders
 from g1_description.core.rotation import from_rpy
 from g1_description.core.xml import decoded, parse_xml
-from g1_description.ros.node.arguments import own_arguments
-from g1_description.ros.node.shutdown import start_node
+from g1_description.ros.node.lifecycle import own_arguments, start_node
 from g1_description.ros.node.waiting import wait_until
 from g1_description.ros.wire.conversions import pose_from_array
 

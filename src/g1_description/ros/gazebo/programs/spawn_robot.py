@@ -21,8 +21,8 @@ from std_srvs.srv import Empty
 from g1_description.core.errors import G1DescriptionError
 from g1_description.ros.gazebo.parameters import SpawnParameters
 from g1_description.ros.gazebo.placement import place_robot
+from g1_description.ros.node.lifecycle import start_node
 from g1_description.ros.node.parameters import read_parameters
-from g1_description.ros.node.shutdown import start_node
 from g1_description.ros.wire.conversions import pose_from_array
 
 from .spawn_model import GazeboServices

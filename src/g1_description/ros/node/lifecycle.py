@@ -1,4 +1,4 @@
-"""How a node begins and ends, so that a signal ends it always, at once and quietly."""
+"""Starting a node so that a signal always ends it, at once and quietly."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ import rospy
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
-PATIENCE = 1.8
-"""Longest time from a signal to the program's end, in [s]."""
+SHUTDOWN_TIMEOUT = 1.8
+"""Longest time from a signal to the end of the program, in [s]."""
 
 
 def start_node(name: str, **options) -> None:
@@ -43,7 +43,7 @@ def start_node(name: str, **options) -> None:
         if number:  # else the program has ended by itself
             ending.set()
             # rospy may wait for ever for a master that is not there.
-            last = threading.Timer(PATIENCE, os._exit, (128 + number[0],))
+            last = threading.Timer(SHUTDOWN_TIMEOUT, os._exit, (128 + number[0],))
             last.daemon = True
             last.start()
             rospy.signal_shutdown(f"signal {number[0]}")
@@ -51,18 +51,20 @@ def start_node(name: str, **options) -> None:
     thread = threading.Thread(target=end, daemon=True)
     thread.start()
     # Keeps both sockets, and lets the node be unregistered before the program ends.
-    atexit.register(lambda: ending.is_set() and writer and thread.join(PATIENCE))
+    atexit.register(
+        lambda: ending.is_set() and writer and thread.join(SHUTDOWN_TIMEOUT)
+    )
     try:
         rospy.init_node(name, disable_signals=True, **options)
     except rospy.ROSInitException as error:
         master = rosgraph.get_master_uri()
-        told = f"{name}: rospy cannot start, is there a master at {master}? {error}"
-        sys.exit(1 if ending.is_set() else told)
+        message = f"{name}: rospy cannot start, is there a master at {master}? {error}"
+        sys.exit(1 if ending.is_set() else message)
 
 
 @contextmanager
 def quiet_when_closing():
-    """Pass over what publishing raises while rospy closes the topics.
+    """Ignore what publishing raises while rospy closes the topics.
 
     rospy does so before ``is_shutdown`` turns true.
     """
@@ -71,3 +73,8 @@ def quiet_when_closing():
     except rospy.ROSException:
         if not rospy.core.is_shutdown_requested():
             raise
+
+
+def own_arguments() -> list[str]:
+    """Return this program's arguments without ROS' remappings."""
+    return rospy.myargv(sys.argv)[1:]

@@ -1,4 +1,4 @@
-"""This node as others see it: its slave API, by which ROS' tools ask a node."""
+"""Client of this node's own slave API."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from xmlrpc.client import Error, ServerProxy
 import rosgraph.network
 import rospy
 
-FAILURES = (OSError, Error, HTTPException)
-"""What a call to it may raise."""
+SLAVE_API_ERRORS = (OSError, Error, HTTPException)
+"""Exceptions that a call to a slave API may raise."""
 
 
-def own_node() -> ServerProxy:
-    """Give the slave API of this node.
+def slave_api() -> ServerProxy:
+    """Make a client of this node's slave API.
 
-    By the loopback: a node behind a router need not reach its own address.
+    It uses the loopback: a node behind a router may not reach its own address.
     """
     host = "[::1]" if rosgraph.network.use_ipv6() else "127.0.0.1"
     return ServerProxy(f"http://{host}:{urlparse(rospy.get_node_uri()).port}/")

@@ -1,4 +1,4 @@
-"""A node that outlives its master and its publishers' connections."""
+"""Keeps a node registered with its master and connected to its publishers."""
 
 from __future__ import annotations
 
@@ -8,31 +8,31 @@ from collections import Counter
 import rosgraph
 import rospy
 
-from .own_node import own_node
+from .slave_api import slave_api
 
 
-def keep_in_touch(state: list) -> bool:
-    """Register what the master does not know, connect to publishers that were lost.
+def restore_connections(state: list) -> bool:
+    """Register what the master does not know, reconnect to lost publishers.
 
     rospy registers once: a master that died and came back knows nothing of the nodes
     that ran on. And it connects once: a connection that breaks while its publisher
     lives stays broken.
 
     Args:
-        state: What the master's ``getSystemState`` tells.
+        state: What the master's ``getSystemState`` returns.
 
     Returns:
         Whether anything had to be registered.
 
     Raises:
-        own_node.FAILURES: If there is no master.
+        slave_api.SLAVE_API_ERRORS: If there is no master.
         rosgraph.MasterException: If the master refuses.
     """
     name, uri = rospy.get_name(), rospy.get_node_uri()
     publishers, subscribers = dict(state[0]), dict(state[1])
     master = rosgraph.Master(name)
     registered = False
-    with own_node() as node:
+    with slave_api() as node:
         for topic, kind in node.getPublications(name)[2]:
             if name not in publishers.get(topic, ()):
                 master.registerPublisher(topic, kind, uri)

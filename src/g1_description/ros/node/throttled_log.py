@@ -1,0 +1,125 @@
+"""A log of faults that come again and again: few lines for each."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import rospy
+
+LOG_PERIOD = 10.0
+"""Time between two lines on one fault, in [s] of wall time."""
+
+EXPIRY = 2.5
+"""Time in [s] after which a fault that was not repeated is over."""
+
+CHECK_PERIOD = 0.5
+"""Longest time until a message that was held back is looked at again, in [s]."""
+
+MIN_CHECK_PERIOD = 0.02
+"""Shortest time between two looks, in [s]: a fault may come a thousand times a
+second."""
+
+
+@dataclass
+class _Fault:
+    """The messages on one fault."""
+
+    period: float
+    log: Callable
+    lasts: bool
+    """Whether it is a lasting state, rather than events to be counted."""
+
+    time_logged: float = -math.inf
+    """When its last line was logged."""
+
+    time_seen: float = 0.0
+    """When it last occurred."""
+
+    message: str = ""
+    """The newest message since the last line."""
+
+    count: int = 0
+    """Number of messages since the last line."""
+
+    last_line: str = ""
+    """Last line on a lasting state, which is not repeated."""
+
+    def take_line(self, now: float) -> str:
+        """Return the line that is due, empty if none is, and count it as logged."""
+        if not self.count or now - self.time_logged < self.period:
+            return ""
+        line = ""
+        if now - self.time_seen < EXPIRY:
+            others = f" ({self.count - 1} more like it)" if self.count > 1 else ""
+            line, self.time_logged = self.message + others, now
+            if self.lasts:
+                line = self.last_line = self.message
+        self.message, self.count = "", 0
+        return line
+
+
+class ThrottledLog:
+    """Logs the first message on a fault at once, the next ones later and counted.
+
+    rospy's own throttles use simulated time, which may stand still or go back.
+    """
+
+    def __init__(self) -> None:
+        """Begin without any fault.
+
+        A thread of its own logs, because rospy asks the master each time, which may
+        hang.
+        """
+        self._lock = threading.Lock()
+        self._faults: dict[str, _Fault] = {}
+        self._changed = threading.Event()
+        threading.Thread(target=self._run, daemon=True).start()
+
+    def warn(
+        self,
+        key: str,
+        message: str,
+        period: float = LOG_PERIOD,
+        log: Callable = rospy.logwarn,
+        lasts: bool = False,
+    ) -> None:
+        """Log a message, or hold it back if its fault was logged within the period.
+
+        Args:
+            key: Identifies the fault, and who has it.
+            message: What is wrong, with names.
+            period: Time between two lines on this fault, in [s].
+            log: Takes a format and its argument.
+            lasts: Whether the fault is a state that is reported again and again: its
+                line is not repeated before it has changed or was over.
+        """
+        now = time.monotonic()
+        with self._lock:
+            fault = self._faults.setdefault(key, _Fault(period, log, lasts))
+            if now - fault.time_seen > EXPIRY:
+                fault.last_line = ""
+            fault.time_seen = now
+            if message == fault.last_line:
+                fault.message, fault.count = "", 0
+                return
+            fault.message = message
+            fault.count += 1
+        self._changed.set()
+
+    def _run(self) -> None:
+        """Log new messages at once, and those that were held back when they are due."""
+        while True:
+            self._changed.wait(CHECK_PERIOD)
+            self._changed.clear()
+            now = time.monotonic()
+            with self._lock:
+                faults = list(self._faults.values())
+                lines = [(fault.log, fault.take_line(now)) for fault in faults]
+            for log, line in lines:
+                if line:
+                    log("%s", line)
+            time.sleep(MIN_CHECK_PERIOD)

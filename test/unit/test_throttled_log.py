@@ -1,0 +1,73 @@
+"""Lines on faults that come again and again."""
+
+import time
+
+import pytest
+
+from g1_description.ros.node import throttled_log
+from g1_description.ros.node.throttled_log import ThrottledLog
+
+PERIOD = 0.1
+DEADLINE = 10.0
+
+
+class Log:
+    """Takes the lines."""
+
+    def __init__(self):
+        self.lines = []
+
+    def __call__(self, form, line):
+        self.lines.append(form % line)
+
+
+@pytest.fixture
+def log(monkeypatch):
+    monkeypatch.setattr(throttled_log, "EXPIRY", 1.0)
+    return Log()
+
+
+def tell_until(condition, throttled, log, message, **options):
+    """Log the same again and again until a condition holds."""
+    end = time.monotonic() + DEADLINE
+    while not condition():
+        assert time.monotonic() < end, log.lines
+        throttled.warn("kind", message, PERIOD, log, **options)
+        time.sleep(0.01)
+
+
+def test_events_are_counted_and_logged_again(log):
+    throttled = ThrottledLog()
+    tell_until(lambda: len(log.lines) == 3, throttled, log, "a thing")
+    assert log.lines[0] == "a thing"
+    assert log.lines[1].startswith("a thing (")
+    assert log.lines[1].endswith(" more like it)")
+
+
+def test_a_state_that_lasts_is_logged_once_until_it_changes_or_was_over(log):
+    throttled = ThrottledLog()
+    end = time.monotonic() + 6 * PERIOD
+    tell_until(
+        lambda: log.lines and time.monotonic() > end,
+        throttled,
+        log,
+        "this",
+        lasts=True,
+    )
+    assert log.lines == ["this"]
+    tell_until(lambda: len(log.lines) == 2, throttled, log, "that", lasts=True)
+    assert log.lines[1] == "that"
+    over = time.monotonic() + 1.2
+    while time.monotonic() < over:
+        time.sleep(0.05)
+    tell_until(lambda: len(log.lines) == 3, throttled, log, "that", lasts=True)
+    assert log.lines[2] == "that"
+
+
+def test_a_state_that_was_left_before_its_turn_is_not_logged(log):
+    throttled = ThrottledLog()
+    tell_until(lambda: log.lines, throttled, log, "this", lasts=True)
+    throttled.warn("kind", "that", PERIOD, log, lasts=True)
+    end = time.monotonic() + 6 * PERIOD
+    tell_until(lambda: time.monotonic() > end, throttled, log, "this", lasts=True)
+    assert log.lines == ["this"]
