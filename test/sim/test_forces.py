@@ -31,13 +31,13 @@ NOWHERE = (0.0, 0.0, 0.0)
 VECTOR = st.tuples(*[st.floats(-3.0, 3.0)] * 3).map(np.array)
 
 
-def push(world, model, force, torque=NOWHERE, span=(0, None)):
+def apply_wrench(world, model, force, torque=NOWHERE, span=(0, None)):
     link = world.entities.link(f"{model}::body")
     wrench = np.array([*force, *torque])
     world.forces.apply_wrench(link, Span(*span), wrench, world.time_ns)
 
 
-def strain(world, joint, effort, end=100):
+def apply_effort(world, joint, effort, end=100):
     world.forces.apply_effort(
         world.entities.joint(joint), Span(world.time_ns, end * MS), effort
     )
@@ -49,7 +49,7 @@ def test_a_wrench_acts_at_the_center_of_mass_along_the_worlds_axes(pose, force, 
     """Newton and Euler, for a body that any axis is a principal axis of."""
     world = Bench("limp", gravity=NOWHERE)
     world.spawn_urdf("body", BODY, pose)
-    push(world, "body", force, torque, (0, 10 * MS))
+    apply_wrench(world, "body", force, torque, (0, 10 * MS))
     world.run(0.02)
     model = world.model("body")
     angular = 0.01 * torque / 0.03
@@ -69,7 +69,7 @@ def test_a_wrench_acts_for_its_span_to_the_step(make_world, start, end, steps):
     world = make_world("limp", gravity=NOWHERE)
     world.spawn_urdf("body", BODY, np.array([0, 0, 1.0, 0, 0, 0, 1]))
     end = None if end is None else end * MS
-    push(world, "body", [2.0, 0, 0], span=(start * MS, end))
+    apply_wrench(world, "body", [2.0, 0, 0], span=(start * MS, end))
     world.run(0.03)
     assert world.model("body").twist[0] == pytest.approx(steps * 1e-3, abs=1e-12)
     over = end is not None and end <= 30 * MS
@@ -80,8 +80,8 @@ def test_of_two_wrenches_the_newest_acts_and_then_the_other_again(make_world):
     """gazebo_ros sets a link's force anew with each job, each step."""
     world = make_world("limp", gravity=NOWHERE)
     world.spawn_urdf("body", BODY, np.array([0, 0, 1.0, 0, 0, 0, 1]))
-    push(world, "body", [2.0, 0, 0])
-    push(world, "body", [0, 2.0, 0], span=(10 * MS, 20 * MS))
+    apply_wrench(world, "body", [2.0, 0, 0])
+    apply_wrench(world, "body", [0, 2.0, 0], span=(10 * MS, 20 * MS))
     world.run(0.03)
     at_center = world.model("body").twist[:2]
     np.testing.assert_allclose(at_center, [0.02, 0.01], atol=1e-12)
@@ -93,18 +93,18 @@ def test_efforts_add_up_each_within_the_limit(make_world):
     world.spawn_urdf("pendulum", PENDULUM, np.array([0, 0, 0, 0, 0, 0, 1.0]))
     model = world.model("pendulum")
     for effort in (0.5, 300.0, -1.0):
-        strain(world, "swing", effort, 10)
-    strain(world, "anchor", 1.0, 10)
+        apply_effort(world, "swing", effort, 10)
+    apply_effort(world, "anchor", 1.0, 10)
     world.run(0.02)
     expected = 0.01 * (0.5 + 3.0 - 1.0) / 0.26
     assert model.velocity[0] == pytest.approx(expected, rel=1e-3)
 
 
-def test_jobs_end_with_their_model_and_with_a_reset(make_world):
+def test_forces_end_with_their_model_and_with_a_reset(make_world):
     world = make_world("limp", gravity=NOWHERE)
     for name in ("one", "two"):
         world.spawn_urdf(name, BODY, np.array([0, 0, 1.0, 0, 0, 0, 1]))
-        push(world, name, [2.0, 0, 0])
+        apply_wrench(world, name, [2.0, 0, 0])
     world.delete("one")
     world.spawn_urdf("one", BODY, np.array([0, 0, 1.0, 0, 0, 0, 1]))
     world.run(0.01)
@@ -138,7 +138,7 @@ def test_a_new_mass_moves_as_such_and_changes_nothing_else(make_world):
     for part, old in zip(world.link_states(), before):
         np.testing.assert_array_equal(part, old)
     assert world.client.getNumBodies() == len(world.models)
-    push(world, "body", [0, 0, 2.0], span=(0, 100 * MS))
+    apply_wrench(world, "body", [0, 0, 2.0], span=(0, 100 * MS))
     world.run(0.1)
     assert world.model("body").twist[2] == pytest.approx(0.1 * 2.0 / 20.0, abs=1e-9)
     assert world.model("pendulum").position[0] == pytest.approx(0.7, abs=1e-9)
@@ -158,7 +158,7 @@ def test_a_mass_that_cannot_be_loaded_changes_nothing(make_world, monkeypatch):
     monkeypatch.undo()
     assert world.entities.link("body::body").link.inertial.mass == 2.0
     assert world.client.getNumBodies() == 2
-    push(world, "body", [2.0, 0, 0])
+    apply_wrench(world, "body", [2.0, 0, 0])
     world.run(0.01)
     assert world.model("body").twist[0] == pytest.approx(0.01)
 
@@ -168,18 +168,18 @@ def test_damping_and_stops_of_a_joint_take_effect(make_world):
     world.spawn_urdf("pendulum", PENDULUM, np.array([0, 0, 0, 0, 0, 0, 1.0]))
     model, entity = world.model("pendulum"), world.entities.joint("swing")
     world.set_joint_properties(entity, {"damping": 0.26})
-    strain(world, "swing", 1.0)
+    apply_effort(world, "swing", 1.0)
     world.run(0.1)
     start = model.velocity[0]
     world.run(1.0)
     assert model.velocity[0] == pytest.approx(start * np.exp(-1.0), rel=2e-3)
     world.reset()  # the joint keeps its damping
-    strain(world, "swing", 1.0)
+    apply_effort(world, "swing", 1.0)
     world.run(0.1)
     assert model.velocity[0] == start
     world.reset()
     world.set_joint_properties(entity, {"damping": 0.0, "hiStop": 0.1})
-    strain(world, "swing", 1.0, 10_000)
+    apply_effort(world, "swing", 1.0, 10_000)
     world.run(1.0)
     assert model.position[0] == pytest.approx(0.1, abs=0.01)
     world.set_joint_positions("pendulum", {"swing": 1.0})
@@ -197,23 +197,23 @@ def test_gravity_and_the_time_step_change_at_once(make_world):
     )
 
 
-def test_jobs_that_cannot_act_any_more_are_forgotten(make_world):
+def test_forces_that_cannot_act_any_more_are_forgotten(make_world):
     world = make_world("limp", gravity=NOWHERE)
     world.spawn_urdf("pendulum", PENDULUM, np.array([5, 0, 0, 0, 0, 0, 1.0]))
     world.spawn_urdf("body", BODY, np.array([0, 0, 1.0, 0, 0, 0, 1]))
     for _ in range(100):
-        push(world, "body", [2.0, 0, 0])
+        apply_wrench(world, "body", [2.0, 0, 0])
         world.forces.apply_effort(world.entities.joint("swing"), Span(0, None), 0.001)
     assert len(world.forces) == 2
-    push(world, "body", [0, 2.0, 0], span=(0, 10 * MS))
-    push(world, "body", [0, 0, 2.0], span=(5 * MS, 10 * MS))
+    apply_wrench(world, "body", [0, 2.0, 0], span=(0, 10 * MS))
+    apply_wrench(world, "body", [0, 0, 2.0], span=(5 * MS, 10 * MS))
     assert len(world.forces) == 4
     world.run(0.02)
     at_center = world.model("body").twist[:3]
     np.testing.assert_allclose(at_center, [0.01, 0.005, 0.005], atol=1e-12)
     still = make_world("kinematic")
     still.spawn_urdf("body", BODY, np.array([0, 0, 1.0, 0, 0, 0, 1]))
-    push(still, "body", [2.0, 0, 0])
+    apply_wrench(still, "body", [2.0, 0, 0])
     assert not len(still.forces)
 
 
@@ -224,7 +224,7 @@ def test_damping_slows_down_however_strong_it_is(make_world, damping):
     damped = PENDULUM.replace("<limit", f'<dynamics damping="{damping}"/><limit')
     world.spawn_urdf("pendulum", damped, np.array([0, 0, 0, 0, 0, 0, 1.0]))
     model = world.model("pendulum")
-    strain(world, "swing", 1.0)
+    apply_effort(world, "swing", 1.0)
     for _ in range(100):
         world.step()
         assert 0.0 <= model.velocity[0] <= 1.01 / damping + 4e-3
@@ -237,10 +237,10 @@ def test_a_joint_with_friction_holds_what_is_weaker(make_world):
     stiff = PENDULUM.replace("<limit", '<dynamics friction="0.5"/><limit')
     world.spawn_urdf("pendulum", stiff, np.array([0, 0, 0, 0, 0, 0, 1.0]))
     model = world.model("pendulum")
-    strain(world, "swing", 0.4)
+    apply_effort(world, "swing", 0.4)
     world.run(0.1)
     assert abs(model.velocity[0]) < 1e-6
-    strain(world, "swing", 1.0, 200)
+    apply_effort(world, "swing", 1.0, 200)
     world.run(0.1)
     assert model.velocity[0] == pytest.approx(0.5 * 0.1 / 0.26, rel=0.02)
 

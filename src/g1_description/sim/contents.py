@@ -40,7 +40,7 @@ class Entities:
     """All things by name, found the way Gazebo does; made again when one comes or goes.
 
     Gazebo walks its tree from the root, each thing before what it holds, and takes
-    the first whose name or scoped name, ``model::link``, is the one asked for. What
+    the first whose name or scoped name, ``model::link``, is the requested one. What
     is found may then be of the wrong kind: a model hides a later link of its name.
     """
 

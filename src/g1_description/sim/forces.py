@@ -132,7 +132,7 @@ class ForceSchedule:
         self._efforts = [e for e in self._efforts if e.joint.model is not model]
 
     def apply(self, engine: Engine, time_ns: int) -> None:
-        """Let everything act during the next step, and remove what is over then.
+        """Apply what acts during the next step, and remove what is over then.
 
         Args:
             engine: What moves the models.

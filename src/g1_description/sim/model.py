@@ -28,7 +28,7 @@ class Report:
     """Joints whose position was outside the limits, with the position set."""
 
     changed: list[int] = field(default_factory=list)
-    """Rows of the movable joints that are not where, or not as still as, they were."""
+    """Rows of the movable joints that were not at rest at that position already."""
 
 
 class MeasuredState(NamedTuple):
@@ -93,7 +93,7 @@ class Model(Structure):
         self._update_links()
 
     def _initial_root_poses(self) -> np.ndarray:
-        """Give the poses in the world in which the roots began, shape (n_trees, 7)."""
+        """Compute the initial poses of the roots in the world, shape (n_trees, 7)."""
         roots = self.assembly.root_poses
         return np.array([compose(self.initial_pose, root) for root in roots])
 
@@ -192,7 +192,7 @@ class Model(Structure):
         self.twists[self.kinematics.links_below(rows)] = 0.0
 
     def set_joint(self, row: int, position: float, velocity: float) -> None:
-        """Put a joint somewhere, inside its limits, and let it move on from there.
+        """Set position and velocity of a joint, the position inside its limits.
 
         Args:
             row: Which of the movable joints.
@@ -205,7 +205,7 @@ class Model(Structure):
         self._update_links()
 
     def set_state(self, pose: np.ndarray, twist: np.ndarray) -> None:
-        """Put the model somewhere, joints as they are.
+        """Set pose and velocity of the model; joint positions stay.
 
         Args:
             pose: Pose of the model frame in the world, shape (7,).
@@ -223,10 +223,10 @@ class Model(Structure):
             linear = twist[:3] - cross(twist[3:], self._levers())
             self.twists[self._moving, :3] = linear[self._moving]
             self.twists[self._moving, 3:] = twist[3:]
-            self._take_root_twists()
+            self._copy_root_twists()
 
-    def _take_root_twists(self) -> None:
-        """Let the roots move as their links do."""
+    def _copy_root_twists(self) -> None:
+        """Copy the twists of the root links to the roots."""
         for number, tree in enumerate(self.trees):
             if not tree.fixed:
                 self.root_twists[number] = self.twists[tree.root_row]
@@ -234,7 +234,7 @@ class Model(Structure):
     def set_root_state(
         self, pose: np.ndarray, twist: np.ndarray, number: int = 0
     ) -> None:
-        """Put a tree somewhere by its root link, joints as they are and at rest.
+        """Set pose and velocity of a tree by its root link; its joints stop.
 
         Args:
             pose: Pose of the root link in the world, shape (7,).
@@ -258,14 +258,14 @@ class Model(Structure):
             self._update_links()
 
     def return_home(self) -> None:
-        """Go back to where it was spawned, at rest, joints as they are."""
+        """Return to where it was spawned, at rest; joint positions stay."""
         self.set_state(self.initial_pose, np.zeros(6))
         if len(self.trees) > 1:
             self.root_poses[1:] = self._initial_root_poses()[1:]
             self._update_links()
 
     def _place_root(self, number: int, pose: np.ndarray) -> None:
-        """Put a root link somewhere in the world, with all of its tree at rest."""
+        """Set the pose of a root link in the world, and stop its tree."""
         self.root_poses[number] = pose
         self.velocity[self.trees[number].joints] = 0.0
         self.root_twists[number] = 0.0

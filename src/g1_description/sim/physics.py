@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 from g1_description.core.bounds import LARGEST
 from g1_description.core.errors import InvalidValueError
 
-LONGEST_STEP = 10.0
+MAX_TIME_STEP = 10.0
 """Longest time step in [s]: what Gazebo's dynamic_reconfigure allows."""
 
 GRAVITY = ("gravity_x", "gravity_y", "gravity_z")
@@ -77,7 +77,7 @@ class PhysicsProperties:
 
 
 _RANGES = {
-    "time_step": (0.0, LONGEST_STEP),
+    "time_step": (0.0, MAX_TIME_STEP),
     **dict.fromkeys(GRAVITY, (-LARGEST, LARGEST)),
     "sor_pgs_rms_error_tol": (-1.0, LARGEST),
     **dict.fromkeys(_WHOLE_NUMBERS, (0, 2**32 - 1)),

@@ -129,7 +129,7 @@ class Structure:
         return self._joint_rows.get(name)
 
     def replace_link(self, link: Link) -> None:
-        """Give a link another mass; its joints and its place stay.
+        """Replace a link by one of another mass; joints and shapes are the same.
 
         Args:
             link: The link as it is from now on; one of its name is there.

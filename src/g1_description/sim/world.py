@@ -78,7 +78,7 @@ class World(Contents):
         return left_out
 
     def close(self) -> None:
-        """Let PyBullet go."""
+        """Disconnect from PyBullet."""
         self._engine.close()
 
     @property
@@ -169,7 +169,7 @@ class World(Contents):
     def set_model_state(
         self, model: Model, pose: np.ndarray, twist: np.ndarray, frame: Frame
     ) -> None:
-        """Put a model somewhere, joints as they are.
+        """Set pose and velocity of a model; joint positions stay.
 
         Args:
             model: The model.
@@ -187,7 +187,7 @@ class World(Contents):
     def set_root_state(
         self, model: Model, pose: np.ndarray, twist: np.ndarray, tree: int = 0
     ) -> None:
-        """Put a tree of a model somewhere by its root link; it moves as one.
+        """Set pose and velocity of a tree by its root link; it moves as one.
 
         Args:
             model: The model.
@@ -203,7 +203,7 @@ class World(Contents):
     def set_link_state(
         self, entity: LinkEntity, pose: np.ndarray, twist: np.ndarray
     ) -> Placed | None:
-        """Put a link somewhere: a root with its model, others along their joint.
+        """Set pose and velocity of a link: a root with its model, others by a joint.
 
         Args:
             entity: The link.
@@ -238,7 +238,7 @@ class World(Contents):
     def set_link_properties(
         self, entity: LinkEntity, inertial: Inertial, has_gravity: bool
     ) -> None:
-        """Give a link another mass; the model's state stays as it is.
+        """Set mass and gravity of a link; the model's state stays as it is.
 
         Args:
             entity: The link.
@@ -262,7 +262,7 @@ class World(Contents):
     def set_joint_properties(
         self, entity: JointEntity, numbers: Mapping[str, float]
     ) -> None:
-        """Give a joint numbers of ODE, in Gazebo's words.
+        """Set properties of a joint, by the names that Gazebo has for them.
 
         ``damping``, ``loStop`` and ``hiStop`` take effect, the others are kept.
 
@@ -275,13 +275,13 @@ class World(Contents):
             body.joints.set_properties(entity.name)
 
     def reset_models(self) -> None:
-        """Put all models where they were spawned, at rest, joints as they are."""
+        """Return all models to where they were spawned, at rest; joints stay."""
         for model in self.models.values():
             model.return_home()
             self._write(model)
 
     def reset(self) -> None:
-        """Begin again: time zero, models and joints as spawned, nothing acts.
+        """Return to time zero, with models and joints as spawned and no forces.
 
         PyBullet's world is built again, so that a second run equals the first to
         the last bit.

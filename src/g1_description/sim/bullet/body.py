@@ -69,7 +69,7 @@ class Body:
         """Its movable joints."""
         self.write()
         if holds:
-            self.joints.hold(self.joints.rows)
+            self.joints.hold_position(self.joints.rows)
 
     def _set_dynamics(self) -> None:
         """Set what a URDF file does not tell PyBullet."""
@@ -129,7 +129,7 @@ class Body:
         return name in self._index
 
     def pass_through(self, other: Body) -> None:
-        """Let links not collide with those of another tree of their model.
+        """Disable collisions with links of another tree of the same model.
 
         As in Gazebo: those of a model inside another one are another model's.
         """
@@ -163,10 +163,10 @@ class Body:
         """
         self.joints.write(rows)
         if self._holds:
-            self.joints.hold(rows)
+            self.joints.hold_position(rows)
 
     def apply_wrench(self, link: str, force: np.ndarray, torque: np.ndarray) -> None:
-        """Let a wrench act on a link during the next step.
+        """Apply a wrench to a link for the next step.
 
         Args:
             link: The link's name.
@@ -179,12 +179,12 @@ class Body:
         self._client.applyExternalTorque(self.number, index, torque, world)
 
     def compensate_gravity(self, gravity: tuple[float, float, float]) -> None:
-        """Cancel gravity, in [m/s^2], during the next step where a link has none."""
+        """Cancel gravity, in [m/s^2], for the next step on the links without it."""
         for index, mass in self._weightless:
             self._apply_force(index, -mass * np.array(gravity))
 
     def _apply_force(self, index: int, force: np.ndarray) -> None:
-        """Let a force act at a link's center of mass during the next step."""
+        """Apply a force at a link's center of mass for the next step."""
         center, world = self._center(index), self._client.WORLD_FRAME
         self._client.applyExternalForce(self.number, index, force, center, world)
 

@@ -15,7 +15,7 @@ MAX_DEPENETRATION_SPEED = 0.3
 each contact, Gazebo's ``max_vel``; its 0.01 m/s would be slow to watch, and what is
 thrown at this speed rises by 5 mm."""
 
-HARDNESS = 1e9
+CONTACT_HARDNESS = 1e9
 """Stiffness times the time step, plus damping, of links whose part of ``erp`` is given:
 so great that their contacts are as hard as others."""
 
@@ -76,7 +76,7 @@ class DepenetrationLimiter:
         }
 
     def apply(self, bodies: Mapping[int, Body], properties: PhysicsProperties) -> None:
-        """Give each link its part of ``erp`` for the next step.
+        """Set each link's part of ``erp`` for the next step.
 
         Args:
             bodies: All bodies by their numbers in PyBullet.
@@ -90,7 +90,7 @@ class DepenetrationLimiter:
         for key in {**self._given, **deepest}:
             share = way / deepest[key] if key in deepest else properties.erp
             if self._given.get(key) != (share, time_step):
-                self._give(key, share, time_step)
+                self._set_share(key, share, time_step)
         self._may_overlap = bool(deepest)
 
     def _deep_links(
@@ -119,13 +119,13 @@ class DepenetrationLimiter:
                     break
         return deepest
 
-    def _give(self, key: tuple[int, int], share: float, time_step: float) -> None:
-        """Let the contacts of a link take back a part of their depth in each step."""
+    def _set_share(self, key: tuple[int, int], share: float, time_step: float) -> None:
+        """Set the part of their depth that a link's contacts take back in each step."""
         body, link = key
         self._client.changeDynamics(
             body,
             link,
-            contactStiffness=share * HARDNESS / time_step,
-            contactDamping=(1.0 - share) * HARDNESS,
+            contactStiffness=share * CONTACT_HARDNESS / time_step,
+            contactDamping=(1.0 - share) * CONTACT_HARDNESS,
         )
         self._given[key] = share, time_step

@@ -56,7 +56,7 @@ class Engine:
         self._is_sorted = False
 
     def close(self) -> None:
-        """Let PyBullet go."""
+        """Disconnect from PyBullet."""
         self._client.disconnect()
 
     @property
@@ -82,7 +82,7 @@ class Engine:
         return self.bodies(model)
 
     def add(self, model: Model) -> tuple[str, ...]:
-        """Give a model its bodies, or leave all as it was.
+        """Make the bodies of a model; if that fails, nothing is changed.
 
         Args:
             model: The model, in the state its bodies shall have.
@@ -130,12 +130,12 @@ class Engine:
         return tuple(bodies), tuple(left_out)
 
     def remove(self, name: str) -> None:
-        """Take a model's bodies away, if it has any."""
+        """Remove a model's bodies, if it has any."""
         self._rest.wake()
         self._remove(self._bodies.pop(name, ()))
 
     def replace(self, model: Model) -> None:
-        """Give a model other bodies, or leave all as it was.
+        """Make the bodies of a model again; if that fails, the old ones stay.
 
         Raises:
             DescriptionError: If it cannot be loaded.
@@ -145,7 +145,7 @@ class Engine:
         self._remove(old)
 
     def _remove(self, bodies: Iterable[Body]) -> None:
-        """Take bodies away."""
+        """Remove bodies."""
         for body in bodies:
             self._client.removeBody(body.number)
             self._depenetration.forget(body.number)
@@ -205,7 +205,7 @@ class Engine:
 
 
 def _write_properties(client: BulletClient, properties: PhysicsProperties) -> None:
-    """Let PyBullet compute with these numbers."""
+    """Write the numbers that PyBullet knows."""
     if properties.step_ns:
         client.setTimeStep(properties.time_step)
     client.setGravity(*properties.gravity)

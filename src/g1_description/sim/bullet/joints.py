@@ -31,7 +31,7 @@ class BodyJoints:
         tree: int,
         numbers: Mapping[str, int],
     ) -> None:
-        """Switch all motors off, also those PyBullet starts with as friction.
+        """Disable all motors, also those that PyBullet starts with as friction.
 
         Args:
             client: PyBullet.
@@ -82,8 +82,8 @@ class BodyJoints:
                     self._body, number, position[row], velocity[row]
                 )
 
-    def hold(self, rows: Iterable[int]) -> None:
-        """Let motors hold joints at the model's targets, within their efforts.
+    def hold_position(self, rows: Iterable[int]) -> None:
+        """Set the motors to hold joints at the model's targets, within their efforts.
 
         Args:
             rows: Rows of the movable joints in the model; those of other trees are
@@ -100,7 +100,7 @@ class BodyJoints:
             )
 
     def apply_effort(self, name: str, effort: float) -> None:
-        """Let an effort act during the next step.
+        """Apply an effort for the next step.
 
         Args:
             name: The joint's name.
@@ -111,7 +111,7 @@ class BodyJoints:
         self._client.setJointMotorControl2(self._body, number, torque, force=effort)
 
     def apply_damping(self) -> None:
-        """Let friction and damping slow the joints down during the next step.
+        """Apply friction and damping of the joints for the next step.
 
         Motors that want to stand still, none stronger than what slows its joint:
         PyBullet's own damping overshoots where it is strong for the step, and it
@@ -122,7 +122,7 @@ class BodyJoints:
             self._drive(self._friction + self._damping * speed)
 
     def _drive(self, efforts: np.ndarray) -> None:
-        """Let motors stop the joints, with efforts in [N m] or [N], shape (n,)."""
+        """Set the motors to stop the joints, by efforts in [N m] or [N], shape (n,)."""
         self._client.setJointMotorControlArray(
             self._body, self._numbers, self._client.VELOCITY_CONTROL, forces=efforts
         )
