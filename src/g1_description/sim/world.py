@@ -108,12 +108,10 @@ class World(Contents):
                 ``limp``.
 
         Returns:
-            A clause for each thing in the file that was left out, and for joints that
-            do not begin at zero.
+            A clause for each thing left out, and for joints that do not begin at zero.
 
         Raises:
-            DescriptionError: If the model cannot be loaded; the world stays as it
-                was.
+            DescriptionError: If it cannot be loaded; the world stays as it was.
         """
         if name in self.models:
             raise DescriptionError(f"A model called '{name}' is already there.")
@@ -283,8 +281,7 @@ class World(Contents):
     def reset(self) -> None:
         """Return to time zero, with models and joints as spawned and no forces.
 
-        PyBullet's world is built again, so that a second run equals the first to
-        the last bit.
+        PyBullet begins afresh, so that a second run equals the first to the last bit.
         """
         self.time_ns = 0
         self.forces = ForceSchedule(self.is_dynamic)
