@@ -25,7 +25,7 @@ from g1_description.core.robot.description import Shape
 from g1_description.core.urdf.reader import parse_urdf
 from g1_description.importer.command import run
 from g1_description.importer.folder import Folder
-from g1_description.importer.places import Places
+from g1_description.importer.naming import FileNames
 from g1_description.sim.meshes.shapes import find_meshes
 
 LINK = '<link name="{}"><inertial><mass value="2"/><inertia {}/></inertial>{}</link>'
@@ -226,7 +226,7 @@ def test_a_missing_mesh_is_named_and_taken_out(bring, source):
     urdf = bring(robot(inside))
     assert list(mesh_files(urdf)) == [("base", "v", 0)]
     for words in (
-        "nowhere.stl (visual of link base) does not exist; taken out",
+        "nowhere.stl (visual of link base) does not exist; removed",
         "package://no_such_package/x.stl (collision of link base) does not exist",
         "cut.stl (collision of link base) cannot be read: it is no text that begins",
     ):
@@ -238,7 +238,7 @@ def faults(told):
     """Give what is told of files that cannot be read, by their names."""
     return dict(
         re.findall(
-            r"(\S+)(?: \(.*\))? cannot be read: (.*?)(?:; taken out)?\.?$", told, re.M
+            r"(\S+)(?: \(.*\))? cannot be read: (.*?)(?:; removed)?\.?$", told, re.M
         )
     )
 
@@ -308,7 +308,7 @@ def test_an_stl_of_text_or_without_normals_becomes_binary_with_them(bring, sourc
 def test_a_missing_mesh_stays_if_asked_for(bring):
     urdf = bring(robot(shape("visual", "nowhere.stl")), "--keep-missing")
     assert 'filename="nowhere.stl"' in urdf.read_text()
-    assert "the URDF still names it" in bring.told
+    assert "; kept in the URDF" in bring.told
 
 
 @pytest.mark.parametrize("options", [[], ["--keep-missing"]])
@@ -317,7 +317,7 @@ def test_a_texture_without_a_name_is_told_as_that(bring, element, options):
     """There is no name that could stay."""
     material = f'<material name="green"><color rgba="0 1 0 1"/>{element}</material>'
     urdf = bring(robot("", links=material), *options)
-    sentence = "The texture of material green names no file; taken out."
+    sentence = "The texture of material green names no file; removed."
     assert f"\n  {sentence}\n" in bring.told
     assert f"\n- {sentence}\n" in (urdf.parents[1] / "report.md").read_text()
     assert "<texture" not in urdf.read_text()
@@ -326,7 +326,7 @@ def test_a_texture_without_a_name_is_told_as_that(bring, element, options):
 def test_what_is_elsewhere_stays(bring):
     urdf = bring(robot(shape("visual", "http://host/x.stl")))
     assert 'filename="http://host/x.stl"' in urdf.read_text()
-    assert "http://host/x.stl (visual of link base) is elsewhere" in bring.told
+    assert "http://host/x.stl (visual of link base) is not a local file" in bring.told
 
 
 def test_materials_and_textures_come_along(bring, source):
@@ -419,7 +419,7 @@ def test_what_a_mesh_names_keeps_its_place(bring, source):
 
 
 def test_a_root_of_two_slashes_is_a_root_too():
-    assert Places([Path("/a/x.png"), Path("//a/x.png")]).place(Path("//a/x.png"))
+    assert FileNames([Path("/a/x.png"), Path("//a/x.png")]).of(Path("//a/x.png"))
 
 
 def test_links_without_mass_are_told_apart(bring):
@@ -436,12 +436,13 @@ def test_links_without_mass_are_told_apart(bring):
     assert found["held"].mass == 0.0
     assert found["loose"] is None
     assert found["tip"] is None
-    assert "Mass 0 for links without <inertial> that are fixed to others: held" in (
-        bring.told
+    assert (
+        "Massless links fixed to a body with mass got an explicit mass of 0: held"
+        in (bring.told)
     )
-    assert "Link loose has no <inertial>" in bring.told
+    assert "Link loose has no mass and is not fixed" in bring.told
     again = run([str(urdf)])
-    assert "Mass 0" not in again
+    assert "explicit mass" not in again
 
 
 def test_a_link_of_mass_zero_that_could_move_is_named(bring):
@@ -455,7 +456,7 @@ def test_a_link_of_mass_zero_that_could_move_is_named(bring):
         '<parent link="base"/><child link="held"/></joint>',
     )
     urdf = bring(text)
-    assert "Link loose has no <inertial> with a mass" in bring.told
+    assert "Link loose has no mass and is not fixed" in bring.told
     assert "held" not in bring.told
     assert links in urdf.read_text()
 
@@ -609,7 +610,7 @@ def test_one_wrong_file_of_a_folder_is_named_and_left_out(source, out):
         assert words in told
         assert words in (out / "report.md").read_text()
     (source / "a.urdf").unlink()
-    words = r"b\.urdf cannot be used: .*<sdf>.*\(2 files, none is a robot\)"
+    words = r"b\.urdf cannot be used: .*<sdf>.*\(2 files, none of which is a robot\)"
     with pytest.raises(DescriptionError, match=words):
         run([str(source), "--out", str(out), "--force"])
 
@@ -628,7 +629,7 @@ def test_comments_and_unknown_tags_stay(bring):
         "</robot>", '<mujoco><compiler meshdir="meshes" a="b"/></mujoco></robot>'
     )
     urdf = bring(text)
-    assert "meshdir is ../meshes, was meshes" in bring.told
+    assert "meshdir was meshes and is ../meshes now" in bring.told
     assert "meshdir" not in run([str(urdf)])
     written = urdf.read_text()
     for part in ("<!-- before -->", "<!-- here -->", "<my_tag/>", "<gazebo reference"):
@@ -640,7 +641,7 @@ def test_nothing_is_overwritten_without_force(bring, out):
     bring(robot(""))
     (out / "mine.txt").write_text("mine")
     before = contents(out)
-    with pytest.raises(DescriptionError, match=r"report\.md exists; with --force"):
+    with pytest.raises(DescriptionError, match=r"report\.md exists; --force repl"):
         bring(robot("<!-- new -->"))
     assert contents(out) == before
     assert "<!-- new -->" in bring(robot("<!-- new -->"), "--force").read_text()
@@ -657,7 +658,7 @@ def test_a_folder_that_has_other_files_takes_a_robot(bring, out):
 
 def test_what_is_no_folder_is_in_the_way(bring, out):
     out.write_text("mine")
-    with pytest.raises(DescriptionError, match="out is in the way: it is no folder"):
+    with pytest.raises(DescriptionError, match="out is in the way: it is not a folder"):
         bring(robot(""), "--force")
     out.unlink()
     out.mkdir()
@@ -673,11 +674,11 @@ def test_the_source_is_never_replaced(tmp_path):
     path.parent.mkdir()
     path.write_text(robot(shape("visual", "../meshes/x.stl")))
     before = contents(tmp_path)
-    with pytest.raises(DescriptionError, match=r"r\.urdf is part of what is imported"):
+    with pytest.raises(DescriptionError, match=r"r\.urdf is one of the imported files"):
         run([str(path), "--out", str(tmp_path), "--force"])
     path.rename(tmp_path / "r2.urdf")
     (tmp_path / "r2.urdf").write_text(robot(shape("visual", "meshes/x.stl")))
-    with pytest.raises(DescriptionError, match=r"x\.stl is part of what is imported"):
+    with pytest.raises(DescriptionError, match=r"x\.stl is one of the imported files"):
         run([str(tmp_path / "r2.urdf"), "--out", str(tmp_path), "--force"])
     assert contents(tmp_path)["meshes/x.stl"] == before["meshes/x.stl"]
     assert set(contents(tmp_path)) == {"r2.urdf", "meshes/x.stl"}
@@ -688,7 +689,7 @@ def test_without_out_nothing_is_written(source, tmp_path):
     (source / "r.urdf").write_text(robot(shape("visual", "x.stl")))
     before = contents(tmp_path)
     told = run([str(source / "r.urdf")])
-    assert "1 files of meshes, 1 changed" in told
+    assert "1 mesh files, 1 changed" in told
     assert "nothing is written" in told
     assert contents(tmp_path) == before
 
@@ -755,11 +756,11 @@ def command(*arguments, first="", ignored=(), **options):
     [
         (["no.urdf"], "The model no.urdf cannot be used: There is no file no.urdf"),
         (["."], "There is no .urdf in the folder ."),
-        (["r.urdf", "--decimate", "3"], "'3' is no whole number from 4 on"),
-        (["r.urdf", "--tolerance", "-1"], "'-1' is no length in metres"),
-        (["r.urdf", "--tolerance", "a"], "'a' is no length in metres"),
+        (["r.urdf", "--decimate", "3"], "'3' is not a whole number of at least 4"),
+        (["r.urdf", "--tolerance", "-1"], "'-1' is not a length in metres"),
+        (["r.urdf", "--tolerance", "a"], "'a' is not a length in metres"),
         (["r.urdf", "--out", "/proc/x"], "/proc/.import_model-"),
-        (["r.urdf", "--out", ""], "argument --out: '' is no folder"),
+        (["r.urdf", "--out", ""], "argument --out: '' is not a folder"),
         (["~nouser/x"], "There is no folder ~nouser"),
         ([], "the following arguments are required: model"),
     ],

@@ -13,17 +13,17 @@ from g1_description.core.cli import OneSentenceParser
 from g1_description.core.errors import DescriptionError, G1DescriptionError
 from g1_description.core.files.find import named_path, with_robots
 from g1_description.core.files.load import ModelText, read_model
-from g1_description.importer.meshes.meshes import TOLERANCE, Wishes
+from g1_description.importer.meshes.meshes import TOLERANCE, Options
 
 from .folder import Folder
 from .importing import Import
+from .naming import mesh_prefix
 from .report import report, summary
 from .robot import Robot, open_robot
-from .uris import mesh_prefix
 
 REPORT = "report.md"
 
-PERIOD = 2.0
+PROGRESS_PERIOD = 2.0
 """Time between two lines of progress, in [s]."""
 
 
@@ -32,47 +32,47 @@ def parser() -> OneSentenceParser:
     made = OneSentenceParser(
         prog="import_model",
         description="Copy a robot with the meshes it uses into a folder, so that RViz, "
-        "Gazebo and the stand-in read it. Without --out it is only checked.",
+        "Gazebo and the stand-in can read it. Without --out, only check the robot.",
     )
     made.add_argument(
         "model",
-        help="URDF or xacro file, as for model:= of the launch files; or a folder: "
-        "every .urdf in it and below",
+        help="URDF or xacro file, as for model:= of the launch files, or a folder, "
+        "which is searched for .urdf files with its subfolders",
     )
-    made.add_argument("--out", type=_folder, metavar="FOLDER", help="where to write")
-    made.add_argument("--force", action="store_true", help="replace what is in the way")
+    made.add_argument("--out", type=_folder, metavar="FOLDER", help="output folder")
+    made.add_argument("--force", action="store_true", help="replace existing files")
     made.add_argument(
         "--decimate",
         type=_count,
         metavar="N",
-        help="N triangles per mesh, or as few as --tolerance allows",
+        help="reduce each mesh to N triangles, or as few as --tolerance allows",
     )
     made.add_argument(
         "--tolerance",
         type=_distance,
         default=TOLERANCE,
         metavar="METRES",
-        help="how far --decimate may move a surface, measured from the old one to the "
-        f"new and back; by default {TOLERANCE}",
+        help="largest distance that --decimate may move a surface, measured in both "
+        f"directions; default: {TOLERANCE}",
     )
     made.add_argument(
         "--convex-collisions",
         action="store_true",
-        help="convex hulls for meshes of collisions",
+        help="replace collision meshes by their convex hulls",
     )
     made.add_argument(
         "--keep-missing",
         action="store_true",
-        help="leave meshes that are missing in the URDF",
+        help="keep references to missing meshes in the URDF",
     )
     return made
 
 
 def _count(text: str) -> int:
-    """Read how many triangles a mesh may have; a body has at least four."""
+    """Read a number of triangles; a closed surface has at least four."""
     if text.isdecimal() and int(text) >= 4:
         return int(text)
-    raise argparse.ArgumentTypeError(f"'{text}' is no whole number from 4 on")
+    raise argparse.ArgumentTypeError(f"'{text}' is not a whole number of at least 4")
 
 
 def _distance(text: str) -> float:
@@ -83,28 +83,28 @@ def _distance(text: str) -> float:
         distance = math.nan
     if 0.0 <= distance < math.inf:
         return distance
-    raise argparse.ArgumentTypeError(f"'{text}' is no length in metres")
+    raise argparse.ArgumentTypeError(f"'{text}' is not a length in metres")
 
 
 def _folder(text: str) -> Path:
     """Read the name of a folder; an empty one would be the working directory."""
     if text:
         return Path(text)
-    raise argparse.ArgumentTypeError("'' is no folder")
+    raise argparse.ArgumentTypeError("'' is not a folder")
 
 
-def read_models(asked: str) -> tuple[list[ModelText], list[str]]:
+def read_models(model: str) -> tuple[list[ModelText], list[str]]:
     """Read a file, or all robots in a folder and below it.
 
     Returns:
-        The robots, and a sentence for each file of a folder that is none.
+        The robots, and a message for each file of a folder that is not a robot.
 
     Raises:
         DescriptionError: If there is no robot.
     """
-    folder = named_path(asked)
+    folder = named_path(model)
     if not folder.is_dir():
-        return [_read(asked)], []
+        return [_read(model)], []
     names = _urdf_files(folder)
     if not names:
         more = with_robots(folder)
@@ -118,7 +118,11 @@ def read_models(asked: str) -> tuple[list[ModelText], list[str]]:
         except DescriptionError as error:
             faults.append(str(error))
     if not models:
-        more = f" ({len(faults)} files, none is a robot)" if len(faults) > 1 else ""
+        more = (
+            f" ({len(faults)} files, none of which is a robot)"
+            if len(faults) > 1
+            else ""
+        )
         raise DescriptionError(f"{faults[0]}{more}")
     return models, faults
 
@@ -136,7 +140,7 @@ def _read(name: str) -> ModelText:
     """Read a robot.
 
     Raises:
-        DescriptionError: If it is none; the sentence names it.
+        DescriptionError: If it is not one; the message names it.
     """
     try:
         return read_model(name)
@@ -145,7 +149,7 @@ def _read(name: str) -> ModelText:
 
 
 def _open(models: list[ModelText]) -> list[Robot]:
-    """Take robots apart; those whose files have one name are counted."""
+    """Open robots; those with equal file names are numbered."""
     robots: dict[str, Robot] = {}
     for model in models:
         robot = open_robot(model)
@@ -156,30 +160,30 @@ def _open(models: list[ModelText]) -> list[Robot]:
 
 
 class Progress:
-    """Tells on stderr how far it is, when that takes long."""
+    """Reports progress on stderr when the import takes long."""
 
     def __init__(self) -> None:
-        """Begin to wait."""
-        self._told = time.monotonic()
+        """Start the first period."""
+        self._reported = time.monotonic()
 
     def __call__(self, done: int, total: int) -> None:
-        """Hear how many are done, and tell it now and then."""
-        if time.monotonic() - self._told > PERIOD:
-            self._told = time.monotonic()
+        """Print how many are done, every ``PROGRESS_PERIOD``."""
+        if time.monotonic() - self._reported > PROGRESS_PERIOD:
+            self._reported = time.monotonic()
             print(f"import_model: {done} of {total} meshes", file=sys.stderr)
 
 
-def check_only(robots: list[Robot], faults: list[str], wishes: Wishes) -> str:
-    """Check robots and write nothing; give the summary of what would be done."""
-    imported = Import(robots, wishes, "../meshes", lambda name, data: None, faults)
+def check_only(robots: list[Robot], faults: list[str], options: Options) -> str:
+    """Check robots and write nothing; return the summary of what would be done."""
+    imported = Import(robots, options, "../meshes", lambda name, data: None, faults)
     imported.run(Progress())
-    return f"{summary(imported)}\nOnly checked: without --out nothing is written."
+    return f"{summary(imported)}\nOnly checked: nothing is written without --out."
 
 
 def import_into(
-    folder: Folder, robots: list[Robot], faults: list[str], wishes: Wishes
+    folder: Folder, robots: list[Robot], faults: list[str], options: Options
 ) -> str:
-    """Write the folder; give the summary.
+    """Write the folder; return the summary.
 
     Raises:
         DescriptionError: If something is in the way.
@@ -189,7 +193,7 @@ def import_into(
     folder.protect([*(robot.source for robot in robots), *meshes])
     folder.check([REPORT, *(robot.name for robot in robots)])
     prefix, where = mesh_prefix(folder.target)
-    imported = Import(robots, wishes, prefix, folder.write, faults)
+    imported = Import(robots, options, prefix, folder.write, faults)
     with folder.completed():
         imported.run(Progress())
         folder.write(REPORT, report(imported, where).encode("utf-8"))
@@ -197,18 +201,18 @@ def import_into(
 
 
 def run(arguments: list[str]) -> str:
-    """Do what a command line asks; give what to print.
+    """Run a command line; return what to print.
 
     Raises:
-        G1DescriptionError: If it cannot be done; nothing was changed.
+        G1DescriptionError: If it fails; nothing was changed.
         OSError: If the folder cannot be written.
     """
-    asked = parser().parse_args(arguments)
-    models, faults = read_models(asked.model)
+    args = parser().parse_args(arguments)
+    models, faults = read_models(args.model)
     robots = _open(models)
-    wishes = Wishes(
-        asked.decimate, asked.tolerance, asked.convex_collisions, asked.keep_missing
+    options = Options(
+        args.decimate, args.tolerance, args.convex_collisions, args.keep_missing
     )
-    if asked.out is None:
-        return check_only(robots, faults, wishes)
-    return import_into(Folder(asked.out, asked.force), robots, faults, wishes)
+    if args.out is None:
+        return check_only(robots, faults, options)
+    return import_into(Folder(args.out, args.force), robots, faults, options)

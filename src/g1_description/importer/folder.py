@@ -1,4 +1,4 @@
-"""A folder that is written as a whole or not at all."""
+"""An output folder that is written completely or not at all."""
 
 from __future__ import annotations
 
@@ -37,22 +37,20 @@ class Folder:
         """Check that nothing is in the way of some files.
 
         Raises:
-            DescriptionError: If something is; the sentence names it.
+            DescriptionError: If something is; the message names it.
         """
         if self.target.exists() and not self.target.is_dir():
-            raise DescriptionError(f"{self.target} is in the way: it is no folder.")
+            raise DescriptionError(f"{self.target} is in the way: it is not a folder.")
         for name in names:
             path = self.target / name
             blocks = [p for p in path.parents if p.exists() and not p.is_dir()]
             if blocks or path.is_dir():
                 raise DescriptionError(f"{(blocks or [path])[0]} is in the way.")
             if os.path.lexists(path) and not self._replace:
-                raise DescriptionError(
-                    f"{path} exists; with --force it would be replaced."
-                )
+                raise DescriptionError(f"{path} exists; --force replaces it.")
             if os.path.realpath(path) in self._sources:
                 raise DescriptionError(
-                    f"{path} is part of what is imported; choose another folder."
+                    f"{path} is one of the imported files; choose another folder."
                 )
 
     def write(self, name: str, data: bytes) -> None:
@@ -100,7 +98,7 @@ class Folder:
 
 
 def _umask() -> int:
-    """Tell which rights new files don't get."""
+    """Return the permission bits that new files don't get."""
     mask = os.umask(0)
     os.umask(mask)
     return mask
@@ -108,7 +106,7 @@ def _umask() -> int:
 
 @contextmanager
 def undisturbed() -> Iterator[None]:
-    """Hear no signals for the moment that a few renames take."""
+    """Ignore signals for the moment that a few renames take."""
     numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
     former = {number: signal.signal(number, signal.SIG_IGN) for number in numbers}
     try:

@@ -1,4 +1,4 @@
-"""The import itself: robots in, a folder and a report out."""
+"""Import robots: write their URDFs and meshes, and keep what was changed."""
 
 from __future__ import annotations
 
@@ -9,29 +9,29 @@ from pathlib import Path
 from typing import Callable
 
 from g1_description.core.errors import DescriptionError
-from g1_description.importer.meshes.companions import companions_of
 from g1_description.importer.meshes.meshes import (
     Mesh,
+    Options,
     Reader,
-    Wishes,
     make_mesh,
     read_bytes,
 )
+from g1_description.importer.meshes.side_files import side_files_of
 
 from .masses import impossible_inertias, massless_links, write_zero_masses
-from .places import Places
+from .naming import FileNames
 from .robot import Reference, Robot
 
 Write = Callable[[str, bytes], None]
 """Takes the name of a file in the result, and its content."""
 
 Progress = Callable[[int, int], None]
-"""Is told how many meshes are done, and of how many."""
+"""Takes the number of meshes that are done, and of all."""
 
 
 @dataclass
 class MeshFile:
-    """What became of a mesh, for the report."""
+    """A file of the result, for the report."""
 
     name: str
     source: Path
@@ -39,51 +39,51 @@ class MeshFile:
     changes: tuple[str, ...] = ()
     findings: tuple[str, ...] = ()
     moved: float | None = None
-    """How far fewer triangles moved it, in [m]."""
+    """How far decimation moved its surface, in [m]."""
 
 
 @dataclass
 class Import:
-    """Robots on their way into one folder."""
+    """The import of robots into one folder."""
 
     robots: list[Robot]
-    wishes: Wishes
+    options: Options
     prefix: str
     """What a mesh's name in the URDF begins with."""
 
     write: Write
     faults: list[str] = field(default_factory=list)
-    """A sentence for each file that is no robot and was left out."""
+    """A message for each file that is not a robot and was skipped."""
 
     files: dict[str, MeshFile] = field(default_factory=dict)
     """Meshes of the result by their names in it."""
 
-    _places: Places = field(init=False)
+    _names: FileNames = field(init=False)
     _reader: Reader = field(init=False)
-    _companions: dict[Path, tuple[dict[str, Path], list[str]]] = field(init=False)
+    _side_files: dict[Path, tuple[dict[str, Path], list[str]]] = field(init=False)
     _scales: dict[Path, float] = field(default_factory=dict)
-    """By how much the robots magnify a mesh, at most."""
+    """Largest scale of each mesh."""
 
     _made: dict[tuple[Path, bool], str | DescriptionError] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Find all files that there will be."""
+        """Find all files of the result."""
         for ref in self._references():
             if ref.path:
                 self._scales[ref.path] = max(self._scales.get(ref.path, 0.0), ref.scale)
         paths = dict.fromkeys(ref.path for ref in self._references() if ref.path)
-        self._companions = {path: companions_of(path) for path in paths}
+        self._side_files = {path: side_files_of(path) for path in paths}
         beside = (
             Path(os.path.normpath(path.parent / name))
-            for path, (found, _) in self._companions.items()
+            for path, (found, _) in self._side_files.items()
             for name in found
         )
-        self._places = Places([*paths, *beside])
+        self._names = FileNames([*paths, *beside])
         meshes = (ref.path for ref in self._references() if ref.is_mesh and ref.path)
         self._reader = Reader(dict.fromkeys(meshes))
 
     def _references(self) -> Iterable[Reference]:
-        """Give the files that all robots name."""
+        """Return the references of all robots."""
         return (ref for robot in self.robots for ref in robot.references)
 
     def run(self, progress: Progress) -> None:
@@ -104,15 +104,18 @@ class Import:
             self.write(robot.name, robot.text())
 
     def _settle(self, robot: Robot, reference: Reference) -> None:
-        """Give a mesh or texture its place, or take it out of the URDF."""
+        """Set the new name of a mesh or texture, or remove it from the URDF."""
         if not reference.name:
             kind = reference.element.tag
-            told = f"The {kind} of {reference.owner} names no file; taken out."
-            robot.findings.append(told)
+            robot.findings.append(
+                f"The {kind} of {reference.owner} names no file; removed."
+            )
             reference.remove()
             return
         if not reference.is_local:
-            robot.findings.append(f"{reference.name} ({reference.owner}) is elsewhere.")
+            robot.findings.append(
+                f"{reference.name} ({reference.owner}) is not a local file."
+            )
             return
         why: object = "does not exist"
         if reference.path is not None:
@@ -121,66 +124,68 @@ class Import:
                 reference.element.set("filename", f"{self.prefix}/{made}")
                 return
             why = f"cannot be read: {made}"
-        fate = "the URDF still names it" if self.wishes.keep_missing else "taken out"
+        fate = "kept in the URDF" if self.options.keep_missing else "removed"
         robot.findings.append(f"{reference.name} ({reference.owner}) {why}; {fate}.")
-        if not self.wishes.keep_missing:
+        if not self.options.keep_missing:
             reference.remove()
 
     def _file(self, path: Path, reference: Reference) -> str | DescriptionError:
-        """Give the place of a file, which is written when it is first asked for."""
-        key = path, reference.is_collision and self.wishes.convex_collisions
+        """Return the name of a file, which the first call writes."""
+        key = path, reference.is_collision and self.options.convex_collisions
         if key not in self._made:
             try:
                 mesh = self._make(path, reference)
             except DescriptionError as error:
                 self._made[key] = error
                 return error
-            name = self._places.place(path, mesh.name)
+            name = self._names.of(path, mesh.name)
             self._write_mesh(path, name, mesh)
             self._made[key] = name
         return self._made[key]
 
     def _make(self, path: Path, reference: Reference) -> Mesh:
-        """Read a mesh, or a texture as it is."""
+        """Make a mesh, or copy a texture."""
         if not reference.is_mesh:
             return Mesh(read_bytes(path), "")
         scale = self._scales[path]
-        return make_mesh(path, self._reader, reference.is_collision, scale, self.wishes)
+        return make_mesh(
+            path, self._reader, reference.is_collision, scale, self.options
+        )
 
     def _write_mesh(self, path: Path, name: str, mesh: Mesh) -> None:
-        """Write a mesh with what it names."""
-        found, absent = ({}, []) if mesh.name else self._companions[path]
+        """Write a mesh with its side files."""
+        found, absent = ({}, []) if mesh.name else self._side_files[path]
         gone = tuple(f"names {name}, which does not exist" for name in absent)
-        told = mesh.triangles, mesh.changes, mesh.findings + gone, mesh.moved
-        self.files[name] = MeshFile(name, path, *told)
+        record = mesh.triangles, mesh.changes, mesh.findings + gone, mesh.moved
+        self.files[name] = MeshFile(name, path, *record)
         self.write(f"meshes/{name}", mesh.data)
-        for relative, companion in found.items():
+        for relative, file in found.items():
             place = os.path.normpath(os.path.join(os.path.dirname(name), relative))
-            self.files[place] = MeshFile(place, companion)
-            self.write(f"meshes/{place}", companion.read_bytes())
+            self.files[place] = MeshFile(place, file)
+            self.write(f"meshes/{place}", file.read_bytes())
 
 
 def _settle_masses(robot: Robot) -> None:
-    """Make masses explicit that are known, and name those that are not."""
+    """Write known masses explicitly, and report unknown ones."""
     held, unknown = massless_links(robot.description)
     if held:
         write_zero_masses(robot.root, held)
         robot.changes.append(
-            f"Mass 0 for links without <inertial> that are fixed to others: "
+            f"Massless links fixed to a body with mass got an explicit mass of 0: "
             f"{', '.join(held)}."
         )
     robot.findings += [
-        f"Link {name} has no <inertial> with a mass and is fixed to no mass: Gazebo "
-        "leaves it out, with all below it."
+        f"Link {name} has no mass and is not fixed to a link with mass: Gazebo ignores "
+        "it and all links below it."
         for name in unknown
     ]
     robot.findings += impossible_inertias(robot.description)
 
 
 def _settle_mujoco(robot: Robot) -> None:
-    """Tell MuJoCo where the meshes are now, if it was told before."""
+    """Update the folder of meshes in MuJoCo's extension, if there is one."""
     for compiler in robot.root.iterfind("mujoco/compiler[@meshdir]"):
         former = compiler.get("meshdir")
         if former != "../meshes":
-            robot.changes.append(f"MuJoCo's meshdir is ../meshes, was {former}.")
+            robot.changes.append(f"MuJoCo's meshdir was {former} and is ../meshes now.")
             compiler.set("meshdir", "../meshes")

@@ -34,12 +34,12 @@ def massless_links(description: Description) -> tuple[list[str], list[str]]:
 
 
 def _is_bare(inertial: Inertial | None) -> bool:
-    """Tell whether a link has no mass at all."""
+    """Check whether a link has no mass."""
     return inertial is None or inertial.mass == 0.0
 
 
 def write_zero_masses(root: etree._Element, links: list[str]) -> None:
-    """Say of links that they have no mass of their own."""
+    """Write a mass of 0 for links."""
     for link in root.findall("link"):
         if link.get("name") not in links:
             continue

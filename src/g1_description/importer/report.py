@@ -1,4 +1,4 @@
-"""What an import tells: a report for the folder, and a summary for the terminal."""
+"""The report of an import for its folder, and the summary for the terminal."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ def report(imported: Import, where: str) -> str:
 
     Args:
         imported: What was done.
-        where: A sentence on how the URDF names its meshes.
+        where: A message on how the URDF names its meshes.
     """
     lines = ["# Import report", "", where, ""]
     for robot in imported.robots:
         lines += _robot_section(robot)
     if imported.faults:
-        lines += ["## Left out", "", *(f"- {fault}" for fault in imported.faults), ""]
+        lines += ["## Skipped", "", *(f"- {fault}" for fault in imported.faults), ""]
     if imported.files:
         lines += _mesh_section(list(imported.files.values()))
     return "\n".join(lines).rstrip() + "\n"
 
 
 def summary(imported: Import) -> str:
-    """Write what a user reads on the terminal."""
+    """Write the summary that the terminal shows."""
     lines = []
     for robot in imported.robots:
         lines.append(
@@ -38,16 +38,16 @@ def summary(imported: Import) -> str:
         lines += [f"  {text}" for text in (*robot.changes, *robot.findings)]
     files = imported.files.values()
     changed = sum(bool(file.changes) for file in files)
-    lines.append(f"{len(files)} files of meshes, {changed} changed")
+    lines.append(f"{len(files)} mesh files, {changed} changed")
     moved = {file.moved: file.name for file in files if file.moved is not None}
     if moved:
         most = max(moved)
         lines.append(
-            f"Fewer triangles moved no mesh by more than {millimetres(most)} "
+            f"Decimation moved no mesh by more than {millimetres(most)} "
             f"({moved[most]})."
         )
     lines += [f"  {file.name} {text}." for file in files for text in file.findings]
-    lines += [f"Left out: {fault}" for fault in imported.faults]
+    lines += [f"Skipped: {fault}" for fault in imported.faults]
     return "\n".join(lines)
 
 
@@ -66,7 +66,7 @@ def _robot_section(robot: Robot) -> Iterator[str]:
     """Write the part of one robot."""
     yield from (f"## {os.path.basename(robot.name)}", "")
     yield from (f"From `{robot.source}`: {_figures(robot)}.", "")
-    for title, texts in (("Changed", robot.changes), ("To look at", robot.findings)):
+    for title, texts in (("Changed", robot.changes), ("To check", robot.findings)):
         if texts:
             yield from (f"### {title}", "", *(f"- {text}" for text in texts), "")
 
@@ -81,5 +81,5 @@ def _mesh_section(files: list[MeshFile]) -> Iterator[str]:
     )
     for file in sorted(files, key=lambda file: file.name):
         count = "" if file.triangles is None else str(file.triangles)
-        told = "; ".join((*file.changes, *file.findings))
-        yield f"| {file.name} | {file.source} | {count} | {told} |"
+        notes = "; ".join((*file.changes, *file.findings))
+        yield f"| {file.name} | {file.source} | {count} | {notes} |"

@@ -21,7 +21,7 @@ class Reference:
 
     element: etree._Element
     owner: str
-    """Where it is, such as "visual of link pelvis" or "material black"."""
+    """What it belongs to, such as "visual of link pelvis" or "material black"."""
 
     path: Path | None
     """The file; None where there is none."""
@@ -36,7 +36,7 @@ class Reference:
 
     @property
     def scale(self) -> float:
-        """By how much a mesh is magnified, on the axis on which that is most."""
+        """Largest scale of a mesh on any axis."""
         try:
             factors = [abs(float(w)) for w in self.element.get("scale", "1").split()]
         except ValueError:
@@ -54,7 +54,7 @@ class Reference:
         return bool(self.element.tag == "mesh")
 
     def remove(self) -> None:
-        """Take away the visual or collision of a mesh, or the texture alone."""
+        """Remove the visual or collision of a mesh, or only the texture."""
         gone = self.element
         if self.is_mesh:
             gone = next(gone.iterancestors("visual", "collision"))
@@ -84,22 +84,22 @@ class Robot:
         return f"urdf/{stem}{number}.urdf"
 
     def text(self) -> bytes:
-        """Give the edited URDF."""
+        """Return the edited URDF."""
         tree = self.root.getroottree()
         data = etree.tostring(tree, encoding="utf-8", xml_declaration=True)
         return bytes(data.rstrip() + b"\n")
 
 
 def open_robot(model: ModelText) -> Robot:
-    """Take a URDF apart; comments, order and unknown tags stay as they are.
+    """Find the files that a URDF names; comments, order and unknown tags stay.
 
-    Names that RViz wants and that are not there are given, and told.
+    Names that RViz requires and the file lacks are added, and reported.
 
     Args:
-        model: The robot, whose text was found to be harmless.
+        model: The robot, whose text was checked.
 
     Returns:
-        The robot, else unchanged.
+        The robot.
     """
     root = parse_xml("robot description", model.text, keep_comments=True)
     changes = give_names(root, model.path.stem)
@@ -118,7 +118,7 @@ def open_robot(model: ModelText) -> Robot:
 
 
 def _owner(element: etree._Element) -> tuple[str, str]:
-    """Tell the kind and the name of whose file it is; empty for no part of URDF."""
+    """Return kind and name of what a file belongs to; empty if not part of URDF."""
     above = list(element.iterancestors())
     tags = [parent.tag for parent in above]
     if tags == ["material", "robot"]:

@@ -12,7 +12,6 @@ from g1_description.core.errors import DescriptionError
 from g1_description.sim.meshes import shapes as meshes
 from g1_description.sim.meshes.stl import clean_header, is_binary, read_stl, write_stl
 
-from .companions import companions_of
 from .shapes import (
     MakeFewer,
     convex_hull,
@@ -20,9 +19,10 @@ from .shapes import (
     decimated_hull,
     within,
 )
+from .side_files import side_files_of
 
 TOLERANCE = 0.002
-"""How far a surface may move where nothing is asked for, in [m]."""
+"""Default of how far decimation may move a surface, in [m]."""
 
 AT_A_TIME = 10
 """Files that are read by one process, which takes a moment to begin.
@@ -32,7 +32,7 @@ All of them may take their whole time of the processor, and the last is not too 
 
 
 @dataclass(frozen=True)
-class Wishes:
+class Options:
     """What a user wants of meshes."""
 
     most_triangles: int | None = None
@@ -70,7 +70,7 @@ class Reader:
         """Begin with none.
 
         Args:
-            paths: Existing files, in the order in which they will be asked for.
+            paths: Existing files, in the order of their use.
         """
         self._paths = [path for path in paths if path.suffix.lower() in meshes.KINDS]
         self._found: dict[Path, meshes.Mesh | str] = {}
@@ -91,7 +91,7 @@ class Reader:
 
 
 def make_mesh(
-    path: Path, reader: Reader, is_collision: bool, scale: float, wishes: Wishes
+    path: Path, reader: Reader, is_collision: bool, scale: float, options: Options
 ) -> Mesh:
     """Make a mesh of the result.
 
@@ -103,36 +103,36 @@ def make_mesh(
         reader: Reads it.
         is_collision: Whether it is for collisions.
         scale: By how much the robot magnifies it, in [m] per unit of the file.
-        wishes: What to make of it.
+        options: What to make of it.
 
     Returns:
         The mesh.
 
     Raises:
-        DescriptionError: If it cannot be read; a clause says why.
+        DescriptionError: If it cannot be read; the message says why.
     """
     kind = path.suffix.lower()
     data = read_bytes(path)
     if kind not in meshes.KINDS:
-        told = (
+        note = (
             f"neither Gazebo nor the stand-in reads {kind or 'a file without suffix'}"
         )
-        kept = Mesh(data, "", findings=(told,))
+        kept = Mesh(data, "", findings=(note,))
         triangles = None
     else:
         parts = reader.read(path).parts
         triangles = _corners(parts) if parts else read_stl(data)
         kept = _as_stl(data, parts) if kind == ".stl" else Mesh(data, "")
-    wants_hull = is_collision and wishes.convex_collisions
-    if not wants_hull and wishes.most_triangles is None:
+    wants_hull = is_collision and options.convex_collisions
+    if not wants_hull and options.most_triangles is None:
         return kept
     if triangles is None or kind == ".dae":
         return _as_it_is(kept, f"kept as it is: of {kind} nothing is made")
     if wants_hull:
-        return _hull(kept, path, triangles, scale, wishes)
-    if kind == ".obj" and any(companions_of(path)):
+        return _hull(kept, path, triangles, scale, options)
+    if kind == ".obj" and any(side_files_of(path)):
         return _as_it_is(kept, "kept as it is: it would lose its materials")
-    fewer = _fewer(kept, triangles, scale, wishes, decimated)
+    fewer = _fewer(kept, triangles, scale, options, decimated)
     if kind == ".obj" and fewer.moved is not None:
         return replace(fewer, name=f"{path.stem}.stl")
     return fewer
@@ -142,7 +142,7 @@ def read_bytes(path: Path) -> bytes:
     """Read a file.
 
     Raises:
-        DescriptionError: If it cannot be read; a clause says why.
+        DescriptionError: If it cannot be read; the message says why.
     """
     try:
         return path.read_bytes()
@@ -171,41 +171,41 @@ def _as_stl(data: bytes, parts: tuple[meshes.Part, ...]) -> Mesh:
 
 
 def _hull(
-    kept: Mesh, path: Path, triangles: np.ndarray, scale: float, wishes: Wishes
+    kept: Mesh, path: Path, triangles: np.ndarray, scale: float, options: Options
 ) -> Mesh:
     """Make the convex hull of a mesh, if it has one."""
     try:
         hull = convex_hull(triangles)
     except DescriptionError as error:
         return _as_it_is(kept, f"kept as it is: {error}")
-    told = f"convex hull, {len(hull)} triangles for {len(triangles)}"
-    mesh = Mesh(write_stl(hull), f"{path.stem}_hull.stl", len(hull), (told,))
-    return _fewer(mesh, hull, scale, wishes, decimated_hull)
+    note = f"convex hull, {len(hull)} triangles for {len(triangles)}"
+    mesh = Mesh(write_stl(hull), f"{path.stem}_hull.stl", len(hull), (note,))
+    return _fewer(mesh, hull, scale, options, decimated_hull)
 
 
 def _fewer(
     mesh: Mesh,
     triangles: np.ndarray,
     scale: float,
-    wishes: Wishes,
+    options: Options,
     make_fewer: MakeFewer,
 ) -> Mesh:
     """Give a mesh of these triangles with fewer of them, if it has too many."""
-    most = wishes.most_triangles or len(triangles)
+    most = options.most_triangles or len(triangles)
     if len(triangles) <= most:
         return mesh
-    fewer, moved = within(wishes.tolerance / scale, triangles, most, make_fewer)
+    fewer, moved = within(options.tolerance / scale, triangles, most, make_fewer)
     findings = mesh.findings
     if len(fewer) > most:
         findings += (
             f"has {len(fewer)} triangles: fewer cannot be made, or would move it by "
-            f"more than {millimetres(wishes.tolerance)}",
+            f"more than {millimetres(options.tolerance)}",
         )
     if len(fewer) == len(triangles):
         return replace(mesh, findings=findings)
-    told = f"{len(fewer)} triangles for {len(triangles)}"
+    note = f"{len(fewer)} triangles for {len(triangles)}"
     moved *= scale
-    changes = (*mesh.changes, told, f"moved by {millimetres(moved)}")
+    changes = (*mesh.changes, note, f"moved by {millimetres(moved)}")
     return Mesh(write_stl(fewer), mesh.name, len(fewer), changes, findings, moved)
 
 

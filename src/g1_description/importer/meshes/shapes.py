@@ -73,7 +73,7 @@ def decimated(triangles: np.ndarray, most: int) -> np.ndarray:
 
     Returns:
         Corners, shape (m, 3, 3); the mesh itself if it has no more. Where nothing
-        else is left of the shape it has more than asked for.
+        else is left of the shape it has more than requested.
     """
     best = triangles
     mesh = _joined(triangles)
@@ -133,7 +133,7 @@ def convex_hull(triangles: np.ndarray) -> np.ndarray:
 
 def decimated_hull(triangles: np.ndarray, most: int) -> np.ndarray:
     """Make fewer triangles of a convex hull, which stays one; see ``decimated``."""
-    # n corners make a hull of at most 2 n - 4 triangles: as many as were asked for.
+    # n corners make a hull of at most 2 n - 4 triangles: as many as requested.
     return (
         triangles if len(triangles) <= most else convex_hull(decimated(triangles, most))
     )

@@ -1,4 +1,4 @@
-"""The files that a mesh names in turn: materials and textures."""
+"""Side files of meshes: the materials and textures that they name."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ _IMAGE = re.compile(rb"<image\b[^>]*(?<!/)>.*?</image>", re.DOTALL)
 """A picture of a DAE; init_from is also in surfaces, where it names an image."""
 
 
-def companions_of(mesh: Path) -> tuple[dict[str, Path], list[str]]:
-    """Find the files that come with a mesh.
+def side_files_of(mesh: Path) -> tuple[dict[str, Path], list[str]]:
+    """Find the side files of a mesh.
 
     Args:
         mesh: An existing file.
 
     Returns:
-        The files by their names, seen from the mesh's folder; and the names behind
-        which there is no file.
+        The files by their paths relative to the mesh's folder; and the names of
+        files that do not exist.
     """
     found: dict[str, Path] = {}
     absent: list[str] = []
@@ -66,12 +66,12 @@ def _names_in(file: Path) -> list[str]:
 
 
 def _libraries(folder: Path, names: str) -> list[str]:
-    """Take the names behind mtllib apart, unless they are one with spaces."""
+    """Split the names after mtllib, unless they are one name with spaces."""
     return [names] if (folder / names).is_file() else names.split()
 
 
 def _existing(folder: Path, name: str) -> str | None:
-    """Tell which way of reading a name leads to a file.
+    """Return the reading of a name that is an existing file.
 
     A DAE writes spaces as %20; an MTL may have options before the name.
     """
