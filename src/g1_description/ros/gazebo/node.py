@@ -34,6 +34,7 @@ from g1_description.ros.node.lifecycle import quiet_when_closing, start_node
 from g1_description.ros.node.loggers import answer_as_roscpp
 from g1_description.ros.node.parameters import read_parameters
 from g1_description.ros.node.rosout import publish_log
+from g1_description.ros.node.throttled_log import ThrottledLog
 from g1_description.ros.transport.tcpros import serve_as_roscpp
 from g1_description.sim.world import World
 
@@ -49,6 +50,9 @@ machine beyond this is not caught up."""
 
 MAX_PENDING = 100
 """Pending calls above which a subscriber's thread waits for its message's turn."""
+
+LOG_PERIOD = 1.0
+"""Time between two lines on refused messages of a topic, in [s]."""
 
 HUSH_POLL = 0.01
 """Wait before checking again whether states may be published, in [s]."""
@@ -75,8 +79,9 @@ class GazeboNode:
         self._topics = StateTopics(world, parameters)
         if not network:
             return
+        self._log = ThrottledLog()
         models = ModelServices(world, messages)
-        links = LinkServices(world, messages)
+        links = LinkServices(world, messages, self._log)
         for topic, kind, act in (
             ("~set_model_state", ModelState, models.apply_state),
             ("~set_link_state", LinkState, links.apply_state),
@@ -85,7 +90,7 @@ class GazeboNode:
             rospy.Subscriber(
                 topic,
                 kind,
-                self._later_in_the_loop(_warn_if_refused(act)),
+                self._later_in_the_loop(self._warn_if_refused(topic, act)),
                 queue_size=None,
             )
         for services in (
@@ -132,6 +137,17 @@ class GazeboNode:
                 raise rospy.ServiceException("the simulator is shutting down") from None
 
         return handler
+
+    def _warn_if_refused(self, topic: str, act):
+        """Make a callback that logs a warning where a message is refused."""
+
+        def callback(message):
+            try:
+                act(message)
+            except InvalidValueError as error:
+                self._log.warn(topic, f"refused, {error}", LOG_PERIOD)
+
+        return callback
 
     def _later_in_the_loop(self, act):
         """Make a callback that lets the loop act, and waits only where much waits.
@@ -232,18 +248,6 @@ class GazeboNode:
         self._stepper.cancel()
         while not self._calls.empty():
             self._calls.get()[0].cancel()
-
-
-def _warn_if_refused(act):
-    """Wrap what acts on a topic's message: it warns where it refuses the message."""
-
-    def callback(message):
-        try:
-            act(message)
-        except InvalidValueError as error:
-            rospy.logwarn_throttle_identical(1.0, f"refused, {error}")
-
-    return callback
 
 
 def _log_failure(call: Future) -> None:

@@ -31,6 +31,7 @@ from g1_description.core.errors import (
 from g1_description.core.robot.description import Inertial
 from g1_description.core.rotation import rotate
 from g1_description.core.transform import IDENTITY, compose, inverse
+from g1_description.ros.node.throttled_log import ThrottledLog
 from g1_description.ros.wire.conversions import (
     pose_from_array,
     twist_from_array,
@@ -38,11 +39,13 @@ from g1_description.ros.wire.conversions import (
     wrench_to_array,
 )
 from g1_description.sim.entities import WORLD_ENTITY, Frame, LinkEntity, seen_from
+from g1_description.sim.world import World
 
 from .base import (
     FRAME_NOT_FOUND,
     LINK_NOT_FOUND,
     Services,
+    StatusMessages,
     checked,
     checked_pose,
     checked_twist,
@@ -52,12 +55,28 @@ from .base import (
 POSE_TOLERANCE = 1e-4
 """A link this close to the requested pose has reached it, in [m] and [rad]."""
 
+LOG_PERIOD = 1.0
+"""Time between two lines on poses that links cannot reach, in [s]."""
+
 MIN_MASS = 1e-9
 """Smallest mass that a link can be given, in [kg]."""
 
 
 class LinkServices(Services):
     """Read links, move them, apply wrenches, change their mass."""
+
+    def __init__(
+        self, world: World, messages: StatusMessages, log: ThrottledLog
+    ) -> None:
+        """Serve a world.
+
+        Args:
+            world: What the services act on.
+            messages: Composes their status messages.
+            log: Where to log poses that a link cannot reach.
+        """
+        super().__init__(world, messages)
+        self._log = log
 
     def table(self):
         """List the services: name under the node, type, and what answers."""
@@ -134,7 +153,7 @@ class LinkServices(Services):
                 f"{round(placed.distance, 4):g} m and {round(placed.angle, 4):g} rad "
                 "to that pose"
             )
-            rospy.logwarn_throttle_identical(1.0, f"SetLinkState: {details[-1]}")
+            self._log.warn("set_link_state", f"SetLinkState: {details[-1]}", LOG_PERIOD)
         return True, self._messages.compose("SetLinkState: success", details)
 
     def _link_frame(self, name: str) -> Frame:
