@@ -37,23 +37,33 @@ DIGITS = 6
 def parser() -> OneSentenceParser:
     """Make a parser of the command's arguments."""
     made = OneSentenceParser(
-        prog="pose", description="Put a robot into a named pose, list poses, save one."
+        prog="pose",
+        description="Move a robot to a named pose, list the poses, or save one.",
     )
     what = made.add_mutually_exclusive_group(required=True)
     what.add_argument("name", nargs="?", metavar="NAME", help="pose to go to")
-    what.add_argument("--list", action="store_true", help="tell which poses there are")
-    what.add_argument("--save", metavar="NAME", help="keep the present pose")
+    what.add_argument("--list", action="store_true", help="list all poses")
+    what.add_argument("--save", metavar="NAME", help="save the current pose")
     made.add_argument(
-        "--seconds", type=number, default=0.0, help="move smoothly for so long [s]"
+        "--seconds",
+        type=number,
+        default=0.0,
+        help="duration of a smooth motion in seconds of simulated time; default: 0, "
+        "set the joints at once",
     )
     made.add_argument(
-        "--namespace", type=_namespace, default="", help="of the robot's topics"
+        "--namespace",
+        type=_namespace,
+        default="",
+        help="namespace of the robot's topics",
     )
     made.add_argument(
-        "--file", type=Path, help=f"poses besides the package's; else {user_file()}"
+        "--file", type=Path, help=f"file of your own poses; default: {user_file()}"
     )
-    made.add_argument("--force", action="store_true", help="replace a saved pose")
-    made.add_argument("--about", default="", help="a line of text for a saved pose")
+    made.add_argument(
+        "--force", action="store_true", help="replace a saved pose of that name"
+    )
+    made.add_argument("--about", default="", help="description of the saved pose")
     return made
 
 
@@ -68,86 +78,86 @@ def _namespace(text: str) -> str:
 def parse(arguments: list[str]) -> argparse.Namespace:
     """Read a command line; end the program when it is wrong."""
     reader = parser()
-    asked = reader.parse_args(arguments)
-    if asked.seconds < 0.0:
+    args = reader.parse_args(arguments)
+    if args.seconds < 0.0:
         reader.error("argument --seconds: time does not go back")
-    if (asked.force or asked.about) and asked.save is None:
+    if (args.force or args.about) and args.save is None:
         reader.error("--force and --about go with --save")
-    if asked.save == ZERO:
+    if args.save == ZERO:
         reader.error(f"argument --save: every robot has {ZERO}, choose another name")
-    return asked
+    return args
 
 
-def list_poses(asked: argparse.Namespace) -> None:
+def list_poses(args: argparse.Namespace) -> None:
     """Print a line for each pose."""
-    poses = read_poses(asked.file)
+    poses = read_poses(args.file)
     width = max(map(len, poses), default=0)
     for pose in poses.values():
         print(f"{pose.name:{width}}  {pose.about or pose.place}")
 
 
-def go(asked: argparse.Namespace) -> None:
-    """Put the robot into a pose.
+def go(args: argparse.Namespace) -> None:
+    """Move the robot to a pose.
 
     Raises:
         G1DescriptionError: If there is no such pose, or it does not get there.
     """
-    pose = find_pose(asked.name, read_poses(asked.file))
-    robot = _connect(asked)
+    pose = find_pose(args.name, read_poses(args.file))
+    robot = _connect(args)
     check_pose(pose, robot.description)
     goal = pose_positions(pose, robot.description)
-    if asked.seconds:
-        robot.move(goal, asked.seconds)
+    if args.seconds:
+        robot.move(goal, args.seconds)
     else:
         robot.teleport(goal)
     print(f"pose: {pose.name}")
 
 
-def save(asked: argparse.Namespace) -> None:
-    """Keep the robot's present pose.
+def save(args: argparse.Namespace) -> None:
+    """Save the robot's current pose.
 
     Raises:
-        G1DescriptionError: If there is one of that name, or it cannot be kept.
+        G1DescriptionError: If there is one of that name, or it cannot be saved.
     """
-    file = (asked.file or user_file()).expanduser()
-    check_name(asked.save)
+    file = (args.file or user_file()).expanduser()
+    check_name(args.save)
     known = read_file(package_file())
     if file.exists():
         known.update(read_file(file))
-    if asked.save in known and not asked.force:
+    if args.save in known and not args.force:
         raise PoseFileError(
-            f"There is a pose '{asked.save}' in {known[asked.save].place} already; "
-            "with --force the one you save wins."
+            f"There is a pose '{args.save}' in {known[args.save].place} already; "
+            "--force saves yours, which is used instead."
         )
-    robot = _connect(asked)
+    robot = _connect(args)
     joints = robot.description.movable_joints
     rounded = {
         joint.name: min(max(round(position, DIGITS), joint.lower), joint.upper)
         for joint, position in zip(joints, robot.measured_positions().tolist())
     }
-    told = {name: position for name, position in rounded.items() if position}
-    save_pose(Pose(asked.save, told, asked.about), file)
-    print(f"pose: {asked.save} is saved in {file}")
+    nonzero = {name: position for name, position in rounded.items() if position}
+    save_pose(Pose(args.save, nonzero, args.about), file)
+    print(f"pose: {args.save} is saved in {file}")
 
 
-def _connect(asked: argparse.Namespace) -> PosedRobot:
+def _connect(args: argparse.Namespace) -> PosedRobot:
     """Start the node and find the robot."""
 
-    def tell(line):
+    def notify(line):
         print(f"pose: {line}", flush=True)
 
     try:
         start_node("pose", anonymous=True, disable_rosout=True)
-        return PosedRobot(asked.namespace, tell)
+        return PosedRobot(args.namespace, notify)
     except (OSError, rosgraph.MasterException) as error:
         raise NoAnswerError(f"The master is gone: {error}.") from error
 
 
 def main() -> None:
-    """Do what is asked, or say why not."""
-    asked = parse(own_arguments())
-    act = list_poses if asked.list else go if asked.save is None else save
+    """Run the command, or exit with a message."""
+    args = parse(own_arguments())
+    act = list_poses if args.list else go if args.save is None else save
     try:
-        act(asked)
+        act(args)
     except G1DescriptionError as error:
         sys.exit(f"pose: {error}")

@@ -37,8 +37,8 @@ from .robot_watch import MAP, Moment, RobotWatch, Transforms
 from .snapshot_options import parse
 
 
-def tell(sentence: str) -> None:
-    """Tell something beside the result."""
+def notify(sentence: str) -> None:
+    """Print a message on stderr."""
     print(f"snapshot: {sentence}", file=sys.stderr, flush=True)
 
 
@@ -61,14 +61,14 @@ def check_joints(wanted: dict[str, float], description: Description) -> None:
 
 
 def load(scene: Scene, description: Description) -> None:
-    """Add a robot to a scene and tell what is missing."""
+    """Add a robot to a scene and report what is missing."""
     _, left_out = scene.add(description)
     if left_out:
-        tell(f"left out of '{description.name}': {'; '.join(left_out)}.")
+        notify(f"left out of '{description.name}': {'; '.join(left_out)}.")
 
 
 def frame(
-    scene: Scene, moments: Sequence[Sequence[Moment]], asked: argparse.Namespace
+    scene: Scene, moments: Sequence[Sequence[Moment]], args: argparse.Namespace
 ) -> tuple[Camera, float]:
     """Find where to look from, so that the robots are seen at all moments.
 
@@ -91,8 +91,8 @@ def frame(
         )
     is_placed = any(robot.T_map_root is not None for robot in moments[0])
     floor = 0.0 if is_placed else float(points[:, 2].min())
-    width, height = asked.size
-    return framing(points, *VIEWS[asked.view], width / height), floor
+    width, height = args.size
+    return framing(points, *VIEWS[args.view], width / height), floor
 
 
 def place(scene: Scene, moment: Sequence[Moment]) -> None:
@@ -103,46 +103,46 @@ def place(scene: Scene, moment: Sequence[Moment]) -> None:
 
 
 def write(
-    scene: Scene, moments: Sequence[Sequence[Moment]], asked: argparse.Namespace
+    scene: Scene, moments: Sequence[Sequence[Moment]], args: argparse.Namespace
 ) -> None:
-    """Draw and write what was asked for.
+    """Draw and write what was requested.
 
     Raises:
         KeyboardInterrupt: If the node was shut down meanwhile; nothing is written.
     """
-    camera, floor = frame(scene, moments, asked)
+    camera, floor = frame(scene, moments, args)
 
     def picture(n: int) -> np.ndarray:
         place(scene, moments[n])
-        return draw(scene, camera, *asked.size, floor)
+        return draw(scene, camera, *args.size, floor)
 
-    if asked.gif:
-        write_film(asked.out, film(len(moments), picture), asked.fps)
+    if args.gif:
+        write_film(args.out, film(len(moments), picture), args.fps)
     else:
         pixels = picture(0)
         if rospy.is_shutdown():
             raise KeyboardInterrupt
-        write_picture(asked.out, pixels)
-    print(f"{asked.out}: {'x'.join(map(str, asked.size))}, {asked.view}")
+        write_picture(args.out, pixels)
+    print(f"{args.out}: {'x'.join(map(str, args.size))}, {args.view}")
 
 
-def draw_file(asked: argparse.Namespace) -> None:
-    """Draw a URDF file at its zero pose, or with the joints that were asked for."""
-    description = parse_urdf(absolute_urdf(asked.model))
-    check_joints(asked.joints, description)
+def draw_file(args: argparse.Namespace) -> None:
+    """Draw a URDF file at its zero pose, or with the joints that were requested."""
+    description = parse_urdf(absolute_urdf(args.model))
+    check_joints(args.joints, description)
     with Scene() as scene:
         load(scene, description)
-        write(scene, [[Moment(asked.joints, None)]], asked)
+        write(scene, [[Moment(args.joints, None)]], args)
 
 
-def draw_now(asked: argparse.Namespace) -> None:
+def draw_now(args: argparse.Namespace) -> None:
     """Draw the robots that run.
 
     Raises:
         NoAnswerError: If there is no master, it goes, or nothing comes from a robot.
     """
     try:
-        descriptions, moments = watch_now(asked)
+        descriptions, moments = watch_now(args)
     except rospy.ROSInterruptException:
         raise
     except (OSError, rospy.ROSException, rosgraph.MasterException) as error:
@@ -150,13 +150,13 @@ def draw_now(asked: argparse.Namespace) -> None:
     with Scene() as scene:
         for description in descriptions:
             load(scene, description)
-        write(scene, moments, asked)
+        write(scene, moments, args)
 
 
 def watch_now(
-    asked: argparse.Namespace,
+    args: argparse.Namespace,
 ) -> tuple[list[Description], list[list[Moment]]]:
-    """Watch the robots that run, as long as was asked for.
+    """Watch the robots that run, as long as was requested.
 
     Returns:
         The robots, and what all of them did at each moment.
@@ -172,40 +172,40 @@ def watch_now(
         )
     start_node("snapshot", anonymous=True)
     transforms = Transforms()
-    namespaces = asked.namespace or [rospy.get_namespace()]
-    watches = [RobotWatch(name.strip("/"), tell, transforms) for name in namespaces]
+    namespaces = args.namespace or [rospy.get_namespace()]
+    watches = [RobotWatch(name.strip("/"), notify, transforms) for name in namespaces]
     for watch in watches:
-        check_joints(asked.joints, watch.description)
+        check_joints(args.joints, watch.description)
         watch.wait()
-        tell_unknown(watch, asked.joints)
-    if asked.gif:
-        moments = record(watches, asked.seconds, asked.fps)
+        report_unknown(watch, args.joints)
+    if args.gif:
+        moments = record(watches, args.seconds, args.fps)
     else:
         moments = [[watch.now() for watch in watches]]
     for listener in (transforms, *watches):  # drawing needs the processor
         listener.close()
-    wanted = [[now.with_joints(asked.joints) for now in moment] for moment in moments]
+    wanted = [[now.with_joints(args.joints) for now in moment] for moment in moments]
     return [watch.description for watch in watches], wanted
 
 
-def tell_unknown(watch: RobotWatch, wanted: dict[str, float]) -> None:
-    """Tell what nobody says of a robot."""
+def report_unknown(watch: RobotWatch, wanted: dict[str, float]) -> None:
+    """Report joints and poses that are unknown."""
     name = watch.description.name
     missing = [joint for joint in watch.missing if joint not in wanted]
     if missing:
-        tell(f"not known of '{name}', drawn at 0: {', '.join(missing)}.")
+        notify(f"unknown positions of '{name}', drawn at 0: {', '.join(missing)}.")
     if watch.now().T_map_root is None:
-        tell(
+        notify(
             f"there is no transform from {MAP} to {watch.frame}: "
             f"'{name}' is drawn with its root at the origin."
         )
 
 
 def main() -> None:
-    """Write a picture or a film, or say why not."""
+    """Write a picture or a film, or exit with a message."""
     try:
-        asked = parse(own_arguments())
-        (draw_file if asked.model else draw_now)(asked)
+        args = parse(own_arguments())
+        (draw_file if args.model else draw_now)(args)
     except G1DescriptionError as error:
         sys.exit(f"snapshot: {error}")
     except OSError as error:

@@ -1,4 +1,4 @@
-"""What snapshot can be asked for."""
+"""The command line of snapshot."""
 
 from __future__ import annotations
 
@@ -18,28 +18,41 @@ SIDES = (16, 4096)
 def parser() -> OneSentenceParser:
     """Make a parser of snapshot's arguments."""
     made = OneSentenceParser(
-        prog="snapshot", description="Write a picture of the robot as it is now."
+        prog="snapshot",
+        description="Write a picture or a film of the robot as it is now.",
     )
-    made.add_argument("out", type=Path, help="file to write: .png, or .gif with --gif")
+    made.add_argument("out", type=Path, help="output file: .png, or .gif with --gif")
     made.add_argument(
         "--view",
         choices=VIEWS,
         default="iso",
-        help="side is from the robot's right; default: iso",
+        help="direction to look from; side: from the robot's right; default: iso",
     )
     made.add_argument(
-        "--size", type=size, help="pixels, default: 1280x960, of a film 640x480"
+        "--size",
+        type=size,
+        help="width and height in pixels; default: 1280x960, for films 640x480",
     )
-    made.add_argument("--joints", type=joints, default={}, help="such as a=1.2,b=-0.3")
-    made.add_argument("--model", help="draw what model:= takes; needs no master")
+    made.add_argument(
+        "--joints",
+        type=joints,
+        default={},
+        help="override joint positions, such as a=1.2,b=-0.3",
+    )
+    made.add_argument(
+        "--model",
+        help="draw a model file, as for model:= of the launch files, without a master",
+    )
     made.add_argument(
         "--namespace",
         action="append",
-        help="of the robot's topics; may be repeated for several robots",
+        help="namespace of the robot's topics; repeat it for several robots",
     )
-    made.add_argument("--gif", action="store_true", help="a film of what it does")
-    made.add_argument("--seconds", type=number, help="of a film, default: 5")
-    made.add_argument("--fps", type=number, help="of a film, default: 15")
+    made.add_argument("--gif", action="store_true", help="record a film")
+    made.add_argument("--seconds", type=number, help="duration of the film; default: 5")
+    made.add_argument(
+        "--fps", type=number, help="pictures per second of the film; default: 15"
+    )
     return made
 
 
@@ -71,17 +84,17 @@ def parse(arguments: list[str]) -> argparse.Namespace:
         InvalidValueError: If the file cannot be written, or a film be made.
     """
     reader = parser()
-    asked = reader.parse_args(arguments)
-    if asked.model and (asked.gif or asked.namespace):
+    args = reader.parse_args(arguments)
+    if args.model and (args.gif or args.namespace):
         reader.error("--model draws a file, without --gif and --namespace")
-    if asked.joints and len(asked.namespace or []) > 1:
+    if args.joints and len(args.namespace or []) > 1:
         reader.error("--joints is for one robot, not for several --namespace")
-    if not asked.gif and not (asked.seconds is None and asked.fps is None):
+    if not args.gif and not (args.seconds is None and args.fps is None):
         reader.error("--seconds and --fps go with --gif")
-    asked.seconds = 5.0 if asked.seconds is None else asked.seconds
-    asked.fps = 15.0 if asked.fps is None else asked.fps
-    asked.size = asked.size or ((640, 480) if asked.gif else (1280, 960))
-    check_place(asked.out, ".gif" if asked.gif else ".png")
-    if asked.gif:
-        check_length(asked.seconds, asked.fps, asked.size)
-    return asked
+    args.seconds = 5.0 if args.seconds is None else args.seconds
+    args.fps = 15.0 if args.fps is None else args.fps
+    args.size = args.size or ((640, 480) if args.gif else (1280, 960))
+    check_place(args.out, ".gif" if args.gif else ".png")
+    if args.gif:
+        check_length(args.seconds, args.fps, args.size)
+    return args
