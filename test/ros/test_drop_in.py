@@ -13,6 +13,7 @@ import tempfile
 import time
 import unittest
 import uuid
+from itertools import chain
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -35,6 +36,9 @@ NODE = SHARED / "clients" / "link_states_bridge_original.py"
 CLIENTS = """<package format="2"><name>clients</name><version>0.0.0</version>
 <description>d</description><maintainer email='a@b.c'>m</maintainer>
 <license>none</license></package>"""
+FOREIGN = {"map", "pelvis", "body_imu"}
+"""Frames of the launch file's own static_transform_publishers: one of their messages
+may be on its way when the time is reset."""
 LONGEST_END = 60.0
 """Longest time from Ctrl-C until all is gone on a slow machine, in [s]; roslaunch kills
 a node after 15."""
@@ -122,8 +126,8 @@ class TestDropIn(unittest.TestCase):
         """On a busy machine too, through a reset, and nobody complains."""
         record, others = self.reset_on_a_busy_machine()
         self.assertEqual(record.not_rising(), {})
-        self.assertEqual(others.trouble(), {})
-        self.assertEqual(record.trouble(), [])
+        told = [*chain(*others.trouble().values()), *record.trouble()]
+        self.assertEqual([pair for pair in told if pair[0] not in FOREIGN], [])
 
     def reset_on_a_busy_machine(self):
         """Record for a while, with a reset in it after which TF goes on.
