@@ -302,7 +302,7 @@ def test_an_stl_of_text_or_without_normals_becomes_binary_with_them(bring, sourc
         np.testing.assert_allclose(written[:, 1:], ball.triangles, atol=1e-6)
     report = (urdf.parents[1] / "report.md").read_text()
     assert "| 320 | text made binary |" in report
-    assert "| 320 | normals made anew |" in report
+    assert "| 320 | normals computed |" in report
 
 
 def test_a_missing_mesh_stays_if_asked_for(bring):

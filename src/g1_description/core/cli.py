@@ -13,7 +13,7 @@ class OneSentenceParser(argparse.ArgumentParser):
 
     def error(self, message: str) -> Any:
         """End with a sentence, without the usage."""
-        self.exit(1, f"{self.prog}: {message}; {self.prog} -h tells more.\n")
+        self.exit(1, f"{self.prog}: {message}; {self.prog} -h shows more.\n")
 
 
 class Ignored(argparse.Action):

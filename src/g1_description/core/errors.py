@@ -24,7 +24,7 @@ class PoseFileError(G1DescriptionError):
 
 
 class UnknownNameError(G1DescriptionError):
-    """A model, link, joint, frame or pose was asked for that does not exist."""
+    """A model, link, joint, frame or pose was requested that does not exist."""
 
 
 class InvalidValueError(G1DescriptionError):

@@ -38,7 +38,7 @@ def decoded(data: bytes, errors: str = "strict") -> str:
         errors: What ``bytes.decode`` does about a file that is neither.
 
     Returns:
-        The text; without its declaration, where that tells another encoding.
+        The text; without its declaration, where that declares another encoding.
 
     Raises:
         UnicodeDecodeError: If the file is neither.
@@ -120,7 +120,7 @@ def _parser(keep_comments: bool, recover: bool = False) -> etree.XMLParser:
 
 
 def _faults(parser: etree.XMLParser) -> list[str]:
-    """Tell what was wrong with a document, but for its namespaces."""
+    """Say what is wrong with a document, but for its namespaces."""
     return [
         f"{entry.message}, line {entry.line}, column {entry.column}"
         for entry in parser.error_log
@@ -136,7 +136,7 @@ def local_name(element: etree._Element) -> str:
 def part_at_fault(
     root: etree._Element, is_readable: Callable[[etree._Element], bool]
 ) -> str:
-    """Tell which child of an element makes it unreadable.
+    """Find which child of an element makes it unreadable.
 
     Args:
         root: An element that cannot be read.

@@ -61,20 +61,20 @@ class World(Contents):
         self.time_ns = round(content.time * 1e9)
         """Simulated time in [ns]."""
         self.left_out = (*content.left_out, *self._add_content(content))
-        """A clause for each thing of the content that was left out."""
+        """A message for each thing of the content that was left out."""
 
     def _add_content(self, content: Sdf) -> list[str]:
-        """Add the models and lights of a file; return a clause for what is left out."""
+        """Add the models and lights of a file; return messages on what is left out."""
         left_out = []
         for light in content.lights:
             self.add_light(light)
         for model in content.models:
             try:
-                clauses = self.spawn(model.name, model.assembly, model.pose)
+                messages = self.spawn(model.name, model.assembly, model.pose)
             except DescriptionError as error:
                 left_out.append(f"model {model.name} is left out: {error}".rstrip("."))
             else:
-                left_out += [f"{model.name}: {clause}" for clause in clauses]
+                left_out += [f"{model.name}: {message}" for message in messages]
         return left_out
 
     def close(self) -> None:
@@ -108,7 +108,7 @@ class World(Contents):
                 ``limp``.
 
         Returns:
-            A clause for each thing left out, and for joints that do not begin at zero.
+            A message for each thing left out, and for joints that do not begin at zero.
 
         Raises:
             DescriptionError: If it cannot be loaded; the world stays as it was.

@@ -14,7 +14,7 @@ TURN = 2.0 * np.pi
 
 MAX_STEP = 0.25 * TURN
 """Largest distance in [rad] from where its speed would have taken a joint. A joint
-that is further away was set there by a command, and its turns are counted anew."""
+that is further away was set there by a command, and its turns are counted again."""
 
 ROUNDING = 1e-14
 """Largest value in [rad] or [rad/s] that counts as zero. Joints of the G1 that stand at

@@ -45,7 +45,7 @@ def find_model_file(name: str) -> Path:
         Path of an existing regular file.
 
     Raises:
-        DescriptionError: If there is none; the sentence tells what is near.
+        DescriptionError: If there is none; the message lists similar ones.
     """
     path = named_path(name)
     try:
@@ -63,7 +63,7 @@ def find_model_file(name: str) -> Path:
 
 
 def _exists(path: Path) -> bool:
-    """Tell whether a path exists; one that cannot be looked at does not."""
+    """Return whether a path exists; one that cannot be looked at does not."""
     try:
         return path.exists()
     except (OSError, ValueError):
@@ -121,7 +121,7 @@ def _names_in(folder: Path) -> list[str]:
 
 
 def with_robots(folder: Path) -> str:
-    """Tell which robots are in a folder, or in its folder urdf."""
+    """Find which robots are in a folder, or in its folder urdf."""
     for place in ("", "urdf"):
         names = [
             os.path.join(place, name)

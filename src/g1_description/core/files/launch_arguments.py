@@ -1,4 +1,4 @@
-"""What the launch files take: a mistake is told before anything starts."""
+"""What the launch files take: a mistake is reported before anything starts."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def check_arguments(given: Mapping[str, str]) -> None:
         given: Values by name; those that are not known here are not checked.
 
     Raises:
-        UnknownNameError: If something is asked for that does not exist.
+        UnknownNameError: If something is requested that does not exist.
         InvalidValueError: If a number is none, or what is true or false is neither.
     """
     for name, choices in CHOICES.items():
@@ -82,7 +82,7 @@ def check_for_empty(given: Mapping[str, str], words: list[str]) -> None:
 
 
 def words_of_parent() -> list[str]:
-    """Give the command line of the process that started this one, where it is told."""
+    """Return the command line of the parent process; empty if it is unknown."""
     try:
         line = Path(f"/proc/{os.getppid()}/cmdline").read_bytes()
     except OSError:

@@ -22,7 +22,7 @@ class Arguments(dict):
         self.unused = set(self)
 
     def __contains__(self, name: object) -> bool:
-        """Tell whether an argument is given."""
+        """Return whether an argument is given."""
         self.unused.discard(name)  # type: ignore[arg-type]
         return super().__contains__(name)
 
@@ -55,7 +55,7 @@ def answer_for_ros_2() -> None:
 def sentence(error: Exception, file: str) -> str:
     """Say what xacro found, and in which file."""
     cause = getattr(error, "exc", None)
-    # Of what goes wrong in a substitution xacro tells the class, and all twice.
+    # xacro reports the class of an error in a substitution, and everything twice.
     shown = cause if str(error).startswith("<class ") and cause else error
     lines = (line.strip() for line in str(shown).splitlines())
     text = " ".join(line for line in lines if not line.startswith("ROS path"))

@@ -42,7 +42,7 @@ def with_absolute_uris(
 
     RViz and every other reader of the parameter server then find the meshes
     without knowing where the URDF file was: relative names become absolute, and so
-    do those in a package that only the folder around the file tells. Everything else
+    do those in a package that only the folder around the file reveals. Everything else
     stays as it is, comments and unknown tags too.
 
     Args:

@@ -56,22 +56,22 @@ def check_pose(pose: Pose, description: Description) -> None:
         InvalidValueError: If a position is outside the joint's limits.
     """
     joints = {joint.name: joint for joint in description.movable_joints}
-    told = f"Pose {pose.name} of {pose.place}"
+    owner = f"Pose {pose.name} of {pose.place}"
     for name, position in pose.positions.items():
         if name not in joints:
             known = listed(similar_first(name, joints)) or "none"
             raise UnknownNameError(
-                f"{told} names {name}, which is no movable joint of "
+                f"{owner} names {name}, which is no movable joint of "
                 f"'{description.name}'; there are {known}."
             )
-        check_limits(told, joints[name], position)
+        check_limits(owner, joints[name], position)
 
 
-def check_limits(told: str, joint: Joint, position: float) -> None:
+def check_limits(owner: str, joint: Joint, position: float) -> None:
     """Check that a joint can be somewhere.
 
     Args:
-        told: Who wants it there, for the sentence.
+        owner: What has the position, for the message.
         joint: The joint.
         position: In [rad] or [m].
 
@@ -80,7 +80,7 @@ def check_limits(told: str, joint: Joint, position: float) -> None:
     """
     if not joint.lower <= position <= joint.upper:
         raise InvalidValueError(
-            f"{told} has {joint.name} at {position:g}, its limits are "
+            f"{owner} has {joint.name} at {position:g}, its limits are "
             f"{joint.lower:g} and {joint.upper:g}."
         )
 
@@ -97,7 +97,7 @@ def pose_positions(pose: Pose, description: Description) -> np.ndarray:
         that is not named cannot be at 0.0, its nearest limit, shape (n_joints,).
     """
     joints = description.movable_joints
-    told = np.array([pose.positions.get(joint.name, 0.0) for joint in joints])
+    positions = np.array([pose.positions.get(joint.name, 0.0) for joint in joints])
     lower = np.array([joint.lower for joint in joints])
     upper = np.array([joint.upper for joint in joints])
-    return np.clip(told, lower, upper)
+    return np.clip(positions, lower, upper)

@@ -22,7 +22,7 @@ def base_of(description: Description) -> tuple[str, np.ndarray]:
     """Find the link whose pose is the robot's.
 
     Args:
-        description: The robot as its file tells it.
+        description: The robot as its file has it.
 
     Returns:
         The root link; where that is the world, the first link that floats in it. And
@@ -62,7 +62,7 @@ class Assembly:
     names of what they hold begin with it."""
 
     left_out: tuple[str, ...] = ()
-    """A clause for each thing in the file that is not simulated, or not as it is."""
+    """A message for each thing in the file that is not simulated, or not as it is."""
 
     @property
     def root_pose(self) -> np.ndarray:

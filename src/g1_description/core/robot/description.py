@@ -122,7 +122,7 @@ class Joint:
     friction: float = 0.0
 
     remark: str = ""
-    """A clause on where it differs from what the file says; empty for most."""
+    """A message on where it differs from what the file says; empty for most."""
 
     listed: bool = True
     """False for a joint that no file has: it only holds a static model together."""
@@ -151,7 +151,7 @@ class Description:
     """Whether its file says that it never moves by itself, nor its joints."""
 
     left_out: tuple[str, ...] = ()
-    """A clause for each thing that its file tells a simulator and that is not read."""
+    """A message for each thing in its file for simulators that is not read."""
 
     @property
     def movable_joints(self) -> tuple[Joint, ...]:

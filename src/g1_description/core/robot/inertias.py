@@ -16,7 +16,7 @@ meet it with equality."""
 
 
 def fault_of(inertial: Inertial) -> str:
-    """Return a clause on what is wrong with an inertial; empty if nothing is."""
+    """Return a message on what is wrong with an inertial; empty if nothing is."""
     if inertial.mass == 0.0:
         return "mass 0 with an inertia" if inertial.inertia.any() else ""
     moments = np.linalg.eigvalsh(inertial.inertia)

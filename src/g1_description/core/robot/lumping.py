@@ -3,7 +3,7 @@
 A link on a fixed joint becomes part of the link above it: masses add up by the
 parallel-axis theorem, shapes move along, joints below hang on the link above.
 What the file says of the gravity of one counts for the whole body, the last word in
-Gazebo's order wins. ``rigid.rigid_frames`` tells where lumped links are.
+Gazebo's order wins. ``rigid.rigid_frames`` computes where lumped links are.
 
 A fixed joint that the file wants to be kept stays, and the link on it. A link called
 "world" at the root is the world itself; joints to it are kept, fixed ones too. A link
@@ -93,7 +93,7 @@ def _robot(
     hangs on the world, the first free one is the root.
 
     Args:
-        description: The robot as its file tells it.
+        description: The robot as its file has it.
         bodies: What is left of its links, by name.
         joints: Between all bodies, also those that are not left.
     """
@@ -118,7 +118,7 @@ def _mass_clauses(
     massless: dict[str, str],
     is_dynamic: bool,
 ) -> list[str]:
-    """Return clauses on links that have no mass, or hang on one that has none.
+    """Return messages on links that have no mass, or hang on one that has none.
 
     Args:
         description: The robot.
@@ -144,7 +144,7 @@ def _mass_clauses(
 
 
 def _unlike_gazebo(bare: list[str], hanging: list[str]) -> str:
-    """Return a clause on links that stay though Gazebo would leave them out.
+    """Return a message on links that stay though Gazebo would leave them out.
 
     Args:
         bare: Links without mass.
@@ -159,7 +159,7 @@ def _unlike_gazebo(bare: list[str], hanging: list[str]) -> str:
 
 
 def _impossible(bodies: Iterable[Link]) -> list[str]:
-    """Return a clause on the bodies with an impossible inertia, if there are any."""
+    """Return a message on the bodies with an impossible inertia, if there are any."""
     found = [body.name for body in bodies if body.inertial and fault_of(body.inertial)]
     if not found:
         return []
@@ -221,7 +221,7 @@ def _merge(name: str, parts: list[tuple[Link, np.ndarray]]) -> Link:
 def _collision_name(body: str, link: str, shape: Shape, number: int) -> str:
     """Name a collision as Gazebo does when it turns URDF into its own format.
 
-    What does not begin with the body's name is told to be lumped: also a collision
+    A name that does not begin with the body's marks a lumped link: also a collision
     of the body's own that the file gives another name.
 
     Args:

@@ -67,7 +67,7 @@ EMPTY_WORLD = f"""<sdf version="1.7"><world name="default">
   </physics>{_GROUND_PLANE}{_SUN}
 </world></sdf>
 """
-"""The world a simulator begins with where no other is asked for."""
+"""The world a simulator starts with if no other is given."""
 
 
 def whole_document(
@@ -81,7 +81,7 @@ def whole_document(
             is none, another DescriptionError if it cannot be read.
 
     Returns:
-        The root element without includes, and a clause for each include, or part of
+        The root element without includes, and a message for each include, or part of
         one, that has no effect, and for each version that is not read as it stands.
 
     Raises:

@@ -31,7 +31,7 @@ class Frames:
         self._placed = {root: IDENTITY}
 
     def __contains__(self, name: str) -> bool:
-        """Tell whether there is a frame of this very name."""
+        """Return whether there is a frame of this very name."""
         return name in self._given or name in self._placed
 
     def add(self, name: str, pose: np.ndarray, relative_to: str) -> None:

@@ -1,4 +1,4 @@
-"""Lights of an SDF document: nothing here shines, but they can be asked for."""
+"""Lights of an SDF document: they are not rendered, but clients can read them."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ def read_physics(holder: etree._Element) -> dict[str, float]:
     Returns:
         Numbers from zero up by their names in ``get_physics_properties``: the time
         step in [s], the rate in steps per second of real time, and those of ODE. What
-        the file does not tell is not among them.
+        the file does not give is left out.
 
     Raises:
         DescriptionError: If one is no number, or is negative.

@@ -23,7 +23,7 @@ class State:
     """When a world was saved, and where its models, links and lights were."""
 
     time: float | None = None
-    """Simulated time in [s]; None where it is not told."""
+    """Simulated time in [s]; None if it is not given."""
 
     models: dict[str, np.ndarray] = field(default_factory=dict)
     """Poses in the world by name, shape (7,); likewise the others."""
@@ -34,7 +34,7 @@ class State:
     lights: dict[str, np.ndarray] = field(default_factory=dict)
 
     def then(self, later: State) -> State:
-        """Give this state with what a later one tells of it."""
+        """Return this state updated by a later one."""
         return State(
             time=self.time if later.time is None else later.time,
             models={**self.models, **later.models},
@@ -73,7 +73,7 @@ def _links(model: etree._Element, prefix: str) -> dict[str, np.ndarray]:
 def _poses(
     elements: Iterable[etree._Element], prefix: str = ""
 ) -> dict[str, np.ndarray]:
-    """Read where things are in the world, by name, if it is told."""
+    """Read where things are in the world, by name, if they are given."""
     found = {}
     for element in elements:
         name = prefix + name_of(element)
@@ -87,13 +87,13 @@ def in_state(model: SdfModel, state: State) -> SdfModel:
 
     Args:
         model: As the file has it.
-        state: The world's state; what it does not tell stays as it is.
+        state: The world's state; what it does not give stays as it is.
     """
     links = state.links.get(model.name, {})
     assembly = model.assembly
     description = assembly.description
     pose = state.models.get(model.name, model.pose)
-    # Joints move what carries the model frame, so the root tells where it was.
+    # Joints move what carries the model frame, so the root shows where it was.
     if description.root == WORLD:
         pose = model.pose
     elif description.root in links:

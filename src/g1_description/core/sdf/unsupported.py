@@ -1,6 +1,6 @@
 """What of an SDF document is not simulated, or not read as it stands, in words.
 
-One table tells which elements are read and which say nothing while they have
+One table lists the elements that are read and those without effect while they have
 their default; everything else is named.
 """
 
@@ -94,28 +94,28 @@ def unread(root: etree._Element) -> tuple[str, ...]:
             looked into.
 
     Returns:
-        A clause for each, such as "sensor of link head is not simulated", each once.
+        A message for each, such as "sensor of link head is not simulated", each once.
     """
-    clauses: dict[str, None] = {}
+    messages: dict[str, None] = {}
     waiting = [(root, _owner(root, "", ""), "")]
     for element, owner, scope in waiting:
-        clauses.update(dict.fromkeys(_namesakes(element, owner)))
+        messages.update(dict.fromkeys(_namesakes(element, owner)))
         for child in element:
             tag = local_name(child)
             if tag in _LOOKS:
                 continue
-            clauses[_read_as(child, owner)] = None
+            messages[_read_as(child, owner)] = None
             if child.tag not in _READ_IN.get(element.tag, ()):
                 if not _says_nothing(child):
-                    clauses[_clause(child, tag, element.tag, owner)] = None
+                    messages[_message(child, tag, element.tag, owner)] = None
             elif tag == "mu2" and child.text != element.findtext("mu"):
-                clauses[f"mu2 of {owner} is not simulated"] = None
+                messages[f"mu2 of {owner} is not simulated"] = None
             elif tag == "model" and element.tag == "model":
                 inner = f"{scope}{child.get('name')}"
                 waiting.append((child, f"model {inner}", f"{inner}::"))
             elif tag not in ("model", "light", "world"):
                 waiting.append((child, _owner(child, scope, owner), scope))
-    return tuple(filter(None, clauses))
+    return tuple(filter(None, messages))
 
 
 def _namesakes(element: etree._Element, owner: str) -> Iterator[str]:
@@ -141,7 +141,7 @@ def _owner(element: etree._Element, scope: str, above: str) -> str:
     return f"{tag} {name} of {above}" if tag in ("collision", "visual") else above
 
 
-def _clause(element: etree._Element, tag: str, parent_tag: str, owner: str) -> str:
+def _message(element: etree._Element, tag: str, parent_tag: str, owner: str) -> str:
     """Name an element that is not read."""
     name = f"light {element.get('name')}" if tag == "light" else tag
     place = "in" if parent_tag == "geometry" else "of"
@@ -149,7 +149,7 @@ def _clause(element: etree._Element, tag: str, parent_tag: str, owner: str) -> s
 
 
 def _read_as(element: etree._Element, owner: str) -> str:
-    """Tell how the numbers of an element are read if they are not as they should be."""
+    """Say how the numbers of an element are read if they are not as they should be."""
     tag, text = element.tag, (element.text or "").strip()
     place = f"{element.getparent().tag}/{tag}"
     count = _COUNTS.get(tag, _COUNTS.get(place))
@@ -159,7 +159,7 @@ def _read_as(element: etree._Element, owner: str) -> str:
 
 
 def _says_nothing(element: etree._Element) -> bool:
-    """Tell whether an element has only the values it would have had anyway."""
+    """Return whether an element has only the values it would have had anyway."""
     default = _DEFAULTS.get(element.tag)
     return default is not None and all(
         value == default for leaf in element.iter() for value in _values(leaf)

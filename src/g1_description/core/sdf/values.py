@@ -109,7 +109,7 @@ def filled(values: list[float], count: int) -> list[float]:
 
 
 def read_as(what: str, text: str, count: int) -> str:
-    """Tell what a text means that has more, or less, than the numbers needed.
+    """Say how a text is read that has more, or less, than the numbers needed.
 
     Args:
         what: What they are.
@@ -117,7 +117,7 @@ def read_as(what: str, text: str, count: int) -> str:
         count: How many are needed.
 
     Returns:
-        A clause, empty where the text is as it should be or is refused.
+        A message, empty where the text is as it should be or is refused.
     """
     words = text.split()
     if len(words) == count and all(_NUMBER.fullmatch(word) for word in words):

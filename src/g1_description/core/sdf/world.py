@@ -46,7 +46,7 @@ class Sdf:
     """Simulated time at which it begins, in [s]: when it was saved."""
 
     left_out: tuple[str, ...]
-    """A clause for each thing outside of the models that is not simulated, and for
+    """A message for each thing outside of the models that is not simulated, and for
     each model or light that cannot be."""
 
     refused: tuple[str, ...] = ()
@@ -97,8 +97,8 @@ def read_sdf(text: str, find_model: Callable[[str], str] = no_model) -> Sdf:
     frames = holder.findall("frame")
     reader.read(frames, lambda f: _placed(f, f.get("attached_to") or WORLD, scope))
     read_lights: dict[str, Light] = {}
-    for clauses in reader.read(lights, lambda el: _add_light(el, scope, read_lights)):
-        left_out += clauses
+    for messages in reader.read(lights, lambda el: _add_light(el, scope, read_lights)):
+        left_out += messages
     state = reduce(
         State.then, reader.read(holder.findall("state"), read_state), State()
     )
@@ -139,7 +139,7 @@ class _Reader:
         """Begin.
 
         Args:
-            left_out: Takes a clause for each thing that is left out; None where
+            left_out: Takes a message for each thing that is left out; None where
                 what is wrong is refused.
         """
         self._left_out = left_out
@@ -179,7 +179,7 @@ def _placed(element: etree._Element, frame: str, scope: Scope) -> etree._Element
 def _add_light(
     element: etree._Element, scope: Scope, lights: dict[str, Light]
 ) -> tuple[str, ...]:
-    """Read a light and put it to those read before; tell what of it is not read."""
+    """Read a light and add it to those read before; return what of it is not read."""
     light = read_light(element, scope)
     if light.name in lights:
         raise DescriptionError(f"There are two lights of the name {light.name}.")

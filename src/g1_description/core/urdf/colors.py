@@ -29,7 +29,7 @@ def visual_colors(
 
     Yields:
         Red, green, blue, opacity from 0 to 1 for each visual element; None where the
-        file tells no numbers.
+        file has no numbers.
     """
     for visual in link.findall("visual"):
         material = visual.find("material")
@@ -40,7 +40,7 @@ def visual_colors(
 
 
 def _color(material: etree._Element) -> tuple[float, ...] | None:
-    """Read the colour of a material; None where it tells no numbers."""
+    """Read the colour of a material; None where it has no numbers."""
     color = material.find("color")
     text = "" if color is None else color.get("rgba", "")
     try:

@@ -1,4 +1,4 @@
-"""What a URDF tells Gazebo beside the robot: its ``<gazebo>`` elements.
+"""What a URDF holds for Gazebo besides the robot: its ``<gazebo>`` elements.
 
 They mean what libsdformat 9, from 9.9.1 on, makes of them for Gazebo 11; of several
 words on one thing the last counts. What is wrong or not simulated is left out by name.
@@ -49,7 +49,7 @@ class Extensions:
     """What the fixed joints are that are not lumped, fixed or revolute."""
 
     left_out: tuple[str, ...] = ()
-    """A clause for each thing that is wrong, and one for all that is not simulated."""
+    """A message for each thing that is wrong, and one for all that is not simulated."""
 
 
 def read_extensions(robot: etree._Element) -> Extensions:
@@ -121,7 +121,7 @@ def _flag(tag: str, word: str) -> bool:
 
 
 def _says_nothing(tag: str, word: str, friction: str | None) -> bool:
-    """Tell whether it is no loss that an element is not read.
+    """Return whether it is no loss that an element is not read.
 
     Args:
         tag: The element's.

@@ -1,4 +1,4 @@
-"""The parts of a URDF that tell of links and joints; urdfdom takes what else it has.
+"""The parts of a URDF that describe links and joints; urdfdom takes what else it has.
 
 urdf_parser_py wants to understand a whole file: a transmission of another form, a
 material without a name or a texture without a file would make it refuse the robot.
@@ -37,7 +37,7 @@ _WITHOUT_AXIS = ("fixed", "floating")
 
 
 def keep_parts(robot: etree._Element) -> None:
-    """Take out of a robot element all that tells nothing of its links and joints.
+    """Take out of a robot element all that does not describe links and joints.
 
     Args:
         robot: The element; materials are taken out too.

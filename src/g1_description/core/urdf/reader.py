@@ -87,7 +87,7 @@ def parse_urdf(text: str) -> Description:
 
 
 def _is_urdf(robot: etree._Element) -> bool:
-    """Tell whether a robot element can be read."""
+    """Return whether a robot element can be read."""
     try:
         urdf.URDF.from_xml_string(etree.tostring(robot, encoding="utf-8"))
     except UNREADABLE:

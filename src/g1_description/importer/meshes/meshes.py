@@ -165,7 +165,7 @@ def _as_stl(data: bytes, parts: tuple[meshes.Part, ...]) -> Mesh:
     if not parts:
         data, changes = clean_header(data)
     else:
-        changes = ("normals made anew" if is_binary(data) else "text made binary",)
+        changes = ("normals computed" if is_binary(data) else "text made binary",)
         data = write_stl(_corners(parts))
     return Mesh(data, "", len(read_stl(data)), changes)
 

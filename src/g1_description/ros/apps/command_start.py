@@ -16,13 +16,13 @@ INTERRUPTED = 130
 """Exit code after Ctrl-C, as shells have it."""
 
 
-def run(name: str, told: str = "interrupted.") -> None:
+def run(name: str, farewell: str = "interrupted.") -> None:
     """Import a command and run it; end quietly when a signal ends it.
 
     Args:
         name: Of the command, and of its module, whose ``main`` does the work and
             may raise KeyboardInterrupt.
-        told: What it says then.
+        farewell: What it says then.
     """
     # Some libraries take an interrupt of their import for something else.
     _answer_interrupt(_end_at_once)
@@ -38,12 +38,12 @@ def run(name: str, told: str = "interrupted.") -> None:
     except BaseException as error:
         if not (isinstance(error, KeyboardInterrupt) or _is_shut_down()):
             raise
-        print(f"{name}: {told}", file=sys.stderr)
+        print(f"{name}: {farewell}", file=sys.stderr)
         sys.exit(INTERRUPTED)
 
 
 def _is_shut_down() -> bool:
-    """Tell whether a signal shut the node down: what fails then fails of that."""
+    """Return whether a signal shut the node down: what fails then fails of that."""
     rospy = sys.modules.get("rospy")
     return rospy is not None and rospy.core.is_shutdown_requested()
 

@@ -27,7 +27,7 @@ MOST_PIXELS = 500e6
 
 
 def count(seconds: float, fps: float) -> int:
-    """Tell how many pictures a film has."""
+    """Return how many pictures a film has."""
     return max(1, round(seconds * fps))
 
 
@@ -123,7 +123,7 @@ def film(n: int, picture: Callable[[int], np.ndarray]) -> list[Image.Image]:
 
 
 def _show_progress(done: int, n: int) -> None:
-    """Tell how far it is: in one line of a terminal, else now and then."""
+    """Show the progress: in one line of a terminal, now and then elsewhere."""
     is_last = done == n
     if sys.stderr.isatty():
         end = "\n" if is_last else ""

@@ -119,7 +119,7 @@ class RobotWatch(RobotView):
         prefix = f"{namespace}/" if namespace else ""
         base, self._T_root_base = base_of(self.description)
         self.frame = prefix + base
-        """Name in TF of the link that tells where the robot is."""
+        """Name in TF of the link whose pose is the robot's."""
 
     def wait(self) -> None:
         """Wait for all joints, or at least some, and for the pose of the root.

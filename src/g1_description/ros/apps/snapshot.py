@@ -74,7 +74,7 @@ def frame(
 
     Returns:
         The camera, and the height of the floor in [m]: that of the map, or below the
-        robots where nobody tells where they are.
+        robots whose pose is unknown.
 
     Raises:
         InvalidValueError: If there is nothing to see.

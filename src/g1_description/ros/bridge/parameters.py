@@ -79,7 +79,7 @@ class BridgeParameters:
         """The robots to bridge: those of ``robots``, else the one."""
         if self.robots:
             return tuple(
-                _robot(number, told) for number, told in enumerate(self.robots)
+                _robot(number, entry) for number, entry in enumerate(self.robots)
             )
         one = RobotParameters(
             self.model_name, "", self.robot_description, self.frame_prefix
@@ -105,29 +105,29 @@ class RobotParameters:
     slash."""
 
 
-def _robot(number: int, told) -> RobotParameters:
+def _robot(number: int, entry) -> RobotParameters:
     """Read one entry of ``~robots``."""
     known = [field.name for field in fields(RobotParameters)]
-    name = told.get("name") if isinstance(told, dict) else None
+    name = entry.get("name") if isinstance(entry, dict) else None
     if not isinstance(name, str) or not name:
         raise InvalidValueError(
-            f"~robots[{number}] is {told!r}, it must be a dictionary with a name."
+            f"~robots[{number}] is {entry!r}, it must be a dictionary with a name."
         )
-    for key, value in told.items():
+    for key, value in entry.items():
         if key not in known or not isinstance(value, str):
             raise InvalidValueError(
                 f"~robots[{number}] has {key}: {value!r}; it may have strings for "
                 f"{', '.join(known)}."
             )
     default = re.sub(r"\W", "_", name, flags=re.ASCII)
-    namespace = told.get("namespace", default).strip("/")
+    namespace = entry.get("namespace", default).strip("/")
     if namespace and not re.fullmatch(r"[A-Za-z][\w/]*", namespace, re.ASCII):
         raise InvalidValueError(
             f"~robots[{number}] has the namespace '{namespace}', which is no ROS name."
         )
-    prefix = told.get("frame_prefix", namespace and f"{namespace}/")
+    prefix = entry.get("frame_prefix", namespace and f"{namespace}/")
     _check_prefix(f"frame_prefix of ~robots[{number}]", prefix)
-    return RobotParameters(**{**told, "namespace": namespace, "frame_prefix": prefix})
+    return RobotParameters(**{**entry, "namespace": namespace, "frame_prefix": prefix})
 
 
 def _check_prefix(what: str, prefix: str) -> None:

@@ -67,7 +67,7 @@ class Peer:
     """Whether it is this node itself."""
 
     is_stuck: bool = False
-    """Whether it was waited for in vain, and has read nothing since."""
+    """Whether it was waited for without success, and has read nothing since."""
 
     def send_waiting(self) -> None:
         """Send the messages that wait, as far as there is room."""
@@ -206,7 +206,7 @@ class Subscribers(rospy.SubscribeListener):
             threading.Thread(target=self._call, daemon=True).start()
 
     def _call(self) -> None:
-        """Let the master tell all subscribers of this publisher."""
+        """Let the master notify all subscribers of this publisher."""
         with contextlib.suppress(*SLAVE_API_ERRORS, rosgraph.MasterException):
             rosgraph.Master(rospy.get_name()).registerPublisher(
                 self.name, self.publisher.type, rospy.get_node_uri()

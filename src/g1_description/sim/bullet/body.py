@@ -72,7 +72,7 @@ class Body:
             self.joints.hold_position(self.joints.rows)
 
     def _set_dynamics(self) -> None:
-        """Set what a URDF file does not tell PyBullet."""
+        """Set what PyBullet does not take with the links."""
         # ODE takes the lesser of two coefficients, PyBullet their product: with at
         # most 1 on what is static, both are the same on the ground.
         static = self.model.assembly.static

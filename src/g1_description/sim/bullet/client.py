@@ -26,7 +26,7 @@ def _muted() -> Iterator[None]:
         yield
 
 
-with _muted():  # it tells its build time
+with _muted():  # it prints its build time
     import pybullet
     from pybullet_utils.bullet_client import BulletClient
 

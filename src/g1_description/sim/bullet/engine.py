@@ -88,7 +88,7 @@ class Engine:
             model: The model, in the state its bodies shall have.
 
         Returns:
-            A clause for each thing that was left out.
+            A message for each thing that was left out.
 
         Raises:
             DescriptionError: If it cannot be loaded.

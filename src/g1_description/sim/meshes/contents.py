@@ -37,7 +37,7 @@ asks several times for the same files.
 """
 
 MOST_KEPT = 400e6
-"""Most memory of what is kept in case it is asked for again, in bytes."""
+"""Most memory of what is kept in case it is requested again, in bytes."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class _File:
 
 _known: dict[_File, tuple[Part, ...] | str] = {}
 _deaths: dict[_File, tuple[float, str]] = {}
-"""Files that readers died of: when, by the monotonic clock in [s], and a clause."""
+"""Files that readers died of: when, by the monotonic clock in [s], and a message."""
 
 
 def mesh_contents(paths: Iterable[Path]) -> dict[Path, tuple[Part, ...] | str]:
@@ -76,7 +76,7 @@ def mesh_contents(paths: Iterable[Path]) -> dict[Path, tuple[Part, ...] | str]:
         paths: Existing files.
 
     Returns:
-        By file: its parts, or a clause that says why it cannot be read.
+        By file: its parts, or a message that says why it cannot be read.
     """
     files = {}
     for path in paths:
@@ -87,7 +87,7 @@ def mesh_contents(paths: Iterable[Path]) -> dict[Path, tuple[Part, ...] | str]:
         file: why for file, (_, why) in _deaths.items()
     }
     for file in files.values():
-        if file in _known:  # what is asked for now comes last
+        if file in _known:  # what is requested now comes last
             contents[file] = _known[file] = _known.pop(file)
     contents.update(_read_all([f for f in files.values() if f not in contents]))
     _make_room()
@@ -103,7 +103,7 @@ def _forget_deaths() -> None:
 
 
 def _make_room() -> None:
-    """Forget the files that were not asked for longest, if all are too large."""
+    """Forget the files that were not requested for longest, if all are too large."""
     sizes = {file: _size(content) for file, content in _known.items()}
     excess = sum(sizes.values()) - MOST_KEPT
     for file, size in sizes.items():
@@ -152,7 +152,7 @@ def _read(
         patience: How long all of them may take, in [s].
 
     Returns:
-        What is in the first files, or why they cannot be read; a clause that says why
+        What is in the first files, or why they cannot be read; a message that says why
         the process ended, empty where the time was over; whether it began to read.
     """
     with tempfile.TemporaryDirectory() as name:
@@ -205,7 +205,7 @@ def _run(folder: Path, paths: list[Path], patience: float) -> int | None:
 
 
 def _death(code: int) -> str:
-    """Say in a clause what ended a reader, by its exit code."""
+    """Say in a message what ended a reader, by its exit code."""
     if code == -signal.SIGPROF:
         return f"it took more than {PROCESSOR_PATIENCE:g} s of the processor"
     if code == -signal.SIGALRM:

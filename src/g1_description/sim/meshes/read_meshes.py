@@ -33,7 +33,7 @@ MEMORY = 4 * 2**30
 MOST_TRIANGLES = 3_000_000
 
 LEAST_NORMAL = 0.001
-"""Square of the length that a normal has at least, if it tells a direction."""
+"""Square of the length that a normal has at least, if it has a direction."""
 
 
 def main() -> None:
@@ -106,9 +106,10 @@ def read(path: Path) -> dict[str, np.ndarray]:
 
 
 def _fault(library: Assimp, path: Path) -> str:
-    """Say what is wrong with a refused file where the library's words tell less.
+    """Say what is wrong with a refused file where the library's message says less.
 
-    What has corners that are no numbers it takes out, and then tells of nothing left.
+    It takes out what has corners that are no numbers, and then reports that
+    nothing is left.
     """
     fault = _stl_fault(path) if path.suffix.lower() == ".stl" else ""
     if fault:
@@ -142,23 +143,23 @@ def _stl_fault(path: Path) -> str:
     )
 
 
-def tells_direction(normals: np.ndarray) -> np.ndarray:
-    """Tell of normals, shape (..., 3), which are long enough to be some."""
+def has_direction(normals: np.ndarray) -> np.ndarray:
+    """Return which normals, shape (..., 3), are long enough to have a direction."""
     with np.errstate(all="ignore"):
         squares = (normals.astype(float) ** 2).sum(axis=-1)
         return (squares >= LEAST_NORMAL) & (squares < np.inf)
 
 
 def _normals(corners: np.ndarray, normals: np.ndarray) -> np.ndarray:
-    """Put that of the triangle in the place of each normal that tells no direction.
+    """Put that of the triangle in the place of each normal without a direction.
 
     Args:
         corners: Of triangles, shape (n, 3, 3).
         normals: At the corners, shape (n, 3, 3).
     """
     own = triangle_normals(corners)[:, np.newaxis]
-    told = tells_direction(normals)[..., np.newaxis]
-    return np.where(told, normals, own).astype(normals.dtype)
+    valid = has_direction(normals)[..., np.newaxis]
+    return np.where(valid, normals, own).astype(normals.dtype)
 
 
 def _color(part: RawPart, folder: Path) -> tuple[float, ...]:

@@ -19,7 +19,7 @@ from g1_description.core.files.uris import local_path
 from g1_description.core.robot.description import Shape
 
 from .contents import Part, mesh_contents
-from .read_meshes import tells_direction
+from .read_meshes import has_direction
 from .stl import HEAD, RECORD, binary_size, triangle_count
 from .surfaces import triangle_normals
 
@@ -43,7 +43,7 @@ def find_meshes(shapes: Iterable[Shape]) -> dict[str, Mesh | str]:
         shapes: Its shapes; those that are no meshes are passed over.
 
     Returns:
-        By their names as written: a mesh, or a clause that says why it is left out.
+        By their names as written: a mesh, or a message that says why it is left out.
     """
     names = [shape.filename for shape in shapes if shape.kind == "mesh"]
     found: dict[str, Mesh | str] = {}
@@ -72,7 +72,7 @@ def open_meshes(paths: Iterable[Path]) -> dict[Path, Mesh | str]:
         paths: Existing files of these ``KINDS``.
 
     Returns:
-        By file: a mesh, or a clause that says why it cannot be read.
+        By file: a mesh, or a message that says why it cannot be read.
     """
     found: dict[Path, Mesh | str] = {}
     unread = []
@@ -87,7 +87,7 @@ def open_meshes(paths: Iterable[Path]) -> dict[Path, Mesh | str]:
 
 
 def is_sound_stl(path: Path) -> bool:
-    """Tell whether a file is a binary STL that PyBullet can be given.
+    """Return whether a file is a binary STL that PyBullet can be given.
 
     Such a file is as long as its number of triangles says; PyBullet computes that in
     32 bits and reads beyond the end. And it has normals: what has none is black.
@@ -110,6 +110,6 @@ def is_sound_stl(path: Path) -> bool:
     with np.errstate(invalid="ignore"):
         if not (np.abs(records["corners"]) <= LARGEST).all():
             return False
-    mute = records["corners"][~tells_direction(records["normal"])]
+    mute = records["corners"][~has_direction(records["normal"])]
     # What has no area is not seen: it needs no normal.
     return not triangle_normals(mute).any()

@@ -20,24 +20,24 @@ _HEADER = HEAD - 4
 
 
 def triangle_count(head: bytes) -> int:
-    """Tell how many triangles a binary file has by its beginning."""
+    """Return how many triangles a binary file has by its beginning."""
     return int(np.frombuffer(head.ljust(HEAD, b"\0"), "<u4", 1, _HEADER)[0])
 
 
 def binary_size(head: bytes) -> int:
-    """Tell how many bytes a binary file has by its beginning."""
+    """Return how many bytes a binary file has by its beginning."""
     return HEAD + RECORD.itemsize * triangle_count(head)
 
 
 def is_binary(data: bytes) -> bool:
-    """Tell whether a file is as long as its number of triangles says."""
+    """Return whether a file is as long as its number of triangles says."""
     return len(data) == binary_size(data)
 
 
 def clean_header(data: bytes) -> tuple[bytes, tuple[str, ...]]:
     """Write a binary STL so that no reader takes it for text.
 
-    Readers tell the two kinds apart by the word "solid" at the beginning, by the
+    Readers distinguish the two kinds by the word "solid" at the beginning, by the
     length, or by both.
 
     Args:

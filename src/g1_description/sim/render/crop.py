@@ -1,4 +1,4 @@
-"""The part of a picture that is drawn, and how OpenGL is told of it."""
+"""The part of a picture that is drawn, and how OpenGL gets it."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Robots to be drawn: their visual shapes in a PyBullet of their own.
 
 Nothing moves here by itself. Each shape is a body without mass, put where our
-kinematics has it, so no joint and no mass of a robot is told to PyBullet, and links
+kinematics has it, so no joint and no mass of a robot is given to PyBullet, and links
 without mass are seen too.
 """
 
@@ -79,7 +79,7 @@ class Scene:
             description: The robot, with fixed links lumped or not.
 
         Returns:
-            The robot's number, from 0, and a clause for each mesh left out.
+            The robot's number, from 0, and a message for each mesh left out.
         """
         pieces, left_out = [], []
         shapes = [

@@ -31,7 +31,7 @@ def load_visual(
             mesh's own materials count more than that of the shape.
 
     Returns:
-        PyBullet's numbers for its bodies, and a clause that says why there is none.
+        PyBullet's numbers for its bodies, and a message that says why there is none.
     """
     color = list(shape.color or GREY)
     kind = pybullet.GEOM_BOX if shape.kind == "box" else pybullet.GEOM_MESH

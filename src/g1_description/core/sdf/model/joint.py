@@ -28,7 +28,7 @@ KINDS = (*MOVABLE, "fixed")
 def ends_of(
     element: etree._Element, scope: Scope, links: Container[str]
 ) -> tuple[str, str] | str:
-    """Tell which links a joint joins.
+    """Find which links a joint joins.
 
     Gazebo takes the world on either side, and goes on without a joint whose links it
     cannot find.
@@ -39,7 +39,7 @@ def ends_of(
         links: Full names of all links.
 
     Returns:
-        Full names of the parent and of the child, or ``WORLD``; or a clause that says
+        Full names of the parent and of the child, or ``WORLD``; or a message that says
         why there is no such joint.
     """
     ends = []
@@ -144,7 +144,7 @@ def _bounds(axis: etree._Element | None, owner: str) -> tuple[float, float, str]
     """Read the limits of a position, infinite where SDF's numbers mean none.
 
     Returns:
-        Lower and upper limit, and a clause if they are not those of the file.
+        Lower and upper limit, and a message if they are not those of the file.
     """
     limit = None if axis is None else axis.find("limit")
     lower = _limit(limit, "lower", -np.inf, owner)

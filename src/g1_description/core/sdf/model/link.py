@@ -27,7 +27,7 @@ _SIZES = {
     "sphere": {"radius": [1.0]},
     "cylinder": {"radius": [1.0], "length": [1.0]},
 }
-"""Kinds of shapes, the elements that tell how large they are, and their defaults."""
+"""Kinds of shapes, the elements of their sizes, and their defaults."""
 
 _TENSOR = {"ixx": 1.0, "ixy": 0.0, "ixz": 0.0, "iyy": 1.0, "iyz": 0.0, "izz": 1.0}
 
@@ -60,7 +60,7 @@ def drop_wrong_inertial(element: etree._Element, scope: Scope) -> str:
         scope: The model that holds it.
 
     Returns:
-        A clause with the reason, empty where it can be read.
+        A message with the reason, empty where it can be read.
     """
     name = scope.full(name_of(element))
     inertial = element.find("inertial")

@@ -79,7 +79,7 @@ def _assembly(
         description: Its links and joints.
         scopes: It and the models inside of it.
         static: Whether it never moves by itself.
-        left_out: A clause for each thing that is not simulated.
+        left_out: A message for each thing that is not simulated.
     """
     frames = scopes[0][0].frames
     first = next(link.name for link in description.links if link.name != WORLD)
@@ -108,14 +108,14 @@ def _links(
     """Read the links of a model and of those inside of it.
 
     Returns:
-        The links, and a clause for each wrong inertial of a model that never moves.
+        The links, and a message for each wrong inertial of a model that never moves.
     """
     elements = [
         (link, scope) for scope, model in scopes for link in model.findall("link")
     ]
     wrong = [drop_wrong_inertial(*one) for one in elements] if static else []
     links = tuple(read_link(*one) for one in elements)
-    return links, [clause for clause in wrong if clause]
+    return links, [message for message in wrong if message]
 
 
 def _scopes(model: etree._Element, name: str) -> list[tuple[Scope, etree._Element]]:
@@ -180,7 +180,7 @@ def _joints(
     """Read the joints of a model that make no loop; all fixed where it is static.
 
     Returns:
-        The joints, and a clause for each that is left out, holds still or is not as it
+        The joints, and a message for each that is left out, holds still or is not as it
         is written.
     """
     written, left_out = _written_joints(scopes, links)
@@ -215,7 +215,7 @@ def _written_joints(
     """List the joints of a model, and make their frames known.
 
     Returns:
-        The joints, and a clause for each that Gazebo does not make.
+        The joints, and a message for each that Gazebo does not make.
     """
     written, left_out = [], []
     for scope, owner in scopes:

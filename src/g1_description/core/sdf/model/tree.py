@@ -15,7 +15,7 @@ from .joint import turned_around
 
 
 def closes_loop(joints: Sequence[tuple[str, str]]) -> list[bool]:
-    """Tell which joints would close a loop.
+    """Find which joints would close a loop.
 
     Args:
         joints: The two links that each joins, in any direction.
