@@ -153,11 +153,11 @@ class TestDisplay(unittest.TestCase):
         # It may have been put there just now.
         still = stamps()[10:]
         steps = [(b - a) / 1e6 for a, b in zip(still, still[1:])]
-        # Where no state follows for a moment, on a busy machine, the last one is sent
-        # sooner; where states are left out, one is late.
-        regular = sum(50.0 <= step < 52.0 for step in steps)
-        self.assertGreater(regular, len(steps) // 4, steps)
-        self.assertGreater(min(steps), 0.0)
+        # A busy machine may leave states out, and so be late, or stand still for so
+        # long that the last state is shown at once.
+        regular = [step for step in steps if step >= 50.0]
+        self.assertGreater(len(regular), len(steps) / 4, steps)
+        self.assertLess(min(regular), 52.0)
 
     def test_nobody_complains(self):
         """Listen to a second of the log, past and to come; KDL's warning is known."""
