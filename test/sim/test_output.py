@@ -17,10 +17,10 @@ from g1_description.sim.physics import PhysicsProperties
 from g1_description.sim.render.scene import Scene
 from g1_description.sim.standing import standing_height
 robot = parse_urdf('{ROBOT}')
-Engine("hold", PhysicsProperties(), str).close()
+Engine("hold", PhysicsProperties()).close()
 standing_height(lump_fixed_joints(robot), np.array([0.0, 0.0, 0.0, 1.0]))
 with Scene() as scene:
-    scene.add(robot, str)
+    scene.add(robot)
 """
 SPEAK = "import os; print('one', flush=True); os.system('echo two'); os.write(2, b'3')"
 CLOSED = "import os; os.close(1); os.close(2)\n"
