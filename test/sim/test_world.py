@@ -470,7 +470,7 @@ def test_a_spawn_that_fails_late_leaves_no_body_behind(make_world, monkeypatch):
     def spoiled(*arguments):
         raise DescriptionError("too late")
 
-    monkeypatch.setattr("g1_description.sim.bullet.load._check_count", spoiled)
+    monkeypatch.setattr("g1_description.sim.bullet.create_body._check_count", spoiled)
     with pytest.raises(DescriptionError, match="too late"):
         world.spawn_urdf("arm", ARM.replace(heavier, 'mass value="6"'), UPRIGHT)
     assert world.client.getNumBodies() == 1

@@ -13,7 +13,7 @@ from g1_description.core.errors import (
     PoseFileError,
     UnknownNameError,
 )
-from g1_description.core.poses.motion import minimum_jerk
+from g1_description.core.poses.minimum_jerk import minimum_jerk
 from g1_description.core.poses.pose import Pose, check_pose, find_pose, pose_positions
 from g1_description.core.poses.yaml_text import parse_poses, with_pose
 from g1_description.core.urdf.reader import parse_urdf

@@ -28,7 +28,7 @@ from g1_description.core.transform import IDENTITY
 from g1_description.core.urdf.reader import parse_urdf
 from g1_description.sim.bullet.body import Body
 from g1_description.sim.bullet.client import connect
-from g1_description.sim.bullet.load import load_model
+from g1_description.sim.bullet.create_body import create_body
 from g1_description.sim.model import Model
 from g1_description.sim.render.camera import Camera
 from g1_description.sim.render.picture import silhouette
@@ -155,7 +155,7 @@ def count_contacts(bench, assembly):
     bench.say("all poses")
     client = connect()
     model = Model("g1", assembly, np.array(IDENTITY))
-    body = Body(client, load_model(client, model), model)
+    body = Body(client, create_body(client, model), model)
     number = body.number
     joined = {frozenset((j.parent, j.child)) for j in assembly.description.joints}
     indices = range(-1, client.getNumJoints(number))

@@ -17,8 +17,8 @@ from g1_description.core.robot.description import Inertial
 from g1_description.core.rotation import rotate
 from g1_description.core.sdf.world import EMPTY_WORLD, Sdf, read_sdf
 from g1_description.core.transform import compose
+from g1_description.sim.bullet.create_body import check_size
 from g1_description.sim.bullet.engine import Engine
-from g1_description.sim.bullet.load import check_size
 
 from .contents import Contents
 from .entities import Frame, JointEntity, LinkEntity

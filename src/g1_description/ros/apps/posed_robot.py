@@ -14,7 +14,7 @@ import numpy as np
 import rospy
 from sensor_msgs.msg import JointState
 
-from g1_description.core.poses.motion import minimum_jerk
+from g1_description.core.poses.minimum_jerk import minimum_jerk
 from g1_description.core.text import listed
 from g1_description.ros.node.lifecycle import quiet_when_closing
 

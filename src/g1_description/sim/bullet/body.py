@@ -12,8 +12,8 @@ from g1_description.core.transform import compose, inverse
 from g1_description.sim.model import Model
 
 from .client import BulletClient
+from .create_body import ROOT, Loaded
 from .joints import BodyJoints
-from .load import ROOT, Loaded
 
 MAX_JOINT_VELOCITY = 1000.0
 """No joint or body moves faster, in [m/s] or [rad/s]; PyBullet's own bound is 100."""
@@ -41,7 +41,7 @@ class Body:
 
         Args:
             client: PyBullet.
-            loaded: What ``load_model`` made of it.
+            loaded: What ``create_body`` made of it.
             model: The model whose body it is.
             tree: Which of the model's trees it is the body of.
             holds: Whether motors hold its joints where they were last set.

@@ -15,7 +15,7 @@ from g1_description.sim.physics import PhysicsProperties
 from .body import Body
 from .client import BulletClient, connect
 from .contacts import DepenetrationLimiter, find_contacts
-from .load import TooManyLinksError, load_model
+from .create_body import TooManyLinksError, create_body
 from .moving_models import MovingModels
 
 
@@ -117,7 +117,7 @@ class Engine:
         )
         for tree in range(len(model.trees)):
             try:
-                loaded = load_model(self._client, model, tree)
+                loaded = create_body(self._client, model, tree)
             except TooManyLinksError:
                 if self.is_dynamic:
                     raise

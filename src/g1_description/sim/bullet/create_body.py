@@ -92,7 +92,7 @@ class _Row:
     forms: Sequence[Form] = field(repr=False)
 
 
-def load_model(client: BulletClient, model: Model, tree: int = 0) -> Loaded:
+def create_body(client: BulletClient, model: Model, tree: int = 0) -> Loaded:
     """Make a tree of a model where it is.
 
     Args:

@@ -6,7 +6,7 @@ from robots import BOX, MASS, link
 
 from g1_description.core.errors import DescriptionError
 from g1_description.core.transform import IDENTITY
-from g1_description.sim.bullet.load import MAX_JOINTS
+from g1_description.sim.bullet.create_body import MAX_JOINTS
 from g1_description.sim.standing import standing_height
 
 HIGH = np.array([0.0, 0.0, 5.0, 0.0, 0.0, 0.0, 1.0])
