@@ -1,10 +1,14 @@
 """What PyBullet takes only in parts, or not at all, of a robot."""
 
+import tempfile
+
 import numpy as np
 import pytest
+import trimesh
 from robots import BOX, MASS, link
 
 from g1_description.core.errors import DescriptionError
+from g1_description.core.sdf.world import read_sdf
 from g1_description.core.transform import IDENTITY
 from g1_description.sim.bullet.create_body import MAX_JOINTS
 from g1_description.sim.standing import standing_height
@@ -69,7 +73,8 @@ def test_shapes_beyond_the_sixteenth_hold_no_more_gravity_off(make_world):
 def test_in_kinematic_a_robot_may_have_more_links_than_pybullet(make_world, kept):
     world = make_world()
     text = chain(MAX_JOINTS + 2, kept)
-    assert world.spawn_urdf("tower", text, HIGH) == ()
+    (message,) = world.spawn_urdf("tower", text, HIGH)
+    assert message.startswith("its contacts are not found: Robot 'tower' needs 129")
     world.put("tower", np.array(IDENTITY), np.zeros(6))
     world.step()
     model = world.model("tower")
@@ -84,8 +89,103 @@ def test_in_kinematic_a_robot_may_have_more_links_than_pybullet(make_world, kept
 def test_more_links_than_pybullet_has_room_for_are_refused(make_world, physics):
     world = make_world(physics)
     assert world.spawn_urdf("fits", chain(MAX_JOINTS + 1, True), HIGH) == ()
-    words = "'tower' needs 129 links, .*; only kinematic physics has room for more than"
+    words = "'tower' needs 129 links, .*; hold and limp have room for 128"
     with pytest.raises(DescriptionError, match=words):
         world.spawn_urdf("tower", chain(MAX_JOINTS + 2, True), HIGH)
     assert "tower" not in world.models
     world.step()
+
+
+def sdf(text, static=True):
+    """Read a model of one link."""
+    (model,) = read_sdf(
+        f'<sdf version="1.6"><model name="m"><static>{str(static).lower()}</static>'
+        f'<link name="l">{text}</link></model></sdf>'
+    ).models
+    return model.assembly
+
+
+def cube(world):
+    """Put a cube where it overlaps one around the origin of what is HIGH."""
+    touching = HIGH + 0.9 * np.eye(7)[0]
+    world.spawn_urdf(
+        "c", f'<robot name="c">{link("cube", MASS + BOX)}</robot>', touching
+    )
+
+
+@pytest.mark.parametrize("name", ["\u00e4.stl", "with space.stl"])
+def test_a_static_mesh_may_have_any_name(make_world, tmp_path, name):
+    """PyBullet's process dies of a name beyond ASCII."""
+    file = tmp_path / name
+    trimesh.creation.box((1.0, 1.0, 1.0)).export(file)
+    mesh = f"<geometry><mesh><uri>file://{file}</uri></mesh></geometry>"
+    world = make_world()
+    world.spawn("m", sdf(f'<collision name="c">{mesh}</collision>'), HIGH)
+    cube(world)
+    assert world.contacts() == {("c::cube", "m::l")}
+
+
+def test_the_temporary_folder_may_have_any_name(make_world, tmp_path, monkeypatch):
+    folder = tmp_path / "\u00e4"
+    folder.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(folder))
+    world = make_world()
+    rod = (
+        "<collision><geometry><cylinder radius='1' length='1'/></geometry></collision>"
+    )
+    world.spawn_urdf("r", f'<robot name="r">{link("rod", MASS + rod)}</robot>', HIGH)
+    cube(world)
+    assert world.contacts() == {("c::cube", "r::rod")}
+    assert list(folder.iterdir()) == []
+
+
+@pytest.mark.parametrize("physics", ["kinematic", "hold"])
+def test_a_mesh_of_many_parts_is_one_shape(make_world, tmp_path, physics):
+    """Twenty links, each of a mesh with a hundred parts that are hulls of their own."""
+    boxes = []
+    for n in range(100):
+        box = trimesh.creation.box((1.0, 1.0, 1.0))
+        corners = "".join(f"v {x + 2 * n} {y} {z}\n" for x, y, z in box.vertices)
+        faces = "".join(
+            f"f {a} {b} {c}\n" for a, b, c in box.faces + 1 + n * len(box.vertices)
+        )
+        boxes.append(f"o part{n}\n{corners}{faces}")
+    (tmp_path / "row.obj").write_text("".join(boxes))
+    mesh = f'<mesh filename="file://{tmp_path / "row.obj"}"/>'
+    row = MASS + f"<collision><geometry>{mesh}</geometry></collision>"
+    text = "".join(link(f"l{n}", row) for n in range(20)) + "".join(
+        f'<joint name="j{n}" type="continuous"><parent link="l{n - 1}"/>'
+        f'<child link="l{n}"/><origin xyz="0 2 0"/></joint>'
+        for n in range(1, 20)
+    )
+    world = make_world(physics, gravity=(0.0, 0.0, 0.0))
+    assert world.spawn_urdf("r", f'<robot name="r">{text}</robot>', HIGH) == ()
+    small = BOX.replace("1 1 1", "0.5 0.5 0.5")
+    boxed = f'<robot name="c">{link("cube", MASS + small)}</robot>'
+    for x, touched in ((198.0, {("c::cube", "r::l19")}), (197.0, set())):
+        world.spawn_urdf("c", boxed, HIGH + np.array([x, 38.0, 0, 0, 0, 0, 0]))
+        assert world.contacts() == touched
+        world.delete("c")
+
+
+def test_what_stands_still_for_ever_touches_nothing_that_does(make_world):
+    """Also not with shapes that PyBullet takes only in links of their own."""
+    boxes = "".join(
+        f'<collision name="c{n}"><pose>{n} 0 0 0 0 0</pose><geometry><box><size>1 1 1'
+        "</size></box></geometry></collision>"
+        for n in range(40)
+    )
+    world = make_world("limp")
+    world.spawn("house", sdf(boxes), np.array(IDENTITY))
+    world.spawn("other", sdf(boxes), np.array(IDENTITY))
+    assert world.contacts() == set()
+
+
+def test_a_sphere_without_size_is_a_point(make_world):
+    world = make_world()
+    ball = "<collision><geometry><sphere radius='0'/></geometry></collision>"
+    robot = f'<robot name="r">{link("ball", MASS + ball)}</robot>'
+    assert world.spawn_urdf("r", robot, HIGH) == ()
+    cube(world)
+    world.put("c", HIGH, np.zeros(6))
+    assert world.contacts() == {("c::cube", "r::ball")}

@@ -186,6 +186,23 @@ def test_damping_and_stops_of_a_joint_take_effect(make_world):
     assert model.position[0] == 1.0
 
 
+def test_a_joint_without_damping_any_more_is_as_one_that_never_had_it(make_world):
+    speeds = []
+    for dampings in ([5.0, 0.0], [0.0]):
+        world = make_world("limp", gravity=NOWHERE)
+        world.spawn_urdf("pendulum", PENDULUM, np.array([0, 0, 0, 0, 0, 0, 1.0]))
+        for damping in dampings:
+            entity = world.entities.joint("swing")
+            world.set_joint_properties(entity, {"damping": damping})
+            apply_effort(world, "swing", 1.0)
+            world.run(0.1)
+            world.set_joint_positions("pendulum", {"swing": 0.0})
+        apply_effort(world, "swing", 1.0)
+        world.run(0.1)
+        speeds.append(world.model("pendulum").velocity[0])
+    assert speeds[0] == pytest.approx(speeds[1])
+
+
 def test_gravity_and_the_time_step_change_at_once(make_world):
     world = make_world("limp")
     world.spawn_urdf("body", BODY, np.array([0, 0, 50.0, 0, 0, 0, 1]))

@@ -14,7 +14,7 @@ from g1_description.core.errors import DescriptionError, G1DescriptionError
 from g1_description.core.robot.description import Description
 from g1_description.core.urdf.reader import parse_urdf
 from g1_description.ros.node.parameters import find_parameter
-from g1_description.ros.node.waiting import wait_until
+from g1_description.ros.node.waiting import MASTER_PERIOD, wait_until
 
 BUFFER = 1 << 20
 """Bytes read from a socket at once.
@@ -166,7 +166,7 @@ def _wait_for_description(namespace: str, notify: Callable[[str], None]) -> Desc
     place = f"parameter {DESCRIPTION} in /{namespace} or above it"
     if not find():
         notify(f"waiting for the {place}.")
-    parameter = wait_until(find, DESCRIPTION_TIMEOUT)
+    parameter = wait_until(find, DESCRIPTION_TIMEOUT, period=MASTER_PERIOD)
     if not parameter:
         raise DescriptionError(f"There is no {place}; is the robot launched?")
     return parse_urdf(str(rospy.get_param(parameter)))

@@ -176,7 +176,7 @@ class BridgeHealth:
         """Report whether states arrive."""
         source, age = self._source, self._source.age
         status.add("malformed messages", source.malformed)
-        status.add("messages skipped for newer ones", source.skipped)
+        status.add("messages passed over for newer ones", source.skipped)
         if age is not None:
             status.add("age in s", f"{age:.3f}")
         elif not self._pause.is_paused:

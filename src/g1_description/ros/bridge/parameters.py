@@ -12,7 +12,7 @@ from g1_description.core.errors import InvalidValueError
 from g1_description.core.robot.description import Description
 from g1_description.core.urdf.reader import parse_urdf
 from g1_description.ros.node.parameters import check_range, find_parameter
-from g1_description.ros.node.waiting import wait_until
+from g1_description.ros.node.waiting import MASTER_PERIOD, wait_until
 
 
 @dataclass(frozen=True)
@@ -172,4 +172,4 @@ def _wait_for_description(robot: RobotParameters) -> str:
     if find() is None:
         where = f"{robot.description}, from /{robot.namespace} upward"
         rospy.loginfo("Waiting for %s on the parameter %s.", robot.name, where)
-    return str(rospy.get_param(wait_until(find)))
+    return str(rospy.get_param(wait_until(find, period=MASTER_PERIOD)))

@@ -60,11 +60,13 @@ class RobotStatus:
     start: float = field(default_factory=time.monotonic)
     """When the bridge began, on the monotonic clock in [s]."""
 
-    @cached_property
-    def tally(self) -> CommandTally:
-        """Which of its commands were clamped or ignored."""
+    tally: CommandTally = field(init=False)
+    """Which of its commands were clamped or ignored."""
+
+    def __post_init__(self) -> None:
+        """Begin to count its commands."""
         joints = self.description.movable_joints
-        return CommandTally({j.name: (j.lower, j.upper) for j in joints})
+        self.tally = CommandTally({j.name: (j.lower, j.upper) for j in joints})
 
     @property
     def is_in_grace(self) -> bool:

@@ -9,8 +9,11 @@ from typing import Callable, TypeVar
 
 import rospy
 
-POLL = 0.02
+POLL_PERIOD = 0.02
 """Time between two evaluations of a condition, in [s]."""
+
+MASTER_PERIOD = 0.1
+"""The same for a condition that asks the master or a service, in [s]."""
 
 Result = TypeVar("Result")
 
@@ -19,6 +22,7 @@ def wait_until(
     condition: Callable[[], Result],
     timeout: float | None = None,
     changed: threading.Condition | None = None,
+    period: float = POLL_PERIOD,
 ) -> Result:
     """Wait until a condition holds.
 
@@ -27,6 +31,7 @@ def wait_until(
         timeout: Longest wait in [s]; None: no limit.
         changed: Held while the condition is evaluated; notifying it evaluates the
             condition at once.
+        period: Longest time between two evaluations, in [s].
 
     Returns:
         What the condition returned last: something false after the timeout.
@@ -43,4 +48,4 @@ def wait_until(
                 return result
             if rospy.is_shutdown():
                 raise rospy.ROSInterruptException("interrupted")
-            changed.wait(POLL)
+            changed.wait(period)

@@ -21,6 +21,9 @@ MAX_TOGETHER = 16
 Form = Dict[str, Any]
 """A collision shape in the words of ``createCollisionShapeArray``."""
 
+MIN_RADIUS = 1e-9
+"""Smallest radius of a sphere in [m]: PyBullet refuses zero."""
+
 KINDS = {
     "box": pybullet.GEOM_BOX,
     "sphere": pybullet.GEOM_SPHERE,
@@ -48,14 +51,16 @@ class Forms:
             is_static: Whether the model never moves: then its meshes are hollow where
                 their files are.
         """
-        self._meshes = meshes
+        self._meshes = {
+            name: mesh for name, mesh in meshes.items() if isinstance(mesh, Mesh)
+        }
         self._folder = folder
         self._is_static = is_static
-        self._files: dict[str, list[str]] = {}
+        self._files: dict[str, str] = {}
         self._n_files = 0
 
     def of(self, shapes: Sequence[Shape], anchor: np.ndarray) -> list[Form]:
-        """Return the forms of a link's shapes; a mesh has one for each of its parts.
+        """Return the forms of a link's shapes, without meshes that cannot be read.
 
         Args:
             shapes: Collision shapes of the link.
@@ -63,13 +68,13 @@ class Forms:
                 shape (3,).
         """
         return [
-            self._form(shape, anchor, file)
+            self._form(shape, anchor, self._file_of(shape))
             for shape in shapes
-            for file in self._files_of(shape)
+            if shape.kind != "mesh" or shape.filename in self._meshes
         ]
 
     def _form(self, shape: Shape, anchor: np.ndarray, file: str) -> Form:
-        """Write a shape, or the part of a mesh that is in a file."""
+        """Write a shape, whose mesh is in a file."""
         form: Form = {
             "shapeTypes": KINDS[shape.kind],
             "halfExtents": [1.0, 1.0, 1.0],
@@ -84,7 +89,7 @@ class Forms:
         if shape.kind == "box":
             form["halfExtents"] = [size / 2.0 for size in shape.size]
         elif shape.kind == "sphere":
-            form["radii"] = shape.size[0]
+            form["radii"] = max(shape.size[0], MIN_RADIUS)
         elif shape.kind == "plane":
             form["planeNormals"] = list(shape.size)
         elif shape.kind == "mesh":
@@ -93,33 +98,61 @@ class Forms:
                 form["flags"] = pybullet.GEOM_FORCE_CONCAVE_TRIMESH
         return form
 
-    def _files_of(self, shape: Shape) -> list[str]:
-        """Return the files of a shape; one empty name where it needs none."""
+    def _file_of(self, shape: Shape) -> str:
+        """Return the file of a shape; an empty name where it needs none."""
         if shape.kind == "cylinder":
-            return [self._write(_triples(cylinder_points(*shape.size)))]
+            return self._write([cylinder_points(*shape.size)])
         if shape.kind != "mesh":
-            return [""]
-        mesh = self._meshes[shape.filename]
-        if isinstance(mesh, str):
-            return []
+            return ""
         if shape.filename not in self._files:
-            self._files[shape.filename] = self._mesh_files(mesh)
+            mesh = self._meshes[shape.filename]
+            self._files[shape.filename] = self._mesh_file(mesh)
         return self._files[shape.filename]
 
-    def _mesh_files(self, mesh: Mesh) -> list[str]:
-        """Write the parts of a mesh; return the names of the files."""
+    def _mesh_file(self, mesh: Mesh) -> str:
+        """Write a mesh to a file; return its name."""
         if not self._is_static:
-            return [self._write(_triples(points)) for points in hull_points(mesh)]
-        if not mesh.parts:
-            return [str(mesh.path)]
-        return [self._write(np.concatenate([part.corners for part in mesh.parts]))]
-
-    def _write(self, triangles: np.ndarray) -> str:
-        """Write triangles, shape (n, 3, 3), to a file of their own; return its name."""
-        path = self._folder / f"{self._n_files}.stl"
-        self._n_files += 1
-        path.write_bytes(write_stl(triangles))
+            return self._write(hull_points(mesh))
+        if mesh.parts:
+            corners = [part.corners.reshape(-1, 3) for part in mesh.parts]
+            return self._write([np.concatenate(corners)])
+        path = self._new_path(".stl")
+        path.symlink_to(mesh.path.resolve())
         return str(path)
+
+    def _write(self, hulls: Sequence[np.ndarray]) -> str:
+        """Write the points of hulls, each with shape (n, 3); return the file's name."""
+        triangles = [_triples(points) for points in hulls]
+        if len(hulls) == 1:
+            path = self._new_path(".stl")
+            path.write_bytes(write_stl(triangles[0]))
+        else:
+            path = self._new_path(".obj")
+            path.write_text(_obj_text(triangles))
+        return str(path)
+
+    def _new_path(self, suffix: str) -> Path:
+        """Name a new file; PyBullet dies of names beyond ASCII."""
+        self._n_files += 1
+        return self._folder / f"{self._n_files}{suffix}"
+
+
+def _obj_text(objects: Sequence[np.ndarray]) -> str:
+    """Write an OBJ file; PyBullet makes a hull of each object.
+
+    Args:
+        objects: Triangles of each, shape (n, 3, 3).
+    """
+    lines = []
+    count = 0
+    for number, triangles in enumerate(objects):
+        lines.append(f"o {number}")
+        corners = triangles.reshape(-1, 3).tolist()
+        lines += [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in corners]
+        begins = range(count + 1, count + len(corners) + 1, 3)
+        lines += [f"f {first} {first + 1} {first + 2}" for first in begins]
+        count += len(corners)
+    return "\n".join(lines) + "\n"
 
 
 def _triples(points: np.ndarray) -> np.ndarray:

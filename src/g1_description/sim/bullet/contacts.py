@@ -38,11 +38,12 @@ def find_contacts(
     client.performCollisionDetection()
     pairs = set()
     for point in client.getContactPoints() or ():
-        first, second = sorted(
-            f"{bodies[number].model.name}{SCOPE}{bodies[number].link_name(link)}"
-            for number, link in ((point[1], point[3]), (point[2], point[4]))
-        )
-        if point[8] <= 0.0:
+        links = [(bodies[point[1]], point[3]), (bodies[point[2]], point[4])]
+        if point[8] <= 0.0 and any(body.can_move(link) for body, link in links):
+            first, second = sorted(
+                f"{body.model.name}{SCOPE}{body.link_name(link)}"
+                for body, link in links
+            )
             pairs.add((first, second))
     return pairs
 

@@ -110,7 +110,7 @@ def create_body(client: BulletClient, model: Model, tree: int = 0) -> Loaded:
     description, fixed = model.assembly.description.trees[tree], model.trees[tree].fixed
     collisions = [shape for link in description.links for shape in link.collisions]
     meshes = find_meshes(collisions)
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory(dir=_temporary_folder()) as folder:
         forms = Forms(meshes, Path(folder), model.assembly.static)
         rows = _rows(description, forms)
         _check_room(description.name, rows)
@@ -125,6 +125,12 @@ def create_body(client: BulletClient, model: Model, tree: int = 0) -> Loaded:
     left_out = (mesh for mesh in meshes.values() if isinstance(mesh, str))
     names = tuple(row.name for row in rows)
     return Loaded(number, names, tuple(dict.fromkeys(left_out)))
+
+
+def _temporary_folder() -> str:
+    """Return a folder for temporary files; PyBullet dies of names beyond ASCII."""
+    usual = tempfile.gettempdir()
+    return usual if usual.isascii() else "/tmp"
 
 
 def _rows(description: Description, forms: Forms) -> list[_Row]:
@@ -247,9 +253,9 @@ def _check_room(name: str, rows: Sequence[_Row]) -> None:
     """
     if len(rows) > MAX_JOINTS + 1:
         raise TooManyLinksError(
-            f"Robot '{name}' needs {len(rows)} links, one for each body and for each "
-            f"{MAX_TOGETHER} of its collision shapes; only kinematic physics has room "
-            f"for more than {MAX_JOINTS + 1}."
+            f"Robot '{name}' needs {len(rows)} links, at least one for each "
+            f"{MAX_TOGETHER} collision shapes of a link; hold and limp have room for "
+            f"{MAX_JOINTS + 1}."
         )
 
 

@@ -118,10 +118,11 @@ class Engine:
         for tree in range(len(model.trees)):
             try:
                 loaded = create_body(self._client, model, tree)
-            except TooManyLinksError:
+            except TooManyLinksError as error:
                 if self.is_dynamic:
                     raise
-                continue  # its links are where they are set, its contacts not found
+                left_out.append(f"its contacts are not found: {error}")
+                continue
             holds = self.physics == "hold"
             bodies.append(Body(self._client, loaded, model, tree, holds))
             left_out += loaded.left_out

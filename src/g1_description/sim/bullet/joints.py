@@ -49,6 +49,7 @@ class BodyJoints:
         self._efforts = [min(joint.effort, MAX_EFFORT) for joint in joints]
         self._damping = np.array([joint.damping for joint in joints])
         self._friction = np.array([joint.friction for joint in joints])
+        self._was_damped = False
         for name in model.ode_joints:
             self.set_properties(name)
         if joints:
@@ -117,9 +118,11 @@ class BodyJoints:
         PyBullet's own damping overshoots where it is strong for the step, and it
         has no friction. Joints that are held need neither.
         """
-        if self._damping.any() or self._friction.any():
+        is_damped = bool(self._damping.any() or self._friction.any())
+        if is_damped or self._was_damped:  # a motor keeps its force until the next one
             speed = np.abs(self._model.velocity[self.rows])
             self._drive(self._friction + self._damping * speed)
+        self._was_damped = is_damped
 
     def _drive(self, efforts: np.ndarray) -> None:
         """Set the motors to stop the joints, by efforts in [N m] or [N], shape (n,)."""

@@ -30,7 +30,7 @@ from g1_description.core.files.model_files import model_folders, searched_folder
 from g1_description.core.rotation import from_rpy
 from g1_description.core.xml import decoded, parse_xml
 from g1_description.ros.node.lifecycle import own_arguments, start_node
-from g1_description.ros.node.waiting import wait_until
+from g1_description.ros.node.waiting import MASTER_PERIOD, wait_until
 from g1_description.ros.wire.conversions import pose_from_array
 
 WARN_AFTER = 1.0
@@ -175,7 +175,10 @@ class GazeboServices:
         """Wait until a model is in the world."""
         rospy.loginfo("Waiting for the model %s.", name)
         world = "get_world_properties", GetWorldProperties
-        wait_until(lambda: name in self.wait_and_call(*world).model_names)
+        wait_until(
+            lambda: name in self.wait_and_call(*world).model_names,
+            period=MASTER_PERIOD,
+        )
 
 
 def calls(args: argparse.Namespace, text: str):
