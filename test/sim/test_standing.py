@@ -236,7 +236,7 @@ def lowest(text, z, rotation, positions):
 def drawn(random, text, extreme):
     """Draw positions within the limits, or at one of them."""
     joints = parse_urdf(text).movable_joints
-    ends = [(max(j.lower, -4.0), min(j.upper, 4.0)) for j in joints]
+    ends = [(j.lower, j.upper) if np.isfinite(j.upper) else (-4.0, 4.0) for j in joints]
     if extreme:
         return {j.name: random.choice(end) for j, end in zip(joints, ends)}
     return {j.name: random.uniform(*end) for j, end in zip(joints, ends)}
