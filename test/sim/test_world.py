@@ -101,7 +101,7 @@ def test_moving_links_are_where_scipy_puts_them(make_world, g1, physics):
         for joint, index in world.joint_numbers("g1").items():
             positions[joint] = client.getJointState(body, index)[0]
             state = client.getLinkState(body, index, computeForwardKinematics=1)
-            com[world.body("g1").link_of(index)] = np.concatenate(state[4:6])
+            com[world.body("g1").link_name(index)] = np.concatenate(state[4:6])
         poses = link_poses(world, "g1")
         expected = forward_kinematics(g1, poses["pelvis"], positions)
         for link, pose in poses.items():

@@ -22,7 +22,7 @@ from . import stream
 from .bridge import prepare
 from .nodes import Graph, MeasurementError, wait_for
 from .peer import Peer
-from .tcpros import body_of, packed
+from tcpros import body_of, packed
 
 HERE = Path(__file__).resolve().parent
 NODE = (sys.executable, HERE / "walk_node.py")
@@ -32,7 +32,8 @@ RATE = 200.0  # [Hz]; the profiler makes all slow
 COMMANDS = 50
 TARGETS = ("<= 8", "<= 25", "<= 9")
 SOURCE = "ros.bridge.state_source:"
-SENT, BASE = "ros.wire.messages:serialize", "ros.wire.messages:transform"
+SENT = "ros.wire.joint_states:serialize"
+BASE = "ros.wire.conversions:transform"
 COMMAND = ("ros.bridge.sender:put", "ros.bridge.sender:_send")
 
 
