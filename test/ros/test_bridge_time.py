@@ -60,7 +60,8 @@ class TestBridgeTime(unittest.TestCase):
 
     def run_for(self, share):
         """Let a share of the whole time pass, by the stamps of joint states."""
-        end = self.record.joints()[-1] + share * self.seconds * SECOND
+        stamps = wait_for(self.record.joints, "joint states")
+        end = stamps[-1] + share * self.seconds * SECOND
         wait_for(
             lambda: self.record.joints()[-1] > end, "the time", 60 + 5 * self.seconds
         )
