@@ -95,8 +95,9 @@ class TestBridgeFuzz(unittest.TestCase):
         watched.send(case.data, TIMES)
         self.check(watched)
         shown = list(watched.states.messages)[:-1]
-        wanted = 0 if case.shown is None else TIMES
-        self.assertEqual(len(shown), wanted)
+        # A bridge that was held up takes the newest of them.
+        most = 0 if case.shown is None else TIMES
+        self.assertTrue(bool(most) <= len(shown) <= most, len(shown))
         for message in shown:
             self.assertTrue(shows(message, case.shown), message)
         wait_for(lambda: self.kinds_told(watched) >= kinds, f"a line: {case.told}")

@@ -13,20 +13,9 @@ from sensor_msgs.msg import JointState
 from g1_description.core.errors import DescriptionError, G1DescriptionError
 from g1_description.core.robot.description import Description
 from g1_description.core.urdf.reader import parse_urdf
+from g1_description.ros.node.newest import NEWEST
 from g1_description.ros.node.parameters import find_parameter
 from g1_description.ros.node.waiting import MASTER_PERIOD, wait_until
-
-BUFFER = 1 << 20
-"""Bytes read from a socket at once.
-
-rospy reads at most a buffer full and keeps the newest messages of those it has read;
-what it has not read waits in the system's buffers, which hold several thousand joint
-states. With rospy's own buffer, of forty-five joint states, a reader that is slower
-than the sender falls behind by seconds.
-"""
-
-NEWEST = {"queue_size": 1, "buff_size": BUFFER}
-"""Arguments of ``rospy.Subscriber`` to get only the last message of each publisher."""
 
 DESCRIPTION = "robot_description"
 
