@@ -57,9 +57,12 @@ def body(*names, color="", scale="1 1 1"):
 def read(*files):
     """Read meshes as the simulator does; give what was found, in their order."""
     names = [f"file://{file}" for file in files]
-    found = find_meshes(
+    found, left_out = find_meshes(
         [Shape("mesh", (1.0,) * 3, np.array(IDENTITY), name) for name in names]
     )
+    for message in left_out:
+        (name,) = (n for n in names if message.startswith(f"mesh {n} "))
+        found[name] = message
     return [found[name] for name in names]
 
 

@@ -15,7 +15,7 @@ from g1_description.core.robot.reach import origin_reaches
 from g1_description.core.rotation import rotate, to_axes
 from g1_description.core.transform import IDENTITY, compose
 from g1_description.sim.meshes.hulls import cylinder_points, hull_points
-from g1_description.sim.meshes.shapes import Mesh, find_meshes
+from g1_description.sim.meshes.shapes import Mesh, find_meshes, is_there
 
 from .model import Model
 
@@ -94,20 +94,18 @@ def _boxes(model: Model) -> Iterator[tuple[str, np.ndarray]]:
         (2, 3). A mesh that is left out has none, and a plane has no end.
     """
     links = [link for link in model.assembly.description.links if link.collisions]
-    meshes = find_meshes(shape for link in links for shape in link.collisions)
+    meshes, _ = find_meshes(shape for link in links for shape in link.collisions)
     poses = dict(zip(model.link_names, model.poses))
     for link in links:
         for shape in link.collisions:
-            if not isinstance(meshes.get(shape.filename), str) and link.name in poses:
+            if is_there(shape, meshes) and link.name in poses:
                 yield (
                     link.name,
                     _box(shape, compose(poses[link.name], shape.pose), meshes),
                 )
 
 
-def _box(
-    shape: Shape, pose: np.ndarray, meshes: Mapping[str, Mesh | str]
-) -> np.ndarray:
+def _box(shape: Shape, pose: np.ndarray, meshes: Mapping[str, Mesh]) -> np.ndarray:
     """Bound a shape at a pose in the world by a box, shape (2, 3)."""
     axes = to_axes(pose[3:])
     if shape.kind == "plane":
@@ -120,9 +118,8 @@ def _box(
     if shape.kind == "cylinder":
         points = cylinder_points(*shape.size)
     else:
-        mesh = meshes[shape.filename]
-        assert isinstance(mesh, Mesh)
-        points = np.concatenate(hull_points(mesh)) * np.array(shape.size)
+        points = np.concatenate(hull_points(meshes[shape.filename]))
+        points = points * np.array(shape.size)
     turned = pose[:3] + points @ axes.T
     margin = np.array([[-HULL_MARGIN], [HULL_MARGIN]])
     return np.array([turned.min(axis=0), turned.max(axis=0)]) + margin

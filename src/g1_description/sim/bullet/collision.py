@@ -10,7 +10,7 @@ import numpy as np
 
 from g1_description.core.robot.description import Shape
 from g1_description.sim.meshes.hulls import cylinder_points, hull_points
-from g1_description.sim.meshes.shapes import Mesh
+from g1_description.sim.meshes.shapes import Mesh, is_there
 from g1_description.sim.meshes.stl import write_stl
 
 from .client import BulletClient, pybullet
@@ -41,26 +41,24 @@ class Forms:
     """
 
     def __init__(
-        self, meshes: Mapping[str, Mesh | str], folder: Path, is_static: bool
+        self, meshes: Mapping[str, Mesh], folder: Path, is_static: bool
     ) -> None:
         """Begin without files.
 
         Args:
-            meshes: By their names as written, as ``find_meshes`` returns them.
+            meshes: By their names as written.
             folder: Where files are written. They are read when the shapes are created.
             is_static: Whether the model never moves: then its meshes are hollow where
                 their files are.
         """
-        self._meshes = {
-            name: mesh for name, mesh in meshes.items() if isinstance(mesh, Mesh)
-        }
+        self._meshes = meshes
         self._folder = folder
         self._is_static = is_static
         self._files: dict[str, str] = {}
         self._n_files = 0
 
     def of(self, shapes: Sequence[Shape], anchor: np.ndarray) -> list[Form]:
-        """Return the forms of a link's shapes, without meshes that cannot be read.
+        """Return the forms of a link's shapes, without meshes that were not found.
 
         Args:
             shapes: Collision shapes of the link.
@@ -70,7 +68,7 @@ class Forms:
         return [
             self._form(shape, anchor, self._file_of(shape))
             for shape in shapes
-            if shape.kind != "mesh" or shape.filename in self._meshes
+            if is_there(shape, self._meshes)
         ]
 
     def _form(self, shape: Shape, anchor: np.ndarray, file: str) -> Form:

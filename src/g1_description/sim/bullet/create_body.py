@@ -7,7 +7,7 @@ origin moves the child's content instead. It needs no visuals: ``scene`` draws t
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -20,7 +20,7 @@ from g1_description.core.robot.description import Description, Inertial, Joint, 
 from g1_description.core.robot.tree import depth_first
 from g1_description.core.rotation import axes_to_rpy, from_rpy, rotate
 from g1_description.core.transform import IDENTITY
-from g1_description.sim.meshes.shapes import find_meshes
+from g1_description.sim.meshes.shapes import Mesh
 from g1_description.sim.model import Model
 
 from .client import BulletClient, pybullet
@@ -67,9 +67,6 @@ class Loaded:
     """Names by PyBullet's numbers for its links from ``ROOT`` on. Where one has more
     shapes than PyBullet takes together, the next ones are of the same name."""
 
-    left_out: tuple[str, ...]
-    """A clause for each mesh that was left out."""
-
 
 @dataclass(frozen=True)
 class _Row:
@@ -92,12 +89,16 @@ class _Row:
     forms: Sequence[Form] = field(repr=False)
 
 
-def create_body(client: BulletClient, model: Model, tree: int = 0) -> Loaded:
+def create_body(
+    client: BulletClient, model: Model, meshes: Mapping[str, Mesh], tree: int = 0
+) -> Loaded:
     """Make a tree of a model where it is.
 
     Args:
         client: PyBullet.
         model: The model.
+        meshes: The meshes of its collision shapes, by their names as written; shapes of
+            others are left out.
         tree: Which of the model's trees.
 
     Returns:
@@ -108,8 +109,6 @@ def create_body(client: BulletClient, model: Model, tree: int = 0) -> Loaded:
         DescriptionError: If PyBullet refuses the model.
     """
     description, fixed = model.assembly.description.trees[tree], model.trees[tree].fixed
-    collisions = [shape for link in description.links for shape in link.collisions]
-    meshes = find_meshes(collisions)
     with tempfile.TemporaryDirectory(dir=_temporary_folder()) as folder:
         forms = Forms(meshes, Path(folder), model.assembly.static)
         rows = _rows(description, forms)
@@ -122,9 +121,7 @@ def create_body(client: BulletClient, model: Model, tree: int = 0) -> Loaded:
             ) from error
     _check_count(client, number, description.name, rows)
     _set_moments_and_limits(client, number, rows)
-    left_out = (mesh for mesh in meshes.values() if isinstance(mesh, str))
-    names = tuple(row.name for row in rows)
-    return Loaded(number, names, tuple(dict.fromkeys(left_out)))
+    return Loaded(number, tuple(row.name for row in rows))
 
 
 def _temporary_folder() -> str:

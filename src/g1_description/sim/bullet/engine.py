@@ -110,25 +110,22 @@ class Engine:
     def _load(self, model: Model) -> tuple[tuple[Body, ...], tuple[str, ...]]:
         """Load all trees of a model; links of one model pass through each other."""
         bodies: list[Body] = []
-        left_out: list[str] = []
-        # All files are read at once; the trees find them among what is known.
-        find_meshes(
+        meshes, left_out = find_meshes(
             s for link in model.assembly.description.links for s in link.collisions
         )
         for tree in range(len(model.trees)):
             try:
-                loaded = create_body(self._client, model, tree)
+                loaded = create_body(self._client, model, meshes, tree)
             except TooManyLinksError as error:
                 if self.is_dynamic:
                     raise
-                left_out.append(f"its contacts are not found: {error}")
+                left_out += (f"its contacts are not found: {error}",)
                 continue
             holds = self.physics == "hold"
             bodies.append(Body(self._client, loaded, model, tree, holds))
-            left_out += loaded.left_out
         for first, second in combinations(bodies, 2):
             first.pass_through(second)
-        return tuple(bodies), tuple(left_out)
+        return tuple(bodies), left_out
 
     def remove(self, name: str) -> None:
         """Remove a model's bodies, if it has any."""

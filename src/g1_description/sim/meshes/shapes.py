@@ -7,7 +7,7 @@ model.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -36,33 +36,40 @@ class Mesh:
     """Empty where PyBullet reads the file itself."""
 
 
-def find_meshes(shapes: Iterable[Shape]) -> dict[str, Mesh | str]:
+def find_meshes(shapes: Iterable[Shape]) -> tuple[dict[str, Mesh], tuple[str, ...]]:
     """Find the meshes of a model; nothing before this asks where a mesh lies.
 
     Args:
         shapes: Its shapes; those that are no meshes are passed over.
 
     Returns:
-        By their names as written: a mesh, or a message that says why it is left out.
+        The meshes by their names as written, and a message for each that is left out.
     """
     names = [shape.filename for shape in shapes if shape.kind == "mesh"]
-    found: dict[str, Mesh | str] = {}
+    found: dict[str, Mesh] = {}
+    left_out = []
     paths: dict[str, Path] = {}
     for name in dict.fromkeys(names):
         path = local_path(name, find_folder)
         if path is None:
-            found[name] = f"mesh {name} does not exist"
+            left_out.append(f"mesh {name} does not exist")
         elif path.suffix.lower() not in KINDS:
-            found[name] = f"mesh {name} is none of {', '.join(KINDS)}"
+            left_out.append(f"mesh {name} is none of {', '.join(KINDS)}")
         else:
             paths[name] = path
     meshes = open_meshes(paths.values())
     for name, path in paths.items():
         mesh = meshes[path]
         if isinstance(mesh, str):
-            mesh = f"mesh {name} cannot be read" + (mesh and f": {mesh}")
-        found[name] = mesh
-    return found
+            left_out.append(f"mesh {name} cannot be read" + (mesh and f": {mesh}"))
+        else:
+            found[name] = mesh
+    return found, tuple(left_out)
+
+
+def is_there(shape: Shape, meshes: Mapping[str, Mesh]) -> bool:
+    """Return whether a shape is no mesh, or one that ``find_meshes`` found."""
+    return shape.kind != "mesh" or shape.filename in meshes
 
 
 def open_meshes(paths: Iterable[Path]) -> dict[Path, Mesh | str]:

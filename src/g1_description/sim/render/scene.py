@@ -17,7 +17,7 @@ from g1_description.core.robot.description import Description
 from g1_description.core.robot.kinematics import Kinematics
 from g1_description.core.transform import IDENTITY, compose
 from g1_description.sim.bullet.client import connect
-from g1_description.sim.meshes.shapes import find_meshes
+from g1_description.sim.meshes.shapes import find_meshes, is_there
 
 from .camera import Camera
 from .crop import Crop, crop_around, matrices
@@ -81,20 +81,17 @@ class Scene:
         Returns:
             The robot's number, from 0, and a message for each mesh left out.
         """
-        pieces, left_out = [], []
+        pieces, refused = [], []
         shapes = [
             (link.name, shape) for link in description.links for shape in link.visuals
         ]
-        meshes = find_meshes(shape for _, shape in shapes)
+        meshes, left_out = find_meshes(shape for _, shape in shapes)
         for link, shape in shapes:
-            mesh = meshes[shape.filename] if shape.kind == "mesh" else None
-            if isinstance(mesh, str):
-                left_out.append(mesh)
-                continue
-            bodies, why_not = load_visual(self._client, shape, mesh)
-            pieces += [_Piece(link, shape.pose, body) for body in bodies]
-            if why_not:
-                left_out.append(why_not)
+            if is_there(shape, meshes):
+                mesh = meshes.get(shape.filename)
+                bodies, why_not = load_visual(self._client, shape, mesh)
+                pieces += [_Piece(link, shape.pose, body) for body in bodies]
+                refused += [why_not] if why_not else []
         self._robots.append(
             _Robot(
                 tuple(joint.name for joint in description.movable_joints),
@@ -105,7 +102,7 @@ class Scene:
         )
         number = len(self._robots) - 1
         self.place(number, IDENTITY, {})
-        return number, tuple(dict.fromkeys(left_out))
+        return number, (*left_out, *dict.fromkeys(refused))
 
     def place(
         self, robot: int, T_world_root: np.ndarray, positions: Mapping[str, float]
