@@ -49,9 +49,8 @@ class PosedRobot(RobotView):
         """
         super().__init__(namespace, notify)
         self._names = [joint.name for joint in self.description.movable_joints]
-        prefix = f"/{namespace}/" if namespace else ""
         self._commands = rospy.Publisher(
-            f"{prefix}joint_commands", JointState, queue_size=10, tcp_nodelay=True
+            f"{self._prefix}joint_commands", JointState, queue_size=10, tcp_nodelay=True
         )
 
     def measured_positions(self) -> np.ndarray:

@@ -14,8 +14,8 @@ from g1_description.core.errors import DescriptionError, G1DescriptionError
 from g1_description.core.robot.description import Description
 from g1_description.core.urdf.reader import parse_urdf
 from g1_description.ros.node.newest import NEWEST
-from g1_description.ros.node.parameters import find_parameter
-from g1_description.ros.node.waiting import MASTER_PERIOD, wait_until
+from g1_description.ros.node.parameters import wait_for_parameter
+from g1_description.ros.node.waiting import wait_until
 
 DESCRIPTION = "robot_description"
 
@@ -63,9 +63,9 @@ class RobotView:
         self._heard = self._advanced = 0.0
         """When the last message, and the last with a new stamp, came: monotonic."""
         self._stamp = rospy.Time()
-        prefix = f"/{namespace}/" if namespace else ""
+        self._prefix = f"/{namespace}/" if namespace else ""
         self._subscriber = rospy.Subscriber(
-            f"{prefix}joint_states", JointState, self._on_joint_states, **NEWEST
+            f"{self._prefix}joint_states", JointState, self._on_joint_states, **NEWEST
         )
         self.topic = self._subscriber.resolved_name
 
@@ -148,14 +148,13 @@ class RobotView:
 
 def _wait_for_description(namespace: str, notify: Callable[[str], None]) -> Description:
     """Wait until a robot is on the parameter server, and parse it."""
-
-    def find():
-        return find_parameter(DESCRIPTION, namespace)
-
     place = f"parameter {DESCRIPTION} in /{namespace} or above it"
-    if not find():
-        notify(f"waiting for the {place}.")
-    parameter = wait_until(find, DESCRIPTION_TIMEOUT, period=MASTER_PERIOD)
+    parameter = wait_for_parameter(
+        DESCRIPTION,
+        namespace,
+        lambda: notify(f"waiting for the {place}."),
+        DESCRIPTION_TIMEOUT,
+    )
     if not parameter:
         raise DescriptionError(f"There is no {place}; is the robot launched?")
     return parse_urdf(str(rospy.get_param(parameter)))

@@ -11,8 +11,7 @@ import rospy
 from g1_description.core.errors import InvalidValueError
 from g1_description.core.robot.description import Description
 from g1_description.core.urdf.reader import parse_urdf
-from g1_description.ros.node.parameters import check_range, find_parameter
-from g1_description.ros.node.waiting import MASTER_PERIOD, wait_until
+from g1_description.ros.node.parameters import check_range, wait_for_parameter
 
 
 @dataclass(frozen=True)
@@ -166,10 +165,9 @@ def wait_for_descriptions(
 def _wait_for_description(robot: RobotParameters) -> str:
     """Wait for the description of one robot; return its text."""
 
-    def find():
-        return find_parameter(robot.description, robot.namespace)
-
-    if find() is None:
+    def log():
         where = f"{robot.description}, from /{robot.namespace} upward"
         rospy.loginfo("Waiting for %s on the parameter %s.", robot.name, where)
-    return str(rospy.get_param(wait_until(find, period=MASTER_PERIOD)))
+
+    parameter = wait_for_parameter(robot.description, robot.namespace, log)
+    return str(rospy.get_param(parameter))

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import fields, is_dataclass
 
 import rosgraph
 import rospy
 
 from g1_description.core.errors import InvalidValueError
+
+from .waiting import MASTER_PERIOD, wait_until
 
 
 def check_range(parameters, name, low, high):
@@ -97,3 +100,32 @@ def find_parameter(name: str, namespace: str = "") -> str | None:
         return rosgraph.Master(f"{begin}anyone").searchParam(name)
     except rosgraph.MasterError:
         return None
+
+
+def wait_for_parameter(
+    name: str,
+    namespace: str,
+    on_wait: Callable[[], None],
+    timeout: float | None = None,
+) -> str | None:
+    """Wait until ``find_parameter`` finds a parameter.
+
+    Args:
+        name: The parameter.
+        namespace: Namespace to begin in.
+        on_wait: Called once if it is not there yet.
+        timeout: Longest wait in [s]; None: no limit.
+
+    Returns:
+        Its full name; None after the timeout.
+
+    Raises:
+        ROSInterruptException: If the node is shut down.
+    """
+    found = find_parameter(name, namespace)
+    if found is None:
+        on_wait()
+        found = wait_until(
+            lambda: find_parameter(name, namespace), timeout, period=MASTER_PERIOD
+        )
+    return found
