@@ -15,8 +15,7 @@ from g1_description.core.urdf.reader import parse_urdf
 from g1_description.sim.standing import standing_height
 from g1_description.sim.world import World
 
-from .figures import OWN_MODEL
-from .start_up import VENDOR
+from .start_up import measure_models
 
 RUNS = 9
 UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
@@ -24,12 +23,7 @@ UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
 
 def run(bench):
     """Load the package's model, and the vendor's where it is here."""
-    own = bench.model == OWN_MODEL
-    measure(bench, "the package's model" if own else "the model", bench.model)
-    if VENDOR.exists():
-        measure(bench, "the vendor's model", VENDOR, "<= 0.6")
-    else:
-        bench.leave_out("the vendor's model: it is not here")
+    measure_models(bench, measure, "<= 0.6")
 
 
 def measure(bench, name, model, target=""):

@@ -22,10 +22,15 @@ RUNS = 5
 
 def run(bench):
     """Time launches of the package's model, and of the vendor's where it is here."""
+    measure_models(bench, measure, "<= 1.9")
+
+
+def measure_models(bench, measure, target):
+    """Measure the package's model, and the vendor's, which has a target."""
     own = bench.model == OWN_MODEL
     measure(bench, "the package's model" if own else "the model", bench.model)
     if VENDOR.exists():
-        measure(bench, "the vendor's model", VENDOR, "<= 1.9")
+        measure(bench, "the vendor's model", VENDOR, target)
     else:
         bench.leave_out("the vendor's model: it is not here")
 
