@@ -25,7 +25,7 @@ from gazebo_msgs.srv import GetModelState, GetWorldProperties
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
 from support.burners import Burners
-from support.ros_testing import SHARED, Listener, process_of, wait_for
+from support.ros_testing import SHARED, Listener, position_of, process_of, wait_for
 from support.stamp_record import SECOND, Others, Record, splits
 from support.virtual_screen import VirtualScreen
 
@@ -117,7 +117,7 @@ class TestDropIn(unittest.TestCase):
         self.states.clear()
         commands.publish(JointState(name=["left_elbow_joint"], position=[2.0]))
         self.states.wait(
-            lambda m: abs(m.position[m.name.index("left_elbow_joint")] - 2.0) < 0.2,
+            lambda m: abs(position_of(m, "left_elbow_joint") - 2.0) < 0.2,
             "the elbow at 2",
         )
         commands.unregister()

@@ -16,7 +16,14 @@ from gazebo_msgs.msg import LinkStates
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
-from support.ros_testing import DEADLINE, Launch, Listener, process_of, wait_for
+from support.ros_testing import (
+    DEADLINE,
+    Launch,
+    Listener,
+    position_of,
+    process_of,
+    wait_for,
+)
 from tf2_msgs.msg import TFMessage
 
 
@@ -50,7 +57,7 @@ class TestLifecycle(unittest.TestCase):
 
     def wait_for_joint(self, name, position):
         return self.states.wait(
-            lambda m: abs(m.position[m.name.index(name)] - position) < 1e-9,
+            lambda m: abs(position_of(m, name) - position) < 1e-9,
             f"{name} at {position}",
         )
 

@@ -17,15 +17,18 @@ from gazebo_msgs.srv import GetWorldProperties
 from rosgraph_msgs.msg import Clock, Log
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
-from support.ros_testing import DEADLINE, Connected, Launch, Listener, wait_for
+from support.ros_testing import (
+    DEADLINE,
+    Connected,
+    Launch,
+    Listener,
+    position_of,
+    wait_for,
+)
 
 ELBOW = "left_elbow_joint"
 A_WHILE = 3.0
 """So long nothing may be said of a pause, in [s] of wall time."""
-
-
-def elbow_of(message):
-    return message.position[message.name.index(ELBOW)]
 
 
 class Paused(unittest.TestCase):
@@ -69,7 +72,7 @@ class Paused(unittest.TestCase):
         self.wait_for_frames(buffer)
         before = self.turn(buffer)
         self.command(position)
-        self.states.wait(lambda m: abs(elbow_of(m) - position) < 1e-9, "it")
+        self.states.wait(lambda m: abs(position_of(m, ELBOW) - position) < 1e-9, "it")
         wait_for(lambda: self.turn(buffer) != before, "the command on TF")
         listener.unregister()
 
@@ -130,12 +133,15 @@ class TestPaused(Paused):
         for listener in (self.log, self.states):
             listener.clear()
         self.states.wait(
-            lambda m: m.header.stamp > before and elbow_of(m) == 0.0, "time to run"
+            lambda m: m.header.stamp > before and position_of(m, ELBOW) == 0.0,
+            "time to run",
         )
 
     def test_a_pause_shows_what_is_there_and_what_changes(self):
         self.command(0.5)
-        self.states.wait(lambda m: abs(elbow_of(m) - 0.5) < 1e-9, "the command")
+        self.states.wait(
+            lambda m: abs(position_of(m, ELBOW) - 0.5) < 1e-9, "the command"
+        )
         self.pause()
         stamp = self.states.messages[-1].header.stamp
         gazebos = [
@@ -212,7 +218,8 @@ class TestPaused(Paused):
         wait_for(lambda: (stamp() or 0.0) > last - 1e-6, "TF of the pause")
         rospy.ServiceProxy("/gazebo/reset_simulation", Empty)()
         self.states.wait(
-            lambda m: m.header.stamp.to_sec() < 0.001 and elbow_of(m) == 0.0, "zero"
+            lambda m: m.header.stamp.to_sec() < 0.001 and position_of(m, ELBOW) == 0.0,
+            "zero",
         )
         wait_for(lambda: (stamp() or 1.0) < 0.001, "TF of the reset")
 

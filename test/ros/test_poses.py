@@ -24,6 +24,7 @@ from support.ros_testing import (
     Connected,
     Launch,
     Listener,
+    position_of,
     wait_for,
 )
 
@@ -40,10 +41,6 @@ def is_in(name):
         )
 
     return accept
-
-
-def knee(message):
-    return message.position[message.name.index(KNEE)]
 
 
 def call(service):
@@ -119,8 +116,10 @@ class TestPoses(unittest.TestCase):
         self.states.clear()
         self.assertEqual(run("squat", "--seconds", 1), (0, "pose: squat\n", ""))
         self.assert_shown_after_all()
-        way = [m for m in self.states.messages if 0.0 < knee(m) < 2.35 - 1e-9]
-        knees = [round(knee(message), 9) for message in way]
+        way = [
+            m for m in self.states.messages if 0.0 < position_of(m, KNEE) < 2.35 - 1e-9
+        ]
+        knees = [round(position_of(message, KNEE), 9) for message in way]
         self.assertEqual(knees, sorted(knees))
         self.assertGreater(len({round(position, 4) for position in knees}), 20)
         seconds = (way[-1].header.stamp - way[0].header.stamp).to_sec()
@@ -205,12 +204,12 @@ class TestPoses(unittest.TestCase):
         self.states.clear()
         process = start("squat", "--seconds", 60)
         self.addCleanup(process.kill)
-        self.states.wait(lambda m: knee(m) > 0.001, "the first steps")
+        self.states.wait(lambda m: position_of(m, KNEE) > 0.001, "the first steps")
         process.send_signal(signal.SIGINT)
         output, errors = process.communicate(timeout=DEADLINE)
         self.assertEqual((output, errors), ("", "pose: interrupted.\n"))
         self.assertEqual(process.returncode, INTERRUPTED)
-        last = knee(self.states.messages[-1])
+        last = position_of(self.states.messages[-1], KNEE)
         self.assertLess(last, 2.35)
 
     def test_an_interrupt_ends_it_quietly_at_any_moment(self):
@@ -243,7 +242,7 @@ class TestPoses(unittest.TestCase):
         self.states.clear()
         process = start("squat", "--seconds", 3)
         self.addCleanup(process.kill)
-        self.states.wait(lambda m: knee(m) > 0.01, "the first steps")
+        self.states.wait(lambda m: position_of(m, KNEE) > 0.01, "the first steps")
         call("/gazebo/pause_physics")
         self.addCleanup(call, "/gazebo/unpause_physics")
         told = process.stdout.readline()

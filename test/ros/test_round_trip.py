@@ -10,7 +10,7 @@ import rospy
 import rostest
 from sensor_msgs.msg import JointState
 from support.joint_limits import limits
-from support.ros_testing import Listener, NodeLog, wait_for
+from support.ros_testing import Listener, NodeLog, position_of, wait_for
 
 from g1_description.ros.node.newest import NEWEST
 
@@ -31,8 +31,7 @@ class TestRoundTrip(unittest.TestCase):
         self.commands.publish(JointState(name=names, position=positions))
 
     def position(self, name):
-        message = self.states.messages[-1]
-        return message.position[message.name.index(name)]
+        return position_of(self.states.messages[-1], name)
 
     def test_random_configurations_come_back(self):
         """The largest error is below 1e-9 rad; it is printed."""

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
 from support.burners import Burners
-from support.ros_testing import Connected, Launch, wait_for
+from support.ros_testing import Connected, Launch, position_of, wait_for
 from tf2_msgs.msg import TFMessage
 
 ELBOW = "left_elbow_joint"
@@ -32,10 +32,6 @@ def proxy(name, kind):
 
 def stamps_of(messages):
     return [message.header.stamp.to_nsec() for message in messages]
-
-
-def elbow_of(message):
-    return message.position[message.name.index(ELBOW)]
 
 
 class States(unittest.TestCase):
@@ -130,7 +126,7 @@ class TestStatesOfEachStep(States):
         self.run_script(300, 10)
         messages = self.states_of_steps()
         self.assertEqual(stamps_of(messages), [ms * MS for ms in range(1, 3001)])
-        told = np.round([1e3 * elbow_of(message) for message in messages])
+        told = np.round([1e3 * position_of(message, ELBOW) for message in messages])
         np.testing.assert_array_equal(told, np.repeat(np.arange(300), 10))
 
     def test_stamps_rise_and_states_come_at_the_rate(self):
@@ -148,7 +144,7 @@ class TestStatesAtTheRate(States):
         messages = self.states_of_steps()
         stamps = stamps_of(messages)
         self.assertEqual(stamps, sorted(set(stamps)))
-        at = {s: elbow_of(m) for s, m in zip(stamps, messages)}
+        at = {s: position_of(m, ELBOW) for s, m in zip(stamps, messages)}
         ends = {3 * (number + 1) * MS: 1e-3 * number for number in range(300)}
         self.assertLessEqual(ends.keys(), at.keys())
         for stamp, position in ends.items():
@@ -227,7 +223,7 @@ class TestStatesInOneCall(States):
         self.assertTrue(answer.success, answer)
         self.assertEqual(answer.joint_states.header.stamp.to_nsec(), 5 * MS)
         self.assertEqual(len(answer.joint_states.name), 29)
-        self.assertAlmostEqual(elbow_of(answer.joint_states), 0.7, delta=0.01)
+        self.assertAlmostEqual(position_of(answer.joint_states, ELBOW), 0.7, delta=0.01)
         state = world.wait(lambda m: m.header.stamp.to_nsec() == 5 * MS, "the state")
         row = state.name.index("g1_robot::pelvis")
         self.assertEqual(state.pose[row], answer.base_pose)

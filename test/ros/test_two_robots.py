@@ -8,7 +8,7 @@ import rospy
 import rostest
 import tf2_ros
 from sensor_msgs.msg import JointState
-from support.ros_testing import Connected, wait_for
+from support.ros_testing import Connected, position_of, wait_for
 from support.rviz_window import RvizWindow, dark, extent, is_calm, length, view_of
 
 PLACES = {"left": 0.7, "right": -0.7}
@@ -50,7 +50,7 @@ class TestTwoRobots(unittest.TestCase):
         commands.publish(JointState(name=[ELBOW], position=[0.5]))
 
         def is_at(position):
-            return lambda m: m.position[m.name.index(ELBOW)] == position
+            return lambda m: position_of(m, ELBOW) == position
 
         states["left"].wait(is_at(0.5), "a bent elbow")
         states["right"].clear()

@@ -8,6 +8,7 @@ import signal
 import sys
 import threading
 import time
+from collections import deque
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -15,6 +16,7 @@ import numpy as np
 import pytest
 import trimesh
 from dae import box, collada, node, use
+from waiting import wait_for
 
 from g1_description.core.robot.description import Shape
 from g1_description.core.robot.lumping import lump_fixed_joints
@@ -485,10 +487,13 @@ def killed(number):
     """Send a signal to the reader once it waits for the pipe: it sleeps for long."""
 
     def kill():
-        looks, end = 0, time.monotonic() + 60.0
-        while looks < 20 and time.monotonic() < end:
-            looks = looks + 1 if any(map(is_asleep_behind_the_first, readers())) else 0
-            time.sleep(0.01)
+        looks = deque(maxlen=20)
+
+        def sleeps():
+            looks.append(any(map(is_asleep_behind_the_first, readers())))
+            return len(looks) == looks.maxlen and all(looks)
+
+        wait_for(sleeps, "the reader to sleep")
         for reader in readers():
             os.kill(reader, number)
 

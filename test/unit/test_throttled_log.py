@@ -3,6 +3,7 @@
 import time
 
 import pytest
+from waiting import wait_for
 
 from g1_description.ros.node import throttled_log
 from g1_description.ros.node.throttled_log import ThrottledLog
@@ -29,11 +30,11 @@ def log(monkeypatch):
 
 def tell_until(condition, throttled, log, message, **options):
     """Log the same again and again until a condition holds."""
-    end = time.monotonic() + DEADLINE
-    while not condition():
-        assert time.monotonic() < end, log.lines
-        throttled.warn("kind", message, PERIOD, log, **options)
-        time.sleep(0.01)
+
+    def holds():
+        return condition() or throttled.warn("kind", message, PERIOD, log, **options)
+
+    wait_for(holds, f"another line than {log.lines}", DEADLINE)
 
 
 def test_events_are_counted_and_logged_again(log):
@@ -58,8 +59,7 @@ def test_a_state_that_lasts_is_logged_once_until_it_changes_or_was_over(log):
     tell_until(lambda: len(log.lines) == 2, throttled, log, "that", lasts=True)
     assert log.lines[1] == "that"
     over = time.monotonic() + 1.2
-    while time.monotonic() < over:
-        time.sleep(0.05)
+    wait_for(lambda: time.monotonic() > over, "the end of the fault", DEADLINE)
     tell_until(lambda: len(log.lines) == 3, throttled, log, "that", lasts=True)
     assert log.lines[2] == "that"
 

@@ -13,29 +13,16 @@ import rosnode
 import rospy
 from rosgraph_msgs.msg import Log
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # of all tests
+from waiting import DEADLINE, wait_for
+
 REPOSITORY = Path(__file__).resolve().parents[3]
 SHARED = REPOSITORY.parent / "shared"
-sys.path.insert(0, str(REPOSITORY / "test"))  # for the oracle
-DEADLINE = 60.0
-"""Longest wait for anything in [s]: many times what it takes on a busy machine."""
 
 
-def wait_for(condition, what, deadline=DEADLINE):
-    """Wait until a condition gives something true; give that back.
-
-    Args:
-        condition: Called again and again.
-        what: Completes "waited in vain for".
-        deadline: Longest wait in [s] of wall time.
-    """
-    pause = threading.Event()
-    end = time.monotonic() + deadline
-    while time.monotonic() < end:
-        result = condition()
-        if result:
-            return result
-        pause.wait(0.01)
-    raise AssertionError(f"waited {deadline} s in vain for {what}")
+def position_of(message, joint):
+    """Give a joint's position in a JointState, in [rad] or [m]."""
+    return message.position[message.name.index(joint)]
 
 
 class Listener:
