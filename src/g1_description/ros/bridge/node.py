@@ -30,7 +30,7 @@ from g1_description.core.robot.description import Description
 from g1_description.core.text import listed
 from g1_description.ros.node.lifecycle import quiet_when_closing, start_node
 from g1_description.ros.node.parameters import read_parameters
-from g1_description.ros.node.throttled_log import ThrottledLog
+from g1_description.ros.node.throttled_log import SHORT_PERIOD, ThrottledLog
 from g1_description.ros.transport.direct_publisher import DirectPublisher
 from g1_description.ros.transport.tcpros import serve_as_roscpp
 from g1_description.ros.wire.link_states import LinkStatesArrays
@@ -144,7 +144,7 @@ class BridgeNode:
     def _reset(self) -> None:
         """Start again, as simulated time did."""
         text = "Time went back: starting over."
-        self._log.warn("time", text, 1.0, rospy.loginfo)
+        self._log.warn("time", text, SHORT_PERIOD, rospy.loginfo)
         self._estimator.reset()
         for robot in self._robots:
             robot.reset()

@@ -12,7 +12,7 @@ from g1_description.core.bridge.estimator import Observation
 from g1_description.core.bridge.tf_filter import PoseThrottle, Shown, State, TfFilter
 from g1_description.core.robot.description import FREE
 from g1_description.core.text import listed
-from g1_description.ros.node.throttled_log import ThrottledLog
+from g1_description.ros.node.throttled_log import SHORT_PERIOD, ThrottledLog
 from g1_description.ros.transport.direct_publisher import DirectPublisher
 from g1_description.ros.wire.conversions import stamp_from_ns, transform
 from g1_description.ros.wire.joint_states import JointStateEncoder, PreparedJointState
@@ -196,7 +196,7 @@ class RobotWarnings:
         """Log that the robot is there, after it was not."""
         name = self._status.name
         text = f"{name} is there, {len(seen.names)} joints are measured."
-        self._log.warn(f"came {name}", text, 1.0, rospy.loginfo)
+        self._log.warn(f"came {name}", text, SHORT_PERIOD, rospy.loginfo)
 
     def _warn_of_missing_links(self, seen: Observation) -> None:
         """Warn that joints are left out as their links are unknown."""

@@ -13,7 +13,7 @@ from sensor_msgs.msg import JointState
 
 from g1_description.core.bridge.commands import split_command
 from g1_description.ros.node import slave_api
-from g1_description.ros.node.throttled_log import ThrottledLog
+from g1_description.ros.node.throttled_log import SHORT_PERIOD, ThrottledLog
 
 from .status import CommandCount, RobotStatus
 
@@ -68,7 +68,7 @@ class CommandListener:
             status.ignored = time.monotonic(), "; ".join(problems)
             text = f"Part of a joint command to {status.name} is ignored"
             self._log.warn(
-                f"command {status.name}", f"{text}: {status.ignored[1]}.", 1.0
+                f"command {status.name}", f"{text}: {status.ignored[1]}.", SHORT_PERIOD
             )
         if accepted:
             self._sender.put(status.name, accepted)
@@ -185,10 +185,10 @@ class CommandSender:
             count.refused += 1
             count.reason = message
             text = f"The simulator refused a command to {model} for {', '.join(names)}"
-            self._log.warn(f"refused {model}", f"{text}: {message}", 1.0)
+            self._log.warn(f"refused {model}", f"{text}: {message}", SHORT_PERIOD)
         if answer.success and message != SUCCESS:
             text = f"The simulator answered a command to {model}: {message}."
-            self._log.warn(f"answered {model}", text, 1.0)
+            self._log.warn(f"answered {model}", text, SHORT_PERIOD)
 
     def _put_back(
         self, model: str, positions: dict[str, float], error: Exception

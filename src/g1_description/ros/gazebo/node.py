@@ -34,7 +34,7 @@ from g1_description.ros.node.lifecycle import quiet_when_closing, start_node
 from g1_description.ros.node.loggers import answer_as_roscpp
 from g1_description.ros.node.parameters import read_parameters
 from g1_description.ros.node.rosout import publish_log
-from g1_description.ros.node.throttled_log import ThrottledLog
+from g1_description.ros.node.throttled_log import SHORT_PERIOD, ThrottledLog
 from g1_description.ros.transport.tcpros import serve_as_roscpp
 from g1_description.sim.world import World
 
@@ -50,9 +50,6 @@ machine beyond this is not caught up."""
 
 MAX_PENDING = 100
 """Pending calls above which a subscriber's thread waits for its message's turn."""
-
-LOG_PERIOD = 1.0
-"""Time between two lines on refused messages of a topic, in [s]."""
 
 HUSH_POLL = 0.01
 """Wait before checking again whether states may be published, in [s]."""
@@ -145,7 +142,7 @@ class GazeboNode:
             try:
                 act(message)
             except InvalidValueError as error:
-                self._log.warn(topic, f"refused, {error}", LOG_PERIOD)
+                self._log.warn(topic, f"refused, {error}", SHORT_PERIOD)
 
         return callback
 

@@ -13,6 +13,9 @@ import rospy
 LOG_PERIOD = 10.0
 """Time between two lines on one fault, in [s] of wall time."""
 
+SHORT_PERIOD = 1.0
+"""The same for single events that each say something else, in [s]."""
+
 EXPIRY = 2.5
 """Time in [s] after which a fault that was not repeated is over."""
 

@@ -47,7 +47,7 @@ def main() -> None:
             for timer, limit in zip((signal.ITIMER_PROF, signal.ITIMER_REAL), limits):
                 signal.setitimer(timer, float(limit))
             _read_to(folder, number, Path(file))
-    except Exception as error:
+    except Exception as error:  # raised again; the parent learns of any mistake
         words = f"{type(error).__name__}: {error}"
         (folder / LAST_WORDS).write_text(words, encoding="utf-8")
         raise

@@ -31,7 +31,7 @@ from g1_description.core.errors import (
 from g1_description.core.robot.description import Inertial
 from g1_description.core.rotation import rotate
 from g1_description.core.transform import IDENTITY, compose, inverse
-from g1_description.ros.node.throttled_log import ThrottledLog
+from g1_description.ros.node.throttled_log import SHORT_PERIOD, ThrottledLog
 from g1_description.ros.wire.conversions import (
     pose_from_array,
     twist_from_array,
@@ -54,9 +54,6 @@ from .base import (
 
 POSE_TOLERANCE = 1e-4
 """A link this close to the requested pose has reached it, in [m] and [rad]."""
-
-LOG_PERIOD = 1.0
-"""Time between two lines on poses that links cannot reach, in [s]."""
 
 MIN_MASS = 1e-9
 """Smallest mass that a link can be given, in [kg]."""
@@ -153,7 +150,9 @@ class LinkServices(Services):
                 f"{round(placed.distance, 4):g} m and {round(placed.angle, 4):g} rad "
                 "to that pose"
             )
-            self._log.warn("set_link_state", f"SetLinkState: {details[-1]}", LOG_PERIOD)
+            self._log.warn(
+                "set_link_state", f"SetLinkState: {details[-1]}", SHORT_PERIOD
+            )
         return True, self._messages.compose("SetLinkState: success", details)
 
     def _link_frame(self, name: str) -> Frame:
