@@ -9,7 +9,6 @@ import rospkg
 from g1_description.core.errors import PoseFileError
 from g1_description.core.files.atomic import write_whole
 from g1_description.core.files.model_files import find_folder
-from g1_description.core.poses.yaml_text import parse_poses, with_pose
 
 from .pose import Pose
 
@@ -51,6 +50,9 @@ def read_file(file: Path) -> dict[str, Pose]:
     Raises:
         G1DescriptionError: If it cannot be read, or holds something else.
     """
+    # Only now: the library takes 40 ms, and most robots start without a pose.
+    from .yaml_text import parse_poses
+
     return parse_poses(_text_of(file), str(file))
 
 
@@ -87,5 +89,7 @@ def save_pose(pose: Pose, file: Path) -> None:
             f"{file} lies in the package {PACKAGE}, which keeps its own poses; the "
             f"default is {user_file()}."
         )
+    from .yaml_text import with_pose
+
     text = _text_of(file) if file.exists() else ""
     write_whole(file, with_pose(text, pose, str(file)).encode("utf-8"))

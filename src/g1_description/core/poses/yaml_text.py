@@ -50,7 +50,11 @@ def parse_poses(text: str, place: str) -> dict[str, Pose]:
         PoseFileError: If the text has another form, or has a name twice.
         InvalidValueError: If a position is not a finite number.
     """
-    content = _load(text, place)
+    return _poses(_load(text, place), place)
+
+
+def _poses(content: CommentedMap, place: str) -> dict[str, Pose]:
+    """Read the poses of a mapping."""
     return {name: _pose(name, value, place) for name, value in content.items()}
 
 
@@ -157,8 +161,9 @@ def with_pose(text: str, pose: Pose, place: str) -> str:
         InvalidValueError: If a position in it is not a finite number.
     """
     pose = replace(pose, about=_one_line(pose.about))
-    wanted = {**parse_poses(text, place), pose.name: pose}
-    written = _with_lines(text, pose.name, _lines_of(pose), place)
+    content = _load(text, place)
+    wanted = {**_poses(content, place), pose.name: pose}
+    written = _with_lines(text, content, pose.name, _lines_of(pose))
     try:
         same = _content(parse_poses(written, place)) == _content(wanted)
     except (PoseFileError, InvalidValueError):
@@ -171,12 +176,11 @@ def with_pose(text: str, pose: Pose, place: str) -> str:
     return written
 
 
-def _with_lines(text: str, name: str, new: str, place: str) -> str:
+def _with_lines(text: str, poses: CommentedMap, name: str, new: str) -> str:
     """Replace the lines of a pose, or add them at the end.
 
     The comments and empty lines after a pose belong to the next one.
     """
-    poses = _load(text, place)
     end_of_line = "\r\n" if "\r\n" in text else "\n"
     new = new.replace("\n", end_of_line)
     if name not in poses:
