@@ -49,7 +49,6 @@ class StateTopics:
         """
         self._world = world
         self._parameters = parameters
-        self._steps = 0
         self._seq = 0
         self._clock_ns = self._sent_ns = world.time_ns
         self._sent = self._hushed_until = self._changed = time.monotonic()
@@ -82,7 +81,6 @@ class StateTopics:
             is_last: Whether it is the last step for now, which none of the rates
                 leaves out.
         """
-        self._steps += 1
         if is_last or self._is_due(self._parameters.pub_clock_frequency):
             self._publish_clock()
         if is_last or self._is_due(self._parameters.link_states_rate):
@@ -155,11 +153,17 @@ class StateTopics:
         return math.inf
 
     def _is_due(self, rate: float) -> bool:
-        """Return whether this step is one that a rate publishes; 0: all are."""
+        """Return whether this step is one that a rate publishes; 0: all are.
+
+        The states of a rate come at multiples of its period, whatever pauses, resets
+        and single steps lie between.
+        """
         if not rate:
             return True
-        every = int(1.0 / (self._world.properties.time_step * rate) + 1e-9)
-        return self._steps % max(1, every) == 0
+        properties = self._world.properties
+        every = int(1.0 / (properties.time_step * rate) + 1e-9)
+        period_ns = max(1, every) * properties.step_ns
+        return self._world.time_ns % period_ns < properties.step_ns
 
     def _link_states(self) -> PreparedLinkStates:
         """Make a message of the states of all links."""
