@@ -17,7 +17,14 @@ from support.bridge.arm import URDF, arm_states
 from support.bridge.watched import Watched
 from support.burners import Burners
 from support.ros_testing import Launch, Listener, Repeated, process_of, wait_for
-from support.stamp_record import LISTENERS, SECOND, Others, Record, splits
+from support.stamp_record import (
+    LISTENERS,
+    SECOND,
+    Others,
+    Record,
+    are_connected_once,
+    splits,
+)
 from tf2_msgs.msg import TFMessage
 
 from tcpros import body_of
@@ -27,6 +34,8 @@ BASE = "base_link"
 
 
 class TestBridgeTime(unittest.TestCase):
+    maxDiff = None
+
     @classmethod
     def setUpClass(cls):
         cls.seconds = rospy.get_param("~seconds")
@@ -35,8 +44,7 @@ class TestBridgeTime(unittest.TestCase):
         cls.steps = 0
 
     def start(self, *arguments):
-        """Launch the display on a busy machine, let the robot dance, and listen."""
-        self.addCleanup(Burners().close)
+        """Launch the display, let the robot dance, and record what comes."""
         launch = Launch("display.launch", "rviz:=false", *arguments)
         self.addCleanup(launch.stop)
         self.record = Record()
@@ -44,9 +52,23 @@ class TestBridgeTime(unittest.TestCase):
         wait_for(self.record.joints, "joint states")
         wait_for(lambda: len(self.record.frames()) == 30, "the frames of all links")
         self.addCleanup(Repeated(self.dance, 0.01).close)
-        self.others = Others()
-        self.addCleanup(self.others.close)
         self.record.clear()
+
+    def burn(self):
+        self.addCleanup(Burners().close)
+
+    def let_others_listen(self):
+        """Let other programs listen to TF.
+
+        Returns:
+            The programs, and the stamp in [s] since which nothing comes twice because
+            of their connections.
+        """
+        others = Others()
+        self.addCleanup(others.close)
+        wait_for(lambda: are_connected_once("/tf"), "one connection of each")
+        self.record.clear()
+        return others, wait_for(self.record.joints, "joint states")[0] / SECOND
 
     def dance(self):
         """Move the robot and a joint by more than what is worth sending."""
@@ -66,12 +88,20 @@ class TestBridgeTime(unittest.TestCase):
             lambda: self.record.joints()[-1] > end, "the time", 60 + 5 * self.seconds
         )
 
+    def wait_for_more(self):
+        """Wait for some more joint states."""
+        before = len(self.record.joints())
+        wait_for(lambda: len(self.record.joints()) > before + 20, "joint states")
+
     def pause(self):
         """Pause until some joint states have come of what is commanded meanwhile."""
         rospy.ServiceProxy("/gazebo/pause_physics", Empty)()
-        before = len(self.record.joints())
-        wait_for(lambda: len(self.record.joints()) > before + 20, "joint states")
+        self.wait_for_more()
         rospy.ServiceProxy("/gazebo/unpause_physics", Empty)()
+
+    def reset(self):
+        """Let the time go back to zero."""
+        self.jump(rospy.ServiceProxy("/gazebo/reset_simulation", Empty))
 
     def jump(self, act):
         """Let the time go back; states and base must come again."""
@@ -93,13 +123,9 @@ class TestBridgeTime(unittest.TestCase):
         for life, base in zip(joints[1:], bases[1:]):
             self.assertIn(base[0], life[:2])
 
-    def check_silence(self):
-        """Nobody who listens to TF complains."""
-        self.assertEqual(self.others.trouble(), {})
-        self.assertEqual(self.record.trouble(), [])
-
     def test_those_who_listen_tell_when_a_stamp_comes_twice(self):
         """Else their silence would tell nothing."""
+        rospy.set_param("/use_sim_time", False)
         others = Others("/repeated")
         self.addCleanup(others.close)
         publisher = rospy.Publisher("/repeated", TFMessage, queue_size=1)
@@ -116,31 +142,50 @@ class TestBridgeTime(unittest.TestCase):
         )
 
     def test_resets_a_pause_and_a_new_simulator(self):
+        self.burn()
         self.start("respawn_gazebo:=true")
-        # Beyond the ten seconds that TF remembers, older data could be refused.
-        self.run_for(0.55)
         for _ in range(2):
-            self.jump(rospy.ServiceProxy("/gazebo/reset_simulation", Empty))
             self.run_for(0.1)
+            self.reset()
         self.pause()
         self.run_for(0.05)
         self.check_stamps(jumps=2)
-        # Whoever has not heard the new simulator's clock takes its time for the old.
-        self.check_silence()
         pid = process_of("/gazebo")
         self.jump(lambda: os.kill(pid, signal.SIGKILL))
         self.run_for(0.1)
         self.check_stamps(jumps=3)
 
+    def test_those_who_listen_are_silent_after_a_reset(self):
+        """Those who are slow only see time go back if it stands still then."""
+        self.start()
+        others, begin = self.let_others_listen()
+        # Beyond the ten seconds that TF remembers, older data could be refused.
+        self.run_for(0.55)
+        self.assertEqual(others.trouble(begin), {})
+        rospy.ServiceProxy("/gazebo/pause_physics", Empty)()
+        self.wait_for_more()
+        self.reset()
+        wait_for(lambda: min(others.jumps()) == 1, "all to see time go back")
+        rospy.ServiceProxy("/gazebo/unpause_physics", Empty)()
+        self.run_for(0.1)
+        self.pause()
+        self.run_for(0.05)
+        self.check_stamps(jumps=1)
+        self.assertEqual(others.trouble(), {})
+        self.assertEqual(self.record.trouble(), [])
+
     def test_the_time_of_the_wall(self):
-        self.start("use_sim_time:=false")
+        self.burn()
         before = time.time()
+        self.start("use_sim_time:=false")
+        others, begin = self.let_others_listen()
         self.run_for(0.15)
         stamps = self.record.joints()
         self.assertTrue(before < stamps[-1] / SECOND <= time.time())
         self.assertEqual(stamps, sorted(set(stamps)))
         self.check_stamps(jumps=0)
-        self.check_silence()
+        self.assertEqual(others.trouble(begin), {})
+        self.assertEqual(self.record.trouble(), [])
 
     def test_the_time_of_the_wall_without_any_clock(self):
         rospy.set_param("/use_sim_time", False)

@@ -6,19 +6,22 @@ import signal
 import subprocess
 import sys
 import tempfile
+from xmlrpc.client import ServerProxy
 
 import rosgraph
 from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
-from .ros_testing import DEADLINE, Listener, wait_for
+from .ros_testing import DEADLINE, Listener, uri_of, wait_for
 
 SECOND = 1_000_000_000
 """[ns]"""
 JUMP = SECOND // 2
 """Stamps that go back by more than this, in [ns], tell that the time did."""
 TROUBLE = re.compile(r"TF_(?:REPEATED|OLD)_DATA .* for frame (\S+) at time ([\d.]+)")
+NOTICED = "Detected jump back in time"
+"""What a listener to TF says when it forgets the frames of before a reset."""
 LISTENER = """
 import rospy, tf2_ros
 rospy.init_node("listener", anonymous=True)
@@ -37,6 +40,21 @@ def subscribers(topic):
     """Count who listens to a topic."""
     _, subscribed, _ = rosgraph.Master("/test").getSystemState()
     return len(dict(subscribed).get(topic, ()))
+
+
+def are_connected_once(topic):
+    """Return whether each that listens to a topic has one connection to each sender.
+
+    In a hurry rospy connects twice, and what is sent until it notices comes twice.
+    """
+    published, _, _ = rosgraph.Master("/test").getSystemState()
+    wanted = subscribers(topic)
+    for node in dict(published).get(topic, ()):
+        with ServerProxy(uri_of(node)) as slave:
+            rows = slave.getBusInfo("/test")[2]
+        if [row[4] for row in rows if row[2] == "o"].count(topic) != wanted:
+            return False
+    return True
 
 
 def splits(stamps):
@@ -66,16 +84,35 @@ class Others:
             f"those who listen to {topic}",
         )
 
-    def trouble(self):
-        """List the frames and stamps that are complained of, by who does."""
-        pairs = zip(LISTENERS, self._outputs)
-        found = {name: self._trouble(output.fileno()) for name, output in pairs}
+    def trouble(self, since=0.0):
+        """List the frames and stamps that are complained of, by who does.
+
+        What a listener says before it has noticed that time went back is left out: on
+        a busy machine it may hear the new time only after transforms of it.
+
+        Args:
+            since: Stamps up to this one, in [s], are left out.
+        """
+        found = {
+            name: [
+                (frame, stamp)
+                for frame, stamp in TROUBLE.findall(text.rpartition(NOTICED)[2])
+                if float(stamp) > since
+            ]
+            for name, text in zip(LISTENERS, self._texts())
+        }
         return {name: trouble for name, trouble in found.items() if trouble}
 
-    @staticmethod
-    def _trouble(descriptor):
-        data = os.pread(descriptor, os.fstat(descriptor).st_size, 0)
-        return TROUBLE.findall(data.decode("utf-8", "replace"))
+    def jumps(self):
+        """Count the jumps of time that each has noticed."""
+        return [text.count(NOTICED) for text in self._texts()]
+
+    def _texts(self):
+        """Read what each has printed so far."""
+        for output in self._outputs:
+            descriptor = output.fileno()
+            data = os.pread(descriptor, os.fstat(descriptor).st_size, 0)
+            yield data.decode("utf-8", "replace")
 
     def close(self):
         for process in self._processes:
