@@ -113,11 +113,11 @@ class Demo:
         """Tell whether to go on."""
         return not self.stopping and self.roslaunch.poll() is None
 
-    def joint_states(self, patience):
+    def joint_states(self, timeout):
         """Measure joint states as soon as they flow.
 
         Args:
-            patience: How long to wait for the first message, in [s].
+            timeout: How long to wait for the first message, in [s].
 
         Returns:
             What tools/joint_states.py prints, or None if they do not flow.
@@ -125,7 +125,7 @@ class Demo:
         while self.runs() and not master_runs():
             time.sleep(0.05)
         self.meter = meter = self.start(
-            sys.executable, f"{ROOT}/tools/joint_states.py", f"--patience={patience}"
+            sys.executable, f"{ROOT}/tools/joint_states.py", f"--timeout={timeout}"
         )
         while self.runs() and meter.poll() is None:
             time.sleep(0.05)
@@ -141,7 +141,7 @@ class Demo:
         """End every process, gently first."""
         self.stopping = True
         if self.meter is not None and self.meter.poll() is None:
-            self.meter.kill()  # it may have a minute's patience
+            self.meter.kill()  # it may wait for long
         if self.roslaunch.poll() is None:
             self.roslaunch.send_signal(signal.SIGINT)
             wait_for_end(self.mark, 30.0)
@@ -295,16 +295,16 @@ def main():
         + " ".join(["roslaunch g1_description display.launch", *sys.argv[1:]])
     )
     with Demo(arguments) as demo:
-        patience = 60.0
+        timeout = 60.0
         if arguments.get("paused", "").lower() in ("true", "1"):
             say("paused; end that with: rosservice call /gazebo/unpause_physics")
-            patience = 86400.0
+            timeout = 86400.0
         say("waiting for /joint_states")
-        states = demo.joint_states(patience)
+        states = demo.joint_states(timeout)
         if states:
             demo.advise(block_of(states, model, demo.log_name))
         elif demo.runs():
-            demo.failed(f"no joint states within {patience:.0f} s")
+            demo.failed(f"no joint states within {timeout:.0f} s")
         while demo.runs():
             time.sleep(0.1)
         if demo.roslaunch.poll() is not None:

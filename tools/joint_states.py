@@ -28,7 +28,7 @@ def wait_for(condition, deadline):
 
     Args:
         condition: Function of nothing, true when the wait is over.
-        deadline: Time on the monotonic clock when patience ends, in [s].
+        deadline: Time on the monotonic clock when the timeout ends, in [s].
 
     Raises:
         SystemExit: If the condition was not true in time.
@@ -42,7 +42,7 @@ def wait_for(condition, deadline):
 def main():
     """Measure once and end."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--patience", type=float, default=60.0, help="[s]")
+    parser.add_argument("--timeout", type=float, default=60.0, help="[s]")
     parser.add_argument("--seconds", type=float, default=1.0, help="to measure [s]")
     arguments = parser.parse_args()
 
@@ -52,7 +52,7 @@ def main():
     rospy.Subscriber(
         "/joint_states", JointState, counter, queue_size=None, tcp_nodelay=True
     )
-    wait_for(lambda: counter.count, time.monotonic() + arguments.patience)
+    wait_for(lambda: counter.count, time.monotonic() + arguments.timeout)
 
     start, first = time.monotonic(), counter.count
     time.sleep(arguments.seconds)

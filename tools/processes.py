@@ -46,17 +46,17 @@ def marked_processes(mark):
     return found
 
 
-def wait_for_end(mark, patience):
-    """Wait until no marked process is left, or patience [s] ends."""
-    deadline = time.monotonic() + patience
+def wait_for_end(mark, timeout):
+    """Wait until no marked process is left, or timeout [s] ends."""
+    deadline = time.monotonic() + timeout
     while marked_processes(mark) and time.monotonic() < deadline:
         time.sleep(0.05)
 
 
 def end_processes(mark):
     """End all marked processes: asked first, then killed."""
-    for number, patience in ((signal.SIGTERM, 5.0), (signal.SIGKILL, 5.0)):
+    for number, timeout in ((signal.SIGTERM, 5.0), (signal.SIGKILL, 5.0)):
         for pid in marked_processes(mark):
             with contextlib.suppress(ProcessLookupError):
                 os.kill(pid, number)
-        wait_for_end(mark, patience)
+        wait_for_end(mark, timeout)

@@ -13,7 +13,7 @@ import rosservice
 
 LENGTH = struct.Struct("<I")
 ANSWER = struct.Struct("<BI")
-PATIENCE = 60.0
+TIMEOUT = 60.0
 """Longest wait for a connection or an answer in [s]."""
 CALLER = "/tcpros_client"
 """What nodes are told of who calls."""
@@ -102,24 +102,24 @@ class Messages:
 class Service:
     """One persistent connection to a service, made anew when it was lost."""
 
-    def __init__(self, name, patience=PATIENCE):
+    def __init__(self, name, timeout=TIMEOUT):
         """Find the service.
 
         Args:
             name: Its full name.
-            patience: Longest wait for an answer in [s].
+            timeout: Longest wait for an answer in [s].
         """
         self.name = name
         self.kind = rosservice.get_service_class_by_name(name)
         self.request_class = self.kind._request_class
         place = urlparse(rosgraph.Master(CALLER).lookupService(name))
         self.place = place.hostname, place.port
-        self._patience = patience
+        self._timeout = timeout
         self._socket = None
 
     def connect(self):
         """Shake hands; give the socket."""
-        sock = socket.create_connection(self.place, self._patience)
+        sock = socket.create_connection(self.place, self._timeout)
         sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         fields = {"md5sum": self.kind._md5sum, "persistent": 1, "callerid": CALLER}
         sock.sendall(header_of(service=self.name, **fields))

@@ -28,7 +28,7 @@ CALLS = (
 )
 MANY = 1000
 """Joint states that wait to be read, 1.4 MB of them."""
-PATIENCE = 120.0
+TIMEOUT = 120.0
 
 
 def pose(*words):
@@ -45,7 +45,7 @@ class TestBusyPoses(unittest.TestCase):
         self.addCleanup(Burners().close)
         Connected("/joint_states", JointState).close()
         for words in CALLS:
-            output, _ = pose(*words).communicate(timeout=PATIENCE)
+            output, _ = pose(*words).communicate(timeout=TIMEOUT)
             self.assertEqual(output.splitlines()[-1:], [f"pose: {words[0]}"], output)
 
     def test_who_wants_the_newest_passes_over_what_waits(self):

@@ -24,7 +24,7 @@ OURS = "g1_description/ros/"
 """In tracebacks of what we import; before that Python itself answers signals."""
 STEPS = 4
 """Moments from a command's start to its end."""
-PATIENCE = 60.0
+TIMEOUT = 60.0
 
 
 def start(*words):
@@ -65,7 +65,7 @@ class TestInterrupts(unittest.TestCase):
         They are told by its processor time, whatever else the machine does.
         """
         before = children_time()
-        _, errors = start(*words).communicate(timeout=PATIENCE)
+        _, errors = start(*words).communicate(timeout=TIMEOUT)
         self.assertNotIn("Traceback", errors)
         length = children_time() - before
         codes = {n / STEPS: self.code(n / STEPS * length, words) for n in range(STEPS)}
@@ -94,7 +94,7 @@ class TestInterrupts(unittest.TestCase):
         )
         with contextlib.suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGINT)
-        _, errors = process.communicate(timeout=PATIENCE)
+        _, errors = process.communicate(timeout=TIMEOUT)
         self.assertNotIn(OURS, errors, delay)
         if "Traceback" not in errors:
             self.assertIn(process.returncode, ENDS, (delay, errors))

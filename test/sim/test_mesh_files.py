@@ -384,8 +384,8 @@ def test_hostile_files_end_no_one_and_take_no_other_file_with_them(
     make_world, tmp_path, counted, monkeypatch
 ):
     # On a busy machine, 5 s of the processor may last longer than the 20 s of a file.
-    monkeypatch.setattr(mesh_contents, "FILE_PATIENCE", 300.0)
-    monkeypatch.setattr(mesh_contents, "PATIENCE", 600.0)
+    monkeypatch.setattr(mesh_contents, "FILE_TIMEOUT", 300.0)
+    monkeypatch.setattr(mesh_contents, "READ_TIMEOUT", 600.0)
     names = broken_meshes(tmp_path)
     (tmp_path / "nodes.dae").write_text(node_bomb(9))
     (tmp_path / "self.dae").write_text(
@@ -402,7 +402,7 @@ def test_hostile_files_end_no_one_and_take_no_other_file_with_them(
     good = [f"file://{tmp_path}/{name}_good.obj" for name in "az"]
     began = time.monotonic()
     left_out = make_world().spawn_urdf("r", body(good[0], *names, good[1]), UP)
-    assert time.monotonic() - began < 2 * mesh_contents.PATIENCE
+    assert time.monotonic() - began < 2 * mesh_contents.READ_TIMEOUT
     assert len(counted) < 6
     for name in names:
         if not name.endswith("flat.stl"):
@@ -425,7 +425,7 @@ def test_the_files_longest_not_asked_for_are_forgotten_when_memory_is_full(
     for file in files:
         BALL.export(file)
     size = 2 * 9 * 4 * len(BALL.faces)  # corners and normals, four bytes a number
-    monkeypatch.setattr(mesh_contents, "MOST_KEPT", 2.5 * size)
+    monkeypatch.setattr(mesh_contents, "CACHE_SIZE", 2.5 * size)
     a, b, c = files
     for file in (a, b, a, c):
         read(file)
@@ -440,7 +440,7 @@ def test_what_is_larger_than_memory_for_meshes_is_read_all_the_same(
     tmp_path, monkeypatch
 ):
     BALL.export(tmp_path / "x.obj")
-    monkeypatch.setattr(mesh_contents, "MOST_KEPT", 100)
+    monkeypatch.setattr(mesh_contents, "CACHE_SIZE", 100)
     (mesh,) = read(tmp_path / "x.obj")
     np.testing.assert_allclose(bounds(mesh), BALL.bounds, atol=1e-6)
 
@@ -519,13 +519,13 @@ def test_a_death_of_the_reader_is_told_of_the_file_that_it_read(
     mend(waiting)
     assert read(waiting[1]) == [clause]
     assert len(counted) == 2
-    monkeypatch.setattr(mesh_contents, "DEATH_KEPT", 0.0)
+    monkeypatch.setattr(mesh_contents, "FAILURE_LIFETIME", 0.0)
     (found,) = read(waiting[1])
     np.testing.assert_allclose(bounds(found), BALL.bounds, atol=1e-6)
 
 
 def test_a_file_that_takes_long_is_told_and_costs_no_other(waiting, monkeypatch):
-    monkeypatch.setattr(mesh_contents, "FILE_PATIENCE", 3.0)
+    monkeypatch.setattr(mesh_contents, "FILE_TIMEOUT", 3.0)
     before, clause, after = read(*waiting)
     assert clause.endswith("waiting.obj cannot be read: it took more than 3 s")
     assert not isinstance(before, str)
@@ -535,13 +535,13 @@ def test_a_file_that_takes_long_is_told_and_costs_no_other(waiting, monkeypatch)
 def test_what_is_not_read_in_time_is_read_when_it_is_asked_for_again(
     waiting, monkeypatch
 ):
-    monkeypatch.setattr(mesh_contents, "PATIENCE", 3.0)
+    monkeypatch.setattr(mesh_contents, "READ_TIMEOUT", 3.0)
     _, *clauses = read(*waiting)
     for clause, file in zip(clauses, waiting[1:]):
         words = "cannot be read: reading all meshes took more than 3 s"
         assert clause == f"mesh file://{file} {words}"
     mend(waiting)
-    monkeypatch.setattr(mesh_contents, "PATIENCE", 60.0)
+    monkeypatch.setattr(mesh_contents, "READ_TIMEOUT", 60.0)
     assert not [found for found in read(*waiting) if isinstance(found, str)]
 
 

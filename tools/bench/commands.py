@@ -25,7 +25,7 @@ from .standin import FALL, HANGING
 from .stream import no_collector, read_urdf
 from tcpros import Service, body_of, packed
 
-PATIENCE = 2.0  # [s]
+TIMEOUT = 2.0  # [s]
 PAUSES = (0.005, 0.025)  # [s]
 APART = 0.5  # [rad] from one configuration to the next, for one joint at least
 
@@ -101,7 +101,7 @@ class Commander:
         self._wanted, self._came, self._error = wanted, np.nan, np.nan
         start = time.monotonic()
         self._commands.send(data)
-        self._peer.serve(start + PATIENCE, lambda: self._wanted is None)
+        self._peer.serve(start + TIMEOUT, lambda: self._wanted is None)
         return self._came - start, self._error
 
     def try_all(self, trials, seed):

@@ -9,7 +9,7 @@ from g1_description.core.urdf.reader import parse_urdf
 AMPLITUDE = 0.3  # [rad]
 FREQUENCY = 0.5  # [Hz]
 APART = 1e-4  # [rad] from one sample to the next, at least, for the last joint
-PATIENCE = 30.0  # [s]
+TIMEOUT = 30.0  # [s]
 
 
 def revolute(description):

@@ -17,7 +17,7 @@ import rosnode
 
 from processes import end_processes, marked_environment, new_mark
 
-PATIENCE = 60.0  # [s]
+TIMEOUT = 60.0  # [s]
 PAUSE = 0.02  # [s] between two looks at a condition
 EACH_STEP = "rate:=1000"  # argument of the display: states of each step, as Gazebo
 BUSY = [sys.executable, "-c", "while True: pass"]
@@ -27,19 +27,19 @@ class MeasurementError(Exception):
     """Something can't be measured; the text says why."""
 
 
-def wait_for(condition, what, patience=PATIENCE):
+def wait_for(condition, what, timeout=TIMEOUT):
     """Wait until a condition gives something true; give that back.
 
     Raises:
         MeasurementError: If it does not in time.
     """
-    end = time.monotonic() + patience
+    end = time.monotonic() + timeout
     while time.monotonic() < end:
         result = condition()
         if result:
             return result
         time.sleep(PAUSE)
-    raise MeasurementError(f"waited {patience:.0f} s in vain for {what}")
+    raise MeasurementError(f"waited {timeout:.0f} s in vain for {what}")
 
 
 def free_port():
@@ -126,16 +126,16 @@ class Program(Process):
             raise MeasurementError(f"a program ended: {' | '.join(lines)}")
         return True
 
-    def result(self, patience):
+    def result(self, timeout):
         """Wait for its end; give the JSON in the last line it printed.
 
         Args:
-            patience: Longest wait in [s].
+            timeout: Longest wait in [s].
 
         Raises:
             MeasurementError: If it does not end in time, or fails.
         """
-        wait_for(lambda: self._process.poll() is not None, "a program's end", patience)
+        wait_for(lambda: self._process.poll() is not None, "a program's end", timeout)
         lines = self.output().strip().splitlines()
         if self._process.returncode:
             raise MeasurementError(f"a program failed: {' | '.join(lines[-3:])}")
@@ -149,14 +149,14 @@ class Program(Process):
         """Interrupt it as Ctrl-C would, and wait for its end."""
         self._process.send_signal(signal.SIGINT)
         try:
-            self.wait(PATIENCE)
+            self.wait(TIMEOUT)
         except subprocess.TimeoutExpired:
             self._process.kill()
             self.wait()
 
-    def wait(self, patience=None):
+    def wait(self, timeout=None):
         """Wait until it has ended."""
-        self._process.wait(patience)
+        self._process.wait(timeout)
 
 
 class Graph:

@@ -15,7 +15,7 @@ from xmlrpc.server import SimpleXMLRPCServer
 import rosgraph
 
 from .nodes import MeasurementError
-from tcpros import PATIENCE, Messages, header_of, received_header
+from tcpros import TIMEOUT, Messages, header_of, received_header
 
 HOST = "127.0.0.1"
 CHUNK = 1 << 18  # bytes read at once
@@ -135,15 +135,15 @@ class Peer:
             while self._wanted:
                 self._connect(*self._wanted.pop())
 
-    def wait(self, condition, what, patience=30.0):
+    def wait(self, condition, what, timeout=30.0):
         """Serve until a condition is true.
 
         Raises:
             MeasurementError: If it does not become true in time.
         """
-        self.serve(time.monotonic() + patience, condition)
+        self.serve(time.monotonic() + timeout, condition)
         if not condition():
-            raise MeasurementError(f"waited {patience:.0f} s in vain for {what}")
+            raise MeasurementError(f"waited {timeout:.0f} s in vain for {what}")
 
     def close(self):
         """Leave the graph."""
@@ -169,7 +169,7 @@ class Peer:
     def _accept(self):
         """Shake hands with a subscriber; who looks for a service goes by itself."""
         sock, _ = self._listener.accept()
-        sock.settimeout(PATIENCE)
+        sock.settimeout(TIMEOUT)
         asked = received_header(sock)
         if "topic" not in asked:
             sock.close()
@@ -192,7 +192,7 @@ class Peer:
         source, messages = self._inputs[topic], Messages()
         with suppress(OSError, Error, HTTPException):
             asked = ServerProxy(uri).requestTopic(self.name, topic, [["TCPROS"]])
-            sock = socket.create_connection(tuple(asked[2][1:]), PATIENCE)
+            sock = socket.create_connection(tuple(asked[2][1:]), TIMEOUT)
             sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             sock.sendall(self._header(topic, source.kind, tcp_nodelay=1))
             received_header(sock)

@@ -14,7 +14,7 @@ import numpy as np
 import rospy
 from sensor_msgs.msg import JointState
 
-from bench.motion import PATIENCE, Commands, revolute, robot, swing
+from bench.motion import TIMEOUT, Commands, revolute, robot, swing
 from bench.nodes import Process, wait_for
 
 RATE = 50.0  # [Hz]
@@ -37,7 +37,7 @@ def main():
         queue_size=10_000,
         tcp_nodelay=True,
     )
-    wait_for(lambda: commands.is_heard and came, "the bridge", PATIENCE)
+    wait_for(lambda: commands.is_heard and came, "the bridge", TIMEOUT)
     motion = swing(joints, SECONDS, RATE)
     meters = [Process(pid).meter() for pid in pids]
     sent = play(commands, motion)

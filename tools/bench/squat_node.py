@@ -14,7 +14,7 @@ import rospy
 import tf2_ros
 from gazebo_msgs.msg import ModelState
 
-from bench.motion import PATIENCE, Commands, robot
+from bench.motion import TIMEOUT, Commands, robot
 from bench.nodes import wait_for
 from g1_description.core.robot.kinematics import Kinematics
 from g1_description.core.transform import IDENTITY
@@ -71,7 +71,7 @@ def main():
         heard = commands.is_heard and base.get_num_connections()
         return heard and buffer.can_transform("map", FOOT, rospy.Time())
 
-    wait_for(is_ready, "the bridge and TF", PATIENCE)
+    wait_for(is_ready, "the bridge and TF", TIMEOUT)
     print(json.dumps(watch(squat, commands, base, buffer)))
 
 

@@ -188,12 +188,12 @@ class Feed:
         """Be a simulator without world_state, such as Gazebo."""
         self._peer.withdraw("/gazebo/world_state")
 
-    def wait_for(self, node, patience=30.0):
+    def wait_for(self, node, timeout=30.0):
         """Wait until a node listens and all its answers come here.
 
         Args:
             node: The ``Program``; it may be called whatever it likes.
-            patience: Longest wait in [s].
+            timeout: Longest wait in [s].
         """
 
         def connected():
@@ -206,7 +206,7 @@ class Feed:
                 and all(source.sources for source in self._sources)
             )
 
-        self._peer.wait(connected, "the connections to the node", patience)
+        self._peer.wait(connected, "the connections to the node", timeout)
 
     def play(self, rate, seconds):
         """Send messages at a rate; give the times they were sent, shape (n,).
@@ -230,10 +230,10 @@ class Feed:
         self._peer.serve(due)
         return sent
 
-    def drain(self, patience=20.0):
+    def drain(self, timeout=20.0):
         """Wait for the first answer, then until no more come."""
-        self._peer.serve(time.monotonic() + patience, lambda: self.answers.count)
-        end, count = time.monotonic() + patience, -1
+        self._peer.serve(time.monotonic() + timeout, lambda: self.answers.count)
+        end, count = time.monotonic() + timeout, -1
         while count != self.answers.count and time.monotonic() < end:
             count = self.answers.count
             self._peer.serve(time.monotonic() + QUIET)

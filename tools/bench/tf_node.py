@@ -17,7 +17,7 @@ from gazebo_msgs.msg import ModelState
 from rosgraph_msgs.msg import Log
 from std_srvs.srv import Empty
 
-from bench.motion import PATIENCE, Commands, revolute, robot, swing
+from bench.motion import TIMEOUT, Commands, revolute, robot, swing
 from bench.nodes import wait_for
 from bench.transforms import TROUBLE
 
@@ -117,7 +117,7 @@ def main():
     seconds, resets, pauses = (float(word) for word in rospy.myargv()[1:])
     rospy.init_node("tf_watcher")
     watcher, stopped = Watcher(), threading.Event()
-    wait_for(watcher.stamp, "TF", PATIENCE)
+    wait_for(watcher.stamp, "TF", TIMEOUT)
     threading.Thread(target=keep_moving, args=[stopped], daemon=True).start()
     calls = {
         name: rospy.ServiceProxy(f"/gazebo/{name}", Empty)

@@ -139,7 +139,7 @@ def run_installed_nodes(runner, environment, install):
     command = ["roslaunch", "g1_description", "display.launch", "rviz:=false"]
     with open(log, "w") as output:
         roslaunch = runner.start(command, environment, output, cwd=runner.folder)
-    meter = [sys.executable, ROOT / "tools" / "joint_states.py", "--patience=60"]
+    meter = [sys.executable, ROOT / "tools" / "joint_states.py", "--timeout=60"]
     code, text = runner.run(meter, environment)
     nodes = [line for line in marked_processes(runner.mark).values() if ".py" in line]
     strays = [line for line in nodes if str(WORKSPACE / "devel") in line]

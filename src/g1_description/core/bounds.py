@@ -8,20 +8,22 @@ import numpy as np
 
 from .errors import DescriptionError
 
-LARGEST = 1e9
+MAX_VALUE = 1e9
 """Largest magnitude accepted for any length, angle, mass or speed."""
 
 NORM_TOLERANCE = 1e-3
 """Largest deviation of a unit quaternion's norm from 1."""
 
 
-def checked(what: str, numbers: Sequence[float], least: float = -LARGEST) -> np.ndarray:
+def checked(
+    what: str, numbers: Sequence[float], least: float = -MAX_VALUE
+) -> np.ndarray:
     """Check that numbers are finite and within bounds.
 
     Args:
         what: What the numbers are, for the message.
         numbers: The numbers.
-        least: Lower bound; the upper one is ``LARGEST``.
+        least: Lower bound; the upper one is ``MAX_VALUE``.
 
     Returns:
         The numbers as an array.
@@ -30,10 +32,10 @@ def checked(what: str, numbers: Sequence[float], least: float = -LARGEST) -> np.
         DescriptionError: If one is NaN, or out of bounds.
     """
     array = np.array(numbers, dtype=float)
-    if not ((array >= least) & (array <= LARGEST)).all():
+    if not ((array >= least) & (array <= MAX_VALUE)).all():
         raise DescriptionError(
             f"{what[0].upper()}{what[1:]} has the numbers {array.tolist()}, "
-            f"not all are from {least:g} to {LARGEST:g}."
+            f"not all are from {least:g} to {MAX_VALUE:g}."
         )
     return array
 
@@ -77,7 +79,9 @@ def all_usable(lengths: np.ndarray, poses: np.ndarray, twists: np.ndarray) -> bo
     deviation = np.abs(lengths - 1.0).max()
     largest = np.abs(poses).max(), np.abs(twists).max()
     return bool(
-        deviation <= NORM_TOLERANCE and largest[0] <= LARGEST and largest[1] <= LARGEST
+        deviation <= NORM_TOLERANCE
+        and largest[0] <= MAX_VALUE
+        and largest[1] <= MAX_VALUE
     )
 
 
@@ -87,4 +91,4 @@ def usable_rows(
     """Return which links have numbers within bounds, shape (n_links,)."""
     with np.errstate(invalid="ignore"):
         sizes = np.abs(np.concatenate([poses, twists], axis=1)).max(axis=1)
-        return (np.abs(lengths - 1.0) <= NORM_TOLERANCE) & (sizes <= LARGEST)
+        return (np.abs(lengths - 1.0) <= NORM_TOLERANCE) & (sizes <= MAX_VALUE)

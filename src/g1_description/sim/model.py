@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from g1_description.core.bounds import LARGEST
+from g1_description.core.bounds import MAX_VALUE
 from g1_description.core.errors import InvalidValueError
 from g1_description.core.robot.assembly import Assembly
 from g1_description.core.rotation import cross, rotate
@@ -161,10 +161,10 @@ class Model(Structure):
             if row is None:
                 report.unknown.append(name)
                 continue
-            if not abs(position) <= LARGEST:
+            if not abs(position) <= MAX_VALUE:
                 raise InvalidValueError(
                     f"joint {name} cannot be set to {position}, only to a number "
-                    f"within +-{LARGEST:g}"
+                    f"within +-{MAX_VALUE:g}"
                 )
             wanted[row] = float(np.clip(position, self.lower[row], self.upper[row]))
             if wanted[row] != position:

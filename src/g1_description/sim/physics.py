@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 
-from g1_description.core.bounds import LARGEST
+from g1_description.core.bounds import MAX_VALUE
 from g1_description.core.errors import InvalidValueError
 
 MAX_TIME_STEP = 10.0
@@ -54,7 +54,7 @@ class PhysicsProperties:
         """
         for field in fields(PhysicsProperties):
             value = getattr(self, field.name)
-            low, high = _RANGES.get(field.name, (0.0, LARGEST))
+            low, high = _RANGES.get(field.name, (0.0, MAX_VALUE))
             if not low <= value <= high:
                 raise InvalidValueError(
                     f"{field.name} is {value}, it must be from {low:g} to {high:g}"
@@ -78,8 +78,8 @@ class PhysicsProperties:
 
 _RANGES = {
     "time_step": (0.0, MAX_TIME_STEP),
-    **dict.fromkeys(GRAVITY, (-LARGEST, LARGEST)),
-    "sor_pgs_rms_error_tol": (-1.0, LARGEST),
+    **dict.fromkeys(GRAVITY, (-MAX_VALUE, MAX_VALUE)),
+    "sor_pgs_rms_error_tol": (-1.0, MAX_VALUE),
     **dict.fromkeys(_WHOLE_NUMBERS, (0, 2**32 - 1)),
     "sor_pgs_iters": (0, 1000),
     "cfm": (0.0, 10.0),

@@ -14,7 +14,7 @@ from g1_description.core.urdf.reader import parse_urdf
 from g1_description.core.xml import decoded
 
 from .find import find_model_file, split_arguments
-from .model_files import LARGEST_FILE
+from .model_files import MAX_FILE_SIZE
 
 XACRO_TIMEOUT = 60.0
 """Longest time that xacro may take, in [s]."""
@@ -61,10 +61,10 @@ def _read(path: Path) -> str:
     """Read a file of a size that a robot description can have."""
     try:
         size = path.stat().st_size
-        if size > LARGEST_FILE:
+        if size > MAX_FILE_SIZE:
             raise DescriptionError(
                 f"{path} has {size / 1e6:.0f} MB; a robot description has at most "
-                f"{LARGEST_FILE / 1e6:.0f} MB."
+                f"{MAX_FILE_SIZE / 1e6:.0f} MB."
             )
         data = path.read_bytes()
     except OSError as error:

@@ -21,7 +21,7 @@ MODEL_PATH = "GAZEBO_MODEL_PATH"
 RESOURCE_PATH = "GAZEBO_RESOURCE_PATH"
 """Environment variable with the folders that worlds and media lie in."""
 
-LARGEST_FILE = 10_000_000
+MAX_FILE_SIZE = 10_000_000
 """No robot or model has more bytes: it is something else, or a mistake."""
 
 
@@ -131,7 +131,7 @@ def find_model(uri: str) -> str:
         file = _model_file(place) if place.is_dir() else place
         if not file.is_file():
             raise NoSuchModelError(f"There is no file {file}.")
-        if file.stat().st_size > LARGEST_FILE:
+        if file.stat().st_size > MAX_FILE_SIZE:
             raise DescriptionError(f"{file} is too large to be a model.")
         return decoded(file.read_bytes(), "replace")
     except OSError as error:

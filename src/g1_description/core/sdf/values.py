@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 from lxml import etree
 
-from g1_description.core.bounds import LARGEST, checked
+from g1_description.core.bounds import MAX_VALUE, checked
 from g1_description.core.errors import DescriptionError
 from g1_description.core.rotation import from_rpy
 from g1_description.core.transform import IDENTITY
@@ -135,7 +135,7 @@ def vector(
     tag: str,
     default: Sequence[float],
     owner: str,
-    least: float = -LARGEST,
+    least: float = -MAX_VALUE,
 ) -> np.ndarray:
     """Read a child element with as many numbers as its default has.
 
@@ -162,7 +162,7 @@ def number(
     tag: str,
     default: float,
     owner: str,
-    least: float = -LARGEST,
+    least: float = -MAX_VALUE,
 ) -> float:
     """Read a child element with one number, like ``vector``."""
     return float(vector(parent, tag, [default], owner, least)[0])

@@ -22,7 +22,7 @@ CLOCK_TIMEOUT = 10.0
 LONGEST, FASTEST = 60.0, 30.0
 """Of a film, in [s] and in pictures per second."""
 
-MOST_PIXELS = 500e6
+MAX_PIXELS = 500e6
 """Of all pictures of a film together: they are kept until it is written."""
 
 
@@ -44,11 +44,11 @@ def check_length(seconds: float, fps: float, size: tuple[int, int]) -> None:
                 f"{most:g}."
             )
     pixels = count(seconds, fps) * size[0] * size[1]
-    if pixels > MOST_PIXELS:
+    if pixels > MAX_PIXELS:
         raise InvalidValueError(
             f"A film of {count(seconds, fps)} pictures of {size[0]}x{size[1]} has "
             f"{pixels / 1e6:.0f} million pixels; there is room for "
-            f"{MOST_PIXELS / 1e6:.0f} million."
+            f"{MAX_PIXELS / 1e6:.0f} million."
         )
 
 

@@ -119,14 +119,14 @@ class DirectPublisher:
                     if peer.descriptor in ready:
                         peer.send_waiting()
 
-    def wait_for_room(self, patience: float) -> None:
+    def wait_for_room(self, timeout: float) -> None:
         """Wait until no message waits for any subscriber.
 
         Args:
-            patience: Longest time in [s] in which a subscriber may read nothing. It is
+            timeout: Longest time in [s] in which a subscriber may read nothing. It is
                 not waited for again until it does.
         """
-        end = time.monotonic() + patience
+        end = time.monotonic() + timeout
         while True:
             self.flush()
             behind = [
@@ -140,7 +140,7 @@ class DirectPublisher:
             for peer in behind:
                 room.register(peer.descriptor, select.POLLOUT)
             if room.poll(ROOM_TIMEOUT):
-                end = time.monotonic() + patience
+                end = time.monotonic() + timeout
             elif time.monotonic() > end:
                 for peer in behind:
                     peer.is_stuck = True

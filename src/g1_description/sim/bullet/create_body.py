@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from g1_description.core.bounds import LARGEST
+from g1_description.core.bounds import MAX_VALUE
 from g1_description.core.errors import DescriptionError
 from g1_description.core.robot.assembly import WORLD
 from g1_description.core.robot.description import Description, Inertial, Joint, Link
@@ -237,8 +237,8 @@ def _set_moments_and_limits(
             client.changeDynamics(
                 number,
                 index,
-                jointLowerLimit=max(joint.lower, -LARGEST),
-                jointUpperLimit=min(joint.upper, LARGEST),
+                jointLowerLimit=max(joint.lower, -MAX_VALUE),
+                jointUpperLimit=min(joint.upper, MAX_VALUE),
             )
 
 

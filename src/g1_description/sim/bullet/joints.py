@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from g1_description.core.bounds import LARGEST
+from g1_description.core.bounds import MAX_VALUE
 from g1_description.sim.model import Model
 
 from .client import BulletClient
@@ -147,6 +147,6 @@ class BodyJoints:
             self._client.changeDynamics(
                 self._body,
                 self._numbers[self._own[row]],
-                jointLowerLimit=max(numbers.get("loStop", lower), -LARGEST),
-                jointUpperLimit=min(numbers.get("hiStop", upper), LARGEST),
+                jointLowerLimit=max(numbers.get("loStop", lower), -MAX_VALUE),
+                jointUpperLimit=min(numbers.get("hiStop", upper), MAX_VALUE),
             )

@@ -20,23 +20,23 @@ import numpy as np
 
 from .read_meshes import BEGUN, LAST_WORDS
 
-PATIENCE = 60.0
+READ_TIMEOUT = 60.0
 """Longest time that reading all meshes of a model may take, in [s]."""
 
-FILE_PATIENCE = 20.0
+FILE_TIMEOUT = 20.0
 """Longest time that one file may take, in [s]: it may name a pipe to read from."""
 
-PROCESSOR_PATIENCE = 5.0
+FILE_PROCESSOR_TIMEOUT = 5.0
 """Longest time of the processor that one file may take, in [s]."""
 
-DEATH_KEPT = 60.0
+FAILURE_LIFETIME = 60.0
 """How long the death of a reader is remembered, in [s].
 
 Not for ever: a busy machine or one short of memory may have caused it. But one spawn
 asks several times for the same files.
 """
 
-MOST_KEPT = 400e6
+CACHE_SIZE = 400e6
 """Most memory of what is kept in case it is requested again, in bytes."""
 
 
@@ -98,14 +98,14 @@ def _forget_deaths() -> None:
     """Forget the deaths that are too long ago."""
     now = time.monotonic()
     for file, (when, _) in list(_deaths.items()):
-        if now - when >= DEATH_KEPT:
+        if now - when >= FAILURE_LIFETIME:
             del _deaths[file]
 
 
 def _make_room() -> None:
     """Forget the files that were not requested for longest, if all are too large."""
     sizes = {file: _size(content) for file, content in _known.items()}
-    excess = sum(sizes.values()) - MOST_KEPT
+    excess = sum(sizes.values()) - CACHE_SIZE
     for file, size in sizes.items():
         if excess <= 0:
             break
@@ -121,9 +121,9 @@ def _size(content: tuple[Part, ...] | str) -> int:
 
 def _read_all(files: list[_File]) -> dict[_File, tuple[Part, ...] | str]:
     """Read files, and remember what is in them."""
-    late = f"reading all meshes took more than {PATIENCE:g} s"
+    late = f"reading all meshes took more than {READ_TIMEOUT:g} s"
     contents: dict[_File, tuple[Part, ...] | str] = dict.fromkeys(files, late)
-    end = time.monotonic() + PATIENCE
+    end = time.monotonic() + READ_TIMEOUT
     while files and time.monotonic() < end:
         paths = [file.path for file in files]
         results, death, has_begun = _read(paths, end - time.monotonic())
@@ -143,13 +143,13 @@ def _read_all(files: list[_File]) -> dict[_File, tuple[Part, ...] | str]:
 
 
 def _read(
-    paths: list[Path], patience: float
+    paths: list[Path], timeout: float
 ) -> tuple[list[tuple[Part, ...] | str], str, bool]:
     """Read files in a process of its own, up to the first that ends it.
 
     Args:
         paths: The files.
-        patience: How long all of them may take, in [s].
+        timeout: How long all of them may take, in [s].
 
     Returns:
         What is in the first files, or why they cannot be read; a message that says why
@@ -157,7 +157,7 @@ def _read(
     """
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        code = _run(folder, paths, patience)
+        code = _run(folder, paths, timeout)
         results: list[tuple[Part, ...] | str] = []
         for number in range(len(paths)):
             why_not, content = (folder / f"{number}{s}" for s in (".txt", ".npz"))
@@ -176,14 +176,14 @@ def _read(
     return results, death, has_begun
 
 
-def _run(folder: Path, paths: list[Path], patience: float) -> int | None:
+def _run(folder: Path, paths: list[Path], timeout: float) -> int | None:
     """Run ``read_meshes``; give its exit code, None if it had to be stopped.
 
     It runs in the folder of its results: of the folder that we run in Python would
     take modules first.
     """
     program = [sys.executable, "-m", f"{__package__}.read_meshes"]
-    limits = [str(PROCESSOR_PATIENCE), str(FILE_PATIENCE)]
+    limits = [str(FILE_PROCESSOR_TIMEOUT), str(FILE_TIMEOUT)]
     files = [os.path.abspath(path) for path in paths]
     try:
         return subprocess.run(
@@ -197,7 +197,7 @@ def _run(folder: Path, paths: list[Path], patience: float) -> int | None:
                 "PYTHONPATH": os.pathsep.join(sys.path),
                 "OPENBLAS_NUM_THREADS": "1",
             },
-            timeout=patience,
+            timeout=timeout,
             check=False,
         ).returncode
     except subprocess.TimeoutExpired:
@@ -207,9 +207,9 @@ def _run(folder: Path, paths: list[Path], patience: float) -> int | None:
 def _death(code: int) -> str:
     """Say in a message what ended a reader, by its exit code."""
     if code == -signal.SIGPROF:
-        return f"it took more than {PROCESSOR_PATIENCE:g} s of the processor"
+        return f"it took more than {FILE_PROCESSOR_TIMEOUT:g} s of the processor"
     if code == -signal.SIGALRM:
-        return f"it took more than {FILE_PATIENCE:g} s"
+        return f"it took more than {FILE_TIMEOUT:g} s"
     if code < 0:
         return f"its reader died of signal {-code} ({signal.strsignal(-code)})"
     return f"its reader ended with code {code}"

@@ -18,7 +18,7 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from g1_description.core.bounds import LARGEST
+from g1_description.core.bounds import MAX_VALUE
 
 from .assimp import TRIANGULATE, Assimp, CannotReadError, RawPart
 from .stl import HEAD, binary_size, triangle_count
@@ -30,7 +30,7 @@ BEGUN, LAST_WORDS = "begun", "last_words"
 MEMORY = 4 * 2**30
 """Most memory that it may take, in bytes."""
 
-MOST_TRIANGLES = 3_000_000
+MAX_TRIANGLES = 3_000_000
 
 LEAST_NORMAL = 0.001
 """Square of the length that a normal has at least, if it has a direction."""
@@ -90,12 +90,12 @@ def read(path: Path) -> dict[str, np.ndarray]:
     counts = [len(part.corners) for part in parts]
     if not parts:
         raise CannotReadError("it has no triangles")
-    if sum(counts) > MOST_TRIANGLES:
+    if sum(counts) > MAX_TRIANGLES:
         raise CannotReadError(
-            f"it has {sum(counts)} triangles; there is room for {MOST_TRIANGLES}"
+            f"it has {sum(counts)} triangles; there is room for {MAX_TRIANGLES}"
         )
     corners = np.concatenate([part.corners for part in parts])
-    if not (np.abs(corners) <= LARGEST).all():
+    if not (np.abs(corners) <= MAX_VALUE).all():
         raise CannotReadError("it has corners that are nowhere")
     return {
         "corners": corners,

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from g1_description.core.bounds import LARGEST
+from g1_description.core.bounds import MAX_VALUE
 from g1_description.core.files.model_files import find_folder
 from g1_description.core.files.uris import local_path
 from g1_description.core.robot.description import Shape
@@ -115,7 +115,7 @@ def is_sound_stl(path: Path) -> bool:
     except OSError:
         return False
     with np.errstate(invalid="ignore"):
-        if not (np.abs(records["corners"]) <= LARGEST).all():
+        if not (np.abs(records["corners"]) <= MAX_VALUE).all():
             return False
     mute = records["corners"][~has_direction(records["normal"])]
     # What has no area is not seen: it needs no normal.

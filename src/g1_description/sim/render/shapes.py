@@ -12,7 +12,7 @@ from g1_description.sim.meshes.contents import Part
 from g1_description.sim.meshes.shapes import Mesh
 from g1_description.sim.meshes.surfaces import cylinder, sphere
 
-MOST_TRIANGLES = 40_000
+BATCH_SIZE = 40_000
 """PyBullet takes 131072 corners of one shape."""
 
 GREY = (0.7, 0.7, 0.7, 1.0)
@@ -83,8 +83,8 @@ def _triangles(part: Part, scale: np.ndarray) -> Iterator[dict[str, object]]:
         normals /= np.linalg.norm(normals, axis=2, keepdims=True)
     corners = (part.corners * scale)[:, ::turn]
     normals = np.nan_to_num(normals)[:, ::turn]
-    for first in range(0, len(corners), MOST_TRIANGLES):
-        some = slice(first, first + MOST_TRIANGLES)
+    for first in range(0, len(corners), BATCH_SIZE):
+        some = slice(first, first + BATCH_SIZE)
         yield {
             "vertices": corners[some].reshape(-1, 3).tolist(),
             "normals": normals[some].reshape(-1, 3).tolist(),

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from lxml import etree
 
-from g1_description.core.bounds import LARGEST, position_limits
+from g1_description.core.bounds import MAX_VALUE, position_limits
 from g1_description.core.errors import DescriptionError
 from g1_description.core.robot.assembly import WORLD
 from g1_description.core.robot.description import MOVABLE, Joint
@@ -164,4 +164,4 @@ def _limit(limit: etree._Element | None, tag: str, none: float, owner: str) -> f
     value = numbers(what, text, 1)[0] if text else none
     if np.isnan(value):
         raise DescriptionError(f"The {what} is '{text}', which is not a number.")
-    return value if abs(value) <= LARGEST else np.copysign(np.inf, value)
+    return value if abs(value) <= MAX_VALUE else np.copysign(np.inf, value)

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from g1_description.core.bounds import LARGEST
+from g1_description.core.bounds import MAX_VALUE
 from g1_description.core.errors import InvalidValueError
 from g1_description.core.rotation import normalized
 from g1_description.ros.gazebo.stepper import Stepper
@@ -96,12 +96,13 @@ def checked(what: str, numbers) -> np.ndarray:
     """Check that numbers are finite and within bounds.
 
     Raises:
-        InvalidValueError: If one is NaN, infinite or beyond ``LARGEST``.
+        InvalidValueError: If one is NaN, infinite or beyond ``MAX_VALUE``.
     """
     array = np.array(numbers, dtype=float)
-    if not (np.abs(array) <= LARGEST).all():
+    if not (np.abs(array) <= MAX_VALUE).all():
         raise InvalidValueError(
-            f"the {what} {array.tolist()} has a number that is not within +-{LARGEST:g}"
+            f"the {what} {array.tolist()} has a number that is not within "
+            f"+-{MAX_VALUE:g}"
         )
     return array
 
