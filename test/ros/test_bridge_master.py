@@ -110,6 +110,14 @@ class Sides:
             side.close()
 
 
+class WaitingBridge(Bridge):
+    """A bridge without a robot, which waits for it."""
+
+    def _is_up(self):
+        assert self.process.poll() is None, self.output()
+        return b"Waiting for" in self.output()
+
+
 class TestBridgeMaster(unittest.TestCase):
     def setUp(self):
         self.core = Core()
@@ -215,6 +223,15 @@ class TestBridgeMaster(unittest.TestCase):
         new, _ = self.start_again(*readers)
         new.simulator.wait_for_request(elbow=0.1 * 9, slide=0.01 * 9)
         self.assertEqual(len(new.simulator.requests), 1)
+
+    def test_the_master_dies_while_the_bridge_waits_for_the_robot(self):
+        self.core.master.deleteParam("/robot_description")
+        self.bridge = WaitingBridge("_model_name:=arm", master_uri=self.core.uri)
+        self.addCleanup(self.bridge.kill)
+        self.core.kill()
+        sides, newest = self.start_again()
+        self.check(sides, newest)
+        self.assert_known()
 
     def test_a_master_that_hangs_stops_nothing(self):
         """Not even where there is something to log: rospy asks the master for it."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import fields, is_dataclass
 
 import rosgraph
@@ -122,10 +123,13 @@ def wait_for_parameter(
     Raises:
         ROSInterruptException: If the node is shut down.
     """
-    found = find_parameter(name, namespace)
+
+    def find():
+        with suppress(OSError):  # another master may take the place of a dead one
+            return find_parameter(name, namespace)
+
+    found = find()
     if found is None:
         on_wait()
-        found = wait_until(
-            lambda: find_parameter(name, namespace), timeout, period=MASTER_PERIOD
-        )
+        found = wait_until(find, timeout, period=MASTER_PERIOD)
     return found
