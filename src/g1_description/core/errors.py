@@ -23,6 +23,10 @@ class PoseFileError(G1DescriptionError):
     """A file of poses cannot be read, or holds something else."""
 
 
+class MotionError(G1DescriptionError):
+    """A motion cannot be read, or no robot can make it."""
+
+
 class UnknownNameError(G1DescriptionError):
     """A model, link, joint, frame or pose was requested that does not exist."""
 

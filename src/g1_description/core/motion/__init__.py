@@ -1,0 +1,1 @@
+"""Whole-body motions: one form in memory, its interpolation, its file formats."""

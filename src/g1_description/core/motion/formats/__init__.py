@@ -1,0 +1,1 @@
+"""Files of motions: each format is read in one module."""

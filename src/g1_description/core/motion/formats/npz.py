@@ -1,0 +1,88 @@
+"""The arrays of npz files, read without trust in what the file says of itself."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+import zlib
+from collections.abc import Collection
+
+import numpy as np
+
+from g1_description.core.errors import MotionError
+
+MAX_BYTES = 200_000_000
+"""No array of a motion has more, in bytes."""
+
+MAX_HEADER = 65_536
+"""Longest header of an array, in bytes."""
+
+_READERS = {
+    (1, 0): np.lib.format.read_array_header_1_0,
+    (2, 0): np.lib.format.read_array_header_2_0,
+}
+
+
+def read_npz(data: bytes, wanted: Collection[str]) -> dict[str, np.ndarray | None]:
+    """Read some arrays of an npz file.
+
+    Args:
+        data: The file.
+        wanted: Names of the arrays to read.
+
+    Returns:
+        The wanted arrays by name; what else the file has is None.
+
+    Raises:
+        MotionError: If the file is damaged, or an array is too large or holds objects.
+    """
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            return {
+                name: _array(archive, info, name) if name in wanted else None
+                for name, info in _members(archive).items()
+            }
+    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError) as error:
+        raise MotionError(f"The npz file is damaged: {error}.") from error
+
+
+def _members(archive: zipfile.ZipFile) -> dict[str, zipfile.ZipInfo]:
+    """Name the arrays of a file."""
+    return {
+        info.filename[: -len(".npy")]: info
+        for info in archive.infolist()
+        if info.filename.endswith(".npy")
+    }
+
+
+def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo, name: str) -> np.ndarray:
+    """Read one array."""
+    if info.flag_bits & 1:
+        raise MotionError(f"The array {name} is encrypted.")
+    if info.file_size > MAX_BYTES:
+        raise MotionError(
+            f"The array {name} has {info.file_size / 1e6:.0f} MB; a motion's has at "
+            f"most {MAX_BYTES / 1e6:.0f} MB."
+        )
+    with archive.open(info) as member:
+        head = io.BytesIO(member.read(MAX_HEADER))
+    try:
+        read = _READERS[np.lib.format.read_magic(head)]
+        shape, is_fortran, dtype = read(head)
+    except (ValueError, KeyError, SyntaxError, TypeError, RecursionError) as error:
+        raise MotionError(f"The array {name} has a damaged header.") from error
+    if dtype.hasobject or dtype.kind not in "fiub":
+        raise MotionError(f"The array {name} holds no numbers.")
+    size = dtype.itemsize
+    for length in shape:
+        size *= int(length)
+    if size != info.file_size - head.tell():
+        raise MotionError(
+            f"The array {name} should have {size} bytes by its header and has "
+            f"{info.file_size - head.tell()}."
+        )
+    with archive.open(info) as member:
+        content = member.read(info.file_size)[head.tell() :]
+    return np.frombuffer(content, dtype).reshape(
+        shape, order="F" if is_fortran else "C"
+    )

@@ -1,0 +1,77 @@
+"""A motion from a file, whose format is found by its content."""
+
+from __future__ import annotations
+
+import stat
+from pathlib import Path
+
+from g1_description.core.errors import MotionError
+from g1_description.core.motion.motion import Motion, fitted
+from g1_description.core.robot.description import Description
+
+from .arrays import READ, motion_of_arrays
+from .gmr_pickle import read_gmr_pickle
+from .npz import read_npz
+from .table import read_table
+from .trajectory_yaml import read_trajectory_yaml
+
+MAX_FILE_SIZE = 100_000_000
+"""No motion has more, in bytes: an hour at 60 Hz, written as text, has less."""
+
+BAG = b"#ROSBAG V"
+
+
+def read_motion(path: Path, robot: Description, rate: float | None = None) -> Motion:
+    """Read a motion of a robot from a file.
+
+    Args:
+        path: CSV, npz, pickle, or YAML of a JointTrajectory.
+        robot: The robot; joints that it does not have are left out, with a note.
+        rate: Samples per second of a file without times.
+
+    Raises:
+        MotionError: If there is no such file, or no motion in it that fits.
+    """
+    data = _data(path)
+    try:
+        return fitted(_read(data, robot, rate), robot)
+    except MotionError as error:
+        raise MotionError(f"{path.name}: {error}") from error
+
+
+def _data(path: Path) -> bytes:
+    """Read a file of a size that a motion can have."""
+    try:
+        status = path.stat()
+        if not stat.S_ISREG(status.st_mode):
+            raise MotionError(f"{path} is no file.")
+        if status.st_size > MAX_FILE_SIZE:
+            raise MotionError(
+                f"{path} has {status.st_size / 1e6:.0f} MB; a motion has at most "
+                f"{MAX_FILE_SIZE / 1e6:.0f} MB."
+            )
+        return path.read_bytes()
+    except (OSError, ValueError) as error:
+        problem = getattr(error, "strerror", None) or error
+        raise MotionError(f"{path} cannot be read: {problem}.") from error
+
+
+def _read(data: bytes, robot: Description, rate: float | None) -> Motion:
+    """Read a motion in the format that the content shows."""
+    if data.startswith(BAG):
+        raise MotionError("Rosbags are read by the commands that know ROS.")
+    if data.startswith(b"PK"):
+        return motion_of_arrays(read_npz(data, READ), robot)
+    # Every protocol of a pickle ends in a full stop; all but the oldest begin so.
+    if data.startswith(b"\x80"):
+        return motion_of_arrays(read_gmr_pickle(data), robot)
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        raise MotionError(
+            f"Line {line} is no text, and the file no npz or pickle either."
+        ) from error
+    if "joint_names:" in text[:10_000]:
+        return read_trajectory_yaml(text)
+    return read_table(text, robot, rate)

@@ -1,0 +1,138 @@
+"""Tables of comma-separated numbers, with or without a header.
+
+Without a header a row is a sample: x y z and quaternion x y z w of the base, then the
+joints, as in the LAFAN1 retargeting set of the G1. With one, its columns are named
+``time``, ``base_x`` to ``base_qw`` and by the joints; the base may be left out.
+"""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Iterator
+
+import numpy as np
+
+from g1_description.core.errors import MotionError
+from g1_description.core.motion.motion import Motion, names_of_columns
+from g1_description.core.motion.trajectory import Trajectory
+from g1_description.core.robot.description import Description
+from g1_description.core.text import listed
+
+TIME = "time"
+BASE = tuple(f"base_{part}" for part in ("x", "y", "z", "qx", "qy", "qz", "qw"))
+"""Columns of the base: its place in [m] and its quaternion."""
+
+DEFAULT_RATE = 30.0
+"""Rate of a table without times, in [Hz]: that of the LAFAN1 set."""
+
+MAX_COLUMNS = 1000
+
+
+def read_table(text: str, robot: Description, rate: float | None) -> Motion:
+    """Read a table.
+
+    Args:
+        text: The file's text.
+        robot: The robot, whose joints the columns are where they have no names.
+        rate: Samples per second of a table without times; None: ``DEFAULT_RATE``.
+
+    Raises:
+        MotionError: If it is no such table, with the line.
+    """
+    rows = _rows(text)
+    number, first = next(rows, (0, ""))
+    if not number:
+        raise MotionError("The file is empty.")
+    names = [name.strip() for name in _fields(number, first, None)]
+    if _is_number(names[0]):
+        return _headless(text, len(names), robot, rate)
+    return _headed(rows, number, names)
+
+
+def _headless(text: str, width: int, robot: Description, rate: float | None) -> Motion:
+    """Read a table without a header."""
+    if width <= len(BASE):
+        raise MotionError(
+            f"Line 1 has {width} columns; x y z, the quaternion x y z w and joints "
+            "are expected."
+        )
+    joints = names_of_columns(width - len(BASE), robot)
+    values = _numbers(_rows(text), width)
+    times = np.arange(len(values)) / (rate or DEFAULT_RATE)
+    notes = () if rate else (f"The file has no times: {DEFAULT_RATE:g} Hz assumed.",)
+    trajectory = Trajectory(
+        times, joints, values[:, len(BASE) :], base_poses=values[:, : len(BASE)]
+    )
+    return Motion(trajectory, notes)
+
+
+def _headed(rows: Iterator[tuple[int, str]], number: int, names: list[str]) -> Motion:
+    """Read a table with a header, whose line has this number."""
+    twice = [name for name in dict.fromkeys(names) if names.count(name) > 1]
+    if twice:
+        raise MotionError(f"Line {number} has columns twice: {listed(twice)}.")
+    base = [name for name in BASE if name in names]
+    if TIME not in names or (base and len(base) < len(BASE)):
+        wanted = [TIME, *BASE]
+        missing = [name for name in wanted if name not in names]
+        raise MotionError(
+            f"Line {number} names {listed(names)}; {listed(missing)} missing. The base "
+            "may only be left out as a whole."
+        )
+    values = _numbers(rows, len(names))
+    columns = {name: values[:, number] for number, name in enumerate(names)}
+    joints = tuple(name for name in names if name not in (TIME, *BASE))
+    positions = np.empty((len(values), len(joints)))
+    for index, joint in enumerate(joints):
+        positions[:, index] = columns[joint]
+    poses = np.stack([columns[name] for name in BASE], axis=1) if base else None
+    return Motion(Trajectory(columns[TIME], joints, positions, base_poses=poses))
+
+
+def _rows(text: str) -> Iterator[tuple[int, str]]:
+    """Go through the lines that have something, with their numbers."""
+    for number, line in enumerate(text.splitlines(), 1):
+        if line.strip() and not line.lstrip().startswith("#"):
+            yield number, line
+
+
+def _fields(number: int, line: str, width: int | None) -> list[str]:
+    """Split a line."""
+    found = line.count(",") + 1
+    if found > MAX_COLUMNS:
+        raise MotionError(
+            f"Line {number} has {found} columns; there may be {MAX_COLUMNS}."
+        )
+    if width is not None and found != width:
+        raise MotionError(
+            f"Line {number} has {found} columns, those before it have {width}."
+        )
+    return line.split(",")
+
+
+def _numbers(rows: Iterator[tuple[int, str]], width: int) -> np.ndarray:
+    """Read rows of numbers, shape (n, width)."""
+    values = array("d")
+    for number, line in rows:
+        fields = _fields(number, line, width)
+        try:
+            values.extend(map(float, fields))
+        except ValueError:
+            wrong = next(field for field in fields if not _is_number(field))
+            raise MotionError(
+                f"Line {number} has {wrong.strip()[:40]!r} where a number is expected."
+            ) from None
+        if not np.isfinite(values[-width:]).all():
+            raise MotionError(f"Line {number} has a number that is not finite.")
+    if not values:
+        raise MotionError("The table has no rows.")
+    return np.array(values).reshape(-1, width)
+
+
+def _is_number(field: str) -> bool:
+    """Return whether a field can be read as a number."""
+    try:
+        float(field)
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,109 @@
+"""A motion as it comes from a file, and how it fits a robot."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from g1_description.core.errors import MotionError
+from g1_description.core.robot.description import Description
+from g1_description.core.text import listed
+
+from .trajectory import Trajectory
+
+LEG = ("hip_pitch", "hip_roll", "hip_yaw", "knee", "ankle_pitch", "ankle_roll")
+WAIST = ("waist_yaw", "waist_roll", "waist_pitch")
+ARM = ("shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow")
+WRIST = ("wrist_roll", "wrist_pitch", "wrist_yaw")
+
+
+def _g1_joints(waist: Sequence[str], arm: Sequence[str]) -> tuple[str, ...]:
+    """Name the joints of a G1 in the order of the vendor's files."""
+    legs = [f"{side}_{joint}" for side in ("left", "right") for joint in LEG]
+    arms = [f"{side}_{joint}" for side in ("left", "right") for joint in arm]
+    return tuple(f"{name}_joint" for name in (*legs, *waist, *arms))
+
+
+G1_JOINTS = {
+    29: _g1_joints(WAIST, (*ARM, *WRIST)),
+    23: _g1_joints(WAIST[:1], (*ARM, WRIST[0])),
+}
+"""Joints of the G1's versions by their number, in the order of the vendor's files."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A motion that fits a robot."""
+
+    trajectory: Trajectory
+
+    notes: tuple[str, ...] = ()
+    """Messages on what was assumed, and what does not fit."""
+
+
+def names_of_columns(n_joints: int, robot: Description) -> tuple[str, ...]:
+    """Name the joints of a file that does not.
+
+    Args:
+        n_joints: How many joints the file has.
+        robot: The robot; a file of as many joints has its own, in their order.
+
+    Returns:
+        The names; those of the G1 with so many joints where the robot has others.
+
+    Raises:
+        MotionError: If no robot that is known has so many.
+    """
+    own = tuple(joint.name for joint in robot.movable_joints)
+    if n_joints == len(own):
+        return own
+    if n_joints in G1_JOINTS and set(G1_JOINTS[n_joints]) & set(own):
+        return G1_JOINTS[n_joints]
+    raise MotionError(
+        f"The motion has {n_joints} joints without names; {robot.name} has {len(own)}."
+    )
+
+
+def fitted(motion: Motion, robot: Description) -> Motion:
+    """Leave out the joints that a robot does not have.
+
+    Args:
+        motion: Of any robot.
+        robot: The robot to fit.
+
+    Returns:
+        The motion of the joints that it has, in the motion's order, with notes.
+
+    Raises:
+        MotionError: If it has none of them.
+    """
+    own = [joint.name for joint in robot.movable_joints]
+    names = motion.trajectory.joint_names
+    unknown = [name for name in names if name not in own]
+    if names and len(unknown) == len(names):
+        raise MotionError(
+            f"{robot.name} has none of the motion's joints, {listed(names)}; it has "
+            f"{listed(own)}."
+        )
+    notes = [*motion.notes]
+    if unknown:
+        notes.append(f"{robot.name} has no {listed(unknown)}: left out.")
+    missing = [name for name in own if name not in names]
+    if missing:
+        notes.append(f"The motion has no {listed(missing)}: not moved.")
+    return Motion(_without(motion.trajectory, unknown), tuple(notes))
+
+
+def _without(trajectory: Trajectory, unknown: Sequence[str]) -> Trajectory:
+    """Leave out some joints."""
+    if not unknown:
+        return trajectory
+    names = trajectory.joint_names
+    kept = [number for number, name in enumerate(names) if name not in unknown]
+    velocities = trajectory.velocities
+    return replace(
+        trajectory,
+        joint_names=tuple(names[number] for number in kept),
+        positions=trajectory.positions[:, kept],
+        velocities=None if velocities is None else velocities[:, kept],
+    )

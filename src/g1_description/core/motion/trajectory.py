@@ -1,0 +1,148 @@
+"""A motion in memory, wherever it came from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from g1_description.core.bounds import MAX_VALUE, NORM_TOLERANCE
+from g1_description.core.errors import MotionError
+from g1_description.core.rotation import normalized
+from g1_description.core.text import listed
+
+UNIT_TOLERANCE = 1e-12
+"""A quaternion this near to unit length stays as it is."""
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """Configurations of one robot at rising times.
+
+    Raises:
+        MotionError: If shapes do not match, times do not rise, or a number is not
+            finite or out of bounds.
+    """
+
+    times: np.ndarray
+    """When the robot is in each configuration, since the beginning, in [s], rising,
+    shape (n_samples,)."""
+
+    joint_names: tuple[str, ...]
+
+    positions: np.ndarray
+    """Positions of the joints in [rad] or [m], shape (n_samples, n_joints)."""
+
+    velocities: np.ndarray | None = None
+    """Velocities of the joints in [rad/s] or [m/s], shape (n_samples, n_joints); None
+    where they are unknown."""
+
+    base_poses: np.ndarray | None = None
+    """T_map_base, x y z and quaternion x y z w, shape (n_samples, 7); None where the
+    base does not belong to the motion."""
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        n_samples, n_joints = len(self.times), len(self.joint_names)
+        if not n_samples:
+            raise MotionError("The motion has no samples.")
+        self._check_names()
+        self._check("time", self.times, (n_samples,))
+        self._check("position", self.positions, (n_samples, n_joints))
+        if self.velocities is not None:
+            self._check("velocity", self.velocities, (n_samples, n_joints))
+        if self.base_poses is not None:
+            self._check("base pose", self.base_poses, (n_samples, 7))
+            object.__setattr__(self, "base_poses", _normalized(self.base_poses))
+        late = np.flatnonzero(np.diff(self.times) <= 0.0)
+        if late.size:
+            before, after = self.times[late[0]], self.times[late[0] + 1]
+            raise MotionError(
+                f"The times of the motion do not rise: sample {late[0] + 2} is at "
+                f"{after:g} s, the one before at {before:g} s."
+            )
+
+    def _check_names(self) -> None:
+        """Check that no joint is named twice."""
+        names = self.joint_names
+        twice = [name for name in dict.fromkeys(names) if names.count(name) > 1]
+        if twice:
+            raise MotionError(f"The motion names joints twice: {listed(twice)}.")
+
+    def _check(self, what: str, array: np.ndarray, shape: tuple[int, ...]) -> None:
+        """Check one array's shape and numbers."""
+        if array.shape != shape:
+            raise MotionError(
+                f"The motion has an array of shape {array.shape} for each {what}, "
+                f"where {shape} belongs to {shape[0]} samples."
+            )
+        wrong = np.argwhere(~(np.abs(array) <= MAX_VALUE))
+        if len(wrong):
+            raise MotionError(
+                f"Sample {wrong[0][0] + 1} of the motion has the {what} "
+                f"{array[tuple(wrong[0])]}; numbers must be within +-{MAX_VALUE:g}."
+            )
+
+    @property
+    def duration(self) -> float:
+        """Time from zero to the last sample, in [s]."""
+        return float(self.times[-1])
+
+    def between(self, begin: float, end: float) -> Trajectory:
+        """Cut out the samples of an interval, which begins at time zero then.
+
+        Args:
+            begin: In [s].
+            end: In [s].
+
+        Raises:
+            MotionError: If no sample is in it.
+        """
+        inside = (self.times >= begin) & (self.times <= end)
+        if not inside.any():
+            raise MotionError(
+                f"The motion has no sample from {begin:g} to {end:g} s; it lasts "
+                f"{self.duration:g} s."
+            )
+        return replace(
+            self,
+            times=self.times[inside] - self.times[inside][0],
+            positions=self.positions[inside],
+            velocities=None if self.velocities is None else self.velocities[inside],
+            base_poses=None if self.base_poses is None else self.base_poses[inside],
+        )
+
+    def moved(self, offset: np.ndarray) -> Trajectory:
+        """Move the base of all samples, where the motion has one.
+
+        Args:
+            offset: Along the map's axes in [m], shape (3,).
+        """
+        if self.base_poses is None:
+            return self
+        poses = self.base_poses.copy()
+        poses[:, :3] += offset
+        return replace(self, base_poses=poses)
+
+
+def _normalized(poses: np.ndarray) -> np.ndarray:
+    """Scale quaternions to unit length, which rounding in a file spoils.
+
+    Args:
+        poses: Poses, shape (n, 7).
+
+    Raises:
+        MotionError: If one is far from it.
+    """
+    lengths = np.linalg.norm(poses[:, 3:], axis=1)
+    wrong = np.flatnonzero(np.abs(lengths - 1.0) > NORM_TOLERANCE)
+    if wrong.size:
+        raise MotionError(
+            f"The base of sample {wrong[0] + 1} has a quaternion of length "
+            f"{lengths[wrong[0]]:.6g}, not 1."
+        )
+    rounded = np.abs(lengths - 1.0) > UNIT_TOLERANCE
+    if rounded.any():
+        poses = poses.copy()
+        poses[rounded, 3:] = normalized(poses[rounded, 3:])
+    return poses

@@ -1,0 +1,374 @@
+"""Motions of every format, made by others where there are any, and hostile ones."""
+
+import collections
+import io
+import os
+import pickle
+import resource
+import time
+import zipfile
+
+import numpy as np
+import pytest
+from conftest import REPOSITORY, VENDOR
+
+from g1_description.core.errors import MotionError
+from g1_description.core.files.load import read_model
+from g1_description.core.motion.formats.read import read_motion
+from g1_description.core.motion.formats.write import table_text
+from g1_description.core.motion.motion import G1_JOINTS
+from g1_description.core.motion.sampling import sample
+from g1_description.core.robot.kinematics import Kinematics
+
+CLIPS = VENDOR.parents[1] / "motions"
+REVISION = VENDOR.parent / "g1_29dof_rev_1_0.urdf"
+CLIP_NAMES = ("B_HandsUp", "M_ShortMove13", "J_ShortDance16_JazzWalk")
+BREADTH_FIRST = (  # as Isaac Lab lists the G1's joints
+    *("left_hip_pitch", "right_hip_pitch", "waist_yaw", "left_hip_roll"),
+    *("right_hip_roll", "waist_roll", "left_hip_yaw", "right_hip_yaw", "waist_pitch"),
+    *("left_knee", "right_knee", "left_shoulder_pitch", "right_shoulder_pitch"),
+    *("left_ankle_pitch", "right_ankle_pitch", "left_shoulder_roll"),
+    *("right_shoulder_roll", "left_ankle_roll", "right_ankle_roll"),
+    *("left_shoulder_yaw", "right_shoulder_yaw", "left_elbow", "right_elbow"),
+    *("left_wrist_roll", "right_wrist_roll", "left_wrist_pitch", "right_wrist_pitch"),
+    *("left_wrist_yaw", "right_wrist_yaw"),
+)
+
+
+@pytest.fixture(scope="module")
+def g1():
+    return read_model(str(REPOSITORY / "urdf" / "g1_29dof.urdf")).description
+
+
+@pytest.fixture(scope="module")
+def revision():
+    if not REVISION.exists():
+        pytest.skip("the vendor's g1_29dof_rev_1_0.urdf is not beside the repository")
+    return read_model(str(REVISION)).description
+
+
+@pytest.fixture(params=CLIP_NAMES)
+def clip(request):
+    path = CLIPS / request.param
+    if not path.with_suffix(".csv").exists():
+        pytest.skip(f"the motion {request.param} is not beside the repository")
+    return path
+
+
+@pytest.fixture
+def file(tmp_path):
+    """Give what writes a file and returns its path."""
+
+    def write(content, name="motion"):
+        path = tmp_path / name
+        path.write_bytes(content.encode() if isinstance(content, str) else content)
+        return path
+
+    return write
+
+
+def test_the_joints_of_the_g1_are_those_of_its_files(g1):
+    assert G1_JOINTS[29] == tuple(joint.name for joint in g1.movable_joints)
+    assert len(G1_JOINTS[23]) == 23
+
+
+def test_a_clip_is_the_same_as_text_and_as_arrays(clip, revision):
+    """Its authors left out the last sample and clamped the others to the limits."""
+    text = read_motion(clip.with_suffix(".csv"), revision, 60.0)
+    arrays = read_motion(clip.with_suffix(".npz"), revision)
+    assert (text.notes, arrays.notes) == ((), ())
+    n_samples = len(arrays.trajectory.times)
+    assert len(text.trajectory.times) == n_samples + 1
+    for name, most in (("times", 1e-9), ("positions", 3e-5), ("base_poses", 1e-3)):
+        one, other = (getattr(m.trajectory, name) for m in (text, arrays))
+        np.testing.assert_allclose(one[:n_samples], other, atol=most)
+    rows = np.loadtxt(clip.with_suffix(".csv"), delimiter=",")
+    np.testing.assert_array_equal(text.trajectory.positions, rows[:, 7:])
+    assert arrays.trajectory.velocities is not None
+
+
+def test_bodies_of_a_clip_are_where_another_program_computed_them(clip, revision):
+    arrays = np.load(clip.with_suffix(".npz"))
+    motion = read_motion(clip.with_suffix(".npz"), revision).trajectory
+    kinematics = Kinematics(revision)
+    child = {joint.name: joint.child for joint in revision.joints}
+    links = [revision.root, *(child[name] for name in motion.joint_names)]
+    rows = [revision.link_names.index(link) for link in links]
+    for number in range(0, len(motion.times), 40):
+        state = sample(motion, motion.times[number])
+        poses = kinematics.link_poses(state.base_poses, state.positions)[rows]
+        wanted = arrays["body_pos_w"][number]
+        np.testing.assert_allclose(poses[:, :3], wanted, atol=2e-6)
+        turns = arrays["body_quat_w"][number][:, [1, 2, 3, 0]]
+        cosines = np.abs((poses[:, 3:] * turns).sum(axis=1))
+        assert 2 * np.arccos(np.minimum(cosines, 1.0)).max() < 2e-3
+
+
+def test_a_file_of_another_version_of_the_robot_is_told(clip, g1):
+    (note,) = read_motion(clip.with_suffix(".npz"), g1).notes
+    assert "of another version" in note
+
+
+def npz(**arrays):
+    file = io.BytesIO()
+    np.savez(file, **arrays)
+    return file.getvalue()
+
+
+def test_the_order_of_isaac_lab_is_told_from_the_bodies(clip, revision, file):
+    arrays = dict(np.load(clip.with_suffix(".npz")))
+    names = [joint.name for joint in revision.movable_joints]
+    order = [names.index(f"{name}_joint") for name in BREADTH_FIRST]
+    bodies = [0, *(number + 1 for number in order)]
+    for name in ("joint_pos", "joint_vel"):
+        arrays[name] = arrays[name][:, order]
+    for name in ("body_pos_w", "body_quat_w"):
+        arrays[name] = arrays[name][:, bodies]
+    motion = read_motion(file(npz(**arrays)), revision)
+    assert motion.notes == ("The joints are in the order of Isaac Lab.",)
+    wanted = read_motion(clip.with_suffix(".npz"), revision).trajectory
+    column = [motion.trajectory.joint_names.index(name) for name in names]
+    np.testing.assert_array_equal(
+        motion.trajectory.positions[:, column], wanted.positions
+    )
+
+
+def gmr(n_joints=29):
+    """Make what GMR writes; its quaternions are x y z w."""
+    return {
+        "fps": 50,
+        "root_pos": np.zeros((3, 3)),
+        "root_rot": np.tile([0.6, 0.0, 0.0, 0.8], (3, 1)),
+        "dof_pos": np.arange(3.0 * n_joints).reshape(3, n_joints),
+        "local_body_pos": None,
+        "link_body_list": None,
+    }
+
+
+@pytest.mark.parametrize("protocol", [2, 3, 4, 5])
+@pytest.mark.parametrize("kind", ["pickle", "npz", "ordered"])
+def test_what_gmr_writes_is_read(g1, file, protocol, kind):
+    content = gmr()
+    if kind == "npz":
+        content = npz(**{name: a for name, a in content.items() if a is not None})
+    else:
+        content["fps"] = np.float64(50.0) if kind == "ordered" else 50
+        container = collections.OrderedDict if kind == "ordered" else dict
+        content = pickle.dumps(container(content), protocol)
+    motion = read_motion(file(content), g1).trajectory
+    assert motion.times.tolist() == [0.0, 0.02, 0.04]
+    np.testing.assert_array_equal(motion.positions, gmr()["dof_pos"])
+    np.testing.assert_allclose(motion.base_poses[0], [0, 0, 0, 0.6, 0, 0, 0.8])
+
+
+def test_fortran_order_and_the_other_order_of_bytes_are_read(g1, file):
+    content = gmr()
+    content["dof_pos"] = np.asfortranarray(content["dof_pos"]).astype(">f8")
+    for data in (
+        pickle.dumps(content),
+        npz(**{name: a for name, a in content.items() if a is not None}),
+    ):
+        motion = read_motion(file(data), g1).trajectory
+        np.testing.assert_array_equal(motion.positions, gmr()["dof_pos"])
+
+
+def test_joints_that_do_not_fit_are_named(g1, file):
+    motion = read_motion(file(pickle.dumps(gmr(23))), g1)
+    assert motion.trajectory.joint_names == G1_JOINTS[23]
+    (note,) = motion.notes
+    assert "waist_roll_joint" in note
+    assert "not moved" in note
+    text = "time,left_elbow_joint,left_wing_joint\n0.0,0.5,0.7\n"
+    motion = read_motion(file(text), g1)
+    assert "no left_wing_joint: left out" in motion.notes[0]
+    assert motion.trajectory.positions.tolist() == [[0.5]]
+
+
+HEADED = "time,base_x,base_y,base_z,base_qx,base_qy,base_qz,base_qw,left_elbow_joint\n"
+
+
+def test_a_written_motion_is_read_back_to_the_last_bit(clip, revision, file):
+    motion = read_motion(clip.with_suffix(".csv"), revision, 60.0).trajectory
+    again = read_motion(file(table_text(motion)), revision).trajectory
+    for name in ("times", "positions", "base_poses"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(motion, name))
+
+
+def test_without_times_thirty_hertz_are_assumed_and_told(g1, file):
+    row = ",".join(["0", "0", "0.8", "0", "0", "0", "1", *["0.1"] * 29])
+    motion = read_motion(file(f"{row}\n{row}\n"), g1)
+    assert motion.trajectory.times.tolist() == [0.0, 1 / 30]
+    assert "30 Hz assumed" in motion.notes[0]
+    assert read_motion(file(f"{row}\n{row}\n"), g1, 50.0).notes == ()
+
+
+def point(positions, secs, nsecs):
+    """Print a point as ``rostopic echo`` does, with blanks behind keys."""
+    return f"""  -\x20
+    positions: {positions}
+    velocities: []
+    accelerations: []
+    effort: []
+    time_from_start:\x20
+      secs: {secs}
+      nsecs: {nsecs:9}
+"""
+
+
+ECHO = f"""header:\x20
+  seq: 1
+  stamp:\x20
+    secs: 0
+    nsecs:         0
+  frame_id: ''
+joint_names:\x20
+  - left_elbow_joint
+  - right_elbow_joint
+points:\x20
+{point([0.0, 0.5], 0, 500_000_000)}{point([1.0, 0.25], 2, 0)}---
+"""
+
+
+def test_what_rostopic_echo_prints_is_read(g1, file):
+    motion = read_motion(file(ECHO), g1).trajectory
+    assert motion.times.tolist() == [0.5, 2.0]
+    assert motion.joint_names == ("left_elbow_joint", "right_elbow_joint")
+    assert motion.positions.tolist() == [[0.0, 0.5], [1.0, 0.25]]
+    assert (motion.velocities, motion.base_poses) == (None, None)
+    text = ECHO.replace("velocities: []", "velocities: [0.5, 1.5]")
+    motion = read_motion(file(text), g1).trajectory
+    assert motion.velocities.tolist() == [[0.5, 1.5]] * 2
+
+
+class Hostile:
+    """Its pickle names a program to run."""
+
+    def __init__(self, path):
+        self.path = path
+
+    def __reduce__(self):
+        """Tell what to call."""
+        return os.mkdir, (str(self.path),)
+
+
+def test_a_hostile_pickle_runs_nothing(g1, file, tmp_path):
+    mark = tmp_path / "was_here"
+    with pytest.raises(MotionError, match=r"asks for posix\.mkdir"):
+        read_motion(file(pickle.dumps({"fps": Hostile(mark)})), g1)
+    assert not mark.exists()
+
+
+def bomb():
+    """Make a small npz of 300 MB of zeros."""
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("dof_pos.npy", bytes(300_000_000))
+    return file.getvalue()
+
+
+def claims(shape):
+    """Make an npz whose header claims more than there is."""
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w") as archive:
+        header = io.BytesIO()
+        np.lib.format.write_array_header_1_0(
+            header, {"descr": "<f8", "fortran_order": False, "shape": shape}
+        )
+        archive.writestr("dof_pos.npy", header.getvalue() + bytes(80))
+    return file.getvalue()
+
+
+ROW = ",".join(["0", "0", "0.8", "0", "0", "0", "1", *["0.1"] * 29])
+BAD = {
+    "empty": ("", "is empty"),
+    "words": ("hello world\n", "Line 1"),
+    "binary": (b"\xff\xfe\x00\x01" * 100, "Line 1 is no text"),
+    "nan": (f"{ROW}\n{ROW.replace('0.8', 'nan')}\n", "Line 2 has a number that is not"),
+    "word": (f"{ROW}\n{ROW.replace('0.8', 'up')}\n", "Line 2 has 'up'"),
+    "short": (
+        f"{ROW}\n{ROW}\n0,0,0\n",
+        "Line 3 has 3 columns, those before",
+    ),
+    "norm": (ROW.replace("0,0,0,1", "0,0,0,2"), "quaternion of length 2"),
+    "wide": (",".join(["0.5"] * 1_000_000), "Line 1 has 1000000 columns"),
+    "headless": (",".join(["0.5"] * 12), "has 5 joints without names"),
+    "twice": ("time,a,a\n0,1,2\n", "columns twice: a"),
+    "timeless": ("left_elbow_joint\n0\n", "time"),
+    "base": ("time,base_x,left_elbow_joint\n0,1,2\n", "base_y"),
+    "backward": ("time,left_elbow_joint\n1,0\n0,0\n", "do not rise"),
+    "strangers": ("time,a,b\n0,1,2\n", "none of the motion's joints, a, b"),
+    "no zip": (b"PK\x03\x04" + bytes(100), "npz file is damaged"),
+    "bomb": (bomb, "has 300 MB"),
+    "claims": (lambda: claims((10**9, 10)), "should have 80000000000 bytes"),
+    "negative": (lambda: claims((-1, 10)), "should have|header"),
+    "objects": (lambda: npz(dof_pos=np.array([{}])), "holds no numbers"),
+    "others": (lambda: npz(a=np.zeros(3)), "The file has a; a motion has fps"),
+    "shape": (
+        lambda: pickle.dumps({**gmr(), "root_pos": np.zeros((2, 3))}),
+        "root_pos",
+    ),
+    "rate": (lambda: pickle.dumps({**gmr(), "fps": 0}), "fps is"),
+    "text": (lambda: pickle.dumps({**gmr(), "fps": "x"}), "fps holds no numbers"),
+    "list": (lambda: pickle.dumps([1, 2]), "holds no dictionary but list"),
+    "memo": (b"\x80\x02Nr\xff\xff\xff\x7f.", "keeps an object at place"),
+    "cut": (lambda: pickle.dumps(gmr())[:-30], "cannot be read"),
+    "yaml": ("joint_names: [a\npoints: {", "Line 2 cannot be read"),
+    "no points": ("joint_names: [left_elbow_joint]\npoints: []\n", "has no points"),
+    "point": (ECHO.replace("[1.0, 0.25]", "[1.0]"), "Point 2 has 1 positions"),
+    "point word": (ECHO.replace("[1.0, 0.25]", "[1.0, a]"), "Point 2 has positions"),
+    "no time": (ECHO.replace("secs: 2", "secs: x"), "Point 2 has no time_from_start"),
+    "bag": (b"#ROSBAG V2.0\n", "Rosbags"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_what_is_no_motion_is_told_in_a_sentence_and_at_once(g1, file, case):
+    content, words = BAD[case]
+    path = file(content() if callable(content) else content)
+    begin = time.process_time()
+    with pytest.raises(MotionError, match=words) as error:
+        read_motion(path, g1)
+    assert time.process_time() - begin < 5.0
+    sentence = str(error.value)
+    assert sentence.startswith("motion: ")
+    assert "\n" not in sentence
+    assert len(sentence) < 500
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss < 1_000_000
+
+
+def test_folders_pipes_and_large_files_are_told(g1, tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    large = tmp_path / "large"
+    with open(large, "wb") as stream:
+        stream.truncate(10_000_000_000)
+    for path, words in (
+        (tmp_path, "is no file"),
+        (pipe, "is no file"),
+        (large, "has 10000 MB"),
+        (tmp_path / "nothing", "No such file"),
+    ):
+        with pytest.raises(MotionError, match=words):
+            read_motion(path, g1)
+
+
+@pytest.mark.parametrize("case", ["npz", "pickle", "table", "echo"])
+def test_a_damaged_file_is_read_or_refused_and_nothing_else(g1, file, case):
+    content = gmr()
+    whole = {
+        "npz": npz(**{name: a for name, a in content.items() if a is not None}),
+        "pickle": pickle.dumps(content),
+        "table": f"{ROW}\n{ROW}\n".encode(),
+        "echo": ECHO.encode(),
+    }[case]
+    random = np.random.default_rng(11)
+    refused = 0
+    for _ in range(300):
+        data = bytearray(whole[: random.integers(1, len(whole) + 1)])
+        for _ in range(random.integers(0, 4)):
+            data[random.integers(len(data))] = random.integers(256)
+        try:
+            read_motion(file(bytes(data)), g1)
+        except MotionError:
+            refused += 1
+    assert refused > 100
