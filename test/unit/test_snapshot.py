@@ -12,8 +12,8 @@ pytest.importorskip("rospy", reason="rospy is not installed")
 Image = pytest.importorskip("PIL.Image", reason="Pillow is not installed")
 
 from g1_description.core.errors import InvalidValueError  # noqa: E402
-from g1_description.ros.apps.film import check_length, count  # noqa: E402
-from g1_description.ros.apps.picture_files import (  # noqa: E402
+from g1_description.ros.apps.pictures.film import check_length, count  # noqa: E402
+from g1_description.ros.apps.pictures.picture_files import (  # noqa: E402
     in_colors,
     palette_of,
     write_film,
@@ -23,6 +23,8 @@ from g1_description.ros.apps.picture_files import (  # noqa: E402
 ROOT = Path(__file__).resolve().parents[2]
 ELBOW = "left_elbow_joint"
 OURS = ROOT / "urdf" / "g1_29dof.urdf"
+TREE = ROOT / "test" / "data" / "tree.urdf"
+MOTION = ROOT / "test" / "data" / "elbow.csv"
 NOBODY = "http://localhost:9"
 
 
@@ -49,8 +51,8 @@ def last_line(run):
     ("arguments", "words"),
     [
         (["a.jpg"], "does not end in .png"),
-        (["a.gif"], "does not end in .png"),
-        (["a.png", "--gif"], "does not end in .gif"),
+        (["a.png", "--gif"], "does not end in .gif or .mp4"),
+        (["a.gif"], "There is no master at http://localhost:9"),
         (["nowhere/a.png"], "There is no folder"),
         (["a.png", "--size", "15x100"], "'15x100' is no size such as 1280x960"),
         (["a.png", "--size", "5000x100"], "'5000x100' is no size"),
@@ -58,13 +60,22 @@ def last_line(run):
         (["a.png", "--view", "top"], "'front', 'side', 'back', 'iso'"),
         (["a.gif", "--gif", "--seconds", "0"], "--seconds 0, only more than 0"),
         (["a.gif", "--gif", "--fps", "31"], "--fps 31, only more than 0 and at most"),
-        (["a.png", "--seconds", "3"], "--seconds and --fps go with --gif"),
+        (["a.png", "--seconds", "3"], "--seconds and --fps go with a film"),
         (["a.png", "--joints", "a"], "'a' is not such as a=1.2"),
         (["a.png", "--joints", "a=x"], "'x' is not a number"),
         (["a.png"], "There is no master at http://localhost:9"),
         (["a.png", "--model", "nowhere.urdf"], "The model nowhere.urdf cannot be used"),
         (["a.png", "--model", __file__], "cannot be used"),
-        (["a.gif", "--gif", "--model", OURS], "--model draws a file, without --gif"),
+        (["a.gif", "--model", OURS], "--model draws a file, a film of it needs --m"),
+        (["a.png", "--motion", "no.csv"], "no.csv cannot be read: No such file"),
+        (["a.png", "--motion", MOTION, "--model", TREE], "none of the motion's joints"),
+        (["a.png", "--motion", MOTION, "--times", "0,9"], "has no time 9 s; it lasts"),
+        (["a.png", "--motion", MOTION, "--times", "0,x"], "'x' is not a number"),
+        (["a.gif", "--motion", MOTION, "--times", "0"], "--times goes with a picture"),
+        (["a.png", "--motion", MOTION, "--rate", "0"], "--rate 0 is no number of"),
+        (["a.png", "--times", "0"], "--rate and --times go with --motion"),
+        (["a.mp4", "--motion", MOTION, "--size", "65x48"], "an mp4 has even numbers"),
+        (["a.gif", "--motion", MOTION, "--namespace", "a"], "without --namespace"),
         (["a.png", "--model", OURS, "--joints", "wing=1"], "has no joint wing; it has"),
         (["a.png", "--model", OURS, "--joints", f"{ELBOW}=99"], "its limits are -1"),
         (
@@ -72,7 +83,7 @@ def last_line(run):
             "has no joint left_elbow; it has left_elbow_joint, ",
         ),
         (["a" * 300 + ".png", "--model", OURS], "snapshot: [Errno 36] File name"),
-        (["a.png", "--model", ROOT / "test/data/tree.urdf"], "Nothing can be drawn"),
+        (["a.png", "--model", TREE], "Nothing can be drawn"),
     ],
 )
 def test_what_is_wrong_is_told_in_one_sentence_and_writes_nothing(
@@ -97,6 +108,50 @@ def test_a_file_is_drawn_without_a_master_and_without_a_screen(tmp_path):
     assert pictures[0].shape == (240, 320, 3)
     assert (pictures[0] != pictures[1]).any(axis=2).sum() > 500
     assert [path.name for path in tmp_path.iterdir()] == ["robot.png"]
+
+
+def draw_motion(folder, name, *arguments):
+    """Draw the motion, in which the robot walks by 0.5 m and bends an elbow."""
+    out = folder / name
+    run = snapshot(out, "--motion", MOTION, "--view", "front", *arguments)
+    assert run.returncode == 0, run.stderr
+    assert [path.name for path in folder.iterdir()] == [name]
+    return out, run
+
+
+@pytest.mark.slow
+def test_moments_of_a_motion_stand_side_by_side(tmp_path):
+    wanted = ("--times", "0,0.5,1", "--size", "360x160")
+    out, run = draw_motion(tmp_path, "sheet.png", *wanted)
+    assert run.stdout == f"{out}: 3 moments, front\n"
+    sheet = np.array(Image.open(out)).astype(int)
+    assert sheet.shape == (160, 360, 3)
+    first, second, third = np.split(sheet, 3, axis=1)
+    for one, other in ((first, second), (second, third)):
+        assert (np.abs(one - other).max(axis=2) > 30).sum() > 50
+
+
+def test_a_motion_is_filmed_as_gif(tmp_path):
+    out, _ = draw_motion(tmp_path, "a.gif", "--fps", "4", "--size", "64x48")
+    film = Image.open(out)
+    assert film.n_frames == 4
+    lengths = [film.info["duration"] for k in range(4) if not film.seek(k)]
+    assert sum(lengths) == 1000
+
+
+@pytest.mark.slow
+def test_a_motion_is_filmed_as_mp4(tmp_path):
+    """It is read back by ffmpeg: all its pictures, and the robot going aside."""
+    ffmpeg = pytest.importorskip("imageio_ffmpeg")
+    out, _ = draw_motion(tmp_path, "a.mp4", "--fps", "4", "--size", "96x64")
+    reader = ffmpeg.read_frames(str(out))
+    meta = next(reader)
+    assert meta["fps"] == 4.0
+    assert meta["source_size"] == (96, 64)
+    shots = [np.frombuffer(data, np.uint8).reshape(64, 96, 3) for data in reader]
+    assert len(shots) == 4
+    dark = [np.argwhere(shot.sum(axis=2) < 250)[:, 1].mean() for shot in shots]
+    assert np.diff(dark).min() > 2.0
 
 
 def frames(n):

@@ -16,17 +16,17 @@ INTERRUPTED = 130
 """Exit code after Ctrl-C, as shells have it."""
 
 
-def run(name: str, farewell: str = "interrupted.") -> None:
+def run(module: str, farewell: str = "interrupted.") -> None:
     """Import a command and run it; end quietly when a signal ends it.
 
     Args:
-        name: Of the command, and of its module, whose ``main`` does the work and
-            may raise KeyboardInterrupt.
-        farewell: What it says then.
+        module: Its module in this folder, named as the command; ``main`` does the work
+            and may raise KeyboardInterrupt.
+        farewell: What the command says then.
     """
     # Some libraries take an interrupt of their import for something else.
     _answer_interrupt(_end_at_once)
-    main = importlib.import_module(f".{name}", __package__).main
+    main = importlib.import_module(f".{module}", __package__).main
     _answer_interrupt(signal.default_int_handler)
     try:
         try:
@@ -38,7 +38,7 @@ def run(name: str, farewell: str = "interrupted.") -> None:
     except BaseException as error:
         if not (isinstance(error, KeyboardInterrupt) or _is_shut_down()):
             raise
-        print(f"{name}: {farewell}", file=sys.stderr)
+        print(f"{module.rpartition('.')[2]}: {farewell}", file=sys.stderr)
         sys.exit(INTERRUPTED)
 
 

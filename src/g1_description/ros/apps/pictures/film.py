@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import sys
-from typing import Callable, Sequence
+from typing import Callable, Iterator, Sequence
 
 import numpy as np
 import rospy
 from PIL import Image
 
 from g1_description.core.errors import InvalidValueError
+from g1_description.ros.apps.robot_view import NoAnswerError
 from g1_description.ros.node.waiting import wait_until
 
 from .picture_files import in_colors, palette_of
-from .robot_view import NoAnswerError
 from .robot_watch import Moment, RobotWatch
 
 CLOCK_TIMEOUT = 10.0
@@ -102,6 +102,23 @@ class _Stopwatch:
             self._last = now
 
 
+def drawn(n: int, picture: Callable[[int], np.ndarray]) -> Iterator[np.ndarray]:
+    """Draw all pictures of a film, and show the progress.
+
+    Args:
+        n: How many.
+        picture: Draws one of them as uint8, shape (height, width, 3).
+
+    Raises:
+        KeyboardInterrupt: If the node was shut down meanwhile.
+    """
+    for k in range(n):
+        if rospy.is_shutdown():
+            raise KeyboardInterrupt
+        yield picture(k)
+        _show_progress(k + 1, n)
+
+
 def film(n: int, picture: Callable[[int], np.ndarray]) -> list[Image.Image]:
     """Draw all pictures of a film, in the same colours.
 
@@ -113,13 +130,7 @@ def film(n: int, picture: Callable[[int], np.ndarray]) -> list[Image.Image]:
         KeyboardInterrupt: If the node was shut down meanwhile.
     """
     palette = palette_of([picture(k) for k in {0, n // 2, n - 1}])
-    images = []
-    for k in range(n):
-        if rospy.is_shutdown():
-            raise KeyboardInterrupt
-        images.append(in_colors(picture(k), palette))
-        _show_progress(k + 1, n)
-    return images
+    return [in_colors(pixels, palette) for pixels in drawn(n, picture)]
 
 
 def _show_progress(done: int, n: int) -> None:

@@ -1,13 +1,14 @@
-"""A picture or a film of the robot as it is now, drawn without a screen.
+"""A picture or a film of the robot as it is now, or of a motion, without a screen.
 
 Subscribes: joint_states (sensor_msgs/JointState), /tf, /tf_static
-Reads: robot_description; with --model nothing of ROS at all.
+Reads: robot_description; with --model or --motion nothing of ROS at all.
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
+from dataclasses import replace
 from typing import Sequence
 
 import numpy as np
@@ -25,16 +26,24 @@ from g1_description.core.robot.description import Description
 from g1_description.core.text import listed, similar_first
 from g1_description.core.transform import IDENTITY
 from g1_description.core.urdf.reader import parse_urdf
+from g1_description.ros.apps.robot_view import NoAnswerError
 from g1_description.ros.node.lifecycle import own_arguments, start_node
 from g1_description.sim.render.camera import VIEWS, Camera, framing
 from g1_description.sim.render.picture import draw
 from g1_description.sim.render.scene import Scene
 
-from .film import film, record
-from .picture_files import write_film, write_picture
-from .robot_view import NoAnswerError
+from .film import drawn, film, record
+from .motion_file import read_moments
+from .picture_files import side_by_side, write_film, write_picture
 from .robot_watch import MAP, Moment, RobotWatch, Transforms
-from .snapshot_options import parse
+from .snapshot_options import SIDES, parse
+from .video import write_video
+
+PORTRAIT = 0.75
+"""About the width over the height of a picture on a contact sheet."""
+
+G1 = "package://g1_description/urdf/g1_29dof.urdf"
+"""The robot of a motion where none is given."""
 
 
 def notify(sentence: str) -> None:
@@ -68,9 +77,18 @@ def load(scene: Scene, description: Description) -> None:
 
 
 def frame(
-    scene: Scene, moments: Sequence[Sequence[Moment]], args: argparse.Namespace
+    scene: Scene,
+    moments: Sequence[Sequence[Moment]],
+    view: str,
+    size: tuple[int, int],
 ) -> tuple[Camera, float]:
     """Find where to look from, so that the robots are seen at all moments.
+
+    Args:
+        scene: The robots.
+        moments: What all of them do.
+        view: Name of the view.
+        size: Width and height of the picture in pixels.
 
     Returns:
         The camera, and the height of the floor in [m]: that of the map, or below the
@@ -91,8 +109,7 @@ def frame(
         )
     is_placed = any(robot.T_map_root is not None for robot in moments[0])
     floor = 0.0 if is_placed else float(points[:, 2].min())
-    width, height = args.size
-    return framing(points, *VIEWS[args.view], width / height), floor
+    return framing(points, *VIEWS[view], size[0] / size[1]), floor
 
 
 def place(scene: Scene, moment: Sequence[Moment]) -> None:
@@ -110,13 +127,19 @@ def write(
     Raises:
         KeyboardInterrupt: If the node was shut down meanwhile; nothing is written.
     """
-    camera, floor = frame(scene, moments, args)
+    if args.motion and not args.is_film:
+        write_picture(args.out, sheet(scene, moments, args))
+        print(f"{args.out}: {len(moments)} moments, {args.view}")
+        return
+    camera, floor = frame(scene, moments, args.view, args.size)
 
     def picture(n: int) -> np.ndarray:
         place(scene, moments[n])
         return draw(scene, camera, *args.size, floor)
 
-    if args.gif:
+    if args.out.suffix.lower() == ".mp4":
+        write_video(args.out, drawn(len(moments), picture), args.size, args.fps)
+    elif args.is_film:
         write_film(args.out, film(len(moments), picture), args.fps)
     else:
         pixels = picture(0)
@@ -126,13 +149,38 @@ def write(
     print(f"{args.out}: {'x'.join(map(str, args.size))}, {args.view}")
 
 
+def sheet(
+    scene: Scene, moments: Sequence[Sequence[Moment]], args: argparse.Namespace
+) -> np.ndarray:
+    """Draw moments side by side, each where the robot then is, all at one scale."""
+    n, (width, height) = len(moments), args.size
+    columns = min(n, max(1, round((n * width / height / PORTRAIT) ** 0.5)))
+    n_rows = -(-n // columns)
+    size = max(SIDES[0], width // columns), max(SIDES[0], height // n_rows)
+    views = [frame(scene, [moment], args.view, size) for moment in moments]
+    widest = max((camera for camera, _ in views), key=lambda camera: camera.width)
+
+    def picture(number: int) -> np.ndarray:
+        place(scene, moments[number])
+        camera, floor = views[number]
+        camera = replace(camera, width=widest.width, distance=widest.distance)
+        return draw(scene, camera, *size, floor)
+
+    return side_by_side(list(drawn(len(moments), picture)), columns)
+
+
 def draw_file(args: argparse.Namespace) -> None:
-    """Draw a URDF file at its zero pose, or with the joints that were requested."""
-    description = parse_urdf(absolute_urdf(args.model))
+    """Draw a URDF file: a motion, or its zero pose with the joints requested."""
+    description = parse_urdf(absolute_urdf(args.model or G1))
     check_joints(args.joints, description)
+    moments = [[Moment(args.joints, None)]]
+    if args.motion:
+        moments, notes = read_moments(args, description)
+        for note in notes:
+            notify(note)
     with Scene() as scene:
         load(scene, description)
-        write(scene, [[Moment(args.joints, None)]], args)
+        write(scene, moments, args)
 
 
 def draw_now(args: argparse.Namespace) -> None:
@@ -178,7 +226,7 @@ def watch_now(
         check_joints(args.joints, watch.description)
         watch.wait()
         report_unknown(watch, args.joints)
-    if args.gif:
+    if args.is_film:
         moments = record(watches, args.seconds, args.fps)
     else:
         moments = [[watch.now() for watch in watches]]
@@ -205,7 +253,7 @@ def main() -> None:
     """Write a picture or a film, or exit with a message."""
     try:
         args = parse(own_arguments())
-        (draw_file if args.model else draw_now)(args)
+        (draw_file if args.model or args.motion else draw_now)(args)
     except G1DescriptionError as error:
         sys.exit(f"snapshot: {error}")
     except OSError as error:

@@ -16,26 +16,28 @@ from g1_description.core.files.atomic import write_whole
 COLORS = 255
 """Colours of a film; one more stands for what has not changed."""
 
+FILMS = (".gif", ".mp4")
+"""What names of films end in."""
 
 BLOCK = 4096
 """How many colours are looked up at a time, for the sake of memory."""
 
 
-def check_place(path: Path, suffix: str) -> None:
+def check_place(path: Path, suffixes: Sequence[str]) -> None:
     """Check that a file can be written, before the work is done.
 
     Args:
         path: The file; one that is there will be replaced.
-        suffix: What its name must end in.
+        suffixes: What its name may end in.
 
     Raises:
         InvalidValueError: If it cannot.
     """
     folder = path.parent
-    if path.suffix.lower() != suffix:
+    if path.suffix.lower() not in suffixes:
         raise InvalidValueError(
-            f"The file {path} does not end in {suffix}; a picture is written as .png, "
-            "a film (--gif) as .gif."
+            f"The file {path} does not end in {' or '.join(suffixes)}; a picture is "
+            "written as .png, a film as .gif or .mp4."
         )
     if not folder.is_dir():
         raise InvalidValueError(f"There is no folder {folder} for {path.name}.")
@@ -56,6 +58,23 @@ def write_picture(path: Path, picture: np.ndarray) -> None:
     content = io.BytesIO()
     Image.fromarray(picture).save(content, "PNG", optimize=True)
     write_whole(path, content.getvalue())
+
+
+def side_by_side(pictures: Sequence[np.ndarray], columns: int) -> np.ndarray:
+    """Join pictures of one size in rows.
+
+    Args:
+        pictures: As uint8, shape (height, width, 3) each.
+        columns: How many stand in a row.
+
+    Returns:
+        The whole, white where there is no picture, shape (n_rows height, columns
+        width, 3).
+    """
+    blank = np.full_like(pictures[0], 255)
+    rows = [list(pictures[k : k + columns]) for k in range(0, len(pictures), columns)]
+    rows[-1] += [blank] * (columns - len(rows[-1]))
+    return np.concatenate([np.concatenate(row, axis=1) for row in rows])
 
 
 def palette_of(pictures: Sequence[np.ndarray]) -> Image.Image:

@@ -1,0 +1,1 @@
+"""Pictures and films of robots that run, and of files."""
