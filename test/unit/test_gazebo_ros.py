@@ -10,6 +10,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
+from forked import run_script
 
 PACKAGE = Path(__file__).resolve().parents[2] / "interfaces" / "gazebo_ros"
 FOUND = shutil.which("rospack") and subprocess.run(
@@ -41,9 +42,9 @@ ARGUMENTS = {
 
 
 def roslaunch(*arguments):
-    return subprocess.run(
-        ["roslaunch", *arguments], capture_output=True, text=True, check=True
-    ).stdout
+    run = run_script(shutil.which("roslaunch"), *arguments)
+    assert run.returncode == 0, run.stderr
+    return run.stdout
 
 
 def command(node, *arguments):

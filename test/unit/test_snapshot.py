@@ -1,12 +1,11 @@
 """What snapshot refuses, and what it writes without a master."""
 
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from forked import run_script
 
 pytest.importorskip("rospy", reason="rospy is not installed")
 Image = pytest.importorskip("PIL.Image", reason="Pillow is not installed")
@@ -29,16 +28,10 @@ NOBODY = "http://localhost:9"
 
 
 def snapshot(*arguments):
-    path = os.pathsep.join([str(ROOT / "src"), *sys.path])
-    environment = {**os.environ, "ROS_MASTER_URI": NOBODY, "PYTHONPATH": path}
+    environment = {**os.environ, "ROS_MASTER_URI": NOBODY}
     environment.pop("DISPLAY", None)
-    return subprocess.run(
-        [sys.executable, ROOT / "scripts" / "snapshot", *arguments],
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    script = ROOT / "scripts" / "snapshot"
+    return run_script(script, *arguments, environment=environment)
 
 
 def last_line(run):
@@ -46,7 +39,6 @@ def last_line(run):
     return run.stderr.strip().splitlines()[-1]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
