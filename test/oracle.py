@@ -1,6 +1,7 @@
 """Forward kinematics by scipy, from the URDF's text: it owes our code nothing."""
 
 import xml.etree.ElementTree as ET
+from functools import lru_cache
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -17,15 +18,15 @@ def forward_kinematics(text, root_pose, positions):
     Returns:
         Poses by link name, each shape (7,).
     """
-    joints = {}
-    for joint in ET.fromstring(text).findall("joint"):
-        joints[joint.find("child").get("link")] = joint
+    tree = ET.fromstring(text)
+    joints = {joint.find("child").get("link"): joint for joint in tree.findall("joint")}
 
     def read(joint, tag, attribute, default):
         element = joint.find(tag)
         value = None if element is None else element.get(attribute)
         return np.array([float(part) for part in (value or default).split()])
 
+    @lru_cache(maxsize=None)
     def place(link):
         if link not in joints:
             return root_pose[:3], Rotation.from_quat(root_pose[3:])
@@ -44,7 +45,7 @@ def forward_kinematics(text, root_pose, positions):
         return position, rotation * Rotation.from_rotvec(axis * value)
 
     poses = {}
-    for link in ET.fromstring(text).findall("link"):
+    for link in tree.findall("link"):
         position, rotation = place(link.get("name"))
         poses[link.get("name")] = np.concatenate([position, rotation.as_quat()])
     return poses

@@ -15,6 +15,7 @@ HALF = 3.14159
 RPY = (0.3, -0.2, 0.5)
 AXIS = np.array([0.6, 0.0, -0.8])
 BASE = Rotation.from_rotvec([1.0, 2.0, -0.5])
+BEFORE = BASE * Rotation.from_euler("xyz", RPY)
 DT = 0.02
 
 
@@ -37,8 +38,7 @@ class Watched:
 
     def at(self, position, speed=0.0):
         """Place the links, and give the position that is read."""
-        turned = BASE * Rotation.from_euler("xyz", RPY)
-        turned = turned * Rotation.from_rotvec(AXIS * position)
+        turned = BEFORE * Rotation.from_rotvec(AXIS * position)
         quaternions = [BASE.as_quat(), turned.as_quat()]
         poses = np.hstack([np.zeros((2, 3)), quaternions])
         twists = np.zeros((2, 6))
@@ -47,13 +47,13 @@ class Watched:
         (seen,) = self.estimator.update(("r::a", "r::b"), poses, twists, self.time)
         return seen.position[0]
 
-    def through(self, *stations, moving=False):
-        """Go from station to station by steps of at most 0.1 rad.
+    def through(self, *stations, moving=False, step=0.1):
+        """Go from station to station by steps of at most 0.1 rad, or as given.
 
         At rest, as commands put it, or moving as fast as it goes.
         """
         for start, end in zip(stations, stations[1:]):
-            steps = int(abs(end - start) / 0.1) + 2
+            steps = int(abs(end - start) / step) + 2
             speed = moving * (end - start) / (steps - 1) / DT
             for position in np.linspace(start, end, steps):
                 assert self.at(position, speed) == pytest.approx(position, abs=1e-9)
@@ -127,7 +127,7 @@ def test_a_teleport_that_lands_outside_the_limits_is_read_inside(
 
 
 def test_an_endless_joint_counts_twenty_turns_up_and_down():
-    Watched().through(0.0, 20 * TURN, -20 * TURN, 0.0)
+    Watched().through(0.0, 20 * TURN, -20 * TURN, 0.0, step=0.3)
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
@@ -200,7 +200,7 @@ def test_a_joint_that_was_not_seen_for_a_while_goes_on_where_its_speed_took_it()
 def test_a_clock_that_is_slower_than_the_messages_moves_no_turns(limits):
     """A clock of 100 Hz, states of 1 kHz; a wheel, and a joint beyond its stop."""
     joint, speed = Watched(*limits), 50.0
-    for step in range(3000):
+    for step in range(1000):
         joint.time = 0.01 * (step // 10) - DT
         position = speed * 0.001 * step
         if limits:

@@ -34,23 +34,23 @@ def measure_placed(text, positions, root_pose, lumped, signs):
     return dict(zip(joints.names, measure(poses, twists, joints).position))
 
 
-@pytest.mark.slow
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(chains(), world_poses(), st.booleans(), SIGNS)
 def test_recovers_the_position_that_placed_the_links(chain, root_pose, lumped, signs):
     text, positions = chain
     measured = measure_placed(text, positions, root_pose, lumped, signs)
     assert measured.keys() == positions.keys()
+    joints = {joint.name: joint for joint in parse_urdf(text).joints}
     # A limit span beyond a whole turn leaves the turn open: allow whole turns there.
     for name, expected in positions.items():
         error = measured[name] - expected
-        joint = {joint.name: joint for joint in parse_urdf(text).joints}[name]
+        joint = joints[name]
         if joint.kind == "revolute" and joint.upper - joint.lower > 2 * np.pi - 1e-6:
             error -= 2 * np.pi * np.round(error / (2 * np.pi))
         assert abs(error) < 1e-9
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(chains(TURNING), world_poses(), st.integers(-3, 3))
 def test_continuous_joints_go_on_from_their_last_position(chain, root_pose, turns):
     text, positions = chain
@@ -66,7 +66,7 @@ def test_continuous_joints_go_on_from_their_last_position(chain, root_pose, turn
     np.testing.assert_allclose(measured[free], last[free], atol=1e-9)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(chains(), world_poses(), st.randoms(use_true_random=False))
 def test_velocities_are_the_slopes_of_positions(chain, root_pose, random):
     """Twists by finite differences of scipy's poses, no formula of ours."""

@@ -17,7 +17,7 @@ from g1_description.core.urdf.reader import parse_urdf
 
 ROBOTS = sorted((REPOSITORY / "test" / "data").glob("*.urdf"))
 MODELS = ("g1", "outer::inner")
-N = 100
+N = 40
 FURTHEST = 100.0
 """How far from the world's origin a robot may stand, in [m]."""
 WIDE = 6.0

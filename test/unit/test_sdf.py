@@ -150,7 +150,7 @@ def trees(draw):
     return "".join(parts), np.array(positions), poses, [rest[name] for name in names]
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(trees(), st.booleans())
 def test_links_are_where_the_product_of_exponentials_puts_them(tree, anchored):
     inside, positions, expected, _ = tree
@@ -1313,8 +1313,7 @@ JUNK = st.sampled_from(
 )
 
 
-@pytest.mark.slow
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(
     st.integers(0, 200),
     st.sampled_from(["text", "tag", "attribute", "remove", "repeat"]),

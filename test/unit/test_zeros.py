@@ -39,7 +39,7 @@ def is_zero(number):
     return str(number) == "0.0"
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(
     world_poses(), FAR, FRACTIONS, st.lists(st.floats(-9, 9), min_size=6, max_size=6)
 )
@@ -68,7 +68,7 @@ def test_a_small_position_is_no_zero(root_pose, small):
         assert velocity == pytest.approx(small, abs=5e-15)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(chains(), world_poses(), st.randoms(use_true_random=False))
 def test_any_joint_at_zero_is_zero(chain, root_pose, random):
     """Links placed by scipy, joints that slide among them."""
