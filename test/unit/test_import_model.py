@@ -14,6 +14,7 @@ import pytest
 import trimesh
 from conftest import REPOSITORY, VENDOR
 from dae import box, collada, node, use
+from forked import run_script
 from hypothesis import given, settings
 from robots import chains
 
@@ -244,14 +245,17 @@ def faults(told):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("options", [[], ["--decimate", "9", "--convex-collisions"]])
+@pytest.mark.parametrize("options", [[], ["--decimate", "20", "--tolerance", "9"]])
 def test_the_import_and_the_stand_in_agree_on_what_can_be_read(bring, source, options):
-    """More files than are read at once, so that the last come from another process."""
+    """More files than are read at once, so that the last come from another process.
+
+    Those that are many have no more triangles than are wanted, so it takes less long.
+    """
     source.mkdir()
     ball = trimesh.creation.icosphere(2)
     binary = ball.export(file_type="stl")
     text = ball.export(file_type="stl_ascii").encode()
-    obj = ball.export(file_type="obj", header="").encode()
+    obj = trimesh.creation.icosahedron().export(file_type="obj", header="").encode()
     files = {
         "cut.dae": dae().encode()[:500],
         "stl.dae": binary,
@@ -530,10 +534,10 @@ def test_fewer_triangles_move_no_mesh_farther_than_is_allowed(
     """In metres of the robot, whatever the unit of the file; trimesh measures it."""
     unit = 1.0 / float(scale.split()[0])
     source.mkdir()
-    ball = trimesh.creation.icosphere(3, radius=0.1 * unit)
+    ball = trimesh.creation.icosphere(2, radius=0.1 * unit)
     ball.export(source / "x.stl")
     counts = {}
-    for tolerance in (0.001, 0.004):
+    for tolerance in (0.003, 0.012):
         options = ["--decimate", "8", "--tolerance", str(tolerance), "--force"]
         options += ["--convex-collisions"]
         urdf = bring(robot(shape(kind, "x.stl", scale)), *options)
@@ -553,7 +557,7 @@ def test_fewer_triangles_move_no_mesh_farther_than_is_allowed(
         report = (urdf.parents[1] / "report.md").read_text()
         assert f"moved by {moved[1]} mm" in report
         assert f"has {len(mesh.faces)} triangles: fewer cannot be made" in bring.told
-    assert counts[0.004] < counts[0.001] < 1280
+    assert counts[0.012] < counts[0.003] < 320
 
 
 def test_colours_are_not_decimated_away(bring, source):
@@ -750,7 +754,6 @@ def command(*arguments, first="", ignored=(), **options):
     )
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -765,12 +768,15 @@ def command(*arguments, first="", ignored=(), **options):
         ([], "the following arguments are required: model"),
     ],
 )
-def test_a_mistake_is_answered_with_one_sentence(arguments, words, tmp_path):
+def test_a_mistake_is_answered_with_one_sentence(
+    arguments, words, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
     if "r.urdf" in arguments:
         (tmp_path / "r.urdf").write_text(robot(""))
-    process = command(*arguments, cwd=str(tmp_path))
-    _, told = process.communicate(timeout=60)
-    assert process.returncode == 1
+    run = run_script(REPOSITORY / "scripts" / "import_model", *arguments)
+    assert run.returncode == 1
+    told = run.stderr
     assert told.startswith("import_model: ")
     assert told.count("\n") == 1
     assert words in told
@@ -780,7 +786,7 @@ def test_a_mistake_is_answered_with_one_sentence(arguments, words, tmp_path):
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupted_import_leaves_nothing(number, source, out, tmp_path):
     source.mkdir()
-    ball = trimesh.creation.icosphere(6)
+    ball = trimesh.creation.icosphere(5)
     names = [f"{number}.stl" for number in range(9)]
     for name in names:
         ball.export(source / name)

@@ -96,8 +96,7 @@ def apart(one, other, limit=np.inf):
     return deviation(*surfaces, limit)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(3))
 def test_surfaces_are_as_far_apart_as_trimesh_says(seed):
     """Its own search, triangle by triangle, from corners and random points."""
     random = np.random.RandomState(seed)
@@ -106,12 +105,13 @@ def test_surfaces_are_as_far_apart_as_trimesh_says(seed):
     other.apply_translation(random.uniform(-0.3, 0.3, 3))
     farthest = 0.0
     for a, b in ((one, other), (other, one)):
-        points = np.concatenate([a.vertices, a.sample(3000)])
+        points = np.concatenate([a.vertices, a.sample(1000)])
         distances = trimesh.proximity.closest_point_naive(b, points)[1]
         farthest = max(farthest, distances.max())
-    assert farthest - 1e-9 <= apart(one, other) * 1.03
-    assert apart(one, other) <= farthest * 1.03
-    assert apart(one, other) == pytest.approx(apart(other, one))
+    measured = apart(one, other)
+    assert farthest - 1e-9 <= measured * 1.03
+    assert measured <= farthest * 1.03
+    assert measured == pytest.approx(apart(other, one))
 
 
 def test_a_part_that_is_gone_counts():
