@@ -56,7 +56,6 @@ def crate(mass):
     return thing("<box><size>1 1 1</size></box>", inertia=mass / 6.0, mass=mass)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("depth", [0.005, 0.05, 0.1, 0.2])
 @pytest.mark.parametrize(
     ("mass", "time_step", "iterations"),
@@ -153,7 +152,7 @@ def test_ten_boxes_stand_on_each_other_as_if_they_were_hard(make_world, beside):
     world = make_world("hold")
     beside(world)
     stack(world, 10)
-    world.run(3.0)
+    world.run(1.5)
     assert_stands(world, 10)
 
 
@@ -162,7 +161,7 @@ def test_they_stand_on_a_house_that_stands_in_the_floor(make_world):
     world = make_world("hold")
     deep_house(world)
     stack(world, 10, x=3.6, z=0.5)
-    world.run(3.0)
+    world.run(1.5)
     assert_stands(world, 10, x=3.6, z=0.5)
 
 
@@ -232,10 +231,11 @@ def test_the_vendors_g1_is_as_high_as_in_gazebo_after_a_second(collapse):
     assert collapse.model("g1").pose[2] == pytest.approx(0.288, rel=0.15)
 
 
-def test_five_thousand_steps_with_contacts_are_the_same_to_the_bit(make_world, g1):
-    """The G1 falls onto a box and is pushed; in a new world and after a reset."""
+@pytest.mark.slow
+def test_a_fall_and_what_follows_are_the_same_to_the_bit(make_world, g1):
+    """The G1 falls onto a box, rests and is pushed; in a new world, after a reset."""
     runs = []
-    for world in (make_world("limp"), make_world("limp")):
+    for world in [make_world("limp", time_step=0.004) for _ in range(2)]:
         (box,) = read_sdf(thing(CUBE)).models
         world.spawn("box", box.assembly, np.array([0.3, 0, 0.1, 0, 0, 0, 1]))
         world.spawn_urdf("g1", g1, np.array([0, 0, 0.793, 0, 0, 0, 1]))
@@ -248,12 +248,12 @@ def test_five_thousand_steps_with_contacts_are_the_same_to_the_bit(make_world, g
 def fall(world):
     """Do the same at the same steps; give all states as bytes."""
     states = []
-    for step in range(5000):
-        if step == 1000:
+    for step in range(550):
+        if step == 100:
             world.set_joint_positions("g1", {"left_knee_joint": 1.0})
-        if step == 3000:
+        if step == 425:
             world.put("g1", np.array([0, 0, 1.0, 0, 0, 0, 1]), np.ones(6))
         world.step()
         states.append(b"".join(part.tobytes() for part in world.link_states()))
-    assert len(set(states)) > 4000
+    assert len(set(states)) > 450
     return hash(tuple(states)), states[-1]

@@ -47,6 +47,14 @@ def scene():
         yield made
 
 
+@pytest.fixture(scope="module")
+def g1_scene(g1):
+    """Give a scene of a G1, which tests place before they look at it."""
+    with Scene() as made:
+        made.add(parse_urdf(g1))
+        yield made
+
+
 def area(mask, camera):
     """Measure what a mask covers at the target, in [m^2]."""
     return (mask != NOTHING).sum() * (camera.width / mask.shape[1]) ** 2
@@ -129,12 +137,11 @@ def test_up_is_up(scene, name):
 
 @pytest.mark.parametrize("angles", VIEWS.values())
 @pytest.mark.parametrize("aspect", [(640, 480), (300, 600)])
-def test_the_robot_fills_the_picture_but_for_a_margin(scene, g1, angles, aspect):
+def test_the_robot_fills_the_picture_but_for_a_margin(g1_scene, angles, aspect):
     width, height = aspect
-    scene.add(parse_urdf(g1))
-    scene.place(0, STANDING, {"left_shoulder_roll_joint": 1.0})
-    camera = framing(scene.corners(), *angles, width / height)
-    rows, columns = np.nonzero(silhouette(scene, camera, width, height) != NOTHING)
+    g1_scene.place(0, STANDING, {"left_shoulder_roll_joint": 1.0})
+    camera = framing(g1_scene.corners(), *angles, width / height)
+    rows, columns = np.nonzero(silhouette(g1_scene, camera, width, height) != NOTHING)
     margins = (
         np.array([rows.min(), height - 1 - rows.max()]) / height,
         np.array([columns.min(), width - 1 - columns.max()]) / width,
@@ -189,14 +196,13 @@ def corners_of_meshes(text):
     return points
 
 
-def test_only_what_hangs_on_a_joint_changes(scene, g1):
-    scene.add(parse_urdf(g1))
+def test_only_what_hangs_on_a_joint_changes(g1_scene):
     camera = Camera(MIDDLE, 0.0, 0.0, width=2.0, distance=4.0)
     pictures, masks = [], []
     for position in (0.0, 1.2):
-        scene.place(0, STANDING, {"left_shoulder_roll_joint": position})
-        pictures.append(draw(scene, camera, 320, 320).astype(int))
-        masks.append(silhouette(scene, camera, 320, 320))
+        g1_scene.place(0, STANDING, {"left_shoulder_roll_joint": position})
+        pictures.append(draw(g1_scene, camera, 320, 320).astype(int))
+        masks.append(silhouette(g1_scene, camera, 320, 320))
     changed = np.abs(pictures[1] - pictures[0]).max(axis=2)
     above_the_floor = slice(0, 190)  # below it is the shadow
     assert not changed[above_the_floor, :160].any()

@@ -43,7 +43,7 @@ def settled():
     world.spawn_urdf("box", BOX, above(0.3))
     world.spawn_urdf("floats", BODY, above(3.0))
     weigh(world, False)
-    world.run(3.0)
+    world.run(1.0)
     return world
 
 

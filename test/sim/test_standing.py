@@ -3,6 +3,7 @@
 import math
 import re
 from dataclasses import replace
+from functools import lru_cache
 from random import Random
 
 import numpy as np
@@ -53,8 +54,13 @@ def shaped_chains():
     return st.builds(shaped, chains(max_joints=5), numbers)
 
 
+@lru_cache(maxsize=2)
+def read(text):
+    return lump_fixed_joints(parse_urdf(text))
+
+
 def in_pose(text, positions):
-    return replace(lump_fixed_joints(parse_urdf(text)), positions=positions)
+    return replace(read(text), positions=positions)
 
 
 def spawn(world, text, positions, rotation=UPRIGHT):
@@ -235,7 +241,7 @@ def lowest(text, z, rotation, positions):
 
 def drawn(random, text, extreme):
     """Draw positions within the limits, or at one of them."""
-    joints = parse_urdf(text).movable_joints
+    joints = read(text).description.movable_joints
     ends = [(j.lower, j.upper) if np.isfinite(j.upper) else (-4.0, 4.0) for j in joints]
     if extreme:
         return {j.name: random.choice(end) for j, end in zip(joints, ends)}
