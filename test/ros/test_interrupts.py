@@ -15,7 +15,7 @@ from pathlib import Path
 import rospy
 import rostest
 from sensor_msgs.msg import JointState
-from support.ros_testing import REPOSITORY, Connected, wait_for
+from support.ros_testing import REPOSITORY, Connected, program, wait_for
 
 ENDS = (0, 130, -signal.SIGINT)
 """Exit codes: too late, interrupted, and interrupted before Python runs, which shells
@@ -29,7 +29,7 @@ TIMEOUT = 60.0
 
 def start(*words):
     return subprocess.Popen(
-        ["rosrun", "g1_description", *map(str, words)],
+        [program(words[0]), *map(str, words[1:])],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

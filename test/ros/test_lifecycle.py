@@ -22,6 +22,7 @@ from support.ros_testing import (
     Listener,
     position_of,
     process_of,
+    program,
     wait_for,
 )
 from tf2_msgs.msg import TFMessage
@@ -136,7 +137,7 @@ class TestLifecycle(unittest.TestCase):
 
     def test_6_a_signal_is_heard_at_any_moment(self):
         """Also while the node starts, registers, and publishes to many."""
-        command = ["rosrun", "g1_description", "gazebo_stand_in.py", "__name:=second"]
+        command = [program("gazebo_stand_in.py"), "__name:=second"]
         pause = threading.Event()
         for number in range(MOMENTS):
             kind = (signal.SIGINT, signal.SIGTERM)[number % 2]

@@ -23,6 +23,7 @@ from support.ros_testing import (
     Launch,
     Listener,
     position_of,
+    program,
     wait_for,
 )
 
@@ -106,7 +107,7 @@ class Paused(unittest.TestCase):
         listener.unregister()
         with tempfile.TemporaryDirectory() as folder:
             picture = Path(folder) / "paused.png"
-            command = ["rosrun", "g1_description", "snapshot", picture]
+            command = [program("snapshot"), picture]
             run = subprocess.run(
                 [*command, "--size", "160x120"], capture_output=True, timeout=DEADLINE
             )

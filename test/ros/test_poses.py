@@ -25,6 +25,7 @@ from support.ros_testing import (
     Launch,
     Listener,
     position_of,
+    program,
     wait_for,
 )
 
@@ -95,7 +96,7 @@ class TestPoses(unittest.TestCase):
         rospy.set_param("/ranged", robot.read_text())
         asked = "_robot_description:=/ranged _model_name:=ranged _initial_pose:=low"
         spawner = subprocess.run(
-            ["rosrun", "g1_description", "spawn_robot.py", *asked.split()],
+            [program("spawn_robot.py"), *asked.split()],
             env={**os.environ, "ROS_HOME": str(home)},
             check=False,
             timeout=60.0,
@@ -262,7 +263,7 @@ class TestPoses(unittest.TestCase):
         """A second bridge, which sees the robot under another namespace."""
         bridge = subprocess.Popen(
             [
-                *("rosrun", "g1_description", "link_states_bridge.py"),
+                program("link_states_bridge.py"),
                 "__name:=second",
                 "_robots:=[{name: g1_robot, namespace: left}]",
             ]

@@ -16,7 +16,6 @@ from pathlib import Path
 
 import numpy as np
 import rosgraph
-import roslib.packages
 import rospy
 import rostest
 from gazebo_msgs.msg import ModelState
@@ -24,7 +23,7 @@ from gazebo_msgs.srv import SetModelState
 from geometry_msgs.msg import Point, Pose, Quaternion
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
-from support.ros_testing import Connected, Repeated, wait_for
+from support.ros_testing import Connected, Repeated, program, wait_for
 
 DEADLINE = 120.0
 READ = """
@@ -46,8 +45,7 @@ def read_frames(path):
     Returns:
         Colours, shape (n, height, width, 3), and how long each is shown in [ms].
     """
-    script = roslib.packages.find_node("g1_description", "snapshot")[0]
-    python = Path(script).read_text().splitlines()[0][2:].split()
+    python = Path(program("snapshot")).read_text().splitlines()[0][2:].split()
     run = subprocess.run(
         [*python, "-c", READ, path], stdout=subprocess.PIPE, check=True
     )
@@ -59,7 +57,7 @@ def start(*arguments):
     environment = dict(os.environ)
     environment.pop("DISPLAY", None)
     return subprocess.Popen(
-        ["rosrun", "g1_description", "snapshot", *map(str, arguments)],
+        [program("snapshot"), *map(str, arguments)],
         env=environment,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,

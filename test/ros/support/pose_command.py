@@ -1,11 +1,11 @@
-"""The command pose, run as a user types it."""
+"""The command pose, with the words that a user types."""
 
 import os
 import subprocess
 
 import yaml
 
-from .ros_testing import DEADLINE, REPOSITORY
+from .ros_testing import DEADLINE, REPOSITORY, program
 
 POSES = yaml.safe_load((REPOSITORY / "config" / "poses.yaml").read_text())
 KNEE = "left_knee_joint"
@@ -14,7 +14,7 @@ KNEE = "left_knee_joint"
 def start(*words, home=None):
     environment = {**os.environ, "ROS_HOME": str(home)} if home else None
     return subprocess.Popen(
-        ["rosrun", "g1_description", "pose", *map(str, words)],
+        [program("pose"), *map(str, words)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

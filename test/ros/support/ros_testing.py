@@ -5,10 +5,12 @@ import subprocess
 import sys
 import threading
 import time
+from functools import lru_cache
 from pathlib import Path
 from xmlrpc.client import ServerProxy
 
 import rosgraph
+import roslib.packages
 import rosnode
 import rospy
 from rosgraph_msgs.msg import Log
@@ -18,6 +20,12 @@ from waiting import DEADLINE, wait_for
 
 REPOSITORY = Path(__file__).resolve().parents[3]
 SHARED = REPOSITORY.parent / "shared"
+
+
+@lru_cache(maxsize=None)
+def program(name):
+    """Find a program of this package once; each rosrun looks for it anew."""
+    return roslib.packages.find_node("g1_description", name)[0]
 
 
 def position_of(message, joint):

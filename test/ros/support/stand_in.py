@@ -5,7 +5,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from .ros_testing import DEADLINE, process_of, wait_for
+from .ros_testing import DEADLINE, process_of, program, wait_for
 from .wire.services import Services
 
 TROUBLE = (b"Traceback", b"Segmentation")
@@ -18,7 +18,7 @@ class Node:
         """Start it, and wait for the service that comes last."""
         self._output = tempfile.TemporaryFile()  # noqa: SIM115  (kept until kill)
         self.process = subprocess.Popen(
-            ["rosrun", "g1_description", "gazebo_stand_in.py", "__name:=gazebo"],
+            [program("gazebo_stand_in.py"), "__name:=gazebo"],
             stdout=self._output,
             stderr=subprocess.STDOUT,
             start_new_session=True,

@@ -7,10 +7,10 @@ import tempfile
 
 import rosgraph
 
-from ..ros_testing import wait_for
+from ..ros_testing import program, wait_for
 from ..stand_in import Node
 
-PROGRAM = ("g1_description", "link_states_bridge.py")
+PROGRAM = "link_states_bridge.py"
 
 
 class Bridge(Node):
@@ -30,7 +30,7 @@ class Bridge(Node):
         self._master = rosgraph.Master("/test", master_uri)
         self._output = tempfile.TemporaryFile()  # noqa: SIM115  (kept until kill)
         self.process = subprocess.Popen(
-            ["rosrun", *PROGRAM, f"__name:={base}", f"__ns:={namespace}", *arguments],
+            [program(PROGRAM), f"__name:={base}", f"__ns:={namespace}", *arguments],
             env={**os.environ, "ROS_MASTER_URI": self._master.master_uri},
             stdout=self._output,
             stderr=subprocess.STDOUT,
