@@ -54,7 +54,7 @@ class TestPoses(unittest.TestCase):
     def setUpClass(cls):
         links = Listener("/gazebo/link_states", LinkStates)
         states = Listener("/joint_states", JointState)
-        arguments = "initial_pose:=stand", "rviz:=false", "gui:=false"
+        arguments = "initial_pose:=stand", "rviz:=false", "gui:=false", "rate:=50"
         cls._launch = Launch("display.launch", *arguments)
         wait_for(lambda: len(links.messages) > 50, "fifty link states", 60.0)
         links.close()
