@@ -13,6 +13,7 @@ import tempfile
 import time
 import unittest
 import uuid
+from contextlib import closing
 from itertools import chain
 from pathlib import Path
 from xml.etree import ElementTree
@@ -124,28 +125,30 @@ class TestDropIn(unittest.TestCase):
 
     def check_that_stamps_rise(self):
         """On a busy machine too, through a reset, and nobody complains."""
-        record, others = self.reset_on_a_busy_machine()
+        record, others = self.record()
+        with closing(Burners()):
+            self.reset(record)
         self.assertEqual(record.not_rising(), {})
         told = [*chain(*others.trouble().values()), *record.trouble()]
         self.assertEqual([pair for pair in told if pair[0] not in FOREIGN], [])
 
-    def reset_on_a_busy_machine(self):
-        """Record for a while, with a reset in it after which TF goes on.
-
-        tools/benchmark --only tf measures how soon.
-        """
-        burners = Burners()
-        self.addCleanup(burners.close)
+    def record(self):
+        """Record what comes and what others say of it, from now on."""
         record, others = Record(), Others()
         self.addCleanup(record.close)
         self.addCleanup(others.close)
-        self.wait_for_simulated(record, 3.0)
+        return record, others
+
+    def reset(self, record):
+        """Let time pass, with a reset in it after which TF goes on.
+
+        tools/benchmark --only tf measures how soon.
+        """
+        self.wait_for_simulated(record, 2.0)
         rospy.ServiceProxy("/gazebo/reset_simulation", Empty)()
         wait_for(lambda: len(splits(record.frames()["base_link"])) == 2, "TF to go on")
-        self.wait_for_simulated(record, 2.0)
+        self.wait_for_simulated(record, 1.0)
         self.assertGreater(len(record.joints()), 100)
-        burners.close()
-        return record, others
 
     @staticmethod
     def wait_for_simulated(record, seconds):
@@ -184,7 +187,8 @@ class TestDropIn(unittest.TestCase):
         self.launch(self.copy(NODE))
         self.check_that_it_runs(0.79)
         self.assertEqual(len(self.states.wait().effort), 29)
-        record, _ = self.reset_on_a_busy_machine()
+        record, _ = self.record()
+        self.reset(record)
         # It takes the time at which a message comes for that of the state.
         repeated, all_stamps = record.not_rising(), record.joints()
         print(
