@@ -33,7 +33,7 @@ class TestBridgeHealth(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         rospy.set_param("/robot_description", URDF)
-        cls.addClassCleanup(run_clock().close)
+        cls.addClassCleanup(run_clock(period=0.02).close)
 
     def setUp(self):
         TestBridgeHealth.number += 1
