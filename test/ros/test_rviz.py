@@ -52,7 +52,8 @@ class TestRvizPicture(unittest.TestCase):
         """Open RViz while the robot is out of its view."""
         cls.log = Listener("/rosout", Log)
         cls.commands = rospy.Publisher("/joint_commands", JointState, queue_size=1)
-        display = Launch("display.launch", "rviz:=false", f"model:={model()}")
+        arguments = "rviz:=false", "rate:=50", f"model:={model()}"
+        display = Launch("display.launch", *arguments)
         cls.addClassCleanup(display.stop)
         wait_for(cls.commands.get_num_connections, "the bridge to listen", DEADLINE)
         rospy.wait_for_service("/gazebo/set_model_state", DEADLINE)
@@ -61,7 +62,8 @@ class TestRvizPicture(unittest.TestCase):
         )
         cls.lift(OUT_OF_VIEW)
 
-        cls.window = RvizWindow("rviz.launch", *rospy.get_param("~rviz", "").split())
+        arguments = rospy.get_param("~rviz", "").split()
+        cls.window = RvizWindow("g1.rviz", "rviz.launch", *arguments)
         cls.addClassCleanup(cls.window.close)
         cls.empty = cls.window.picture_when(is_calm, "an empty view without complaints")
         cls.view = cls.window.view = view_of(cls.empty)

@@ -19,7 +19,9 @@ ELBOW = "left_elbow_joint"
 class TestTwoRobots(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.window = RvizWindow("two_robots.launch", "gui:=false")
+        cls.window = RvizWindow(
+            "two_robots.rviz", "two_robots.launch", "gui:=false", "rate:=50"
+        )
         cls.addClassCleanup(cls.window.close)
         cls.buffer = tf2_ros.Buffer()
         cls.transforms = tf2_ros.TransformListener(cls.buffer)

@@ -11,10 +11,12 @@ import numpy as np
 import rospkg
 import rospy
 
-from .ros_testing import Launch, wait_for
+from .ros_testing import REPOSITORY, Launch, wait_for
 from .virtual_screen import VirtualScreen, write_png
 
 DEADLINE = 120.0
+FRAME_RATE = "Frame Rate: 30"
+"""In our configurations of RViz."""
 BACKGROUND = (232, 236, 240)
 COMPLAINTS = ((192, 32, 32), (192, 128, 0))
 """In which RViz writes the names of displays with errors, with warnings."""
@@ -65,14 +67,29 @@ def is_calm(picture):
     return large and not complaints_in(picture)
 
 
+def write_slower(config, folder):
+    """Copy a configuration of ours with a lower frame rate: drawing costs processor.
+
+    Returns:
+        The copy.
+    """
+    text = (REPOSITORY / "rviz" / config).read_text()
+    assert text.count(FRAME_RATE) == 1, config
+    slower = Path(folder) / config
+    slower.write_text(text.replace(FRAME_RATE, "Frame Rate: 5"))
+    return slower
+
+
 class RvizWindow:
     """A launch file's RViz; the parameter ~pictures says where pictures are kept."""
 
-    def __init__(self, *launch):
+    def __init__(self, config, *launch):
         """Launch it.
 
         Args:
-            launch: A launch file of this package, and its arguments.
+            config: Name of a configuration of this package.
+            launch: A launch file of this package that takes `rvizconfig`, and more
+                arguments.
         """
         with contextlib.ExitStack() as stack:
             self.screen = VirtualScreen(1200, 900)
@@ -87,7 +104,9 @@ class RvizWindow:
                 "XDG_RUNTIME_DIR": home,
             }
             with mock.patch.dict(os.environ, environment):
-                stack.callback(Launch(*launch).stop)
+                file, *arguments = launch
+                slower = f"rvizconfig:={write_slower(config, home)}"
+                stack.callback(Launch(file, slower, *arguments).stop)
             self.view = None
             self._stack = stack.pop_all()
 
@@ -103,7 +122,7 @@ class RvizWindow:
         def fulfilled():
             nonlocal last
             before = last
-            pause.wait(0.3)
+            pause.wait(0.5)  # more than two frames
             last = self.screen.picture()
             at_rest = not different(before, last)[self.view or view_of(last)].any()
             return at_rest and condition(last)
