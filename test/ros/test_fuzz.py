@@ -26,9 +26,9 @@ from support.stand_in import Node
 
 from tcpros import HangupError, ServiceError, header_of, packed
 
-REQUESTS = int(os.environ.get("FUZZ_REQUESTS", "2000"))
+REQUESTS = int(os.environ.get("FUZZ_REQUESTS", "800"))
 SEED = int(os.environ.get("FUZZ_SEED", "0")) or random.randrange(1, 2**32)
-BATCH = 250
+BATCH = 100
 """Requests between two times that the world is put in order."""
 AT_ONCE = 3.0
 """Most processor time that an answer may take in [s]; a request of 1 MB took 1.2 on a
@@ -39,8 +39,6 @@ back 0.05 MB too little with each reset and 0.12 MB with each G1 that it loads a
 rospy keeps for each connection a buffer as long as its longest request."""
 ALWAYS = ("pause_physics", "unpause_physics", "reset_simulation", "reset_world")
 """Services that cannot refuse."""
-SLOW = ("10 000 collisions", "999 revolute", "900 static links")
-"""What is valid, and much."""
 
 
 class TestFuzz(unittest.TestCase):
@@ -91,6 +89,7 @@ class TestFuzz(unittest.TestCase):
 
     def test_1_any_request(self):
         self.counts, self.memory, self.slowest = {True: 0, False: 0, None: 0}, [], (0,)
+        self.asked = set()
         self.note()
         names = self.services.names
         classes = {name: self.services[name].request_class for name in names}
@@ -105,6 +104,7 @@ class TestFuzz(unittest.TestCase):
             f"{self.memory[-1] / 1e6:.0f} MB, {growth / 1e6:+.1f} MB in 2nd half",
             file=sys.stderr,
         )
+        self.assertEqual(self.asked, set(names))
         self.assertLess(growth, GROWTH)
         self.assertGreater(self.counts[False], REQUESTS // 5)
         self.assertGreater(self.counts[True], REQUESTS // 20)
@@ -118,6 +118,7 @@ class TestFuzz(unittest.TestCase):
         """Send a request; what is refused changes nothing."""
         service, body = request
         success, elapsed = self.send(service, body)
+        self.asked.add(service)
         self.counts[success] += 1
         self.slowest = max(self.slowest, (elapsed, service))
         count = sum(self.counts.values())
@@ -236,7 +237,7 @@ class TestFuzz(unittest.TestCase):
 
     def test_4_any_bytes_for_an_answer(self):
         """What is no request gets an error or the end of the connection, no silence."""
-        for body in (b"", b"\xff" * 7, packed(b"\xff" * 9), b"\xff" * 1_000_000):
+        for body in (b"", b"\xff" * 7, packed(b"\xff" * 9), b"\xff" * 100_000):
             for name in self.services.names:
                 if name != "step" and self.services[name].request_class._slot_types:
                     with self.subTest(f"{name} {body[:20]!r}"):

@@ -176,19 +176,19 @@ def urdf_attacks(folder):
         "100 000 deep and closed": "<a>" * 100_000 + "</a>" * 100_000,
         "200 deep": robot("<a>" * 200 + "</a>" * 200 + link()),
         "200 deep in a link": robot(link(content="<visual>" * 200 + "</visual>" * 200)),
-        "100 000 attributes": "<robot " + " ".join(f'a{n}="1"' for n in range(100000)),
+        "20 000 attributes": "<robot " + " ".join(f'a{n}="1"' for n in range(20_000)),
         "attribute of 20 MB": robot(link(), name="n" * 20_000_000),
         "utf-16 declared": '<?xml version="1.0" encoding="utf-16"?>' + robot(link()),
         "nul": robot(link("a\0b")),
         "surrogate": robot(link("a\ud800b")),
         "byte order mark": "\ufeff" + robot(link()),
-        "5000 revolute": chain(5000),
-        "5000 fixed": chain(5000, "fixed"),
-        "5000 loose": robot("".join(link(f"l{n}", SOLID) for n in range(5000))),
-        "5000 empty": robot("".join(link(f"l{n}", "") for n in range(5000))),
+        "1500 revolute": chain(1500),
+        "1500 fixed": chain(1500, "fixed"),
+        "1500 loose": robot("".join(link(f"l{n}", SOLID) for n in range(1500))),
+        "1500 empty": robot("".join(link(f"l{n}", "") for n in range(1500))),
         "999 revolute": chain(999),
         "127 revolute": chain(128),
-        "10 000 collisions": robot(link(content=SOLID + BOX * 10_000)),
+        "2000 collisions": robot(link(content=SOLID + BOX * 2000)),
         "10 000 materials": robot(
             "".join(f'<material name="m{n}"/>' for n in range(10_000)) + link()
         ),
@@ -322,9 +322,9 @@ def sdf_attacks(folder):
         "100 nested models": nested(100),
         "250 nested models": nested(250),
         "10 000 nested models": nested(10_000),
-        "5000 links": sdf_model("".join(SDF_BOX.format(f"l{n}") for n in range(5000))),
-        "5000 static links": sdf_model(
-            "<static>1</static>" + "".join(SDF_BOX.format(f"l{n}") for n in range(5000))
+        "1500 links": sdf_model("".join(SDF_BOX.format(f"l{n}") for n in range(1500))),
+        "1500 static links": sdf_model(
+            "<static>1</static>" + "".join(SDF_BOX.format(f"l{n}") for n in range(1500))
         ),
         "900 static links": sdf_model(
             "<static>1</static>" + "".join(SDF_BOX.format(f"l{n}") for n in range(900))
