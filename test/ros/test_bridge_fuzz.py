@@ -2,6 +2,7 @@
 """Nothing that comes as link states hurts the bridge, and all of it is told once."""
 
 import sys
+import threading
 import time
 import unittest
 from collections import Counter
@@ -25,6 +26,8 @@ MUTATIONS = 200
 ROUNDS = 20
 GROWTH = 3e6
 """Most memory that all rounds but the first may cost in [bytes]."""
+PAUSE = 0.2
+"""Time between two of the rounds that only wait for a second line, in [s]."""
 TIMES = 20
 """How often each message comes."""
 PILE = 2500
@@ -112,9 +115,11 @@ class TestBridgeFuzz(unittest.TestCase):
         for _ in range(ROUNDS):
             self.feed_all(watched, all_cases)
         grown = watched.bridge.memory() - before
+        pause = threading.Event()
         wait_for(
             lambda: (
-                self.feed_all(watched, all_cases)
+                pause.wait(PAUSE)
+                or self.feed_all(watched, all_cases)
                 or any(len(times) > 1 for times in self.check_log(watched).values())
             ),
             "a second line",
