@@ -11,6 +11,9 @@ from sensor_msgs.msg import JointState
 from support.pose_command import KNEE, POSES, run, start
 from support.ros_testing import DEADLINE, Listener, Repeated
 
+PERIOD = 0.02
+"""Of joint states in [s]."""
+
 
 class Frozen:
     """A robot that obeys at once; all its joint states have the same stamp."""
@@ -28,14 +31,14 @@ class Frozen:
         self._commands = rospy.Subscriber(
             f"/{namespace}/joint_commands", JointState, self._obey if obeys else None
         )
-        self._repeated = Repeated(self._show, 0.005)
+        self._repeated = Repeated(self._show, PERIOD)
 
     def _obey(self, message):
         self.positions.update(zip(message.name, message.position))
 
     def _show(self):
         if self.runs:
-            self._stamp += rospy.Duration(0.005)
+            self._stamp += rospy.Duration(PERIOD)
         message = JointState(
             name=[*self.positions], position=[*self.positions.values()]
         )
