@@ -22,12 +22,12 @@ import rospy
 import rostest
 import tf2_ros
 from gazebo_msgs.msg import ModelStates
-from gazebo_msgs.srv import GetModelState, GetWorldProperties
+from gazebo_msgs.srv import GetWorldProperties
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
 from support.burners import Burners
 from support.ros_testing import SHARED, Listener, position_of, process_of, wait_for
-from support.stamp_record import SECOND, Others, Record, splits
+from support.stamp_record import Others, Record, splits
 from support.virtual_screen import VirtualScreen
 
 from processes import end_processes, marked_environment, marked_processes, wait_for_end
@@ -94,13 +94,14 @@ class TestDropIn(unittest.TestCase):
     def check_that_it_runs(self, height):
         """Spawned at this height, measured, commanded; then it falls: no motors."""
         spawned = self.models.wait(lambda m: "g1_robot" in m.name, "the robot")
-        pose = spawned.pose[spawned.name.index("g1_robot")]
         # By the time of the first message that comes it may have begun to fall.
-        self.assertAlmostEqual(pose.position.z, height, delta=0.05)
+        self.assertAlmostEqual(self.height(spawned), height, delta=0.05)
         self.assertEqual(len(self.states.wait().name), 29)
         self.check_the_frames()
         self.check_a_command()
-        wait_for(lambda: self.height() < 0.4, "the fall")
+        self.models.clear()
+        self.models.wait(lambda m: self.height(m) < 0.4, "the fall")
+        self.models.close()
 
     def check_the_frames(self):
         buffer = tf2_ros.Buffer()
@@ -144,22 +145,23 @@ class TestDropIn(unittest.TestCase):
 
         tools/benchmark --only tf measures how soon.
         """
-        self.wait_for_simulated(record, 2.0)
+        self.wait_for_simulated(1.0)
         rospy.ServiceProxy("/gazebo/reset_simulation", Empty)()
         wait_for(lambda: len(splits(record.frames()["base_link"])) == 2, "TF to go on")
-        self.wait_for_simulated(record, 1.0)
+        self.wait_for_simulated(1.0)
         self.assertGreater(len(record.joints()), 100)
 
-    @staticmethod
-    def wait_for_simulated(record, seconds):
+    def wait_for_simulated(self, seconds):
         """Let simulated time pass, by the stamps of joint states."""
-        begin = wait_for(record.joints, "joint states")[-1]
-        end = begin + seconds * SECOND
-        wait_for(lambda: record.joints()[-1] > end, f"{seconds} s", SLOW)
+        self.states.clear()
+        end = self.states.wait().header.stamp + rospy.Duration(seconds)
+        what = f"{seconds} s"
+        self.states.wait(lambda m: m.header.stamp > end, what, SLOW)
 
-    def height(self):
-        state = rospy.ServiceProxy("/gazebo/get_model_state", GetModelState)
-        return state("g1_robot", "").pose.position.z
+    @staticmethod
+    def height(message):
+        """Give the robot's height of model states in [m]."""
+        return message.pose[message.name.index("g1_robot")].position.z
 
     def check_that_it_ends(self):
         """On Ctrl-C, with every process gone and none killed."""
