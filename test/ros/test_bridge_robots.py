@@ -18,7 +18,7 @@ from geometry_msgs.msg import Point, Pose, Quaternion
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
 from support.bridge.arm import JOINTS, LINKS, URDF
-from support.ros_testing import Connected, Launch, Listener, NodeLog, wait_for
+from support.ros_testing import Connected, Launch, Listener, NodeLog, program, wait_for
 from tf2_msgs.msg import TFMessage
 
 ELBOW, KNEE = "left_elbow_joint", "right_knee_joint"
@@ -239,7 +239,7 @@ class TestBridgeRobots(unittest.TestCase):
         rospy.set_param("/hollow", re.sub("(?s)<inertial>.*?</inertial>", "", URDF))
         bridge = subprocess.Popen(
             [
-                *("rosrun", "g1_description", "link_states_bridge.py"),
+                program("link_states_bridge.py"),
                 *("__name:=bridge_of_none", "_model_name:=hollow"),
                 "_robot_description:=/hollow",
             ]
@@ -258,7 +258,7 @@ class TestBridgeRobots(unittest.TestCase):
         # Nobody needs the world any more, and there is much to start.
         rospy.ServiceProxy("/gazebo/pause_physics", Empty)()
         rospy.set_param("/not_a_robot", "hello")
-        command = ["rosrun", "g1_description", "link_states_bridge.py"]
+        command = [program("link_states_bridge.py")]
         processes = {
             robots: subprocess.Popen(
                 [*command, f"__name:=nonsense_{number}", f"_robots:={robots}"],

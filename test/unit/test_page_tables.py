@@ -19,7 +19,7 @@ NODES = {"link_states_bridge": BridgeParameters, "gazebo": GazeboParameters}
 
 LAUNCH = ROOT / "launch"
 OWN_MEANING = {("bridge", "rate"), ("view", "use_sim_time")}
-OWN_DEFAULT = {(file, "rvizconfig") for file in ("two_robots", "view")}
+OWN_DEFAULT = {(file, "rvizconfig") for file in ("two_robots", "view", "replay")}
 OWN_DEFAULT |= {("view", "use_sim_time")}
 
 

@@ -64,8 +64,11 @@ def last_line(run):
         (["a.png", "--motion", MOTION, "--times", "0,9"], "has no time 9 s; it lasts"),
         (["a.png", "--motion", MOTION, "--times", "0,x"], "'x' is not a number"),
         (["a.gif", "--motion", MOTION, "--times", "0"], "--times goes with a picture"),
-        (["a.png", "--motion", MOTION, "--rate", "0"], "--rate 0 is no number of"),
-        (["a.png", "--times", "0"], "--rate and --times go with --motion"),
+        (
+            ["a.png", "--motion", MOTION, "--motion-fps", "0"],
+            "-fps 0 is no rate",
+        ),
+        (["a.png", "--times", "0"], "--motion-fps and --times go with --motion"),
         (["a.mp4", "--motion", MOTION, "--size", "65x48"], "an mp4 has even numbers"),
         (["a.gif", "--motion", MOTION, "--namespace", "a"], "without --namespace"),
         (["a.png", "--model", OURS, "--joints", "wing=1"], "has no joint wing; it has"),

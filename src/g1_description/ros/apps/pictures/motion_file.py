@@ -36,7 +36,7 @@ def read_moments(
         MotionError: If the file holds no motion of this robot.
         InvalidValueError: If a time is not in it, or the film would be too long.
     """
-    motion = read_motion(Path(args.motion), description, args.rate)
+    motion = read_motion(Path(args.motion), description, args.motion_fps)
     moments = _moments(motion, _times(args, motion.trajectory.times[0], motion))
     return [[now.with_joints(args.joints)] for now in moments], motion.notes
 

@@ -60,7 +60,7 @@ def parser() -> OneSentenceParser:
         "without a master: a film, or a sheet of pictures",
     )
     made.add_argument(
-        "--rate",
+        "--motion-fps",
         type=number,
         help="samples per second of a motion without times; default: 30",
     )
@@ -142,12 +142,14 @@ def _check_together(reader: OneSentenceParser, args: argparse.Namespace) -> None
         reader.error("--joints is for one robot, not for several --namespace")
     if not args.is_film and not (args.seconds is None and args.fps is None):
         reader.error("--seconds and --fps go with a film")
-    if not args.motion and not (args.rate is None and args.times is None):
-        reader.error("--rate and --times go with --motion")
+    if not args.motion and not (args.motion_fps is None and args.times is None):
+        reader.error("--motion-fps and --times go with --motion")
     if args.times is not None and args.is_film:
         reader.error("--times goes with a picture, not with a film")
-    if args.rate is not None and not 0.0 < args.rate <= 1e6:
-        reader.error(f"--rate {args.rate:g} is no number of samples per second")
+    if args.motion_fps is not None and not 0.0 < args.motion_fps <= 1e6:
+        reader.error(
+            f"--motion-fps {args.motion_fps:g} is no number of samples per second"
+        )
     if (
         args.out.suffix.lower() == ".mp4"
         and args.size

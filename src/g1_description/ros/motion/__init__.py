@@ -1,0 +1,1 @@
+"""Whole-body motions on ROS: shown and played."""

@@ -1,0 +1,163 @@
+"""A motion from a file, shown without a simulator.
+
+Publishes: joint_states (sensor_msgs/JointState), /tf (tf2_msgs/TFMessage):
+    map -> base_link, /tf_static: base_link -> root link
+Parameters: those of ReplayParameters, and robot_description
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import rospy
+import tf2_ros
+from sensor_msgs.msg import JointState
+
+from g1_description.core.errors import G1DescriptionError, InvalidValueError
+from g1_description.core.motion.formats.read import read_motion
+from g1_description.core.motion.motion import Motion
+from g1_description.core.motion.sampling import Sample, sample
+from g1_description.core.robot.description import Description
+from g1_description.core.text import listed
+from g1_description.core.transform import IDENTITY
+from g1_description.core.urdf.reader import parse_urdf
+from g1_description.ros.bridge.frames import base_child, static_edges
+from g1_description.ros.bridge.parameters import BridgeParameters
+from g1_description.ros.node.lifecycle import quiet_when_closing, start_node
+from g1_description.ros.node.parameters import check_range, read_parameters
+from g1_description.ros.wire.conversions import transform
+
+REST = 1.0
+"""Time between the end of a motion and its next beginning, in [s] of the motion."""
+
+
+@dataclass(frozen=True)
+class ReplayParameters:
+    """Parameters of the node that shows a motion."""
+
+    motion: str = ""
+    """The file."""
+
+    fps: float = 0.0
+    """Samples per second of a file without times, in [Hz]; 0: it is not known."""
+
+    speed: float = 1.0
+    """Seconds of the motion in a second."""
+
+    loop: bool = True
+    """Whether it begins again at its end, rather than staying there."""
+
+    publish_rate: float = 60.0
+    """States per second, in [Hz]."""
+
+    def __post_init__(self) -> None:
+        """Check ranges."""
+        if not self.motion:
+            raise InvalidValueError("No motion is given; motion:=FILE names one.")
+        check_range(self, "fps", 0.0, 1e6)
+        check_range(self, "speed", 1e-3, 1e3)
+        check_range(self, "publish_rate", 0.1, 1e3)
+
+
+class Replay:
+    """Shows a motion again and again."""
+
+    def __init__(
+        self, motion: Motion, robot: Description, parameters: ReplayParameters
+    ) -> None:
+        """Advertise the topics, and send the frames that do not move.
+
+        Args:
+            motion: What is shown.
+            robot: Whose motion it is.
+            parameters: How it is shown.
+        """
+        self._trajectory = motion.trajectory
+        self._parameters = parameters
+        self._frames = BridgeParameters()
+        self._base = base_child(self._frames, robot)
+        self._names = [joint.name for joint in robot.movable_joints]
+        names = self._trajectory.joint_names
+        self._columns = [self._names.index(name) for name in names]
+        self._states = rospy.Publisher("joint_states", JointState, queue_size=10)
+        self._tf = tf2_ros.TransformBroadcaster()
+        self._static = tf2_ros.StaticTransformBroadcaster()
+        now = rospy.Time.now()
+        edges = static_edges(self._frames, robot)
+        self._static.sendTransform([transform(now, *e, IDENTITY) for e in edges])
+
+    def run(self) -> None:
+        """Show the motion until the node is shut down."""
+        rate = rospy.Rate(self._parameters.publish_rate)
+        begin = rospy.Time.now()
+        with quiet_when_closing():
+            while not rospy.is_shutdown():
+                now = rospy.Time.now()
+                begin = min(begin, now)  # simulated time may be reset
+                self._show(now, self._time((now - begin).to_sec()))
+                rate.sleep()
+
+    def _time(self, elapsed: float) -> float:
+        """Find the time of the motion to show, in [s]."""
+        time = self._trajectory.times[0] + elapsed * self._parameters.speed
+        if not self._parameters.loop:
+            return time
+        return self._trajectory.times[0] + (time - self._trajectory.times[0]) % (
+            self._trajectory.duration - self._trajectory.times[0] + REST
+        )
+
+    def _show(self, stamp: rospy.Time, time: float) -> None:
+        """Publish the configuration at a time of the motion."""
+        found = sample(self._trajectory, time)
+        self._states.publish(self._message(stamp, found))
+        if self._base is not None:
+            pose = IDENTITY if found.base_poses is None else found.base_poses
+            edge = transform(stamp, self._frames.map_frame, self._base, pose.tolist())
+            self._tf.sendTransform(edge)
+
+    def _message(self, stamp: rospy.Time, found: Sample) -> JointState:
+        """Make joint states; joints that the motion does not move are at zero."""
+        message = JointState(name=self._names)
+        message.header.stamp = stamp
+        position, velocity = np.zeros(len(self._names)), np.zeros(len(self._names))
+        position[self._columns], velocity[self._columns] = (
+            found.positions,
+            found.velocities,
+        )
+        message.position, message.velocity = position.tolist(), velocity.tolist()
+        return message
+
+
+def report(motion: Motion, robot: Description) -> None:
+    """Log what is shown, and what is not as the file says."""
+    trajectory = motion.trajectory
+    for note in motion.notes:
+        rospy.logwarn("%s", note)
+    still = [
+        joint.name
+        for joint in robot.movable_joints
+        if joint.name not in trajectory.joint_names
+    ]
+    if still:
+        rospy.logwarn("Shown at zero: %s.", listed(still))
+    if trajectory.base_poses is None:
+        rospy.logwarn("The motion has no base: it is shown at the origin of the map.")
+    rospy.loginfo("%d samples, %.2f s.", len(trajectory.times), trajectory.duration)
+
+
+def main() -> None:
+    """Run the node ``replay``."""
+    start_node("replay")
+    try:
+        parameters = read_parameters(ReplayParameters)
+        robot = parse_urdf(str(rospy.get_param("robot_description", "")))
+        path = Path(parameters.motion)
+        motion = read_motion(path, robot, parameters.fps or None)
+    except G1DescriptionError as error:
+        rospy.logfatal("%s", error)
+        sys.exit(1)
+    report(motion, robot)
+    Replay(motion, robot, parameters).run()

@@ -1,0 +1,118 @@
+#!/usr/bin/env python3
+"""A motion is shown without a simulator: its joints and its base, as the file says."""
+
+import subprocess
+import sys
+import unittest
+
+import rospy
+import rostest
+import tf2_ros
+from rosgraph_msgs.msg import Log
+from sensor_msgs.msg import JointState
+from support.ros_testing import REPOSITORY, Connected, Launch, Listener, wait_for
+from tf2_msgs.msg import TFMessage
+
+DATA = REPOSITORY / "test" / "data"
+MOTION = DATA / "elbow.csv"
+TREE = f"model:={DATA}/tree.urdf"
+ELBOW = "left_elbow_joint"
+SPEED = 0.5
+"""Of the base along y in [m/s], while the elbow turns by -1 rad/s."""
+
+
+def start(test, *arguments):
+    launch = Launch("replay.launch", "rviz:=false", *arguments)
+    test.addCleanup(launch.stop)
+    return launch
+
+
+class TestReplay(unittest.TestCase):
+    def test_base_and_joints_are_those_of_the_motion_again_and_again(self):
+        log = Listener("/rosout", Log)
+        self.addCleanup(log.close)
+        start(self, f"motion:={MOTION}", "speed:=0.5")
+        states = Connected("/joint_states", JointState)
+        self.addCleanup(states.close)
+        frames = Connected("/tf", TFMessage)
+        self.addCleanup(frames.close)
+        log.wait(lambda m: "11 samples, 1.00 s" in m.msg, "what is shown")
+        log.wait(lambda m: "Shown at zero: left_hip_pitch_joint" in m.msg, "the rest")
+
+        def begins():
+            """Count how often the robot is seen to jump back."""
+            places = [y for _, y in self.places(frames)]
+            return sum(new < old - 0.1 for old, new in zip(places, places[1:]))
+
+        wait_for(lambda: begins() >= 2, "the motion twice")
+        elbows = {
+            message.header.stamp: (message.position[n], message.velocity[n])
+            for message in list(states.messages)
+            for n in (message.name.index(ELBOW),)
+        }
+        compared = moving = 0
+        for stamp, y in self.places(frames):
+            if stamp in elbows:
+                position, velocity = elbows[stamp]
+                self.assertAlmostEqual(position, -y / SPEED, delta=1e-9)
+                is_moving = 0.0 < y < SPEED
+                self.assertAlmostEqual(velocity, -1.0 if is_moving else 0.0, delta=1e-9)
+                compared, moving = compared + 1, moving + is_moving
+        self.assertGreater(moving, 20)
+        self.assertGreater(compared, moving)
+
+    @staticmethod
+    def places(frames):
+        """List stamps and places along y of the base."""
+        return [
+            (edge.header.stamp, edge.transform.translation.y)
+            for message in list(frames.messages)
+            for edge in message.transforms
+            if edge.child_frame_id == "base_link"
+        ]
+
+    def test_it_stays_at_its_end_and_all_frames_are_there(self):
+        start(self, f"motion:={MOTION}", "loop:=false", "speed:=5.0")
+        buffer = tf2_ros.Buffer()
+        listener = tf2_ros.TransformListener(buffer)
+        self.addCleanup(listener.unregister)
+
+        def hand():
+            try:
+                found = buffer.lookup_transform(
+                    "world", "left_wrist_yaw_link", rospy.Time()
+                )
+            except tf2_ros.TransformException:
+                return None
+            return found.transform.translation.y > SPEED and found
+
+        wait_for(hand, "the hand beside the base at its end")
+        pelvis = buffer.lookup_transform("map", "pelvis", rospy.Time()).transform
+        self.assertAlmostEqual(pelvis.translation.y, SPEED, delta=1e-9)
+        self.assertAlmostEqual(pelvis.translation.z, 0.793, delta=1e-9)
+
+    def test_what_is_no_motion_ends_the_launch_with_a_sentence(self):
+        for words, arguments in (
+            ("No motion is given", ()),
+            ("nothing.csv cannot be read: No such file", ("motion:=nothing.csv",)),
+            ("~speed is 0.0", (f"motion:={MOTION}", "speed:=0")),
+            ("none of the motion's joints", (f"motion:={MOTION}", TREE)),
+        ):
+            with self.subTest(words):
+                run = subprocess.run(
+                    [
+                        *("roslaunch", "--wait", "g1_description", "replay.launch"),
+                        *("rviz:=false", *arguments),
+                    ],
+                    stdout=subprocess.PIPE,
+                    stderr=subprocess.STDOUT,
+                    text=True,
+                    timeout=120.0,
+                )
+                self.assertIn(words, run.stdout)
+                self.assertNotIn("Traceback", run.stdout)
+
+
+if __name__ == "__main__":
+    rospy.init_node("replay_test")
+    rostest.rosrun("g1_description", "replay_launch", TestReplay, sys.argv)
