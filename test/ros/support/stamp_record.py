@@ -52,7 +52,8 @@ def are_connected_once(topic):
     for node in dict(published).get(topic, ()):
         with ServerProxy(uri_of(node)) as slave:
             rows = slave.getBusInfo("/test")[2]
-        if [row[4] for row in rows if row[2] == "o"].count(topic) != wanted:
+        listeners = [row[1] for row in rows if row[2] == "o" and row[4] == topic]
+        if not len(listeners) == len(set(listeners)) == wanted:
             return False
     return True
 

@@ -115,17 +115,21 @@ def wait_for_parameter(
         name: The parameter.
         namespace: Namespace to begin in.
         on_wait: Called once if it is not there yet.
-        timeout: Longest wait in [s]; None: no limit.
+        timeout: Longest wait in [s]; None: no limit, also where the master is gone:
+            another one may take its place.
 
     Returns:
         Its full name; None after the timeout.
 
     Raises:
         ROSInterruptException: If the node is shut down.
+        OSError: If the master is gone, where the wait has a limit.
     """
 
+    ignored = (OSError,) if timeout is None else ()
+
     def find():
-        with suppress(OSError):  # another master may take the place of a dead one
+        with suppress(*ignored):
             return find_parameter(name, namespace)
 
     found = find()
