@@ -142,8 +142,8 @@ class TestBridgeTime(unittest.TestCase):
         )
 
     def test_resets_a_pause_and_a_new_simulator(self):
-        self.burn()
         self.start("respawn_gazebo:=true")
+        self.burn()
         for _ in range(2):
             self.run_for(0.1)
             self.reset()
@@ -175,9 +175,9 @@ class TestBridgeTime(unittest.TestCase):
         self.assertEqual(self.record.trouble(), [])
 
     def test_the_time_of_the_wall(self):
-        self.burn()
         before = time.time()
         self.start("use_sim_time:=false")
+        self.burn()
         others, begin = self.let_others_listen()
         self.run_for(0.15)
         stamps = self.record.joints()
