@@ -67,7 +67,7 @@ def joints(stamp):
 
 class TestView(unittest.TestCase):
     def test_a_bag_is_seen_wherever_its_robot_is_and_when_it_begins_anew(self):
-        window = RvizWindow("view.launch", "use_sim_time:=true")
+        window = RvizWindow("view.rviz", "view.launch", "use_sim_time:=true")
         self.addCleanup(window.close)
         bag = Bag()
         self.addCleanup(bag.close)

@@ -17,9 +17,9 @@ LINK_STATES_MD5 = "48c080191eb15c41858319b4d8a609c2"
 QUICK = ("ruff", "format", "mypy", "catkin_lint", "unit", "sim", "ros/display")
 """Parts of `tools/test quick`."""
 LONGEST = (
-    *("unit", "ros/fuzz", "ros/drop_in", "sim", "ros/poses", "ros/bridge_health"),
-    *("ros/snapshot", "ros/bridge_time", "ros/bridge_robots", "ros/interrupts"),
-    *("install", "ros/golden", "ros/shutdown", "ros/still_poses", "ros/bridge_master"),
+    *("sim", "ros/drop_in", "unit", "ros/fuzz", "ros/poses", "ros/snapshot"),
+    *("ros/bridge_health", "ros/golden", "install", "ros/busy_poses"),
+    *("ros/bridge_time", "ros/spawn_model", "ros/rviz_vendor", "ros/interrupts"),
 )
 """Parts that begin first, as the end would wait for them."""
 

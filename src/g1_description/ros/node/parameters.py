@@ -125,7 +125,6 @@ def wait_for_parameter(
         ROSInterruptException: If the node is shut down.
         OSError: If the master is gone, where the wait has a limit.
     """
-
     ignored = (OSError,) if timeout is None else ()
 
     def find():
