@@ -97,9 +97,9 @@ class TestShutdown(unittest.TestCase):
         started = threading.Barrier(count + 1)
 
         def call():
-            service = Service(f"/gazebo/{name}", patience=DEADLINE)
+            service = Service(f"/gazebo/{name}", timeout=DEADLINE)
             service.connect().close()
-            started.wait()
+            started.wait(DEADLINE)
             while True:
                 try:
                     service(*args)
@@ -109,7 +109,7 @@ class TestShutdown(unittest.TestCase):
         threads = [threading.Thread(target=call, daemon=True) for _ in range(count)]
         for thread in threads:
             thread.start()
-        started.wait()
+        started.wait(DEADLINE)
         if until is not None:
             wait_for(lambda: node.time() != until, "a step")
 

@@ -32,9 +32,9 @@ class RawSubscriber:
     def _receive(self):
         return received(self._socket, LENGTH.unpack(received(self._socket, 4))[0])
 
-    def has_data(self, patience=0.0):
+    def has_data(self, timeout=0.0):
         """Tell whether something is there to be read, or comes within so many [s]."""
-        return bool(select.select([self._socket], [], [], patience)[0])
+        return bool(select.select([self._socket], [], [], timeout)[0])
 
     def read(self):
         """Give the next message's bytes."""
