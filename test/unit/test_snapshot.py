@@ -66,7 +66,7 @@ def last_line(run):
         (["a.gif", "--motion", MOTION, "--times", "0"], "--times goes with a picture"),
         (
             ["a.png", "--motion", MOTION, "--motion-fps", "0"],
-            "-fps 0 is no rate",
+            "-fps 0 is no number",
         ),
         (["a.png", "--times", "0"], "--motion-fps and --times go with --motion"),
         (["a.mp4", "--motion", MOTION, "--size", "65x48"], "an mp4 has even numbers"),

@@ -72,12 +72,11 @@ def _headed(rows: Iterator[tuple[int, str]], number: int, names: list[str]) -> M
     if twice:
         raise MotionError(f"Line {number} has columns twice: {listed(twice)}.")
     base = [name for name in BASE if name in names]
-    if TIME not in names or (base and len(base) < len(BASE)):
-        wanted = [TIME, *BASE]
-        missing = [name for name in wanted if name not in names]
+    wanted = (TIME, *BASE) if base else (TIME,)
+    missing = [name for name in wanted if name not in names]
+    if missing:
         raise MotionError(
-            f"Line {number} names {listed(names)}; {listed(missing)} missing. The base "
-            "may only be left out as a whole."
+            f"Line {number} names {listed(names)}, but not {listed(missing)}."
         )
     values = _numbers(rows, len(names))
     columns = {name: values[:, number] for number, name in enumerate(names)}
