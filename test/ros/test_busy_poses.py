@@ -22,8 +22,6 @@ from tcpros import body_of
 
 CALLS = (
     ("squat",),
-    ("zero", "--seconds", "0.5"),
-    ("t_pose",),
     ("wave", "--seconds", "0.5"),
 )
 MANY = 1000

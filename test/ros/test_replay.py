@@ -10,12 +10,19 @@ import rostest
 import tf2_ros
 from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import JointState
-from support.ros_testing import REPOSITORY, Connected, Launch, Listener, wait_for
+from support.bridge.arm import URDF
+from support.ros_testing import (
+    DEADLINE,
+    REPOSITORY,
+    Connected,
+    Launch,
+    Listener,
+    program,
+    wait_for,
+)
 from tf2_msgs.msg import TFMessage
 
-DATA = REPOSITORY / "test" / "data"
-MOTION = DATA / "elbow.csv"
-TREE = f"model:={DATA}/tree.urdf"
+MOTION = REPOSITORY / "test" / "data" / "elbow.csv"
 ELBOW = "left_elbow_joint"
 SPEED = 0.5
 """Of the base along y in [m/s], while the elbow turns by -1 rad/s."""
@@ -92,25 +99,30 @@ class TestReplay(unittest.TestCase):
         self.assertAlmostEqual(pelvis.translation.z, 0.793, delta=1e-9)
 
     def test_what_is_no_motion_ends_the_launch_with_a_sentence(self):
+        launch = start(self, "motion:=nothing.csv")
+        wait_for(lambda: launch.exit_code is not None, "the end of the launch")
+
+    def test_what_is_no_motion_is_told(self):
+        rospy.set_param("/robot_description", URDF)
         for words, arguments in (
             ("No motion is given", ()),
-            ("nothing.csv cannot be read: No such file", ("motion:=nothing.csv",)),
-            ("~speed is 0.0", (f"motion:={MOTION}", "speed:=0")),
-            ("none of the motion's joints", (f"motion:={MOTION}", TREE)),
+            ("nothing.csv cannot be read: No such file", ("_motion:=nothing.csv",)),
+            ("~speed is 0.0", (f"_motion:={MOTION}", "_speed:=0")),
+            ("none of the motion's joints", (f"_motion:={MOTION}",)),
         ):
             with self.subTest(words):
+                if rospy.has_param("/replay"):
+                    rospy.delete_param("/replay")
                 run = subprocess.run(
-                    [
-                        *("roslaunch", "--wait", "g1_description", "replay.launch"),
-                        *("rviz:=false", *arguments),
-                    ],
+                    [program("replay.py"), *arguments],
                     stdout=subprocess.PIPE,
                     stderr=subprocess.STDOUT,
                     text=True,
-                    timeout=120.0,
+                    timeout=DEADLINE,
                 )
                 self.assertIn(words, run.stdout)
                 self.assertNotIn("Traceback", run.stdout)
+                self.assertEqual(run.returncode, 1)
 
 
 if __name__ == "__main__":
