@@ -121,19 +121,3 @@ def test_what_is_no_motion_is_told(words, changes):
         arrays[name] = value
     with pytest.raises(MotionError, match=words):
         Trajectory(**arrays)
-
-
-def test_a_part_begins_at_zero_and_a_part_without_samples_is_told():
-    motion = Trajectory(np.arange(10.0), NAMES, np.arange(20.0).reshape(10, 2))
-    part = motion.between(2.5, 5.0)
-    assert part.times.tolist() == [0.0, 1.0, 2.0]
-    assert part.positions[:, 0].tolist() == [6.0, 8.0, 10.0]
-    with pytest.raises(MotionError, match="lasts 9 s"):
-        motion.between(20.0, 30.0)
-
-
-def test_a_motion_that_is_moved_keeps_its_joints():
-    motion = random_motion(8)
-    moved = motion.moved(np.array([0.0, 0.0, 0.5]))
-    np.testing.assert_allclose(moved.base_poses[:, 2] - motion.base_poses[:, 2], 0.5)
-    np.testing.assert_array_equal(moved.positions, motion.positions)

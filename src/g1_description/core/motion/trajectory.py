@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -87,42 +87,6 @@ class Trajectory:
     def duration(self) -> float:
         """Time from zero to the last sample, in [s]."""
         return float(self.times[-1])
-
-    def between(self, begin: float, end: float) -> Trajectory:
-        """Cut out the samples of an interval, which begins at time zero then.
-
-        Args:
-            begin: In [s].
-            end: In [s].
-
-        Raises:
-            MotionError: If no sample is in it.
-        """
-        inside = (self.times >= begin) & (self.times <= end)
-        if not inside.any():
-            raise MotionError(
-                f"The motion has no sample from {begin:g} to {end:g} s; it lasts "
-                f"{self.duration:g} s."
-            )
-        return replace(
-            self,
-            times=self.times[inside] - self.times[inside][0],
-            positions=self.positions[inside],
-            velocities=None if self.velocities is None else self.velocities[inside],
-            base_poses=None if self.base_poses is None else self.base_poses[inside],
-        )
-
-    def moved(self, offset: np.ndarray) -> Trajectory:
-        """Move the base of all samples, where the motion has one.
-
-        Args:
-            offset: Along the map's axes in [m], shape (3,).
-        """
-        if self.base_poses is None:
-            return self
-        poses = self.base_poses.copy()
-        poses[:, :3] += offset
-        return replace(self, base_poses=poses)
 
 
 def _normalized(poses: np.ndarray) -> np.ndarray:
