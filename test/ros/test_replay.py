@@ -63,7 +63,8 @@ class TestReplay(unittest.TestCase):
                 position, velocity = elbows[stamp]
                 self.assertAlmostEqual(position, -y / SPEED, delta=1e-9)
                 is_moving = 0.0 < y < SPEED
-                self.assertAlmostEqual(velocity, -1.0 if is_moving else 0.0, delta=1e-9)
+                # The motion's own is -1 rad/s, and it is shown at half its speed.
+                self.assertAlmostEqual(velocity, -0.5 if is_moving else 0.0, delta=1e-9)
                 compared, moving = compared + 1, moving + is_moving
         self.assertGreater(moving, 20)
         self.assertGreater(compared, moving)

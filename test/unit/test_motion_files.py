@@ -282,8 +282,59 @@ def claims(shape):
     return file.getvalue()
 
 
+HEADER = "{{'descr': '<f8', 'fortran_order': False, 'shape': {}, }}"
 ROW = ",".join(["0", "0", "0.8", "0", "0", "0", "1", *["0.1"] * 29])
+
+
+def npz_with(header):
+    """Make an npz whose array has this header."""
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w") as archive:
+        text = header.encode().ljust(118) + b"\n"
+        magic = b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little")
+        archive.writestr("dof_pos.npy", magic + text + bytes(80))
+    return file.getvalue()
+
+
+def nested(depth):
+    """Make lists whose flat form has ten to the depth numbers, from few objects."""
+    found = [1.0] * 10
+    for _ in range(depth):
+        found = [found] * 10
+    return found
+
+
+def yaml_nested(depth):
+    """Make the same in YAML, as the name of a joint."""
+    lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
+    for n in range(depth):
+        lines.append(f"a{n + 1}: &a{n + 1} [{', '.join([f'*a{n}'] * 10)}]")
+    return "\n".join([*lines, f"joint_names: [*a{depth}]", "points: []"])
+
+
+TWO_BODIES = {
+    "fps": 50,
+    "joint_pos": np.zeros((3, 29)),
+    "body_pos_w": np.full((3, 30, 3), np.nan),
+    "body_quat_w": np.tile([1.0, 0, 0, 0], (3, 30, 1)),
+}
 BAD = {
+    "body nan": (lambda: npz(**TWO_BODIES), "body_pos_w has numbers that are not fin"),
+    "header": (lambda: npz_with("{'descr': ("), "npz file is damaged|damaged header"),
+    "negative two": (lambda: npz_with(HEADER.format("(-1, -5)")), "damaged|should"),
+    "large": (lambda: npz_with(HEADER.format(f"(0, {2**70})")), "damaged|should have"),
+    "alias": (
+        lambda: pickle.dumps({**gmr(), "dof_pos": nested(9)}),
+        "holds no numbers",
+    ),
+    "ragged": (
+        lambda: pickle.dumps({**gmr(), "dof_pos": [[1], 2]}),
+        "holds no numbers",
+    ),
+    "names": (lambda: yaml_nested(9), "no list of names"),
+    "tag": ("joint_names: [a]\npoints: !!bool x\n", "cannot be read"),
+    "long": (ECHO.replace("secs: 2", f"secs: 1{'0' * 400}"), "no time_from_start"),
+    "nothing": ("time\n0\n1\n", "neither joints nor a base"),
     "empty": ("", "is empty"),
     "words": ("hello world\n", "Line 1"),
     "binary": (b"\xff\xfe\x00\x01" * 100, "Line 1 is no text"),

@@ -18,6 +18,7 @@ from g1_description.ros.apps.pictures.picture_files import (  # noqa: E402
     write_film,
     write_picture,
 )
+from g1_description.ros.apps.pictures.video import write_video  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
 ELBOW = "left_elbow_joint"
@@ -63,6 +64,7 @@ def last_line(run):
         (["a.png", "--motion", MOTION, "--model", TREE], "none of the motion's joints"),
         (["a.png", "--motion", MOTION, "--times", "0,9"], "has no time 9 s; it lasts"),
         (["a.png", "--motion", MOTION, "--times", "0,x"], "'x' is not a number"),
+        (["a.mp4", "--motion", MOTION, "--fps", "0"], "--fps 0, only more than 0"),
         (["a.gif", "--motion", MOTION, "--times", "0"], "--times goes with a picture"),
         (
             ["a.png", "--motion", MOTION, "--motion-fps", "0"],
@@ -147,6 +149,32 @@ def test_a_motion_is_filmed_as_mp4(tmp_path):
     assert len(shots) == 4
     dark = [np.argwhere(shot.sum(axis=2) < 250)[:, 1].mean() for shot in shots]
     assert np.diff(dark).min() > 2.0
+
+
+@pytest.mark.parametrize(
+    ("program", "words"),
+    [
+        ('for film; do :; done; echo part > "$film"; cat > /dev/null', None),
+        ('for film; do :; done; echo part > "$film"; echo full >&2; exit 1', "full"),
+        ("exit 3", "it ended with 3"),
+    ],
+)
+def test_a_film_that_ffmpeg_cannot_write_leaves_what_was_there(
+    tmp_path, monkeypatch, program, words
+):
+    ffmpeg = tmp_path / "ffmpeg"
+    ffmpeg.write_text(f"#!/bin/sh\n{program}\n")
+    ffmpeg.chmod(0o755)
+    monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", str(ffmpeg))
+    out = tmp_path / "a.mp4"
+    out.write_text("old")
+    if words is None:
+        write_video(out, frames(3), (30, 20), 10.0)
+        assert out.read_text() == "part\n"
+        return
+    with pytest.raises(InvalidValueError, match=f"cannot write a.mp4: {words}"):
+        write_video(out, frames(3), (30, 20), 10.0)
+    assert out.read_text() == "old"
 
 
 def frames(n):

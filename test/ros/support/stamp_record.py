@@ -4,16 +4,14 @@ import os
 import re
 import signal
 import subprocess
-import sys
 import tempfile
-from xmlrpc.client import ServerProxy
 
 import rosgraph
 from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
-from .ros_testing import DEADLINE, Listener, uri_of, wait_for
+from .ros_testing import DEADLINE, Listener, wait_for
 
 SECOND = 1_000_000_000
 """[ns]"""
@@ -22,40 +20,18 @@ JUMP = SECOND // 2
 TROUBLE = re.compile(r"TF_(?:REPEATED|OLD)_DATA .* for frame (\S+) at time ([\d.]+)")
 NOTICED = "Detected jump back in time"
 """What a listener to TF says when it forgets the frames of before a reset."""
-LISTENER = """
-import rospy, tf2_ros
-rospy.init_node("listener", anonymous=True)
-listener = tf2_ros.TransformListener(tf2_ros.Buffer())
-rospy.spin()
-"""
 LISTENERS = {
     "tf_echo": ["rosrun", "tf", "tf_echo", "map", "pelvis"],
     "tf_monitor": ["rosrun", "tf", "tf_monitor"],
-    "rospy": [sys.executable, "-c", LISTENER],
 }
-"""Programs that listen to TF with its C++ core, each in its own way."""
+"""Programs that listen to TF, each in its own way. None of them is a rospy node: in a
+hurry rospy connects twice, and what is sent until it notices comes twice."""
 
 
 def subscribers(topic):
     """Count who listens to a topic."""
     _, subscribed, _ = rosgraph.Master("/test").getSystemState()
     return len(dict(subscribed).get(topic, ()))
-
-
-def are_connected_once(topic):
-    """Return whether each that listens to a topic has one connection to each sender.
-
-    In a hurry rospy connects twice, and what is sent until it notices comes twice.
-    """
-    published, _, _ = rosgraph.Master("/test").getSystemState()
-    wanted = subscribers(topic)
-    for node in dict(published).get(topic, ()):
-        with ServerProxy(uri_of(node)) as slave:
-            rows = slave.getBusInfo("/test")[2]
-        listeners = [row[1] for row in rows if row[2] == "o" and row[4] == topic]
-        if not len(listeners) == len(set(listeners)) == wanted:
-            return False
-    return True
 
 
 def splits(stamps):
@@ -85,21 +61,14 @@ class Others:
             f"those who listen to {topic}",
         )
 
-    def trouble(self, since=0.0):
+    def trouble(self):
         """List the frames and stamps that are complained of, by who does.
 
         What a listener says before it has noticed that time went back is left out: on
         a busy machine it may hear the new time only after transforms of it.
-
-        Args:
-            since: Stamps up to this one, in [s], are left out.
         """
         found = {
-            name: [
-                (frame, stamp)
-                for frame, stamp in TROUBLE.findall(text.rpartition(NOTICED)[2])
-                if float(stamp) > since
-            ]
+            name: TROUBLE.findall(text.rpartition(NOTICED)[2])
             for name, text in zip(LISTENERS, self._texts())
         }
         return {name: trouble for name, trouble in found.items() if trouble}

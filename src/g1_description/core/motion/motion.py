@@ -79,6 +79,8 @@ def fitted(motion: Motion, robot: Description) -> Motion:
     """
     own = [joint.name for joint in robot.movable_joints]
     names = motion.trajectory.joint_names
+    if not names and motion.trajectory.base_poses is None:
+        raise MotionError("The motion has neither joints nor a base.")
     unknown = [name for name in names if name not in own]
     if names and len(unknown) == len(names):
         raise MotionError(

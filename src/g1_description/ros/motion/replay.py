@@ -31,7 +31,7 @@ from g1_description.ros.node.parameters import check_range, read_parameters
 from g1_description.ros.wire.conversions import transform
 
 REST = 1.0
-"""Time between the end of a motion and its next beginning, in [s] of the motion."""
+"""Time between the end of a motion and its next beginning, in [s]."""
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ class Replay:
 
     def run(self) -> None:
         """Show the motion until the node is shut down."""
-        rate = rospy.Rate(self._parameters.publish_rate)
+        rate = rospy.Rate(self._parameters.publish_rate, reset=True)
         begin = rospy.Time.now()
         with quiet_when_closing():
             while not rospy.is_shutdown():
@@ -106,7 +106,9 @@ class Replay:
         if not self._parameters.loop:
             return time
         return self._trajectory.times[0] + (time - self._trajectory.times[0]) % (
-            self._trajectory.duration - self._trajectory.times[0] + REST
+            self._trajectory.duration
+            - self._trajectory.times[0]
+            + REST * self._parameters.speed
         )
 
     def _show(self, stamp: rospy.Time, time: float) -> None:
@@ -125,7 +127,7 @@ class Replay:
         position, velocity = np.zeros(len(self._names)), np.zeros(len(self._names))
         position[self._columns], velocity[self._columns] = (
             found.positions,
-            found.velocities,
+            self._parameters.speed * found.velocities,
         )
         message.position, message.velocity = position.tolist(), velocity.tolist()
         return message

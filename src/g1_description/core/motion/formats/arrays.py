@@ -33,6 +33,9 @@ READ = (*TRACKED, "joint_vel", *RETARGETED[1:])
 ELSEWHERE = 0.002
 """Bodies farther than this from where the robot has them are told, in [m]."""
 
+MAX_SIZE = 12_000_000
+"""Most numbers of an array: half an hour of 30 bodies at 60 Hz."""
+
 N_COMPARED = 5
 """Samples whose bodies are compared with the robot's."""
 
@@ -48,9 +51,10 @@ def motion_of_arrays(found: Mapping[str, Any], robot: Description) -> Motion:
         MotionError: If names, shapes or numbers are others.
     """
     if all(name in found for name in TRACKED):
-        return _tracked({name: _numbers(found, name) for name in READ}, robot)
+        names = (*TRACKED, "joint_vel")
+        return _tracked({name: _numbers(found, name) for name in names}, robot)
     if all(name in found for name in RETARGETED):
-        return _retargeted({name: _numbers(found, name) for name in READ}, robot)
+        return _retargeted({name: _numbers(found, name) for name in RETARGETED}, robot)
     raise MotionError(
         f"The file has {listed(map(str, found)) or 'nothing'}; a motion has "
         f"{listed(TRACKED)}, or {listed(RETARGETED)}."
@@ -61,10 +65,20 @@ def _numbers(found: Mapping[str, Any], name: str) -> np.ndarray | None:
     """Read an array of numbers; None if there is none."""
     if found.get(name) is None:
         return None
-    array = np.asarray(found[name])
+    value = found[name]
+    if not isinstance(value, (np.ndarray, np.generic, int, float)):
+        raise MotionError(f"{name} holds no numbers.")
+    array = np.asarray(value)
     if array.dtype.kind not in "fiu":
         raise MotionError(f"{name} holds no numbers.")
-    return array.astype(float)
+    if array.size > MAX_SIZE:
+        raise MotionError(
+            f"{name} has {array.size} numbers; a motion has at most {MAX_SIZE}."
+        )
+    array = array.astype(float)
+    if not np.isfinite(array).all():
+        raise MotionError(f"{name} has numbers that are not finite.")
+    return array
 
 
 def _times(arrays: Mapping[str, Any], n_samples: int) -> np.ndarray:
@@ -110,7 +124,10 @@ def _tracked(arrays: dict[str, Any], robot: Description) -> Motion:
         Trajectory(times, order, positions, velocities, base) for order in orders
     ]
     if len(motions) == 1:
-        return Motion(motions[0])
+        note = (
+            "The order of the joints is unknown: that of the robot's file is assumed."
+        )
+        return Motion(motions[0], (note,))
     errors = [_deviation(motion, base, places, robot) for motion in motions]
     best = int(np.argmin(errors))
     notes = ["The joints are in the order of Isaac Lab."] if best else []

@@ -21,6 +21,9 @@ MAX_MEMO = 1_000_000
 room up to there."""
 
 
+MAX_TEXT = 50_000_000
+"""Longest bytes of an array in a pickle of protocol 2."""
+
 _PUTS = ("PUT", "BINPUT", "LONG_BINPUT")
 
 
@@ -28,7 +31,9 @@ class _Dtype:
     """Stands for a type of numbers."""
 
     def __init__(self, name: str, *_: Any) -> None:
-        self.dtype = np.dtype(str(name))
+        if type(name) is not str:
+            raise pickle.UnpicklingError("it has a type that is no text")
+        self.dtype = np.dtype(name)
         if self.dtype.kind not in "fiub":
             raise pickle.UnpicklingError(f"it has an array of {self.dtype}")
 
@@ -41,8 +46,10 @@ class _Dtype:
 class _Array:
     """Stands for an array until its content comes."""
 
+    array = np.empty(0)
+
     def __init__(self, *_: Any) -> None:
-        self.array = np.empty(0)
+        """Forget the size that the pickle names first."""
 
     def __setstate__(self, state: tuple) -> None:
         """Take shape, type, order and bytes."""
@@ -63,7 +70,14 @@ def _scalar(kind: _Dtype, content: bytes) -> Any:
     return np.frombuffer(content, kind.dtype, 1)[0]
 
 
-_ALLOWED = {
+def _encoded(text: str, encoding: str = "latin1") -> bytes:
+    """Make bytes, which protocol 2 has as text."""
+    if type(text) is not str or len(text) > MAX_TEXT:
+        raise pickle.UnpicklingError("it has too much to encode")
+    return text.encode("latin1")
+
+
+_ALLOWED: dict[tuple[str, str], Any] = {
     **{
         (f"numpy.{core}.multiarray", name): value
         for core in ("core", "_core")
@@ -75,8 +89,8 @@ _ALLOWED = {
     },
     ("numpy", "ndarray"): "numpy.ndarray",
     ("numpy", "dtype"): _Dtype,
-    ("collections", "OrderedDict"): collections.OrderedDict,
-    ("_codecs", "encode"): lambda text, encoding="latin1": text.encode("latin1"),
+    ("collections", "OrderedDict"): lambda: collections.OrderedDict(),
+    ("_codecs", "encode"): _encoded,
 }
 """What a pickle may name, and what it gets."""
 

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import io
 import zipfile
-import zlib
 from collections.abc import Collection
 
 import numpy as np
 
 from g1_description.core.errors import MotionError
 
-MAX_BYTES = 200_000_000
+MAX_BYTES = 100_000_000
 """No array of a motion has more, in bytes."""
 
 MAX_HEADER = 65_536
@@ -42,8 +41,12 @@ def read_npz(data: bytes, wanted: Collection[str]) -> dict[str, np.ndarray | Non
                 name: _array(archive, info, name) if name in wanted else None
                 for name, info in _members(archive).items()
             }
-    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError) as error:
-        raise MotionError(f"The npz file is damaged: {error}.") from error
+    except MotionError:
+        raise
+    # Whatever a damaged file makes zipfile and numpy raise.
+    except Exception as error:
+        problem = (str(error) or type(error).__name__).splitlines()[0][:200]
+        raise MotionError(f"The npz file is damaged: {problem}.") from error
 
 
 def _members(archive: zipfile.ZipFile) -> dict[str, zipfile.ZipInfo]:

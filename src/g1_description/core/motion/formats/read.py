@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import stat
 from pathlib import Path
 
@@ -72,6 +73,6 @@ def _read(data: bytes, robot: Description, rate: float | None) -> Motion:
         raise MotionError(
             f"Line {line} is no text, and the file no npz or pickle either."
         ) from error
-    if "joint_names:" in text[:10_000]:
+    if re.search(r"^joint_names:", text[:10_000], re.MULTILINE):
         return read_trajectory_yaml(text)
     return read_table(text, robot, rate)

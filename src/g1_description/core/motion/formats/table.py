@@ -45,16 +45,19 @@ def read_table(text: str, robot: Description, rate: float | None) -> Motion:
         raise MotionError("The file is empty.")
     names = [name.strip() for name in _fields(number, first, None)]
     if _is_number(names[0]):
-        return _headless(text, len(names), robot, rate)
+        return _headless(text, (number, len(names)), robot, rate)
     return _headed(rows, number, names)
 
 
-def _headless(text: str, width: int, robot: Description, rate: float | None) -> Motion:
-    """Read a table without a header."""
+def _headless(
+    text: str, first: tuple[int, int], robot: Description, rate: float | None
+) -> Motion:
+    """Read a table without a header, whose first line has this number and width."""
+    number, width = first
     if width <= len(BASE):
         raise MotionError(
-            f"Line 1 has {width} columns; x y z, the quaternion x y z w and joints "
-            "are expected."
+            f"Line {number} has {width} columns; x y z, the quaternion x y z w and "
+            "joints are expected."
         )
     joints = names_of_columns(width - len(BASE), robot)
     values = _numbers(_rows(text), width)

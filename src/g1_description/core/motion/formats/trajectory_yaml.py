@@ -5,11 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from ruamel.yaml import YAML, YAMLError
+from ruamel.yaml import YAML
 
+from g1_description.core.bounds import MAX_VALUE
 from g1_description.core.errors import MotionError
 from g1_description.core.motion.motion import Motion
 from g1_description.core.motion.trajectory import Trajectory
+
+MAX_JOINTS = 1000
 
 MAX_TEXT = 5_000_000
 """Longest text, in characters: reading takes a second per million."""
@@ -30,13 +33,17 @@ def read_trajectory_yaml(text: str) -> Motion:
     if not isinstance(message, dict) or "points" not in message:
         raise MotionError("The text is no JointTrajectory: it has no points.")
     names = _list(message.get("joint_names"), "joint_names")
+    if not all(type(name) is str for name in names) or len(names) > MAX_JOINTS:
+        raise MotionError("The trajectory has no list of names as joint_names.")
     points = _list(message["points"], "points")
+    if len(points) * len(names) > len(text):
+        raise MotionError("The trajectory has more points than the text has numbers.")
     if not points or not all(isinstance(point, dict) for point in points):
         raise MotionError("The trajectory has no points.")
     return Motion(
         Trajectory(
             np.array([_time(point, number) for number, point in enumerate(points, 1)]),
-            tuple(map(str, names)),
+            tuple(names),
             np.array(_columns(points, "positions", len(names))),
             _velocities(points, len(names)),
         )
@@ -47,10 +54,12 @@ def _message(text: str) -> Any:
     """Read the first document."""
     try:
         return next(iter(YAML(typ="safe").load_all(text)), None)
-    except (YAMLError, RecursionError, ValueError) as error:
+    # Values that do not fit their tags raise whatever their conversion raises.
+    except Exception as error:
         mark = getattr(error, "problem_mark", None)
         where = f"Line {mark.line + 1}" if mark else "The text"
-        problem = str(getattr(error, "problem", None) or error).splitlines()[0]
+        found = str(getattr(error, "problem", None) or error) or type(error).__name__
+        problem = found.splitlines()[0][:200]
         raise MotionError(f"{where} cannot be read: {problem}.") from error
 
 
@@ -64,10 +73,11 @@ def _list(value: Any, what: str) -> list:
 def _time(point: dict, number: int) -> float:
     """Read when a point is, in [s]."""
     found = point.get("time_from_start")
-    seconds = found.get("secs") if isinstance(found, dict) else None
-    rest = found.get("nsecs") if isinstance(found, dict) else None
-    if not isinstance(seconds, int) or not isinstance(rest, int):
+    found = found if isinstance(found, dict) else {}
+    parts: list[Any] = [found.get(part) for part in ("secs", "nsecs")]
+    if not all(type(part) is int and abs(part) <= MAX_VALUE for part in parts):
         raise MotionError(f"Point {number} has no time_from_start with secs and nsecs.")
+    seconds, rest = parts
     return (seconds * 1_000_000_000 + rest) / 1e9
 
 
@@ -80,7 +90,8 @@ def _columns(points: list[dict], what: str, width: int) -> list[list[float]]:
             raise MotionError(
                 f"Point {number} has {len(values)} {what}; there are {width} joints."
             )
-        if not all(type(value) in (int, float) for value in values):
+        fits = (type(v) in (int, float) and abs(v) <= MAX_VALUE for v in values)
+        if not all(fits):
             raise MotionError(f"Point {number} has {what} that are no numbers.")
         found.append(values)
     return found

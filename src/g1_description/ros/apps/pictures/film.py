@@ -37,7 +37,7 @@ def check_length(seconds: float, fps: float, size: tuple[int, int]) -> None:
     Raises:
         InvalidValueError: If it would be too long, too fast or too large.
     """
-    for name, value, most in (("seconds", seconds, LONGEST), ("fps", fps, FASTEST)):
+    for name, value, most in (("fps", fps, FASTEST), ("seconds", seconds, LONGEST)):
         if not 0.0 < value <= most:
             raise InvalidValueError(
                 f"A film cannot have --{name} {value:g}, only more than 0 and at most "

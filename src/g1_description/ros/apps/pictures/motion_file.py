@@ -45,16 +45,17 @@ def _times(args: argparse.Namespace, begin: float, motion: Motion) -> np.ndarray
     """Choose the times to draw, in [s] since the beginning."""
     end = motion.trajectory.duration
     if args.is_film:
-        seconds = end - begin if args.seconds is None else min(args.seconds, end)
-        seconds = max(seconds, 1.0 / args.fps)
+        whole = max(end - begin, 1.0 / args.fps)
+        seconds = whole if args.seconds is None else min(args.seconds, whole)
         check_length(seconds, args.fps, args.size)
         return begin + np.arange(count(seconds, args.fps)) / args.fps
     if args.times is None:
         return np.linspace(begin, end, SHEET if end > begin else 1)
-    wrong = [time for time in args.times if not 0.0 <= time <= end]
+    wrong = [time for time in args.times if not begin <= time <= end]
     if wrong:
         raise InvalidValueError(
-            f"The motion has no time {wrong[0]:g} s; it lasts {end:g} s."
+            f"The motion has no time {wrong[0]:g} s; it lasts from {begin:g} to "
+            f"{end:g} s."
         )
     return np.array(args.times)
 

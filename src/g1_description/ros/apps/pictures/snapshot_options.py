@@ -127,8 +127,8 @@ def parse(arguments: list[str]) -> argparse.Namespace:
     args.fps = 15.0 if args.fps is None else args.fps
     args.size = args.size or ((640, 480) if args.is_film else (1280, 960))
     check_place(args.out, FILMS if args.is_film else (".png",))
-    if args.is_film and args.seconds is not None:
-        check_length(args.seconds, args.fps, args.size)
+    if args.is_film:
+        check_length(1.0 if args.seconds is None else args.seconds, args.fps, args.size)
     return args
 
 

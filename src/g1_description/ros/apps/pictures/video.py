@@ -30,18 +30,38 @@ def write_video(
     """
     with tempfile.TemporaryDirectory() as folder:
         whole = Path(folder) / "film.mp4"
+        _encode(whole, pictures, size, rate, path.name)
+        write_whole(path, whole.read_bytes())
+
+
+def _encode(
+    whole: Path,
+    pictures: Iterable[np.ndarray],
+    size: tuple[int, int],
+    rate: float,
+    name: str,
+) -> None:
+    """Let ffmpeg write a file; it is ended, whatever happens."""
+    command = [
+        *(imageio_ffmpeg.get_ffmpeg_exe(), "-loglevel", "error", "-y"),
+        *("-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{size[0]}x{size[1]}"),
+        *("-r", f"{rate}", "-i", "-", "-c:v", "libx264", "-pix_fmt", "yuv420p"),
+        str(whole),
+    ]
+    with tempfile.TemporaryFile() as errors, subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=errors
+    ) as encoder:
         try:
-            writer = imageio_ffmpeg.write_frames(
-                str(whole), size, fps=rate, codec="libx264", macro_block_size=2
-            )
-            writer.send(None)
             for picture in pictures:
-                writer.send(np.ascontiguousarray(picture))
-            writer.close()
-            content = whole.read_bytes()
-        except (OSError, RuntimeError, subprocess.SubprocessError) as error:
-            problem = str(error).strip().splitlines()[-1]
-            raise InvalidValueError(
-                f"ffmpeg cannot write {path.name}: {problem}."
-            ) from error
-    write_whole(path, content)
+                encoder.stdin.write(np.ascontiguousarray(picture).tobytes())
+            encoder.stdin.close()
+        except BrokenPipeError:  # it has ended, and said why
+            pass
+        except BaseException:
+            encoder.kill()
+            raise
+        if encoder.wait() or not whole.exists():
+            errors.seek(0)
+            lines = errors.read().decode("utf-8", "replace").strip().splitlines()
+            problem = lines[-1] if lines else f"it ended with {encoder.returncode}"
+            raise InvalidValueError(f"ffmpeg cannot write {name}: {problem}.")
