@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import subprocess
 import tempfile
 from collections.abc import Iterable
@@ -54,12 +55,14 @@ def _encode(
         try:
             for picture in pictures:
                 encoder.stdin.write(np.ascontiguousarray(picture).tobytes())
-            encoder.stdin.close()
         except BrokenPipeError:  # it has ended, and said why
             pass
         except BaseException:
             encoder.kill()
             raise
+        finally:
+            with contextlib.suppress(BrokenPipeError):
+                encoder.stdin.close()
         if encoder.wait() or not whole.exists():
             errors.seek(0)
             lines = errors.read().decode("utf-8", "replace").strip().splitlines()
