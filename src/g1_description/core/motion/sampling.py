@@ -50,9 +50,9 @@ def sample(trajectory: Trajectory, times: np.ndarray | float) -> Sample:
         bit; the velocities there are those of what follows.
     """
     found = np.asarray(times, dtype=float)
-    first, share, moves = _segments(trajectory.times, found)
-    last = np.minimum(first + 1, len(trajectory.times) - 1)
-    gaps = np.where(moves, trajectory.times[last] - trajectory.times[first], 1.0)
+    first, last, gaps, moves = _segments(trajectory.times, found)
+    elapsed = found - trajectory.times[first]
+    share = np.where(moves & (elapsed > SNAP), elapsed, 0.0) / gaps
     positions, velocities = _joints(trajectory, first, last, share, gaps)
     velocities = np.where(moves[..., np.newaxis], velocities, 0.0)
     if trajectory.base_poses is None:
@@ -66,21 +66,18 @@ def sample(trajectory: Trajectory, times: np.ndarray | float) -> Sample:
 
 def _segments(
     knots: np.ndarray, times: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Find where times are among those of the samples.
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Find between which samples times are.
 
     Returns:
-        The sample at or before each time, how far on the way to the next one it is,
-        from 0 to 1, and whether the motion moves then.
+        The sample at or before each time and the one after it, the time between them
+        in [s], 1 where there is none, and whether the motion moves then.
     """
     first = np.searchsorted(knots, times + SNAP, side="right") - 1
     moves = (first >= 0) & (first < len(knots) - 1)
     first = np.clip(first, 0, len(knots) - 1)
-    after = np.minimum(first + 1, len(knots) - 1)
-    elapsed = times - knots[first]
-    elapsed = np.where(moves & (elapsed > SNAP), elapsed, 0.0)
-    gaps = np.where(moves, knots[after] - knots[first], 1.0)
-    return first, elapsed / gaps, moves
+    last = np.minimum(first + 1, len(knots) - 1)
+    return first, last, np.where(moves, knots[last] - knots[first], 1.0), moves
 
 
 def _joints(

@@ -102,14 +102,11 @@ class Replay:
 
     def _time(self, elapsed: float) -> float:
         """Find the time of the motion to show, in [s]."""
-        time = self._trajectory.times[0] + elapsed * self._parameters.speed
-        if not self._parameters.loop:
-            return time
-        return self._trajectory.times[0] + (time - self._trajectory.times[0]) % (
-            self._trajectory.duration
-            - self._trajectory.times[0]
-            + REST * self._parameters.speed
-        )
+        begin, speed = self._trajectory.times[0], self._parameters.speed
+        time = elapsed * speed
+        if self._parameters.loop:
+            time %= self._trajectory.duration - begin + REST * speed
+        return begin + time
 
     def _show(self, stamp: rospy.Time, time: float) -> None:
         """Publish the configuration at a time of the motion."""

@@ -67,8 +67,8 @@ def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo, name: str) -> np.nda
             f"The array {name} has {info.file_size / 1e6:.0f} MB; a motion's has at "
             f"most {MAX_BYTES / 1e6:.0f} MB."
         )
-    with archive.open(info) as member:
-        head = io.BytesIO(member.read(MAX_HEADER))
+    content = archive.read(info)
+    head = io.BytesIO(content[:MAX_HEADER])
     try:
         read = _READERS[np.lib.format.read_magic(head)]
         shape, is_fortran, dtype = read(head)
@@ -79,13 +79,10 @@ def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo, name: str) -> np.nda
     size = dtype.itemsize
     for length in shape:
         size *= int(length)
-    if size != info.file_size - head.tell():
+    if size != len(content) - head.tell():
         raise MotionError(
             f"The array {name} should have {size} bytes by its header and has "
-            f"{info.file_size - head.tell()}."
+            f"{len(content) - head.tell()}."
         )
-    with archive.open(info) as member:
-        content = member.read(info.file_size)[head.tell() :]
-    return np.frombuffer(content, dtype).reshape(
-        shape, order="F" if is_fortran else "C"
-    )
+    array = np.frombuffer(content, dtype, offset=head.tell())
+    return array.reshape(shape, order="F" if is_fortran else "C")

@@ -8,7 +8,7 @@ joints, as in the LAFAN1 retargeting set of the G1. With one, its columns are na
 from __future__ import annotations
 
 from array import array
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -82,13 +82,19 @@ def _headed(rows: Iterator[tuple[int, str]], number: int, names: list[str]) -> M
             f"Line {number} names {listed(names)}, but not {listed(missing)}."
         )
     values = _numbers(rows, len(names))
-    columns = {name: values[:, number] for number, name in enumerate(names)}
-    joints = tuple(name for name in names if name not in (TIME, *BASE))
-    positions = np.empty((len(values), len(joints)))
-    for index, joint in enumerate(joints):
-        positions[:, index] = columns[joint]
-    poses = np.stack([columns[name] for name in BASE], axis=1) if base else None
-    return Motion(Trajectory(columns[TIME], joints, positions, base_poses=poses))
+    joints = [name for name in names if name not in (TIME, *BASE)]
+
+    def columns(wanted: Sequence[str]) -> np.ndarray:
+        return values[:, [names.index(name) for name in wanted]]
+
+    return Motion(
+        Trajectory(
+            values[:, names.index(TIME)],
+            tuple(joints),
+            columns(joints),
+            base_poses=columns(BASE) if base else None,
+        )
+    )
 
 
 def _rows(text: str) -> Iterator[tuple[int, str]]:
