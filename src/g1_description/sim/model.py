@@ -10,6 +10,7 @@ import numpy as np
 
 from g1_description.core.bounds import MAX_VALUE
 from g1_description.core.errors import InvalidValueError
+from g1_description.core.motion.playlist import Setpoint
 from g1_description.core.robot.assembly import Assembly
 from g1_description.core.rotation import cross, rotate
 from g1_description.core.transform import compose, inverse
@@ -190,6 +191,15 @@ class Model(Structure):
         self.velocity[rows] = 0.0
         self.poses = self.kinematics.link_poses(self.root_poses, self.position)
         self.twists[self.kinematics.links_below(rows)] = 0.0
+
+    def set_moving(self, wanted: Setpoint) -> None:
+        """Set joints and base while they are on their way."""
+        self.position[wanted.rows] = self.target[wanted.rows] = wanted.positions
+        self.velocity[wanted.rows] = wanted.velocities
+        if wanted.base_pose is not None:
+            self.root_poses[0] = wanted.base_pose
+            self.root_twists[0] = wanted.base_twist
+        self._update_links()
 
     def set_joint(self, row: int, position: float, velocity: float) -> None:
         """Set position and velocity of a joint, the position inside its limits.

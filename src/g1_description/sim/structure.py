@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -127,6 +128,11 @@ class Structure:
     def joint_row(self, name: str) -> int | None:
         """Return the row of a movable joint, None for any other name."""
         return self._joint_rows.get(name)
+
+    def joint_rows(self, names: Iterable[str]) -> list[int]:
+        """Return the rows of those names that are movable joints."""
+        rows = map(self._joint_rows.get, names)
+        return [row for row in rows if row is not None]
 
     def replace_link(self, link: Link) -> None:
         """Replace a link by one of another mass; joints and shapes are the same.

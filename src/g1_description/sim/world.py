@@ -19,6 +19,7 @@ from g1_description.core.sdf.world import EMPTY_WORLD, Sdf, read_sdf
 from g1_description.core.transform import compose
 from g1_description.sim.bullet.create_body import check_size
 from g1_description.sim.bullet.engine import Engine
+from g1_description.sim.motion.motions import Motions
 
 from .contents import Contents
 from .entities import Frame, JointEntity, LinkEntity
@@ -57,6 +58,8 @@ class World(Contents):
         self._engine = Engine(physics, properties or PhysicsProperties())
         self.forces = ForceSchedule(self.is_dynamic)
         """Wrenches and efforts that act or will act."""
+        self.motions = Motions(self._engine)
+        """Motions that models go through or will go through."""
         content = content or read_sdf(EMPTY_WORLD)
         self.time_ns = round(content.time * 1e9)
         """Simulated time in [ns]."""
@@ -134,6 +137,7 @@ class World(Contents):
         """
         model = self.model(name)
         self.forces.forget(model)
+        self.motions.forget(model)
         self._engine.remove(name)
         del self.models[name]
         self._forget_names()
@@ -141,6 +145,7 @@ class World(Contents):
     def step(self) -> None:
         """Compute one time step."""
         self.time_ns += self.properties.step_ns
+        self.motions.step(self.time_ns)
         if self.is_dynamic:
             self.forces.apply(self._engine, self.time_ns)
             self._engine.step()
@@ -162,6 +167,7 @@ class World(Contents):
         model = self.model(name)
         report = model.set_positions(positions)
         self._write_joints(model, report.changed)
+        self.motions.release(model, model.joint_rows(positions))
         return report
 
     def set_model_state(
@@ -180,7 +186,8 @@ class World(Contents):
         T_world_frame = frame.pose
         turned = rotate(T_world_frame[3:], twist.reshape(2, 3)).reshape(6)
         model.set_state(compose(T_world_frame, pose), turned * self.is_dynamic)
-        self._write(model)
+        self.motions.release(model, base=True)
+        self._engine.write(model)
 
     def set_root_state(
         self, model: Model, pose: np.ndarray, twist: np.ndarray, tree: int = 0
@@ -196,7 +203,8 @@ class World(Contents):
             tree: Which of the model's trees.
         """
         model.set_root_state(pose, twist * self.is_dynamic, tree)
-        self._write(model)
+        self.motions.release(model, base=tree == 0)
+        self._engine.write(model)
 
     def set_link_state(
         self, entity: LinkEntity, pose: np.ndarray, twist: np.ndarray
@@ -220,13 +228,10 @@ class World(Contents):
             self.set_root_state(model, pose, twist, model.tree_below(entity.row) or 0)
             return None
         placed = place_link(entity, joint, pose, twist * self.is_dynamic)
-        self._write_joints(model, [model.joint_names.index(placed.joint)])
+        rows = model.joint_rows([placed.joint])
+        self.motions.release(model, rows)
+        self._write_joints(model, rows)
         return placed
-
-    def _write(self, model: Model) -> None:
-        """Write a model's pose, joints and velocities to its bodies."""
-        for body in self._engine.teleported(model):
-            body.write()
 
     def _write_joints(self, model: Model, rows: Iterable[int]) -> None:
         """Write some of a model's movable joints to its bodies."""
@@ -275,8 +280,9 @@ class World(Contents):
     def reset_models(self) -> None:
         """Return all models to where they were spawned, at rest; joints stay."""
         for model in self.models.values():
+            self.motions.forget(model)
             model.return_home()
-            self._write(model)
+            self._engine.write(model)
 
     def reset(self) -> None:
         """Return to time zero, with models and joints as spawned and no forces.
@@ -285,6 +291,7 @@ class World(Contents):
         """
         self.time_ns = 0
         self.forces = ForceSchedule(self.is_dynamic)
+        self.motions = Motions(self._engine)
         for model in self.models.values():
             model.reset()
         self._engine.rebuild(self.models.values())

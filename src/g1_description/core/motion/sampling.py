@@ -2,7 +2,8 @@
 
 Joints follow cubic Hermite polynomials where the motion has velocities, else straight
 lines; the base moves in straight lines and turns at a constant rate about one axis
-between two samples (slerp). Before its beginning and after its end the motion rests.
+between two samples (slerp). Before its beginning and after its end the motion rests,
+but for the velocities of a single sample, which it has for ``SINGLE_TIME``.
 """
 
 from __future__ import annotations
@@ -54,7 +55,10 @@ def sample(trajectory: Trajectory, times: np.ndarray | float) -> Sample:
     elapsed = found - trajectory.times[first]
     share = np.where(moves & (elapsed > SNAP), elapsed, 0.0) / gaps
     positions, velocities = _joints(trajectory, first, last, share, gaps)
-    velocities = np.where(moves[..., np.newaxis], velocities, 0.0)
+    is_shown = moves
+    if len(trajectory.times) == 1:
+        is_shown = (elapsed > -SNAP) & (found < trajectory.rest_time)
+    velocities = np.where(is_shown[..., np.newaxis], velocities, 0.0)
     if trajectory.base_poses is None:
         return Sample(positions, velocities, None, None)
     begin, end = trajectory.base_poses[first], trajectory.base_poses[last]

@@ -11,6 +11,10 @@ from g1_description.core.errors import MotionError
 from g1_description.core.rotation import normalized
 from g1_description.core.text import listed
 
+SINGLE_TIME = 0.1
+"""How long a motion of a single sample has that sample's velocities, in [s]: who sends
+one sample after the other wants to see them, and who stops is at rest soon."""
+
 UNIT_TOLERANCE = 1e-12
 """A quaternion this near to unit length stays as it is."""
 
@@ -87,6 +91,12 @@ class Trajectory:
     def duration(self) -> float:
         """Time from zero to the last sample, in [s]."""
         return float(self.times[-1])
+
+    @property
+    def rest_time(self) -> float:
+        """Time from which on it rests at its last sample, in [s]."""
+        is_single = len(self.times) == 1 and self.velocities is not None
+        return self.duration + (SINGLE_TIME if is_single else 0.0)
 
 
 def _normalized(poses: np.ndarray) -> np.ndarray:

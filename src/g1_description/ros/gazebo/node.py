@@ -4,7 +4,7 @@ Publishes: /clock (rosgraph_msgs/Clock), ~link_states (gazebo_msgs/LinkStates),
     ~model_states (gazebo_msgs/ModelStates), ~world_state (gazebo_msgs/WorldState):
     at each step, while someone listens
 Subscribes: ~set_model_state (gazebo_msgs/ModelState), ~set_link_state
-    (gazebo_msgs/LinkState)
+    (gazebo_msgs/LinkState), ~set_model_trajectory (g1_description/ModelTrajectory)
 Services: those in the folder services, and dynamic_reconfigure's
 Parameters: those of parameters.GazeboParameters
 """
@@ -21,6 +21,7 @@ import rospy
 from gazebo_msgs.msg import LinkState, ModelState
 
 from g1_description.core.errors import G1DescriptionError, InvalidValueError
+from g1_description.msg import ModelTrajectory
 from g1_description.ros.gazebo.services.base import StatusMessages
 from g1_description.ros.gazebo.services.joints import JointServices
 from g1_description.ros.gazebo.services.lights import LightServices
@@ -28,8 +29,8 @@ from g1_description.ros.gazebo.services.links import LinkServices
 from g1_description.ros.gazebo.services.models import ModelServices
 from g1_description.ros.gazebo.services.physics import UNSETTABLE, PhysicsServices
 from g1_description.ros.gazebo.services.spawn import SpawnServices
-from g1_description.ros.gazebo.services.steps import StepServices
-from g1_description.ros.gazebo.services.time import TimeServices
+from g1_description.ros.gazebo.services.time import StepServices, TimeServices
+from g1_description.ros.gazebo.services.trajectories import TrajectoryServices
 from g1_description.ros.node.lifecycle import quiet_when_closing, start_node
 from g1_description.ros.node.loggers import answer_as_roscpp
 from g1_description.ros.node.parameters import read_parameters
@@ -79,9 +80,11 @@ class GazeboNode:
         self._log = ThrottledLog()
         models = ModelServices(world, messages)
         links = LinkServices(world, messages, self._log)
+        trajectories = TrajectoryServices(world, messages, self._stepper)
         for topic, kind, act in (
             ("~set_model_state", ModelState, models.apply_state),
             ("~set_link_state", LinkState, links.apply_state),
+            ("~set_model_trajectory", ModelTrajectory, trajectories.apply),
         ):
             # Each message counts: they may be of different models.
             rospy.Subscriber(
@@ -96,6 +99,7 @@ class GazeboNode:
             JointServices(world, messages),
             LightServices(world, messages),
             SpawnServices(world, messages),
+            trajectories,
             self._physics,
             TimeServices(world, messages, self._stepper),
             StepServices(world, messages, self._stepper),

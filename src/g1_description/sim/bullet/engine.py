@@ -45,6 +45,7 @@ class Engine:
         self.properties = properties
         self._client = connect()
         self._bodies: dict[str, tuple[Body, ...]] = {}
+        self._moved: dict[str, Model] = {}
         self._rest = RestDetector()
         self._begin()
 
@@ -80,6 +81,18 @@ class Engine:
         """Return a model's bodies for its links to be put elsewhere."""
         self._depenetration.expect_overlaps()
         return self.bodies(model)
+
+    def write(self, model: Model) -> None:
+        """Write a model's pose, joints and velocities to its bodies."""
+        for body in self.teleported(model):
+            body.write()
+
+    def note_moved(self, model: Model) -> None:
+        """Note that a model was put elsewhere in ``kinematic`` physics.
+
+        Its bodies, which are there for contacts only, follow where these are read.
+        """
+        self._moved[model.name] = model
 
     def add(self, model: Model) -> tuple[str, ...]:
         """Make the bodies of a model; if that fails, nothing is changed.
@@ -129,6 +142,7 @@ class Engine:
 
     def remove(self, name: str) -> None:
         """Remove a model's bodies, if it has any."""
+        self._moved.pop(name, None)
         self._rest.wake()
         self._remove(self._bodies.pop(name, ()))
 
@@ -156,6 +170,7 @@ class Engine:
             models: All models, in the state their bodies shall have.
         """
         self._client.resetSimulation()
+        self._moved.clear()
         self._begin()
         for model in models:
             self.add(model)
@@ -198,6 +213,9 @@ class Engine:
 
     def contacts(self) -> set[tuple[str, str]]:
         """Find which links touch or overlap now, as ``contacts.find_contacts``."""
+        for model in self._moved.values():
+            self.write(model)
+        self._moved.clear()
         self._sort()
         return find_contacts(self._client, self._by_number)
 

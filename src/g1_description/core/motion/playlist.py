@@ -1,0 +1,191 @@
+"""The motions that one robot is going through; of two for a joint the newer counts."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .sampling import SNAP, sample
+from .trajectory import Trajectory
+
+
+class Setpoint(NamedTuple):
+    """Where a motion wants a robot at one time."""
+
+    rows: np.ndarray
+    """Which of the robot's movable joints it moves, shape (n,)."""
+
+    positions: np.ndarray
+    """In [rad] or [m], shape (n,)."""
+
+    velocities: np.ndarray
+    """In [rad/s] or [m/s], shape (n,)."""
+
+    base_pose: np.ndarray | None = None
+    """Of the root link in the map, shape (7,); None where it is left alone."""
+
+    base_twist: np.ndarray | None = None
+    """Velocity of the root link's origin and its angular velocity, along the map's
+    axes, shape (6,); None with the pose."""
+
+
+class Playback:
+    """What is left of a motion: newer commands may have replaced some of it."""
+
+    def __init__(
+        self, joint_names: Sequence[str], trajectory: Trajectory, start_ns: int
+    ) -> None:
+        """Wait for the beginning.
+
+        Args:
+            joint_names: The robot's movable joints.
+            trajectory: The motion; joints that the robot does not have are ignored.
+            start_ns: When its times count from, in [ns].
+        """
+        self.start_ns = start_ns
+        self.has_begun = False
+        self.moves_base = trajectory.base_poses is not None
+        """Whether it moves the base."""
+        self._trajectory = trajectory
+        row_of = {name: row for row, name in enumerate(joint_names)}
+        names = trajectory.joint_names
+        own = [column for column, name in enumerate(names) if name in row_of]
+        self._columns = np.array(own, dtype=int)
+        self.rows = np.array([row_of[names[column]] for column in own], dtype=int)
+        """Which of the robot's movable joints it moves, shape (n,)."""
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing is left of it."""
+        return not (self.moves_base or len(self.rows))
+
+    def release(self, rows: Collection[int], base: bool) -> None:
+        """Leave joints, given by rows, and perhaps the base to another command."""
+        kept = ~np.isin(self.rows, np.array(list(rows), dtype=int))
+        self.rows, self._columns = self.rows[kept], self._columns[kept]
+        self.moves_base = self.moves_base and not base
+
+    def begin(self, time_ns: int, present: Setpoint) -> None:
+        """Begin, and go to the first sample from where the robot is.
+
+        Args:
+            time_ns: When it begins, in [ns].
+            present: Where all of the robot's joints, and its base, are then.
+        """
+        self.has_begun = True
+        elapsed = max(0.0, self._elapsed(time_ns))
+        if elapsed < self._trajectory.times[0]:
+            self._prepend(elapsed, present)
+
+    def _prepend(self, time: float, present: Setpoint) -> None:
+        """Put the present state of the robot before the first sample."""
+        old = self._trajectory
+        positions, velocities = old.positions[0].copy(), np.zeros(len(old.joint_names))
+        positions[self._columns] = present.positions[self.rows]
+        velocities[self._columns] = present.velocities[self.rows]
+        added: dict[str, Any] = {"times": np.append(time, old.times)}
+        added["positions"] = np.vstack([positions, old.positions])
+        if old.velocities is not None:
+            added["velocities"] = np.vstack([velocities, old.velocities])
+        if old.base_poses is not None and present.base_pose is not None:
+            added["base_poses"] = np.vstack([present.base_pose, old.base_poses])
+        self._trajectory = replace(old, **added)
+
+    def count(self, time_ns: int) -> int:
+        """Count the samples until a time in [ns]."""
+        times = self._trajectory.times
+        return int(np.searchsorted(times, self._elapsed(time_ns) + SNAP, side="right"))
+
+    def is_over(self, time_ns: int) -> bool:
+        """Return whether it is at its end, or beyond, at a time in [ns]."""
+        return self._elapsed(time_ns) >= self._trajectory.rest_time
+
+    def setpoint(self, time_ns: int) -> Setpoint:
+        """Compute where it wants the robot at a time in [ns]."""
+        found = sample(self._trajectory, self._elapsed(time_ns))
+        positions, velocities = found.positions, found.velocities
+        joints = positions[self._columns], velocities[self._columns]
+        if not self.moves_base:
+            return Setpoint(self.rows, *joints)
+        return Setpoint(self.rows, *joints, found.base_poses, found.base_twists)
+
+    def _elapsed(self, time_ns: int) -> float:
+        """Compute the time since the beginning, in [s]."""
+        return 1e-9 * (time_ns - self.start_ns)
+
+
+class Playlist:
+    """The motions under way, and those that wait for their beginning."""
+
+    def __init__(self, joint_names: Sequence[str]) -> None:
+        """Begin without any.
+
+        Args:
+            joint_names: The robot's movable joints.
+        """
+        self._joint_names = joint_names
+        self._playbacks: list[Playback] = []
+
+    def __bool__(self) -> bool:
+        """Return whether there is any."""
+        return bool(self._playbacks)
+
+    @property
+    def is_waiting(self) -> bool:
+        """Whether one waits for its beginning."""
+        return any(not one.has_begun for one in self._playbacks)
+
+    def add(self, trajectory: Trajectory, start_ns: int) -> Playback:
+        """Add a motion.
+
+        Args:
+            trajectory: The motion; joints that the robot does not have are ignored.
+            start_ns: When its times count from, in [ns].
+        """
+        playback = Playback(self._joint_names, trajectory, start_ns)
+        self._playbacks.append(playback)
+        return playback
+
+    def release(self, rows: Collection[int] = (), base: bool = False) -> None:
+        """Leave joints, given by rows, and perhaps the base to another command."""
+        self._release(self._playbacks, rows, base)
+
+    def clear(self) -> None:
+        """Forget all motions."""
+        self._playbacks = []
+
+    def begin(self, time_ns: int, present: Setpoint) -> None:
+        """Begin what is due, and take what it moves from what came before it.
+
+        Args:
+            time_ns: The time in [ns].
+            present: Where all of the robot's joints, and its base, are now.
+        """
+        for playback in [*self._playbacks]:
+            if playback.start_ns <= time_ns and not playback.has_begun:
+                playback.begin(time_ns, present)
+                older = self._playbacks[: self._playbacks.index(playback)]
+                self._release(older, playback.rows, playback.moves_base)
+
+    def moving(self) -> list[Playback]:
+        """List the motions under way."""
+        return [one for one in self._playbacks if one.has_begun]
+
+    def drop_over(self, time_ns: int) -> None:
+        """Forget what is over at a time in [ns]."""
+        self._playbacks = [
+            one
+            for one in self._playbacks
+            if not (one.has_begun and one.is_over(time_ns))
+        ]
+
+    def _release(
+        self, playbacks: Collection[Playback], rows: Collection[int], base: bool
+    ) -> None:
+        """Take joints and base from some motions, and forget those without any."""
+        for playback in playbacks:
+            playback.release(rows, base)
+        self._playbacks = [one for one in self._playbacks if not one.is_empty]

@@ -1,0 +1,1 @@
+"""Motions that models go through, step by step."""

@@ -1,0 +1,162 @@
+"""Motions that models go through, step by step."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import numpy as np
+
+from g1_description.core.errors import InvalidValueError, UnknownNameError
+from g1_description.core.motion.playlist import Playlist, Setpoint
+from g1_description.core.motion.trajectory import Trajectory
+from g1_description.sim.bullet.engine import Engine
+from g1_description.sim.model import Model, Report
+
+LIMIT_TOLERANCE = 1e-3
+"""How far a motion may take a joint beyond its limits, in [rad] or [m]: files round
+positions, and limits too."""
+
+
+class Motions:
+    """The motions of all models.
+
+    In ``kinematic`` physics they set joints and base at each step; in ``hold`` they
+    set what the motors hold, and the base is left to physics.
+    """
+
+    def __init__(self, engine: Engine) -> None:
+        """Begin without any.
+
+        Args:
+            engine: What computes the steps.
+        """
+        self._engine = engine
+        self._playlists: dict[Model, Playlist] = {}
+
+    def play(self, model: Model, trajectory: Trajectory, start_ns: int) -> Report:
+        """Let a model go through a motion, from the first step at or after its start.
+
+        Args:
+            model: The model.
+            trajectory: The motion; joints that the model does not have are ignored.
+            start_ns: When its times count from, in [ns] of simulated time.
+
+        Returns:
+            Which joints the model does not have, and which samples are beyond limits.
+
+        Raises:
+            InvalidValueError: If the model cannot do any of it.
+        """
+        has_base = trajectory.base_poses is not None
+        if self._engine.physics == "limp":
+            raise InvalidValueError("nothing drives the joints in limp physics")
+        if has_base and (not model.trees or model.trees[0].is_on_world):
+            raise InvalidValueError(f"the base of {model.name} is fixed to the world")
+        is_moved = has_base and not self._engine.is_dynamic
+        if not (is_moved or model.joint_rows(trajectory.joint_names)):
+            raise InvalidValueError(
+                f"there is nothing of {model.name} that the motion can move"
+            )
+        playlist = self._playlists.setdefault(model, Playlist(model.joint_names))
+        playback = playlist.add(trajectory, start_ns)
+        if not is_moved:
+            playback.release((), base=True)
+        return _report(model, trajectory)
+
+    def stop(self, model: Model, names: Collection[str] = ()) -> None:
+        """Stop joints where they are, or all of a model.
+
+        Args:
+            model: The model.
+            names: Its joints; none: all of them, and the base.
+
+        Raises:
+            UnknownNameError: If it has no such joint; nothing is stopped.
+        """
+        unknown = [name for name in names if model.joint_row(name) is None]
+        if unknown:
+            raise UnknownNameError(
+                f"{model.name} has no movable joint {', '.join(unknown)}"
+            )
+        rows = model.joint_rows(names or model.joint_names)
+        playlist = self._playlists.get(model)
+        for playback in playlist.moving() if playlist else ():
+            held = np.intersect1d(playback.rows, np.array(rows, dtype=int))
+            base = playback.moves_base and not names
+            still = model.target[held], np.zeros(len(held))
+            root = (model.root_poses[0], np.zeros(6)) if base else ()
+            self._set(model, Setpoint(held, *still, *root))
+        self.release(model, rows, base=not names)
+
+    def release(
+        self, model: Model, rows: Collection[int] = (), base: bool = False
+    ) -> None:
+        """Leave some of a model to another command.
+
+        Args:
+            model: The model.
+            rows: Rows of its movable joints.
+            base: Whether the base is among it.
+        """
+        if model in self._playlists:
+            self._playlists[model].release(rows, base)
+
+    def forget(self, model: Model) -> None:
+        """End all motions of a model."""
+        self._playlists.pop(model, None)
+
+    def step(self, time_ns: int) -> None:
+        """Set the models to where their motions want them at a time in [ns]."""
+        for model, playlist in [*self._playlists.items()]:
+            if playlist.is_waiting:
+                playlist.begin(time_ns, _state(model))
+            for playback in playlist.moving():
+                self._set(model, playback.setpoint(time_ns))
+            playlist.drop_over(time_ns)
+            if not playlist:
+                del self._playlists[model]
+
+    def _set(self, model: Model, wanted: Setpoint) -> None:
+        """Set a model, or what its motors hold."""
+        wanted = _inside_limits(model, wanted)
+        if self._engine.is_dynamic:
+            model.target[wanted.rows] = wanted.positions
+            for body in self._engine.bodies(model):
+                body.joints.hold_position(wanted.rows.tolist())
+            return
+        model.set_moving(wanted)
+        self._engine.note_moved(model)
+
+
+def _state(model: Model) -> Setpoint:
+    """Return where a model is, or what its motors hold."""
+    rows = np.arange(len(model.joint_names))
+    base = (model.root_poses[0], model.root_twists[0]) if model.trees else ()
+    return Setpoint(rows, model.target, model.velocity, *base)
+
+
+def _inside_limits(model: Model, wanted: Setpoint) -> Setpoint:
+    """Move joints that are too far beyond their limits there, and stop them."""
+    lower = model.lower[wanted.rows] - LIMIT_TOLERANCE
+    upper = model.upper[wanted.rows] + LIMIT_TOLERANCE
+    positions = wanted.positions
+    inside = np.minimum(np.maximum(positions, lower), upper)
+    velocities = np.where(inside == positions, wanted.velocities, 0.0)
+    return wanted._replace(positions=inside, velocities=velocities)
+
+
+def _report(model: Model, trajectory: Trajectory) -> Report:
+    """Find what of a motion a model will not do."""
+    report = Report()
+    for column, name in enumerate(trajectory.joint_names):
+        row = model.joint_row(name)
+        if row is None:
+            report.unknown.append(name)
+            continue
+        lower, upper = float(model.lower[row]), float(model.upper[row])
+        positions = trajectory.positions[:, column]
+        if positions.max() > upper + LIMIT_TOLERANCE:
+            report.clamped[name] = upper
+        elif positions.min() < lower - LIMIT_TOLERANCE:
+            report.clamped[name] = lower
+    return report
