@@ -44,6 +44,9 @@ class State(NamedTuple):
     is_moving: bool = False
     """Whether it moves by itself, and is not just set: then each state is whole."""
 
+    is_sample: bool = False
+    """Whether a sample of a motion has just come: TF gets each of them."""
+
 
 class Shown(NamedTuple):
     """A state that goes to TF."""
@@ -75,13 +78,16 @@ class PoseThrottle:
     _stamp: float | None = None
     _pose: Sequence[float] | None = None
 
-    def passes(self, stamp: float, pose: Sequence[float]) -> bool:
+    def passes(
+        self, stamp: float, pose: Sequence[float], is_sample: bool = False
+    ) -> bool:
         """Decide on one pose, and remember it as sent if it passes.
 
         Args:
             stamp: Time of the pose in [s]. A stamp that is not newer than the
                 last one sent never passes.
             pose: Position and unit quaternion (x, y, z, w), seven numbers.
+            is_sample: Whether it passes wherever it is, but for ``min_interval``.
 
         Returns:
             Whether to send the pose.
@@ -91,7 +97,8 @@ class PoseThrottle:
             since = stamp - self._stamp + 1e-9
             if stamp <= self._stamp or since < self.min_interval:
                 return False
-            if since < self.max_interval and not self._moved(self._pose, pose):
+            is_due = is_sample or since >= self.max_interval
+            if not is_due and not self._moved(self._pose, pose):
                 return False
         self._stamp, self._pose = stamp, pose
         return True
@@ -182,7 +189,7 @@ class WholeStates:
             np.abs(held.pose - self._shown).max() <= MIN_MOTION
         )
         is_early = now - self._passed < MAX_HOLD
-        if was_torn and is_early and not (is_still or held.is_moving):
+        if was_torn and is_early and not (is_still or held.is_moving or held.is_sample):
             return None
         self._shown, self._passed = held.pose, now
         return held
@@ -218,7 +225,7 @@ class TfFilter:
             return None
         pose, age = whole.pose.tolist(), whole.stamp - self._joints_stamp
         is_due = age >= JOINTS_PERIOD and self._throttle.is_near(pose)
-        with_base = self._throttle.passes(1e-9 * whole.stamp, pose)
+        with_base = self._throttle.passes(1e-9 * whole.stamp, pose, whole.is_sample)
         return self._shown(whole, with_base or is_due, with_base)
 
     def settle(self) -> Shown | None:

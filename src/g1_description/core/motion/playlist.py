@@ -50,6 +50,7 @@ class Playback:
         self.moves_base = trajectory.base_poses is not None
         """Whether it moves the base."""
         self._trajectory = trajectory
+        self._n_reached = 0
         row_of = {name: row for row, name in enumerate(joint_names)}
         names = trajectory.joint_names
         own = [column for column, name in enumerate(names) if name in row_of]
@@ -94,10 +95,12 @@ class Playback:
             added["base_poses"] = np.vstack([present.base_pose, old.base_poses])
         self._trajectory = replace(old, **added)
 
-    def count(self, time_ns: int) -> int:
-        """Count the samples until a time in [ns]."""
-        times = self._trajectory.times
-        return int(np.searchsorted(times, self._elapsed(time_ns) + SNAP, side="right"))
+    def reaches_sample(self, time_ns: int) -> bool:
+        """Return whether a sample lies between the last such question and a time."""
+        times, before = self._trajectory.times, self._n_reached
+        until = self._elapsed(time_ns) + SNAP
+        self._n_reached = int(np.searchsorted(times, until, side="right"))
+        return self._n_reached != before
 
     def is_over(self, time_ns: int) -> bool:
         """Return whether it is at its end, or beyond, at a time in [ns]."""

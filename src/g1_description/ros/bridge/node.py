@@ -5,7 +5,7 @@ Publishes: joint_states (sensor_msgs/JointState): for each state, with its stamp
     /diagnostics (diagnostic_msgs/DiagnosticArray)
 Subscribes: <gazebo>/world_state (gazebo_msgs/WorldState) or, where there is none,
     <gazebo>/link_states (gazebo_msgs/LinkStates); joint_commands
-    (sensor_msgs/JointState)
+    (sensor_msgs/JointState), and the topics of motion.topics.MotionTopics
 Broadcasts: map -> base_link, throttled; static world -> map, base_link -> the
     robot's root, imu_in_torso -> body_imu; fixed joints while time stands still
 Calls: <gazebo>/set_model_configuration (gazebo_msgs/SetModelConfiguration)
@@ -23,11 +23,12 @@ import rospy
 from geometry_msgs.msg import TransformStamped
 from tf2_msgs.msg import TFMessage
 
-from g1_description.core.bridge.estimator import JointStateEstimator, Observation
+from g1_description.core.bridge.estimator import JointStateEstimator
 from g1_description.core.bridge.stamps import RisingStamps
 from g1_description.core.errors import G1DescriptionError
 from g1_description.core.robot.description import Description
 from g1_description.core.text import listed
+from g1_description.ros.motion.topics import MotionTopics
 from g1_description.ros.node.lifecycle import quiet_when_closing, start_node
 from g1_description.ros.node.parameters import read_parameters
 from g1_description.ros.node.throttled_log import SHORT_PERIOD, ThrottledLog
@@ -91,7 +92,6 @@ class BridgeNode:
         ]
         self._estimator = JointStateEstimator({s.name: s.description for s in statuses})
         self._stamps = RisingStamps()
-        self._observations: list[Observation] = []
         self._has_clock = False
         self._newcomer = threading.Event()
         self._repeats: list[float] = []
@@ -109,6 +109,8 @@ class BridgeNode:
         for (robot, _), status in zip(robots, statuses):
             topic = topic_of(robot, "joint_commands")
             CommandListener(topic, status, self._sender, self._log)
+        for (robot, _), bridged in zip(robots, self._robots):
+            MotionTopics(p.gazebo, robot, bridged.status, bridged.player, self._log)
         self._source = StateSource(p.gazebo, p.max_rate, self._on_states, self._log)
         self._source.start()
         self._stopped = threading.Event()
@@ -122,16 +124,16 @@ class BridgeNode:
         rising = self._stamps.next(stamp, rospy.Time.now().to_nsec())
         if rising is None:
             return
-        stamp, went_back = rising
+        time_ns, (stamp, went_back) = stamp, rising
         if went_back:
             self._reset()
-        self._observations = self._estimator.update(*states, 1e-9 * stamp)
+        observations = self._estimator.update(*states, 1e-9 * stamp)
         if self._estimator.duplicates:
             names = listed(self._estimator.duplicates)
             text = f"Links are listed more than once, the first one counts: {names}."
             self._log.warn("duplicates", text)
-        pairs = zip(self._robots, self._observations)
-        edges = [robot.publish(stamp, seen) for robot, seen in pairs]
+        pairs = zip(self._robots, observations)
+        edges = [robot.publish(stamp, seen, time_ns) for robot, seen in pairs]
         if any(edges):
             self._broadcast(edges)
 
@@ -148,6 +150,7 @@ class BridgeNode:
         self._estimator.reset()
         for robot in self._robots:
             robot.reset()
+            robot.player.reset()
 
     def _keep_house(self) -> None:
         """Do what no message triggers, until the node is shut down."""
@@ -172,9 +175,8 @@ class BridgeNode:
             self._static_frames.send_fixed_joints()
         if is_wanted:
             stamp = self._stamps.again()
-            for robot, seen in zip(self._robots, self._observations):
-                robot.reset()
-                robot.publish(stamp, seen, again=True)
+            for robot in self._robots:
+                robot.publish_again(stamp)
         self._broadcast(robot.settle() for robot in self._robots)
 
     @property

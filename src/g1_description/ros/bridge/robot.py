@@ -12,6 +12,7 @@ from g1_description.core.bridge.estimator import Observation
 from g1_description.core.bridge.tf_filter import PoseThrottle, Shown, State, TfFilter
 from g1_description.core.robot.description import FREE
 from g1_description.core.text import listed
+from g1_description.ros.motion.player import MotionPlayer
 from g1_description.ros.node.throttled_log import SHORT_PERIOD, ThrottledLog
 from g1_description.ros.transport.direct_publisher import DirectPublisher
 from g1_description.ros.wire.conversions import stamp_from_ns, transform
@@ -51,6 +52,8 @@ class BridgedRobot:
             log: Where to log what is wrong.
         """
         self.status = status
+        self.player = MotionPlayer(parameters.gazebo, status, log)
+        """What plays its motions."""
         self._warnings = RobotWarnings(status, log)
         self._map_frame = parameters.map_frame
         base = base_child(parameters, status.description)
@@ -80,19 +83,22 @@ class BridgedRobot:
         return self._joint_states.name
 
     def publish(
-        self, stamp: int, seen: Observation, again: bool = False
+        self, stamp: int, seen: Observation, time_ns: int
     ) -> TransformStamped | None:
         """Publish an observation.
 
         Args:
-            stamp: Its time in [ns].
+            stamp: What it is published under, in [ns].
             seen: The observation.
-            again: Whether it was published before, and only TF gets it again.
+            time_ns: When it was so, in [ns]: other stamps where time stands still.
 
         Returns:
             The base in the map in the state before this one, if that is worth sending.
         """
-        self.status.observation = seen
+        is_sample = False
+        if not self.player.is_idle:
+            seen, is_sample = self.player.observe(time_ns, seen)
+        self.status.observation, self.status.stamp = seen, time_ns
         is_whole = seen.is_present and not (seen.missing or seen.invalid)
         if seen.changed or seen.axis_residual or not is_whole:
             self._warnings.check(seen)
@@ -101,15 +107,51 @@ class BridgedRobot:
             self._joint_states.forget()
             self._tf_joint_states.forget()
             return None
-        message = self._encoder.encode(stamp, seen.names, seen.position, seen.velocity)
-        if not again:
-            self._joint_states.publish(message)
+        message = self._encode(stamp, seen)
+        self._joint_states.publish(message)
+        return self._send_to_tf(stamp, seen, message, is_sample)
+
+    def publish_again(self, stamp: int) -> None:
+        """Send the last observation to TF once more, for a new listener.
+
+        Args:
+            stamp: What it is sent under, in [ns].
+        """
+        self.reset()
+        seen = self.status.observation
+        if seen is not None and seen.is_present:
+            self._send_to_tf(stamp, seen, self._encode(stamp, seen))
+
+    def _encode(self, stamp: int, seen: Observation) -> PreparedJointState:
+        """Write an observation as joint states."""
+        return self._encoder.encode(stamp, seen.names, seen.position, seen.velocity)
+
+    def _send_to_tf(
+        self,
+        stamp: int,
+        seen: Observation,
+        message: PreparedJointState,
+        is_sample: bool = False,
+    ) -> TransformStamped | None:
+        """Send an observation to TF where it is due.
+
+        Args:
+            stamp: What it is sent under, in [ns].
+            seen: The observation.
+            message: The same as joint states.
+            is_sample: Whether a sample of a motion has just come.
+
+        Returns:
+            The base in the map in the state before this one, if that is worth sending.
+        """
         if self._base is None or seen.base_pose is None:
             self._send_without_base(stamp, message)
             return None
         self._unsent = None
         is_moving = bool(seen.velocity.any())
-        state = State(stamp, seen.base_pose, seen.position, message, is_moving)
+        state = State(
+            stamp, seen.base_pose, seen.position, message, is_moving, is_sample
+        )
         count = self.status.commands
         is_under_way = count.received > count.answered
         shown = self._tf_filter.next(

@@ -51,6 +51,9 @@ class RobotStatus:
     observation: Observation | None = None
     """What the last message says about it."""
 
+    stamp: int = 0
+    """Time of that message in [ns]; 0 before the first."""
+
     ignored: tuple[float, str] | None = None
     """When part of a command was last ignored, on the monotonic clock, and why."""
 

@@ -1,0 +1,228 @@
+"""The motions of one robot, on the stand-in and on the real Gazebo."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Collection
+from typing import NamedTuple
+
+import numpy as np
+import rosgraph
+import rospy
+
+from g1_description.core.bridge.estimator import Observation
+from g1_description.core.motion.playlist import Playlist, Setpoint
+from g1_description.core.motion.trajectory import Trajectory
+from g1_description.msg import ModelTrajectory
+from g1_description.ros.bridge.sender import FAILURES
+from g1_description.ros.bridge.status import RobotStatus
+from g1_description.ros.node.throttled_log import ThrottledLog
+from g1_description.ros.transport.direct_publisher import DirectPublisher
+from g1_description.ros.wire.conversions import stamp_from_ns
+from g1_description.srv import SetModelTrajectory
+
+from .gazebo_writer import GazeboWriter
+
+QUEUE_SIZE = 1000
+"""Samples kept for a busy simulator: a second of them at 1 kHz."""
+
+ROUNDING = 1e-12
+"""Largest difference in [rad], [m] and their rates between what was measured and what
+was sent that counts as rounding."""
+
+
+class Played(NamedTuple):
+    """The answer to a motion."""
+
+    success: bool
+
+    message: str
+    """What was not done exactly as requested, or why nothing was; may be empty."""
+
+    start_ns: int = 0
+    """When its times count from, in [ns]."""
+
+
+class MotionPlayer:
+    """Lets a robot go through motions.
+
+    The stand-in samples a motion itself, at the time of each step. On the real Gazebo
+    each state that it publishes is answered with the sample of that time.
+    """
+
+    def __init__(self, gazebo: str, status: RobotStatus, log: ThrottledLog) -> None:
+        """Prepare; nothing is sent before the first motion.
+
+        Args:
+            gazebo: Namespace of the simulator.
+            status: The robot, and its last state.
+            log: Where to log what goes wrong later.
+        """
+        self._status = status
+        self._name = f"{gazebo}/set_model_trajectory"
+        self._service = rospy.ServiceProxy(self._name, SetModelTrajectory)
+        self._topic = DirectPublisher(self._name, ModelTrajectory, QUEUE_SIZE)
+        self._writer = GazeboWriter(gazebo, status.name, log)
+        self._lock = threading.RLock()
+        self._joints = [joint.name for joint in status.description.movable_joints]
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all motions: time began again."""
+        with self._lock:
+            self._playlist = Playlist(self._joints)
+            n = len(self._joints)
+            self._wanted = Setpoint(
+                np.arange(n), np.full(n, np.nan), np.full(n, np.nan), np.full(7, np.nan)
+            )
+            self._names: tuple[str, ...] = ()
+            self._rows = np.zeros(0, dtype=int)
+            self.is_idle = True
+            """Whether no motion was sent since then; then nothing is to be observed."""
+
+    def play(self, trajectory: Trajectory, start_ns: int | None = None) -> Played:
+        """Let the robot go through a motion; wait for the simulator's answer.
+
+        Args:
+            trajectory: The motion.
+            start_ns: When its times count from, in [ns]; None: at once.
+        """
+        if not self._is_stand_in():
+            return self._play_here(trajectory, start_ns)
+        played = self._call(_message(self._status.name, trajectory, start_ns))
+        if played.success:
+            self._add(trajectory, played.start_ns)
+        return played
+
+    def stream(self, trajectory: Trajectory, start_ns: int | None = None) -> Played:
+        """Do the same without waiting: for configurations that follow each other."""
+        if not self._topic.get_num_connections():
+            return self.play(trajectory, start_ns)
+        # Known before it shows, so that the first state that shows it finds it.
+        self._add(trajectory, start_ns or self._status.stamp)
+        self._topic.publish(_message(self._status.name, trajectory, start_ns))
+        return Played(True, "")
+
+    def stop(self, joints: Collection[str] | None = None) -> Played:
+        """Stop joints where they are; by default all, and the base."""
+        if self._is_stand_in():
+            message = ModelTrajectory(model_name=self._status.name)
+            message.joint_names = list(joints or ())
+            played = self._call(message)
+        else:
+            played = Played(True, "", self._status.stamp)
+        if played.success:
+            self.release(self._joints if joints is None else joints, joints is None)
+        return played
+
+    def release(self, joints: Collection[str], base: bool = False) -> None:
+        """Leave joints, and perhaps the base, to another command."""
+        with self._lock:
+            rows = [row for row, name in enumerate(self._joints) if name in joints]
+            self._playlist.release(rows, base)
+
+    def observe(self, stamp: int, seen: Observation) -> tuple[Observation, bool]:
+        """Hold a state of the robot against its motions.
+
+        Args:
+            stamp: Time of the state in [ns].
+            seen: The state.
+
+        Returns:
+            The state without rounding: numbers that are those of the motion within
+            1e-12 are those of the motion. And whether a sample of a motion has come.
+        """
+        with self._lock:
+            is_sample = bool(self._playlist) and self._advance(stamp, seen)
+            if seen.names is not self._names:
+                self._names = seen.names
+                rows = [self._joints.index(name) for name in seen.names]
+                self._rows = np.array(rows, dtype=int)
+            wanted, rows = self._wanted, self._rows
+            with np.errstate(invalid="ignore"):  # NaN where nothing is wanted
+                position = _rounded(seen.position, wanted.positions[rows])
+                velocity = _rounded(seen.velocity, wanted.velocities[rows])
+                base = seen.base_pose
+                base = None if base is None else _rounded(base, wanted.base_pose)
+        seen = seen._replace(position=position, velocity=velocity, base_pose=base)
+        return seen, is_sample
+
+    def _advance(self, stamp: int, seen: Observation) -> bool:
+        """Compute what the motions want; return whether they reach a sample."""
+        if self._playlist.is_waiting:
+            self._playlist.begin(stamp, self._present(seen))
+        is_sample, wanted = False, self._wanted
+        for playback in self._playlist.moving():
+            setpoint = playback.setpoint(stamp)
+            wanted.positions[setpoint.rows] = setpoint.positions
+            wanted.velocities[setpoint.rows] = setpoint.velocities
+            if setpoint.base_pose is not None:
+                wanted.base_pose[:] = setpoint.base_pose
+            is_sample = playback.reaches_sample(stamp) or is_sample
+            if not self._topic.get_num_connections():
+                self._writer.put(self._joints, setpoint)
+        self._playlist.drop_over(stamp)
+        return is_sample
+
+    def _present(self, seen: Observation) -> Setpoint:
+        """Return where the robot is; joints that are not measured are at zero."""
+        n = len(self._joints)
+        position, velocity = np.zeros(n), np.zeros(n)
+        own = [self._joints.index(name) for name in seen.names]
+        position[own], velocity[own] = seen.position, seen.velocity
+        return Setpoint(np.arange(n), position, velocity, seen.base_pose)
+
+    def _play_here(self, trajectory: Trajectory, start_ns: int | None) -> Played:
+        """Play a motion on a simulator that cannot do so itself."""
+        now = self._status.stamp
+        if not now:
+            return Played(False, "the simulator has published no state of the robot")
+        self._add(trajectory, start_ns or now)
+        return Played(True, "", start_ns or now)
+
+    def _add(self, trajectory: Trajectory, start_ns: int) -> None:
+        """Note a motion that was begun."""
+        with self._lock:
+            self._playlist.add(trajectory, start_ns)
+            self.is_idle = False
+
+    def _is_stand_in(self) -> bool:
+        """Return whether the simulator plays motions by itself."""
+        if self._topic.get_num_connections():
+            return True
+        try:
+            rosgraph.Master(rospy.get_name()).lookupService(self._service.resolved_name)
+        except (rosgraph.MasterException, OSError):
+            return False
+        return True
+
+    def _call(self, message: ModelTrajectory) -> Played:
+        """Call the stand-in's service."""
+        try:
+            answer = self._service(message)
+        except FAILURES as error:
+            return Played(False, f"the simulator does not answer: {error}")
+        text = answer.status_message.partition(": ")[2]
+        text = text.partition("success")[2].lstrip("; ") if answer.success else text
+        return Played(answer.success, text, answer.start.to_nsec())
+
+
+def _rounded(measured: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Replace what was measured by what was wanted, where only rounding differs."""
+    return np.where(np.abs(measured - wanted) <= ROUNDING, wanted, measured)
+
+
+def _message(
+    model: str, trajectory: Trajectory, start_ns: int | None
+) -> ModelTrajectory:
+    """Write a motion as a message."""
+    velocities, bases = trajectory.velocities, trajectory.base_poses
+    return ModelTrajectory(
+        model,
+        stamp_from_ns(start_ns or 0),
+        list(trajectory.joint_names),
+        trajectory.times.tolist(),
+        trajectory.positions.ravel().tolist(),
+        [] if velocities is None else velocities.ravel().tolist(),
+        [] if bases is None else bases.ravel().tolist(),
+    )
