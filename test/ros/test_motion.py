@@ -1,0 +1,346 @@
+#!/usr/bin/env python3
+"""Motions on the robot's topics, as joint_states and TF show them."""
+
+import unittest
+
+import numpy as np
+import rospy
+import rostest
+import tf2_ros
+from g1_description.msg import RobotTrajectory
+from g1_description.srv import Step
+from genpy import Duration, Time
+from geometry_msgs.msg import PoseStamped, Transform
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Empty
+from support.joint_limits import limits
+from support.ros_testing import DEADLINE, Connected, NodeLog, position_of, wait_for
+from tf2_msgs.msg import TFMessage
+from trajectory_msgs.msg import (
+    JointTrajectory,
+    JointTrajectoryPoint,
+    MultiDOFJointTrajectoryPoint,
+)
+
+ELBOW, KNEE = "left_elbow_joint", "right_knee_joint"
+SECOND = 1_000_000_000
+
+
+def duration(seconds):
+    ns = round(seconds * SECOND)
+    return Duration(ns // SECOND, ns % SECOND)
+
+
+def elbow(*points, stamp=None):
+    """Make a trajectory of the elbow from pairs of time and position."""
+    message = JointTrajectory(joint_names=[ELBOW])
+    message.header.stamp = stamp or Time()
+    for time, *numbers in points:
+        point = JointTrajectoryPoint(time_from_start=duration(time))
+        point.positions, point.velocities = numbers[:1], numbers[1:]
+        message.points.append(point)
+    return message
+
+
+def whole_body(names, rows, poses, period):
+    """Make a motion of joints and base."""
+    message = RobotTrajectory()
+    joints, base = message.joint_trajectory, message.multi_dof_joint_trajectory
+    joints.joint_names, base.joint_names = list(names), ["base"]
+    for number, (row, pose) in enumerate(zip(rows, poses)):
+        time = duration(number * period)
+        joints.points.append(
+            JointTrajectoryPoint(positions=list(row), time_from_start=time)
+        )
+        transform = Transform()
+        t, q = transform.translation, transform.rotation
+        t.x, t.y, t.z, q.x, q.y, q.z, q.w = pose
+        base.points.append(
+            MultiDOFJointTrajectoryPoint(transforms=[transform], time_from_start=time)
+        )
+    return message
+
+
+class TestMotion(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        every = {"queue_size": None, "tcp_nodelay": True}
+        cls.states = Connected("/joint_states", JointState, **every)
+        cls.tf = Connected("/tf", TFMessage, **every)
+        cls.log = NodeLog("/link_states_bridge")
+        cls.publishers = {
+            name: rospy.Publisher(f"/{name}", kind, queue_size=100)
+            for name, kind in (
+                ("joint_trajectory", JointTrajectory),
+                ("motion", RobotTrajectory),
+                ("base_command", PoseStamped),
+                ("joint_commands", JointState),
+            )
+        }
+        for publisher in cls.publishers.values():
+            wait_for(publisher.get_num_connections, f"a listener of {publisher.name}")
+        cls.call = {
+            name: rospy.ServiceProxy(f"/gazebo/{name}", kind)
+            for name, kind in (
+                ("pause_physics", Empty),
+                ("unpause_physics", Empty),
+                ("reset_simulation", Empty),
+                ("step", Step),
+            )
+        }
+        for call in cls.call.values():
+            call.wait_for_service(DEADLINE)
+        cls.states.wait()
+        cls.names, (cls.lower, cls.upper) = limits()
+
+    def setUp(self):
+        """Begin with a robot at rest at zero, while time runs."""
+        self.call["unpause_physics"]()
+        self.publish("motion", RobotTrajectory())
+        zero = JointState(name=self.names, position=[0.0] * len(self.names))
+        self.publish("joint_commands", zero)
+        self.states.clear()
+        self.states.wait(lambda m: not any(m.position) and not any(m.velocity))
+        self.clear()
+
+    def clear(self):
+        self.states.clear()
+        self.tf.clear()
+        self.log.clear()
+
+    def publish(self, topic, message):
+        self.publishers[topic].publish(message)
+
+    def wait_for_position(self, wanted, joint=ELBOW):
+        return self.states.wait(
+            lambda m: position_of(m, joint) == wanted, f"{joint} at {wanted}"
+        )
+
+    def wait_for_warning(self, text):
+        self.log.wait(lambda m: text in m.msg, f"the warning {text!r}")
+
+    def later(self, seconds=0.5):
+        """Give a time that is not over yet, at a whole hundredth of a second."""
+        now = self.states.wait().header.stamp.to_nsec()
+        ns = (now + round(seconds * SECOND)) // 10_000_000 * 10_000_000
+        return Time(ns // SECOND, ns % SECOND)
+
+    def by_stamp(self):
+        return {m.header.stamp.to_nsec(): m for m in [*self.states.messages]}
+
+    def test_a_motion_of_joints_and_base_is_shown_to_the_last_bit(self):
+        random = np.random.default_rng(3)
+        rows = random.uniform(self.lower, self.upper, (30, len(self.names)))
+        turns = random.normal(size=(30, 4))
+        turns /= np.linalg.norm(turns, axis=1)[:, np.newaxis]
+        poses = np.hstack([random.uniform(-1, 1, (30, 3)), turns])
+        message = whole_body(self.names, rows, poses, 0.02)
+        start = self.later()
+        message.joint_trajectory.header.stamp = start
+        self.publish("motion", message)
+        self.wait_for_position(rows[-1][self.names.index(ELBOW)])
+        self.states.wait(lambda m: not any(m.velocity), "the end")
+        found, first = self.by_stamp(), start.to_nsec()
+        wanted = {first + number * 20_000_000: row for number, row in enumerate(rows)}
+        shown = {stamp: found[stamp] for stamp in wanted if stamp in found}
+        self.assertGreater(len(shown), 15, "a busy machine may skip some states")
+        wait_for(
+            lambda: {e.header.stamp.to_nsec() for e in self.edges()} >= set(shown),
+            "each sample on TF",
+        )
+        for stamp, message in shown.items():
+            self.assertEqual(list(message.position), wanted[stamp].tolist())
+        for edge in self.edges():
+            number = wanted.get(edge.header.stamp.to_nsec())
+            if number is not None:
+                t, q = edge.transform.translation, edge.transform.rotation
+                index = (edge.header.stamp.to_nsec() - first) // 20_000_000
+                seen = [t.x, t.y, t.z, q.x, q.y, q.z, q.w]
+                np.testing.assert_allclose(seen, poses[index], atol=1e-15)
+
+    def edges(self):
+        transforms = [t for m in [*self.tf.messages] for t in m.transforms]
+        return [t for t in transforms if t.child_frame_id == "base_link"]
+
+    def test_no_state_mixes_two_samples(self):
+        """The elbow and the base move alike, so that they are never apart."""
+        rows = np.zeros((50, 2))
+        rows[:, 0] = rows[:, 1] = np.linspace(0.0, 0.98, 50)
+        poses = np.zeros((50, 7))
+        poses[:, 0], poses[:, 2:] = rows[:, 0], (0.8, 0.0, 0.0, 0.0, 1.0)
+        self.publish("motion", whole_body((ELBOW, KNEE), rows, poses, 0.01))
+        self.wait_for_position(0.98)
+        moved = [m for m in self.states.messages if position_of(m, ELBOW) > 0.0]
+        self.assertGreater(len(moved), 50)
+        for message in moved:
+            elbow_at, knee = (position_of(message, name) for name in (ELBOW, KNEE))
+            self.assertAlmostEqual(elbow_at, knee, delta=1e-12)
+        at = {s: position_of(m, ELBOW) for s, m in self.by_stamp().items()}
+        edges = [e for e in self.edges() if e.header.stamp.to_nsec() in at]
+        self.assertTrue(edges)
+        for edge in edges:
+            x, joint = edge.transform.translation.x, at[edge.header.stamp.to_nsec()]
+            if joint > 0.0:
+                self.assertAlmostEqual(x, joint, delta=1e-12)
+
+    def test_velocities_are_those_of_the_cubic_and_zero_at_the_end(self):
+        start = self.later()
+        self.publish(
+            "joint_trajectory",
+            elbow((0.0, 0.0, 0.0), (0.4, 0.8, 0.0), stamp=start),
+        )
+        middle = self.wait_for_position(0.8)
+        found = self.by_stamp()
+        index = self.names.index(ELBOW)
+        for stamp, message in found.items():
+            s = (stamp - start.to_nsec()) / SECOND / 0.4
+            if 0.0 <= s < 1.0:
+                self.assertAlmostEqual(
+                    message.position[index], 0.8 * (3 - 2 * s) * s * s, delta=1e-9
+                )
+                self.assertAlmostEqual(
+                    message.velocity[index], 12.0 * s * (1 - s), delta=1e-9
+                )
+        self.assertEqual(middle.velocity[index], 0.0)
+
+    def test_joints_go_to_a_later_first_point_from_where_they_are(self):
+        self.publish("joint_trajectory", elbow((0.3, 0.6)))
+        self.wait_for_position(0.6)
+        seen = [position_of(m, ELBOW) for m in self.states.messages]
+        self.assertEqual(seen, sorted(seen))
+        self.assertLess(np.diff(seen).max(), 0.1)
+
+    def test_a_configuration_is_shown_at_once_also_while_paused(self):
+        self.call["pause_physics"]()
+        self.clear()
+        pose = [0.5, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]
+        message = whole_body((ELBOW,), [[0.3]], [pose], 0.0)
+        self.publish("motion", message)
+        self.wait_for_position(0.3)
+        self.tf.wait(
+            lambda m: any(
+                t.child_frame_id == "base_link" and t.transform.translation.x == 0.5
+                for t in m.transforms
+            ),
+            "the base",
+        )
+
+    def test_a_motion_stands_still_while_paused_and_goes_on_by_steps(self):
+        self.call["pause_physics"]()
+        self.publish("joint_trajectory", elbow((0.0, 0.1), (0.1, 0.3)))
+        self.wait_for_position(0.1)
+        for steps, wanted in ((50, 0.2), (25, 0.25), (100, 0.3)):
+            self.assertTrue(self.call["step"](steps).success)
+            self.states.wait(
+                lambda m, wanted=wanted: abs(position_of(m, ELBOW) - wanted) < 1e-9
+            )
+
+    def test_a_newer_motion_and_a_command_take_their_joints(self):
+        self.publish("joint_trajectory", elbow((0.0, 0.0), (60.0, 1.0)))
+        self.states.wait(lambda m: position_of(m, ELBOW) > 0.001)
+        self.publish("joint_trajectory", elbow((0.0, 0.5), (0.1, 0.6)))
+        self.wait_for_position(0.6)
+        self.publish("joint_trajectory", elbow((0.0, 0.0), (60.0, 1.0)))
+        self.states.wait(lambda m: 0.001 < position_of(m, ELBOW) < 0.1)
+        self.publish("joint_commands", JointState(name=[ELBOW], position=[0.9]))
+        self.wait_for_position(0.9)
+        self.clear()
+        self.assertEqual(position_of(self.states.wait(), ELBOW), 0.9)
+
+    def test_no_points_stop_the_joints(self):
+        self.publish("joint_trajectory", elbow((0.0, 0.0), (60.0, 1.0)))
+        self.states.wait(lambda m: position_of(m, ELBOW) > 0.001)
+        self.publish("joint_trajectory", elbow())
+        index = self.names.index(ELBOW)
+        still = self.states.wait(lambda m: m.position[index] and not m.velocity[index])
+        self.clear()
+        again = self.states.wait()
+        self.assertEqual(still.position[index], again.position[index])
+
+    def test_what_is_over_is_told_and_the_rest_of_what_is_not_is_played(self):
+        now = self.states.wait().header.stamp
+        self.publish(
+            "joint_trajectory", elbow((0.0, 0.4), (0.001, 0.5), stamp=Time(0, 1))
+        )
+        self.wait_for_warning("joint_trajectory of g1_robot: refused, it was over")
+        self.publish(
+            "joint_trajectory", elbow((0.0, -1.0), (0.001, 0.1), (30.0, 0.2), stamp=now)
+        )
+        self.states.wait(lambda m: position_of(m, ELBOW) > 0.1)
+        self.assertTrue(all(position_of(m, ELBOW) >= 0 for m in self.states.messages))
+
+    def test_a_reset_ends_a_motion(self):
+        self.publish("joint_trajectory", elbow((0.0, 0.5), (60.0, 1.0)))
+        self.states.wait(lambda m: position_of(m, ELBOW) > 0.5)
+        before = self.states.wait().header.stamp
+        self.call["reset_simulation"]()
+        self.states.wait(
+            lambda m: m.header.stamp < before and not any(m.position), "zero"
+        )
+        self.clear()
+        self.assertEqual(position_of(self.states.wait(), ELBOW), 0.0)
+
+    def test_bad_messages_are_told_in_a_sentence_and_move_nothing(self):
+        nan = float("nan")
+        two_bases = whole_body((ELBOW,), [[0.1]], [[0, 0, 1, 0, 0, 0, 1]], 0.0)
+        two_bases.multi_dof_joint_trajectory.joint_names.append("other")
+        apart = whole_body((ELBOW,), [[0.1]], [[0, 0, 1, 0, 0, 0, 1]], 0.0)
+        apart.joint_trajectory.points[0].time_from_start = duration(1.0)
+        bent = whole_body((ELBOW,), [[0.1]], [[0, 0, 1, 0, 0, 0, 2]], 0.0)
+        lost = whole_body((ELBOW,), [[0.1]], [[0, 0, 1, 0, 0, 0, 1]], 0.0)
+        lost.multi_dof_joint_trajectory.header.frame_id = "nowhere"
+        ear = elbow((0.0, 0.1))
+        ear.joint_names = ["left_ear"]
+        flat = PoseStamped()
+        flat.pose.position.x = nan
+        for topic, message, text in (
+            ("joint_trajectory", elbow((0.0, nan)), "position nan"),
+            ("joint_trajectory", elbow((0.1, 0.1), (0.1, 0.2)), "do not rise"),
+            ("joint_trajectory", elbow((0.0,)), "has 0 positions"),
+            ("joint_trajectory", ear, "names left_ear"),
+            ("motion", two_bases, "The base is one joint"),
+            ("motion", apart, "not at the times"),
+            ("motion", bent, "quaternion of length 2"),
+            ("motion", lost, "no frame 'nowhere'"),
+            ("base_command", flat, "base pose nan"),
+        ):
+            with self.subTest(text=text):
+                self.publish(topic, message)
+                self.wait_for_warning(text)
+        self.assertFalse(any(map(any, (m.position for m in self.states.messages))))
+
+    def test_what_is_beyond_a_limit_is_told(self):
+        upper = self.upper[self.names.index(ELBOW)]
+        self.publish("joint_trajectory", elbow((0.0, 0.0), (0.05, upper + 0.3)))
+        self.wait_for_warning(f"clamped to the limits: {ELBOW} to")
+        self.states.wait(
+            lambda m: 0.0 < position_of(m, ELBOW) - upper < 0.0011, "the limit"
+        )
+
+    def test_the_base_goes_where_a_frame_is(self):
+        broadcaster = tf2_ros.StaticTransformBroadcaster()
+        frame = rospy.wait_for_message("/tf", TFMessage).transforms[0]
+        frame.header.frame_id, frame.child_frame_id = "map", "table"
+        frame.transform = Transform()
+        frame.transform.translation.x = 2.0
+        frame.transform.rotation.z = frame.transform.rotation.w = np.sqrt(0.5)
+        broadcaster.sendTransform(frame)
+        message = PoseStamped()
+        message.header.frame_id = "table"
+        message.pose.position.x, message.pose.orientation.w = 1.0, 1.0
+        self.publish("base_command", message)
+        self.tf.wait(
+            lambda m: any(
+                t.child_frame_id == "base_link"
+                and abs(t.transform.translation.x - 2.0) < 1e-9
+                and abs(t.transform.translation.y - 1.0) < 1e-9
+                and abs(t.transform.rotation.z - np.sqrt(0.5)) < 1e-9
+                for t in m.transforms
+            ),
+            "the base on the table",
+        )
+
+
+if __name__ == "__main__":
+    rospy.init_node("test_motion")
+    rostest.rosrun("g1_description", "motion", TestMotion)
