@@ -240,6 +240,7 @@ class TestMotion(unittest.TestCase):
         self.states.wait(lambda m: position_of(m, ELBOW) > 0.001)
         self.publish("joint_trajectory", elbow((0.0, 0.5), (0.1, 0.6)))
         self.wait_for_position(0.6)
+        self.states.clear()
         self.publish("joint_trajectory", elbow((0.0, 0.0), (60.0, 1.0)))
         self.states.wait(lambda m: 0.001 < position_of(m, ELBOW) < 0.1)
         self.publish("joint_commands", JointState(name=[ELBOW], position=[0.9]))

@@ -53,7 +53,7 @@ def parser() -> OneSentenceParser:
     )
     made.add_argument(
         "--namespace",
-        type=_namespace,
+        type=namespace,
         default="",
         help="namespace of the robot's topics",
     )
@@ -67,7 +67,7 @@ def parser() -> OneSentenceParser:
     return made
 
 
-def _namespace(text: str) -> str:
+def namespace(text: str) -> str:
     """Read a namespace."""
     name = text.strip("/")
     if name and not rosgraph.names.is_legal_name(name):

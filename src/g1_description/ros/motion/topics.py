@@ -17,7 +17,12 @@ from g1_description.ros.bridge.robot import topic_of
 from g1_description.ros.bridge.status import RobotStatus
 from g1_description.ros.node.throttled_log import SHORT_PERIOD, ThrottledLog
 from g1_description.ros.transport.direct_publisher import DirectPublisher
-from g1_description.ros.wire.conversions import pose_from_array, pose_to_array
+from g1_description.ros.wire.conversions import (
+    pose_from_array,
+    pose_to_array,
+    stamp_from_ns,
+)
+from g1_description.srv import PlayMotion, PlayMotionRequest, PlayMotionResponse
 
 from .map_frame import MapFrame
 from .messages import (
@@ -26,7 +31,7 @@ from .messages import (
     trajectory_from_message,
     whole_body_from_message,
 )
-from .player import MotionPlayer
+from .player import MotionPlayer, Played
 
 QUEUE_SIZE = 1000
 """Poses kept for a busy simulator: a second of them at 1 kHz."""
@@ -38,6 +43,7 @@ class MotionTopics:
     Subscribes: joint_trajectory (trajectory_msgs/JointTrajectory), base_command
         (geometry_msgs/PoseStamped), motion (g1_description/RobotTrajectory)
     Publishes: <gazebo>/set_model_state (gazebo_msgs/ModelState)
+    Service: play_motion (g1_description/PlayMotion): as motion, with an answer
     """
 
     def __init__(
@@ -76,11 +82,25 @@ class MotionTopics:
                 queue_size=None,
                 tcp_nodelay=True,
             )
+        rospy.Service(topic_of(robot, "play_motion"), PlayMotion, self._on_call)
+
+    def _on_call(self, request: PlayMotionRequest) -> PlayMotionResponse:
+        """Play a motion of joints and base, or stop them."""
+        try:
+            played = self._move(request.motion)
+        except G1DescriptionError as error:
+            return PlayMotionResponse(False, str(error), rospy.Time())
+        return PlayMotionResponse(
+            played.success, played.message, stamp_from_ns(played.start_ns)
+        )
 
     def _obey(self, topic: str, act, message) -> None:
         """Do what a message wants, or log why not."""
         try:
-            problem = act(message)
+            played = act(message)
+            problem = played.message
+            if not played.success:
+                problem = f"refused, {problem}"
         except G1DescriptionError as error:
             problem = f"refused, {error}"
         if problem:
@@ -88,44 +108,54 @@ class MotionTopics:
             text = f"{topic} of {self._status.name}: {problem}"
             self._log.warn(key, text, SHORT_PERIOD)
 
-    def _on_joint_trajectory(self, message: JointTrajectory) -> str:
-        """Play a motion of joints, or stop them; return what was not done."""
+    def _on_joint_trajectory(self, message: JointTrajectory) -> Played:
+        """Play a motion of joints, or stop them."""
         names = message.joint_names
         if not message.points:
             if names:
                 check_joint_names(names, self._joints)
-            return self._player.stop(names or self._joints).message
+            return self._player.stop(names or self._joints)
         trajectory = trajectory_from_message(message, self._joints)
-        return self._play(trajectory, message.header.stamp)
+        return self._play(trajectory, message.header.stamp, stream=True)
 
-    def _on_motion(self, message: RobotTrajectory) -> str:
-        """Play a motion of joints and base, or stop them; return what was not done."""
+    def _on_motion(self, message: RobotTrajectory) -> Played:
+        """Play a motion of joints and base, or stop them, without waiting."""
+        return self._move(message, stream=True)
+
+    def _move(self, message: RobotTrajectory, stream: bool = False) -> Played:
+        """Play a motion of joints and base, or stop them."""
         trajectory = whole_body_from_message(message, self._joints, self._map)
         if trajectory is None:
-            return self._player.stop().message
+            return self._player.stop()
         joints, base = message.joint_trajectory, message.multi_dof_joint_trajectory
         header = joints.header if joints.points else base.header
-        return self._play(trajectory, header.stamp)
+        return self._play(trajectory, header.stamp, stream)
 
-    def _play(self, trajectory: Trajectory, stamp: rospy.Time) -> str:
-        """Play a motion; return what was not done."""
+    def _play(
+        self, trajectory: Trajectory, stamp: rospy.Time, stream: bool = False
+    ) -> Played:
+        """Play a motion.
+
+        Args:
+            trajectory: The motion.
+            stamp: When it begins; zero: at once.
+            stream: Whether not to wait where it is a configuration.
+        """
         start, now = stamp.to_nsec(), rospy.Time.now().to_nsec()
         is_configuration = trajectory.duration == 0.0
-        if is_configuration:
-            later = start if start > now else None
-            played = self._player.stream(trajectory, later)
-            return played.message
         late = 1e-9 * (now - start) - trajectory.duration
-        if start and late > 0.0:
+        if start and late > 0.0 and not is_configuration:
             raise MotionError(f"it was over {late:.3f} s ago")
-        played = self._player.play(trajectory, start or None)
-        return played.message if played.success else f"refused, {played.message}"
+        if is_configuration and start <= now:
+            start = 0
+        act = self._player.stream if stream and is_configuration else self._player.play
+        return act(trajectory, start or None)
 
-    def _on_base_command(self, message: PoseStamped) -> str:
+    def _on_base_command(self, message: PoseStamped) -> Played:
         """Put the robot somewhere by its root link."""
         pose = pose_from_numbers(pose_to_array(message.pose))
         header = message.header
         pose = self._map.pose_in_map(pose, header.frame_id, header.stamp)
         name = self._status.name
         self._states.publish(ModelState(model_name=name, pose=pose_from_array(pose)))
-        return ""
+        return Played(True, "")

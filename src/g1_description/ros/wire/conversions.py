@@ -62,14 +62,22 @@ def twist_from_array(array: np.ndarray) -> Twist:
     return twist
 
 
+def to_transform(T_parent_child: Sequence[float]) -> Transform:
+    """Convert a pose, seven numbers."""
+    message = Transform()
+    t, q = message.translation, message.rotation
+    t.x, t.y, t.z = T_parent_child[:3]
+    q.x, q.y, q.z, q.w = T_parent_child[3:]
+    return message
+
+
 def transform(
     stamp: genpy.Time, parent: str, child: str, T_parent_child: Sequence[float]
 ) -> TransformStamped:
     """Make an edge of the TF tree from a pose, seven numbers."""
-    message = TransformStamped(child_frame_id=child, transform=Transform())
+    message = TransformStamped(
+        child_frame_id=child, transform=to_transform(T_parent_child)
+    )
     message.header.stamp = stamp
     message.header.frame_id = parent
-    t, q = message.transform.translation, message.transform.rotation
-    t.x, t.y, t.z = T_parent_child[:3]
-    q.x, q.y, q.z, q.w = T_parent_child[3:]
     return message

@@ -1,0 +1,210 @@
+"""A command that plays a motion from a file on a robot that runs."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+import rosgraph
+import rospy
+
+from g1_description.core.cli import OneSentenceParser, number
+from g1_description.core.errors import G1DescriptionError, InvalidValueError
+from g1_description.core.motion.edit import cut, moved, to_start_at
+from g1_description.core.motion.formats.read import read_motion
+from g1_description.core.motion.trajectory import Trajectory
+from g1_description.core.transform import IDENTITY
+from g1_description.ros.apps.pose import namespace
+from g1_description.ros.apps.robot_view import NoAnswerError
+from g1_description.ros.node.lifecycle import own_arguments, start_node
+from g1_description.sim.motion.floor import lowest_height
+
+from .keyboard import next_key, raw_keys
+from .played_robot import PlayedRobot
+from .session import Session
+
+REFRESH_PERIOD = 0.05
+"""Time between two looks at the progress, in [s]."""
+
+BAR = 24
+"""Length of the progress bar, in characters."""
+
+
+def parser() -> OneSentenceParser:
+    """Make a parser of the command's arguments."""
+    made = OneSentenceParser(
+        prog="play",
+        description="Play a motion from a file. Space pauses and goes on, the arrows "
+        "left and right step by one sample, q and Ctrl-C leave the robot where it is.",
+    )
+    made.add_argument("file", type=Path, metavar="FILE", help="the motion")
+    made.add_argument(
+        "--fps",
+        type=_positive,
+        help="samples per second of a file without times; default: 30",
+    )
+    made.add_argument(
+        "--speed",
+        type=_positive,
+        default=1.0,
+        help="seconds of the motion in a second of simulated time; default: 1",
+    )
+    made.add_argument(
+        "--from", dest="begin", type=number, metavar="TIME", help="begin there, in s"
+    )
+    made.add_argument(
+        "--to", dest="end", type=number, metavar="TIME", help="end there, in s"
+    )
+    made.add_argument(
+        "--loop", action="store_true", help="begin again a second after the end"
+    )
+    made.add_argument(
+        "--start-here",
+        action="store_true",
+        help="begin where the robot is, facing as it does; height and tilt stay",
+    )
+    made.add_argument(
+        "--on-floor",
+        action="store_true",
+        help="lift or lower the whole motion so that its lowest point is at height 0",
+    )
+    made.add_argument(
+        "--namespace",
+        type=namespace,
+        default="",
+        help="namespace of the robot's topics",
+    )
+    return made
+
+
+def _positive(text: str) -> float:
+    """Read a positive number."""
+    value = number(text)
+    if value <= 0.0:
+        raise argparse.ArgumentTypeError(f"{text} is not positive")
+    return value
+
+
+def notify(text: str) -> None:
+    """Print a message in a line of its own."""
+    begin = "\r\x1b[K" if sys.stdout.isatty() else ""
+    print(f"{begin}play: {text}", flush=True)
+
+
+def prepare(args: argparse.Namespace, robot: PlayedRobot) -> Trajectory:
+    """Read the motion and move it where it is wanted.
+
+    Raises:
+        MotionError: If the file holds no motion of the robot.
+        InvalidValueError: If it has no such part, or no base to move.
+    """
+    motion = read_motion(args.file, robot.description, args.fps)
+    for note in motion.notes:
+        notify(note)
+    trajectory = cut(motion.trajectory, args.begin, args.end)
+    wanted = [args.start_here and "--start-here", args.on_floor and "--on-floor"]
+    if trajectory.base_poses is None and any(wanted):
+        options = " and ".join(filter(None, wanted))
+        raise InvalidValueError(
+            f"{args.file.name} does not move the base: no {options}."
+        )
+    if args.start_here:
+        trajectory = to_start_at(trajectory, robot.base_pose())
+    if args.on_floor:
+        lowest = lowest_height(robot.description, trajectory)
+        T_map_motion = IDENTITY.copy()
+        T_map_motion[2] = -lowest
+        trajectory = moved(trajectory, T_map_motion)
+        notify(f"moved by {-lowest:+.4f} m in height.")
+    return trajectory
+
+
+def progress(session: Session, speed: float) -> str:
+    """Return a line that shows where the motion is."""
+    begin, end, time = session.begin, session.end, session.time
+    share = (time - begin) / (end - begin) if end > begin else 1.0
+    done = round(share * BAR)
+    bar = "#" * done + "." * (BAR - done)
+    frames = f"sample {session.frame} of {len(session.trajectory.times)}"
+    state = "" if session.is_running else "  paused"
+    rate = "" if speed == 1.0 else f"  x {speed:g}"
+    return f"[{bar}] {time:6.2f} of {end:.2f} s  {frames}{rate}{state}"
+
+
+def follow(session: Session, args: argparse.Namespace) -> None:
+    """Play until the end, or until a person ends it.
+
+    Raises:
+        NoAnswerError: If the robot is reset, or nobody answers.
+        ROSInterruptException: If a signal ends it.
+    """
+    shows = sys.stdout.isatty()
+    session.start()
+    with raw_keys() as has_keys:
+        while True:
+            key = next_key(REFRESH_PERIOD) if has_keys else _rest()
+            if rospy.core.is_shutdown_requested():
+                raise rospy.ROSInterruptException("interrupted")
+            if key == "q":
+                session.pause()
+                break
+            if key == "space":
+                session.toggle()
+            elif key in ("left", "right"):
+                session.step(1 if key == "right" else -1)
+            if shows:
+                line = progress(session, args.speed)
+                print(f"\r\x1b[K{line}", end="", flush=True)
+            if session.is_over:
+                if not args.loop:
+                    break
+                session.restart_when_rested()
+    if shows:
+        print()
+
+
+def _rest() -> str:
+    """Wait until the next look; no key was pressed."""
+    rospy.rostime.wallsleep(REFRESH_PERIOD)
+    return ""
+
+
+def play(args: argparse.Namespace) -> None:
+    """Play a motion.
+
+    Raises:
+        G1DescriptionError: If it cannot be played.
+    """
+    if not args.file.exists():
+        raise InvalidValueError(f"There is no file {args.file}.")
+    start_node("play", anonymous=True, disable_rosout=True)
+    try:
+        robot = PlayedRobot(args.namespace, notify)
+        trajectory = prepare(args, robot)
+        session = Session(robot, trajectory, args.speed, notify)
+        # While the node can still call: afterwards the robot would go on.
+        rospy.core.add_preshutdown_hook(lambda _: _leave(session))
+        follow(session, args)
+    except (OSError, rosgraph.MasterException) as error:
+        raise NoAnswerError(f"The master is gone: {error}.") from error
+    if session.is_over:
+        notify(f"{args.file.name}: {session.end - session.begin:.2f} s played.")
+
+
+def _leave(session: Session) -> None:
+    """Stop the robot where it is when a signal ends the node."""
+    try:
+        if not session.is_over:
+            session.pause()
+    except G1DescriptionError:
+        pass
+
+
+def main() -> None:
+    """Run the command, or exit with a message."""
+    args = parser().parse_args(own_arguments())
+    try:
+        play(args)
+    except G1DescriptionError as error:
+        sys.exit(f"play: {error}")

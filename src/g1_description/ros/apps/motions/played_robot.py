@@ -1,0 +1,126 @@
+"""A robot that goes through motions, as its bridge offers it.
+
+Calls: play_motion (g1_description/PlayMotion)
+Subscribes: joint_states (sensor_msgs/JointState)
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+
+import numpy as np
+import rospy
+from trajectory_msgs.msg import JointTrajectoryPoint, MultiDOFJointTrajectoryPoint
+
+from g1_description.core.motion.trajectory import Trajectory
+from g1_description.core.transform import IDENTITY
+from g1_description.msg import RobotTrajectory
+from g1_description.ros.apps.robot_view import NoAnswerError, RobotView
+from g1_description.ros.motion.map_frame import MapFrame
+from g1_description.ros.wire.conversions import stamp_from_ns, to_transform
+from g1_description.srv import PlayMotion
+
+TIMEOUT = 30.0
+"""Longest wait for the bridge, in [s]: machines may be busy."""
+
+
+class PlayedRobot(RobotView):
+    """The robot behind play_motion of a namespace."""
+
+    def __init__(self, namespace: str, notify: Callable[[str], None]) -> None:
+        """Connect.
+
+        Args:
+            namespace: Of the robot's topics, without slashes around; empty: the
+                node's.
+            notify: Takes messages about what is waited for.
+
+        Raises:
+            DescriptionError: If there is no description, or it is not one.
+            NoAnswerError: If there is no bridge.
+        """
+        super().__init__(namespace, notify)
+        self._base_frame = f"{namespace}/base_link" if namespace else "base_link"
+        self._service = rospy.ServiceProxy(f"{self._prefix}play_motion", PlayMotion)
+        self._lock = threading.Lock()
+        if not self.wait_until(lambda: self.newest is not None, TIMEOUT):
+            raise NoAnswerError(f"The robot's state is unknown: {self.silence}")
+
+    @property
+    def now_ns(self) -> int:
+        """Time of its newest state, in [ns]."""
+        return self.newest.header.stamp.to_nsec() if self.newest else 0
+
+    def base_pose(self) -> np.ndarray:
+        """Return where its base is in the map, shape (7,).
+
+        Raises:
+            MotionError: If TF does not have it.
+        """
+        return MapFrame().pose_in_map(IDENTITY, self._base_frame, rospy.Time())
+
+    def play(self, trajectory: Trajectory) -> tuple[int, str]:
+        """Let the robot go through a motion, at once.
+
+        Returns:
+            When its times count from, in [ns], and what was not done as requested.
+
+        Raises:
+            NoAnswerError: If that is refused, or nobody answers.
+        """
+        return self._call(_message(trajectory))
+
+    def stop(self) -> None:
+        """Stop the robot where it is.
+
+        Raises:
+            NoAnswerError: If that is refused, or nobody answers.
+        """
+        self._call(RobotTrajectory())
+
+    def _call(self, message: RobotTrajectory) -> tuple[int, str]:
+        """Call the bridge."""
+        try:
+            with self._lock:
+                answer = self._service(message)
+        except (rospy.ServiceException, OSError) as error:
+            name = self._service.resolved_name
+            raise NoAnswerError(
+                f"{name} does not answer, is the bridge running? {error}"
+            ) from error
+        if not answer.success:
+            raise NoAnswerError(f"The motion is refused: {answer.status_message}")
+        return answer.start.to_nsec(), answer.status_message
+
+
+def _message(trajectory: Trajectory) -> RobotTrajectory:
+    """Write a motion as a message."""
+    message = RobotTrajectory()
+    times = [_duration(time) for time in trajectory.times.tolist()]
+    if trajectory.joint_names:
+        joints = message.joint_trajectory
+        joints.joint_names = list(trajectory.joint_names)
+        rows = trajectory.positions.tolist()
+        speeds = trajectory.velocities
+        rates = [[]] * len(rows) if speeds is None else speeds.tolist()
+        joints.points = [
+            JointTrajectoryPoint(positions=row, velocities=rate, time_from_start=time)
+            for row, rate, time in zip(rows, rates, times)
+        ]
+    if trajectory.base_poses is not None:
+        base = message.multi_dof_joint_trajectory
+        base.joint_names = ["base"]
+        base.points = [
+            MultiDOFJointTrajectoryPoint(
+                transforms=[to_transform(pose)], time_from_start=time
+            )
+            for pose, time in zip(trajectory.base_poses.tolist(), times)
+        ]
+    return message
+
+
+def _duration(seconds: float) -> rospy.Duration:
+    """Convert a time in [s] to the nearest whole [ns]."""
+    stamp = stamp_from_ns(round(seconds * 1e9))
+    return rospy.Duration(stamp.secs, stamp.nsecs)

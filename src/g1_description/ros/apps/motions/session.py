@@ -1,0 +1,127 @@
+"""A motion that is played, paused and stepped through by a person."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from g1_description.core.motion.edit import at_speed, cut
+from g1_description.core.motion.sampling import SNAP
+from g1_description.core.motion.trajectory import Trajectory
+from g1_description.ros.apps.robot_view import NoAnswerError
+
+from .played_robot import PlayedRobot
+
+REST = 1.0
+"""Time between the end of a motion and its next beginning, in [s]."""
+
+
+class Session:
+    """Where a motion is, and whether it runs."""
+
+    def __init__(
+        self,
+        robot: PlayedRobot,
+        trajectory: Trajectory,
+        speed: float,
+        notify: Callable[[str], None],
+    ) -> None:
+        """Prepare; the robot does nothing yet.
+
+        Args:
+            robot: Who goes through the motion.
+            trajectory: The motion.
+            speed: Seconds of the motion in a second.
+            notify: Takes messages about what was not done as requested.
+        """
+        self._robot, self._speed, self._notify = robot, speed, notify
+        self.trajectory = trajectory
+        self.is_running = False
+        self._told = ""
+        self._start_ns = 0
+        self._from = self._time = self.begin
+        self._ended: float | None = None
+
+    @property
+    def begin(self) -> float:
+        """Time of the first sample, in [s]."""
+        return float(self.trajectory.times[0])
+
+    @property
+    def end(self) -> float:
+        """Time of the last sample, in [s]."""
+        return self.trajectory.duration
+
+    @property
+    def time(self) -> float:
+        """Time of the motion that the robot shows, in [s].
+
+        Raises:
+            NoAnswerError: If the robot was reset on the way.
+        """
+        if self.is_running:
+            elapsed = 1e-9 * (self._robot.now_ns - self._start_ns)
+            if elapsed < -REST:
+                self.is_running = False
+                raise NoAnswerError("Time went back on the way; the robot was reset.")
+            self._time = self._from + self._speed * max(0.0, elapsed)
+        return float(np.clip(self._time, self.begin, self.end))
+
+    @property
+    def frame(self) -> int:
+        """Number of the sample at or before that time, from 1."""
+        until = self.time + SNAP
+        return int(np.searchsorted(self.trajectory.times, until, side="right"))
+
+    @property
+    def is_over(self) -> bool:
+        """Whether it has come to its end."""
+        return self.is_running and self.time >= self.end
+
+    def start(self, time: float | None = None) -> None:
+        """Play from a time of the motion in [s]; by default from where it is."""
+        self._from = self.time if time is None else time
+        if self._from >= self.end:
+            self._from = self.begin
+        part = cut(self.trajectory, self._from)
+        self._start_ns = self._play(at_speed(part, self._speed, self._from))
+        self.is_running = True
+
+    def pause(self) -> None:
+        """Stop the robot where it is."""
+        if self.is_running:
+            self._robot.stop()
+            self._time, self.is_running = self.time, False
+
+    def step(self, n: int) -> None:
+        """Pause, and show the sample ``n`` after the present one."""
+        self.pause()
+        last = len(self.trajectory.times) - 1
+        time = self.trajectory.times[min(max(self.frame - 1 + n, 0), last)]
+        self._time = float(time)
+        self._play(at_speed(cut(self.trajectory, time, time), 1.0, time))
+
+    def toggle(self) -> None:
+        """Pause, or go on."""
+        if self.is_running:
+            self.pause()
+        else:
+            self.start()
+
+    def restart_when_rested(self) -> None:
+        """Begin again some time after the end."""
+        now = time.monotonic()
+        self._ended = self._ended or now
+        if now >= self._ended + REST:
+            self._ended = None
+            self.start(self.begin)
+
+    def _play(self, part: Trajectory) -> int:
+        """Let the robot play a part; return when it begins, in [ns]."""
+        start_ns, message = self._robot.play(part)
+        if message != self._told:
+            self._told = message
+            self._notify(f"{message}.")
+        return start_ns

@@ -1,0 +1,224 @@
+#!/usr/bin/env python3
+"""The command play, in a terminal and without one."""
+
+import os
+import pty
+import re
+import select
+import signal
+import subprocess
+import tempfile
+import time
+import unittest
+from pathlib import Path
+
+import numpy as np
+import rospy
+import rostest
+from geometry_msgs.msg import PoseStamped
+from sensor_msgs.msg import JointState
+from support.joint_limits import limits
+from support.ros_testing import DEADLINE, Connected, program, wait_for
+from tf2_msgs.msg import TFMessage
+
+HEADER = "time,base_x,base_y,base_z,base_qx,base_qy,base_qz,base_qw,left_elbow_joint"
+SPACE, RIGHT, LEFT, CTRL_C = b" ", b"\x1b[C", b"\x1b[D", b"\x03"
+ELBOW = "left_elbow_joint"
+
+
+class Terminal:
+    """A program in a terminal of its own."""
+
+    def __init__(self, *command):
+        self._pid, self._terminal = pty.fork()
+        if self._pid == 0:
+            os.execv(command[0], command)
+        self.text = ""
+
+    def wait(self, pattern):
+        """Wait until it has printed something."""
+        end = time.monotonic() + DEADLINE
+        while not re.search(pattern, self.text):
+            left = end - time.monotonic()
+            assert left > 0.0, f"no {pattern!r} in {self.text!r}"
+            if select.select([self._terminal], [], [], left)[0]:
+                self._read()
+
+    def _read(self):
+        try:
+            self.text += os.read(self._terminal, 65536).decode()
+        except OSError:
+            return False
+        return True
+
+    def press(self, key):
+        self.text = ""
+        os.write(self._terminal, key)
+
+    def end(self):
+        """Wait for its end; return its exit code."""
+        while self._read():
+            pass
+        os.close(self._terminal)
+        return os.WEXITSTATUS(os.waitpid(self._pid, 0)[1])
+
+
+class TestPlay(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.states = Connected("/joint_states", JointState, queue_size=None)
+        cls.tf = Connected("/tf", TFMessage, queue_size=None)
+        cls.base = rospy.Publisher("/base_command", PoseStamped, queue_size=1)
+        wait_for(cls.base.get_num_connections, "the bridge")
+        cls.index = limits()[0].index(ELBOW)
+        folder = tempfile.TemporaryDirectory()
+        cls.addClassCleanup(folder.cleanup)
+        cls.file = Path(folder.name) / "wave.csv"
+        rows = [
+            (0.1 * n, 0.01 * n, 0.0, 0.9, 0.0, 0.0, 0.0, 1.0, round(0.02 * n, 2))
+            for n in range(41)
+        ]
+        lines = [",".join(map(repr, row)) for row in rows]
+        cls.file.write_text("\n".join([HEADER, *lines]))
+
+    def setUp(self):
+        self.states.clear()
+        self.tf.clear()
+
+    def run_play(self, *arguments):
+        return subprocess.run(
+            [program("play"), *map(str, arguments)],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            timeout=2 * DEADLINE,
+        )
+
+    def elbow(self):
+        self.states.clear()
+        return self.states.wait().position[self.index]
+
+    def base_pose(self):
+        """Give where the base is, once it is where it was before."""
+        self.tf.clear()
+        message = self.tf.wait(
+            lambda m: any(t.child_frame_id == "base_link" for t in m.transforms)
+        )
+        edge = next(t for t in message.transforms if t.child_frame_id == "base_link")
+        t, q = edge.transform.translation, edge.transform.rotation
+        return np.array([t.x, t.y, t.z, q.x, q.y, q.z, q.w])
+
+    def assert_still(self):
+        first = self.elbow()
+        since = self.states.messages[-1].header.stamp
+        later = self.states.wait(lambda m: (m.header.stamp - since).to_sec() > 0.3)
+        self.assertEqual(later.position[self.index], first)
+        self.assertFalse(any(later.velocity))
+        return first
+
+    def test_it_plays_a_part_to_its_end_at_a_speed(self):
+        begin = self.states.wait().header.stamp
+        done = self.run_play(self.file, "--from", 1.0, "--to", 3.0, "--speed", 4)
+        self.assertEqual(done.returncode, 0, done.stdout)
+        self.assertEqual(done.stdout.splitlines()[-1], "play: wave.csv: 2.00 s played.")
+        self.states.wait(lambda m: m.position[self.index] == 0.6, "the end")
+        moved = [m for m in self.states.messages if m.velocity[self.index]]
+        self.assertGreaterEqual(min(m.position[self.index] for m in moved), 0.2)
+        times = [m.header.stamp.to_sec() for m in moved]
+        self.assertAlmostEqual(max(times) - min(times), 0.5, delta=0.1)
+        self.assertGreater(min(times), begin.to_sec())
+        self.assertAlmostEqual(moved[0].velocity[self.index], 0.8, delta=1e-9)
+        self.assertIn("no left_hip_pitch_joint", done.stdout)
+
+    def test_ctrl_c_leaves_the_robot_where_it_is(self):
+        playing = Terminal(program("play"), str(self.file), "--speed", "0.5")
+        self.states.wait(lambda m: m.velocity[self.index] > 0.0)
+        playing.press(CTRL_C)
+        self.assertEqual(playing.end(), 130)
+        self.assertIn("the robot stays where it is", playing.text)
+        self.assertTrue(0.0 < self.assert_still() < 0.8)
+
+    def test_a_signal_leaves_it_there_too(self):
+        playing = subprocess.Popen(
+            [program("play"), self.file, "--loop"], stdin=subprocess.DEVNULL
+        )
+        self.states.wait(lambda m: m.velocity[self.index] > 0.0)
+        playing.send_signal(signal.SIGTERM)
+        self.assertNotEqual(playing.wait(DEADLINE), 0)
+        self.assert_still()
+
+    def test_space_pauses_and_arrows_step(self):
+        playing = Terminal(program("play"), str(self.file), "--speed", "0.5")
+        playing.wait("sample [5-9] of 41")
+        playing.press(SPACE)
+        playing.wait("paused")
+        number = int(re.findall(r"sample (\d+) of", playing.text)[-1])
+        self.assert_still()
+        for key, step in ((RIGHT, 1), (RIGHT, 1), (LEFT, -1)):
+            number += step
+            playing.press(key)
+            playing.wait(f"sample {number} of 41")
+            wanted = round(0.02 * (number - 1), 2)
+            self.states.wait(lambda m, at=wanted: m.position[self.index] == at)
+        playing.press(SPACE)
+        self.states.wait(lambda m: m.position[self.index] == 0.8, "the end")
+        self.assertEqual(playing.end(), 0)
+
+    def test_it_begins_again(self):
+        playing = Terminal(program("play"), str(self.file), "--from", "3.5", "--loop")
+        self.states.wait(lambda m: m.position[self.index] == 0.8, "the end")
+        self.states.clear()
+        self.states.wait(lambda m: m.position[self.index] < 0.75, "the beginning")
+        playing.press(b"q")
+        self.assertEqual(playing.end(), 0)
+        self.assert_still()
+
+    def test_it_begins_where_the_robot_is(self):
+        there = PoseStamped()
+        there.pose.position.x, there.pose.position.z = 3.0, 1.5
+        there.pose.orientation.z = there.pose.orientation.w = np.sqrt(0.5)
+        self.base.publish(there)
+        self.tf.wait(
+            lambda m: any(t.transform.translation.x == 3.0 for t in m.transforms)
+        )
+        done = self.run_play(self.file, "--start-here", "--speed", 8)
+        self.assertEqual(done.returncode, 0, done.stdout)
+        wanted = [3.0, 0.4, 0.9, 0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)]
+        self.tf.wait(
+            lambda m: any(
+                t.child_frame_id == "base_link"
+                and abs(t.transform.translation.y - 0.4) < 1e-9
+                for t in m.transforms
+            ),
+            "the end",
+        )
+        np.testing.assert_allclose(self.base_pose(), wanted, atol=1e-9)
+
+    def test_it_puts_the_motion_on_the_floor(self):
+        """The legs are straight: the soles are where a standing robot has them."""
+        done = self.run_play(self.file, "--on-floor", "--from", 3.9, "--to", 4.0)
+        self.assertEqual(done.returncode, 0, done.stdout)
+        self.assertAlmostEqual(self.base_pose()[2], 0.792, delta=0.005)
+
+    def test_what_is_wrong_is_told_in_a_sentence(self):
+        bad = self.file.with_name("bad.csv")
+        bad.write_text("time,left_elbow_joint\n0,0\n1,ten\n")
+        arms = self.file.with_name("arms.csv")
+        arms.write_text("time,left_elbow_joint\n0,0\n1,1\n")
+        for arguments, text in (
+            ((self.file.with_name("none.csv"),), "There is no file"),
+            ((bad,), "bad.csv: Line 3 has 'ten' where a number is expected."),
+            ((self.file, "--from", 2, "--to", 9), "lasts from 0 to 4 s; 2 to 9 s is"),
+            ((self.file, "--speed", 0), "0 is not positive"),
+            ((arms, "--on-floor"), "arms.csv does not move the base"),
+        ):
+            with self.subTest(text=text):
+                done = self.run_play(*arguments)
+                self.assertEqual(done.returncode, 1)
+                self.assertIn(text, done.stdout.splitlines()[-1])
+
+
+if __name__ == "__main__":
+    rospy.init_node("test_play")
+    rostest.rosrun("g1_description", "play", TestPlay)
