@@ -95,10 +95,6 @@ class TestPlay(unittest.TestCase):
             timeout=2 * DEADLINE,
         )
 
-    def elbow(self):
-        self.states.clear()
-        return self.states.wait().position[self.index]
-
     def base_pose(self):
         """Give where the base is, once it is where it was before."""
         self.tf.clear()
@@ -110,12 +106,15 @@ class TestPlay(unittest.TestCase):
         return np.array([t.x, t.y, t.z, q.x, q.y, q.z, q.w])
 
     def assert_still(self):
-        first = self.elbow()
-        since = self.states.messages[-1].header.stamp
-        later = self.states.wait(lambda m: (m.header.stamp - since).to_sec() > 0.3)
-        self.assertEqual(later.position[self.index], first)
+        """Wait until the robot rests, and see that it stays there; give the elbow."""
+        self.states.clear()
+        first = self.states.wait(lambda m: not any(m.velocity), "a rest")
+        later = self.states.wait(
+            lambda m: (m.header.stamp - first.header.stamp).to_sec() > 0.3
+        )
+        self.assertEqual(later.position, first.position)
         self.assertFalse(any(later.velocity))
-        return first
+        return first.position[self.index]
 
     def test_it_plays_a_part_to_its_end_at_a_speed(self):
         begin = self.states.wait().header.stamp
