@@ -106,11 +106,11 @@ class BridgeNode:
             self._log,
         )
         self._sender.start()
-        for (robot, _), status in zip(robots, statuses):
-            topic = topic_of(robot, "joint_commands")
-            CommandListener(topic, status, self._sender, self._log)
         for (robot, _), bridged in zip(robots, self._robots):
-            MotionTopics(p.gazebo, robot, bridged.status, bridged.player, self._log)
+            status, player = bridged.status, bridged.player
+            topic = topic_of(robot, "joint_commands")
+            CommandListener(topic, status, self._sender, self._log, player.release)
+            MotionTopics(p.gazebo, robot, status, player, self._log)
         self._source = StateSource(p.gazebo, p.max_rate, self._on_states, self._log)
         self._source.start()
         self._stopped = threading.Event()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Mapping
 
 import rosgraph
 import rospy
@@ -39,6 +39,7 @@ class CommandListener:
         status: RobotStatus,
         sender: CommandSender,
         log: ThrottledLog,
+        release: Callable[[Collection[str]], None],
     ) -> None:
         """Subscribe.
 
@@ -47,8 +48,10 @@ class CommandListener:
             status: The robot.
             sender: Sends the commands.
             log: Where to log what cannot be obeyed.
+            release: Ends what else moves the joints that it is given.
         """
         self._status, self._sender, self._log = status, sender, log
+        self._release = release
         joints = status.description.movable_joints
         self._movable = frozenset(joint.name for joint in joints)
         # rospy has a thread for each publisher of commands.
@@ -71,6 +74,7 @@ class CommandListener:
                 f"command {status.name}", f"{text}: {status.ignored[1]}.", SHORT_PERIOD
             )
         if accepted:
+            self._release(accepted)
             self._sender.put(status.name, accepted)
 
 

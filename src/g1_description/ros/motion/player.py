@@ -117,6 +117,8 @@ class MotionPlayer:
 
     def release(self, joints: Collection[str], base: bool = False) -> None:
         """Leave joints, and perhaps the base, to another command."""
+        if self.is_idle:
+            return
         with self._lock:
             rows = [row for row, name in enumerate(self._joints) if name in joints]
             self._playlist.release(rows, base)
