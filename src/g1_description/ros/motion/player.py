@@ -89,9 +89,12 @@ class MotionPlayer:
         """
         if not self._is_stand_in():
             return self._play_here(trajectory, start_ns)
-        played = self._call(_message(self._status.name, trajectory, start_ns))
-        if played.success:
-            self._add(trajectory, played.start_ns)
+        message = _message(self._status.name, trajectory, start_ns)
+        self.is_idle = False
+        with self._lock:  # the first states of the motion come before the answer
+            played = self._call(message)
+            if played.success:
+                self._add(trajectory, played.start_ns)
         return played
 
     def stream(self, trajectory: Trajectory, start_ns: int | None = None) -> Played:

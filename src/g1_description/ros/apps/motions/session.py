@@ -40,7 +40,7 @@ class Session:
         self.trajectory = trajectory
         self.is_running = False
         self._told = ""
-        self._start_ns = 0
+        self._start_ns = self._seen_ns = 0
         self._from = self._time = self.begin
         self._ended: float | None = None
 
@@ -62,10 +62,12 @@ class Session:
             NoAnswerError: If the robot was reset on the way.
         """
         if self.is_running:
-            elapsed = 1e-9 * (self._robot.now_ns - self._start_ns)
-            if elapsed < -REST:
+            now_ns = self._robot.now_ns
+            if now_ns < self._seen_ns:
                 self.is_running = False
                 raise NoAnswerError("Time went back on the way; the robot was reset.")
+            self._seen_ns = now_ns
+            elapsed = 1e-9 * (now_ns - self._start_ns)
             self._time = self._from + self._speed * max(0.0, elapsed)
         return float(np.clip(self._time, self.begin, self.end))
 
@@ -85,6 +87,7 @@ class Session:
         self._from = self.time if time is None else time
         if self._from >= self.end:
             self._from = self.begin
+        self._seen_ns = 0
         part = cut(self.trajectory, self._from)
         self._start_ns = self._play(at_speed(part, self._speed, self._from))
         self.is_running = True
