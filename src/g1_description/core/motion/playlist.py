@@ -36,14 +36,19 @@ class Playback:
     """What is left of a motion: newer commands may have replaced some of it."""
 
     def __init__(
-        self, joint_names: Sequence[str], trajectory: Trajectory, start_ns: int
+        self,
+        trajectory: Trajectory,
+        start_ns: int,
+        columns: np.ndarray,
+        rows: np.ndarray,
     ) -> None:
         """Wait for the beginning.
 
         Args:
-            joint_names: The robot's movable joints.
-            trajectory: The motion; joints that the robot does not have are ignored.
+            trajectory: The motion.
             start_ns: When its times count from, in [ns].
+            columns: Which of the motion's joints the robot has, shape (n,).
+            rows: Which of the robot's movable joints these are, shape (n,).
         """
         self.start_ns = start_ns
         self.has_begun = False
@@ -51,11 +56,8 @@ class Playback:
         """Whether it moves the base."""
         self._trajectory = trajectory
         self._n_reached = 0
-        row_of = {name: row for row, name in enumerate(joint_names)}
-        names = trajectory.joint_names
-        own = [column for column, name in enumerate(names) if name in row_of]
-        self._columns = np.array(own, dtype=int)
-        self.rows = np.array([row_of[names[column]] for column in own], dtype=int)
+        self._columns = columns
+        self.rows = rows
         """Which of the robot's movable joints it moves, shape (n,)."""
 
     @property
@@ -65,7 +67,8 @@ class Playback:
 
     def release(self, rows: Collection[int], base: bool) -> None:
         """Leave joints, given by rows, and perhaps the base to another command."""
-        kept = ~np.isin(self.rows, np.array(list(rows), dtype=int))
+        gone = set(rows)
+        kept = [n for n, row in enumerate(self.rows.tolist()) if row not in gone]
         self.rows, self._columns = self.rows[kept], self._columns[kept]
         self.moves_base = self.moves_base and not base
 
@@ -129,7 +132,9 @@ class Playlist:
         Args:
             joint_names: The robot's movable joints.
         """
-        self._joint_names = joint_names
+        self._row_of = {name: row for row, name in enumerate(joint_names)}
+        self._names: tuple[str, ...] = ()
+        self._columns = self._rows = np.zeros(0, dtype=int)
         self._playbacks: list[Playback] = []
 
     def __bool__(self) -> bool:
@@ -148,9 +153,18 @@ class Playlist:
             trajectory: The motion; joints that the robot does not have are ignored.
             start_ns: When its times count from, in [ns].
         """
-        playback = Playback(self._joint_names, trajectory, start_ns)
+        if trajectory.joint_names != self._names:
+            self._find(trajectory.joint_names)
+        playback = Playback(trajectory, start_ns, self._columns, self._rows)
         self._playbacks.append(playback)
         return playback
+
+    def _find(self, names: tuple[str, ...]) -> None:
+        """Find the robot's joints among those of a motion."""
+        own = [column for column, name in enumerate(names) if name in self._row_of]
+        self._columns = np.array(own, dtype=int)
+        self._rows = np.array([self._row_of[names[n]] for n in own], dtype=int)
+        self._names = names
 
     def release(self, rows: Collection[int] = (), base: bool = False) -> None:
         """Leave joints, given by rows, and perhaps the base to another command."""
@@ -189,6 +203,8 @@ class Playlist:
         self, playbacks: Collection[Playback], rows: Collection[int], base: bool
     ) -> None:
         """Take joints and base from some motions, and forget those without any."""
+        if not playbacks:
+            return
         for playback in playbacks:
             playback.release(rows, base)
         self._playbacks = [one for one in self._playbacks if not one.is_empty]

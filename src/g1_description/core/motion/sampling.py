@@ -51,14 +51,13 @@ def sample(trajectory: Trajectory, times: np.ndarray | float) -> Sample:
         bit; the velocities there are those of what follows.
     """
     found = np.asarray(times, dtype=float)
+    if len(trajectory.times) == 1:
+        return _single(trajectory, found)
     first, last, gaps, moves = _segments(trajectory.times, found)
     elapsed = found - trajectory.times[first]
     share = np.where(moves & (elapsed > SNAP), elapsed, 0.0) / gaps
     positions, velocities = _joints(trajectory, first, last, share, gaps)
-    is_shown = moves
-    if len(trajectory.times) == 1:
-        is_shown = (elapsed > -SNAP) & (found < trajectory.rest_time)
-    velocities = np.where(is_shown[..., np.newaxis], velocities, 0.0)
+    velocities = np.where(moves[..., np.newaxis], velocities, 0.0)
     if trajectory.base_poses is None:
         return Sample(positions, velocities, None, None)
     begin, end = trajectory.base_poses[first], trajectory.base_poses[last]
@@ -66,6 +65,21 @@ def sample(trajectory: Trajectory, times: np.ndarray | float) -> Sample:
     return Sample(
         positions, velocities, poses, np.where(moves[..., np.newaxis], twists, 0.0)
     )
+
+
+def _single(trajectory: Trajectory, times: np.ndarray) -> Sample:
+    """Return the only sample of a motion, which moves for ``SINGLE_TIME`` at most."""
+    n_joints = len(trajectory.joint_names)
+    positions = np.broadcast_to(trajectory.positions[0], (*times.shape, n_joints))
+    velocities = np.zeros(positions.shape)
+    if trajectory.velocities is not None:
+        is_shown = times > trajectory.duration - SNAP
+        is_shown &= times < trajectory.rest_time
+        velocities[is_shown] = trajectory.velocities[0]
+    if trajectory.base_poses is None:
+        return Sample(positions, velocities, None, None)
+    poses = np.broadcast_to(trajectory.base_poses[0], (*times.shape, 7))
+    return Sample(positions, velocities, poses, np.zeros((*times.shape, 6)))
 
 
 def _segments(

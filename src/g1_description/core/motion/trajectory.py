@@ -58,20 +58,22 @@ class Trajectory:
         if self.base_poses is not None:
             self._check("base pose", self.base_poses, (n_samples, 7))
             object.__setattr__(self, "base_poses", _normalized(self.base_poses))
-        late = np.flatnonzero(np.diff(self.times) <= 0.0)
-        if late.size:
-            before, after = self.times[late[0]], self.times[late[0] + 1]
+        is_late = self.times[1:] <= self.times[:-1]
+        if is_late.any():
+            late = int(np.argmax(is_late))
+            before, after = self.times[late], self.times[late + 1]
             raise MotionError(
-                f"The times of the motion do not rise: sample {late[0] + 2} is at "
+                f"The times of the motion do not rise: sample {late + 2} is at "
                 f"{after:g} s, the one before at {before:g} s."
             )
 
     def _check_names(self) -> None:
         """Check that no joint is named twice."""
         names = self.joint_names
+        if len(set(names)) == len(names):
+            return
         twice = [name for name in dict.fromkeys(names) if names.count(name) > 1]
-        if twice:
-            raise MotionError(f"The motion names joints twice: {listed(twice)}.")
+        raise MotionError(f"The motion names joints twice: {listed(twice)}.")
 
     def _check(self, what: str, array: np.ndarray, shape: tuple[int, ...]) -> None:
         """Check one array's shape and numbers."""
@@ -80,11 +82,12 @@ class Trajectory:
                 f"The motion has an array of shape {array.shape} for each {what}, "
                 f"where {shape} belongs to {shape[0]} samples."
             )
-        wrong = np.argwhere(~(np.abs(array) <= MAX_VALUE))
-        if len(wrong):
+        fits = np.abs(array) <= MAX_VALUE
+        if not fits.all():
+            first = tuple(np.argwhere(~fits)[0])
             raise MotionError(
-                f"Sample {wrong[0][0] + 1} of the motion has the {what} "
-                f"{array[tuple(wrong[0])]}; numbers must be within +-{MAX_VALUE:g}."
+                f"Sample {first[0] + 1} of the motion has the {what} {array[first]}; "
+                f"numbers must be within +-{MAX_VALUE:g}."
             )
 
     @property
@@ -108,14 +111,15 @@ def _normalized(poses: np.ndarray) -> np.ndarray:
     Raises:
         MotionError: If one is far from it.
     """
-    lengths = np.linalg.norm(poses[:, 3:], axis=1)
-    wrong = np.flatnonzero(np.abs(lengths - 1.0) > NORM_TOLERANCE)
-    if wrong.size:
+    lengths = np.sqrt(np.einsum("ij,ij->i", poses[:, 3:], poses[:, 3:]))
+    errors = np.abs(lengths - 1.0)
+    if errors.max() > NORM_TOLERANCE:
+        wrong = np.argmax(errors > NORM_TOLERANCE)
         raise MotionError(
-            f"The base of sample {wrong[0] + 1} has a quaternion of length "
-            f"{lengths[wrong[0]]:.6g}, not 1."
+            f"The base of sample {wrong + 1} has a quaternion of length "
+            f"{lengths[wrong]:.6g}, not 1."
         )
-    rounded = np.abs(lengths - 1.0) > UNIT_TOLERANCE
+    rounded = errors > UNIT_TOLERANCE
     if rounded.any():
         poses = poses.copy()
         poses[rounded, 3:] = normalized(poses[rounded, 3:])

@@ -92,6 +92,7 @@ class GazeboNode:
                 kind,
                 self._later_in_the_loop(self._warn_if_refused(topic, act)),
                 queue_size=None,
+                tcp_nodelay=True,
             )
         for services in (
             models,

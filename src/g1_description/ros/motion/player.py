@@ -23,8 +23,8 @@ from g1_description.srv import SetModelTrajectory
 
 from .gazebo_writer import GazeboWriter
 
-QUEUE_SIZE = 1000
-"""Samples kept for a busy simulator: a second of them at 1 kHz."""
+QUEUE_SIZE = 100
+"""Samples kept for a busy simulator: a tenth of a second of them at 1 kHz."""
 
 ROUNDING = 1e-12
 """Largest difference in [rad], [m] and their rates between what was measured and what

@@ -33,8 +33,15 @@ from .messages import (
 )
 from .player import MotionPlayer, Played
 
-QUEUE_SIZE = 1000
-"""Poses kept for a busy simulator: a second of them at 1 kHz."""
+QUEUE_SIZE = 100
+"""Poses kept for a busy simulator: a tenth of a second of them at 1 kHz."""
+
+STREAM_QUEUE_SIZE = 10
+"""Samples of a stream that may wait for the bridge; of more, the newest count: what a
+planner streams is of no use later."""
+
+BUFFER_SIZE = 1 << 20
+"""Bytes of a stream that are read at once: what piled up does not come later."""
 
 
 class MotionTopics:
@@ -65,21 +72,23 @@ class MotionTopics:
         """
         self._status, self._player, self._log = status, player, log
         self._map = MapFrame()
-        self._joints = [joint.name for joint in status.description.movable_joints]
+        joints = status.description.movable_joints
+        self._joints = dict.fromkeys(joint.name for joint in joints)
         self._states = DirectPublisher(
             f"{gazebo}/set_model_state", ModelState, QUEUE_SIZE
         )
-        for name, kind, act in (
-            ("joint_trajectory", JointTrajectory, self._on_joint_trajectory),
-            ("base_command", PoseStamped, self._on_base_command),
-            ("motion", RobotTrajectory, self._on_motion),
+        for name, kind, act, queue_size in (
+            # Trajectories may move different joints, so none of them may be lost.
+            ("joint_trajectory", JointTrajectory, self._on_joint_trajectory, None),
+            ("base_command", PoseStamped, self._on_base_command, STREAM_QUEUE_SIZE),
+            ("motion", RobotTrajectory, self._on_motion, STREAM_QUEUE_SIZE),
         ):
-            # Messages may move different joints, so none of them may be lost.
             rospy.Subscriber(
                 topic_of(robot, name),
                 kind,
                 partial(self._obey, name, act),
-                queue_size=None,
+                queue_size=queue_size,
+                buff_size=BUFFER_SIZE,
                 tcp_nodelay=True,
             )
         rospy.Service(topic_of(robot, "play_motion"), PlayMotion, self._on_call)
