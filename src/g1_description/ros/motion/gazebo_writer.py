@@ -88,7 +88,8 @@ class GazeboWriter:
                 base, self._base = self._base, None
             try:
                 self._send(base, positions)
-            except FAILURES as error:
+            # rospy raises AttributeError where it closes the connection meanwhile.
+            except (*FAILURES, AttributeError) as error:
                 self._put_back(base, positions, error)
 
     def _send(self, base: np.ndarray | None, positions: dict[str, float]) -> None:

@@ -77,6 +77,7 @@ class MotionPlayer:
             )
             self._names: tuple[str, ...] = ()
             self._rows = np.zeros(0, dtype=int)
+            self._plays_here = False
             self.is_idle = True
             """Whether no motion was sent since then; then nothing is to be observed."""
 
@@ -90,7 +91,7 @@ class MotionPlayer:
         if not self._is_stand_in():
             return self._play_here(trajectory, start_ns)
         message = _message(self._status.name, trajectory, start_ns)
-        self.is_idle = False
+        self.is_idle = self._plays_here = False
         with self._lock:  # the first states of the motion come before the answer
             played = self._call(message)
             if played.success:
@@ -164,7 +165,7 @@ class MotionPlayer:
             if setpoint.base_pose is not None:
                 wanted.base_pose[:] = setpoint.base_pose
             is_sample = playback.reaches_sample(stamp) or is_sample
-            if not self._topic.get_num_connections():
+            if self._plays_here:
                 self._writer.put(self._joints, setpoint)
         self._playlist.drop_over(stamp)
         return is_sample
@@ -182,6 +183,7 @@ class MotionPlayer:
         now = self._status.stamp
         if not now:
             return Played(False, "the simulator has published no state of the robot")
+        self._plays_here = True
         self._add(trajectory, start_ns or now)
         return Played(True, "", start_ns or now)
 
