@@ -1,22 +1,14 @@
-"""Hold our definitions of gazebo_msgs against the md5 sums of gazebo_ros.
-
-A publisher and a subscriber understand each other exactly when the md5 sums of
-their types agree. The sums are computed from the files; nothing is built.
-"""
+"""Hold our definitions of gazebo_msgs against the md5 sums of gazebo_ros."""
 
 import re
-from pathlib import Path
 
-import genmsg
-import genmsg.gentools
-import genmsg.msg_loader
 import pytest
-import rospkg
+from definitions import DESIGN, Definitions
 
-REPOSITORY = Path(__file__).resolve().parents[2]
-DEFINITIONS = REPOSITORY / "interfaces" / "gazebo_msgs"
-TABLE = REPOSITORY.parent / "shared" / "design" / "gazebo_msgs.md"
-DEPENDENCIES = ["geometry_msgs", "std_msgs", "trajectory_msgs"]
+DEFINITIONS = Definitions(
+    "gazebo_msgs", ["geometry_msgs", "std_msgs", "trajectory_msgs"]
+)
+TABLE = DESIGN / "gazebo_msgs.md"
 
 MESSAGES = {
     "ContactState": "48c0ffb054b8c444f870cecea1ee50d9",
@@ -61,47 +53,22 @@ TYPES = [("msg", *item) for item in MESSAGES.items()] + [
 ]
 
 
-def message_folders(package):
-    """Find the definitions of a package, also where only those are installed."""
-    packages = rospkg.RosPack()
-    roots = [Path(root) / package for root in packages.get_ros_paths()]
-    if package in packages.list():
-        roots.insert(0, Path(packages.get_path(package)))
-    return [str(root / "msg") for root in roots if (root / "msg").is_dir()]
-
-
-@pytest.fixture(scope="module")
-def search_path():
-    """Folders of message definitions, by package."""
-    paths = {package: message_folders(package) for package in DEPENDENCIES}
-    return {"gazebo_msgs": [str(DEFINITIONS / "msg")], **paths}
-
-
-def md5_of_definition(kind, name, search_path):
-    context = genmsg.MsgContext.create_default()
-    path = str(DEFINITIONS / kind / f"{name}.{kind}")
-    load = getattr(genmsg.msg_loader, f"load_{kind}_from_file")
-    spec = load(context, path, f"gazebo_msgs/{name}")
-    genmsg.msg_loader.load_depends(context, spec, search_path)
-    return genmsg.gentools.compute_md5(context, spec)
-
-
 @pytest.mark.parametrize(("kind", "name", "md5"), TYPES)
-def test_definition_has_the_md5_sum_of_gazebo_ros(kind, name, md5, search_path):
-    assert md5_of_definition(kind, name, search_path) == md5
+def test_definition_has_the_md5_sum_of_gazebo_ros(kind, name, md5):
+    assert DEFINITIONS.md5_of_file(kind, name) == md5
 
 
 @pytest.mark.parametrize(("kind", "table"), [("msg", MESSAGES), ("srv", SERVICES)])
 def test_every_definition_is_in_the_table(kind, table):
-    assert {path.stem for path in (DEFINITIONS / kind).iterdir()} == set(table)
+    assert {path.stem for path in (DEFINITIONS.folder / kind).iterdir()} == set(table)
 
 
 @pytest.mark.parametrize("kind", ["msg", "srv"])
 def test_the_build_generates_every_definition(kind):
     listed = re.findall(
-        rf"^ +(\w+\.{kind})$", (DEFINITIONS / "CMakeLists.txt").read_text(), re.M
+        rf"^ +(\w+\.{kind})$", (DEFINITIONS.folder / "CMakeLists.txt").read_text(), re.M
     )
-    assert listed == sorted(path.name for path in (DEFINITIONS / kind).iterdir())
+    assert listed == sorted(path.name for path in (DEFINITIONS.folder / kind).iterdir())
 
 
 @pytest.mark.parametrize("kind", ["msg", "srv"])
