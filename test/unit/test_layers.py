@@ -12,7 +12,7 @@ from layers import MOST_IN_A_ROOM, Layers
 SOURCE = Path(__file__).parents[2] / "src" / "g1_description"
 LAYERS = Layers(SOURCE)
 STANDARD = {"__future__", "argparse", "array", "collections", "contextlib", "copy"}
-STANDARD |= {"dataclasses", "difflib", "functools", "io", "itertools", "math"}
+STANDARD |= {"dataclasses", "difflib", "enum", "functools", "io", "itertools", "math"}
 STANDARD |= {"logging", "os", "pathlib", "pickle", "pickletools", "re", "shutil"}
 STANDARD |= {"stat", "zipfile", "zlib"}
 STANDARD |= {"subprocess", "sys", "tempfile", "types", "typing"}
