@@ -6,6 +6,7 @@ Publishes: joint_states (sensor_msgs/JointState): for each state, with its stamp
 Subscribes: <gazebo>/world_state (gazebo_msgs/WorldState) or, where there is none,
     <gazebo>/link_states (gazebo_msgs/LinkStates); joint_commands
     (sensor_msgs/JointState), and the topics of motion.topics.MotionTopics
+Actions: <controller>/follow_joint_trajectory (control_msgs/FollowJointTrajectory)
 Broadcasts: map -> base_link, throttled; static world -> map, base_link -> the
     robot's root, imu_in_torso -> body_imu; fixed joints while time stands still
 Calls: <gazebo>/set_model_configuration (gazebo_msgs/SetModelConfiguration)
@@ -14,6 +15,7 @@ Parameters: those of parameters.BridgeParameters
 
 from __future__ import annotations
 
+import posixpath
 import sys
 import threading
 import time
@@ -28,6 +30,11 @@ from g1_description.core.bridge.stamps import RisingStamps
 from g1_description.core.errors import G1DescriptionError
 from g1_description.core.robot.description import Description
 from g1_description.core.text import listed
+from g1_description.ros.motion.action.controllers import Controller
+from g1_description.ros.motion.action.follow_joint_trajectory import (
+    ACTION,
+    FollowJointTrajectory,
+)
 from g1_description.ros.motion.topics import MotionTopics
 from g1_description.ros.node.lifecycle import quiet_when_closing, start_node
 from g1_description.ros.node.parameters import read_parameters
@@ -42,6 +49,7 @@ from .master_watch import MasterWatch
 from .parameters import (
     BridgeParameters,
     RobotParameters,
+    controllers_of,
     wait_for_descriptions,
 )
 from .robot import BridgedRobot, topic_of
@@ -74,12 +82,14 @@ class BridgeNode:
         self,
         parameters: BridgeParameters,
         robots: Sequence[tuple[RobotParameters, Description]],
+        controllers: Sequence[Sequence[Controller]],
     ) -> None:
         """Make the topics.
 
         Args:
             parameters: The node's parameters.
             robots: Names and descriptions of the robots.
+            controllers: The controllers of each.
         """
         p = parameters
         self._log = ThrottledLog()
@@ -111,6 +121,11 @@ class BridgeNode:
             topic = topic_of(robot, "joint_commands")
             CommandListener(topic, status, self._sender, self._log, player.release)
             MotionTopics(p.gazebo, robot, status, player, self._log)
+        self._actions = [
+            self._action(robot, bridged, controller)
+            for (robot, _), bridged, own in zip(robots, self._robots, controllers)
+            for controller in own
+        ]
         self._source = StateSource(p.gazebo, p.max_rate, self._on_states, self._log)
         self._source.start()
         self._stopped = threading.Event()
@@ -119,6 +134,15 @@ class BridgeNode:
         MasterWatch(self._robots, self._log).start()
         BridgeHealth(p.gazebo, self._source, self._sender, statuses, self._log).start()
 
+    def _action(
+        self, robot: RobotParameters, bridged: BridgedRobot, controller: Controller
+    ) -> FollowJointTrajectory:
+        """Make the action of one controller."""
+        name = topic_of(robot, posixpath.join(controller.name, ACTION))
+        return FollowJointTrajectory(
+            name, controller, bridged.status, bridged.player, self._log
+        )
+
     def _on_states(self, stamp: int, states: LinkStatesArrays) -> None:
         """Turn one state into joint states and, now and then, TF."""
         rising = self._stamps.next(stamp, rospy.Time.now().to_nsec())
@@ -126,7 +150,7 @@ class BridgeNode:
             return
         time_ns, (stamp, went_back) = stamp, rising
         if went_back:
-            self._reset()
+            self._reset(time_ns)
         observations = self._estimator.update(*states, 1e-9 * stamp)
         if self._estimator.duplicates:
             names = listed(self._estimator.duplicates)
@@ -136,6 +160,8 @@ class BridgeNode:
         edges = [robot.publish(stamp, seen, time_ns) for robot, seen in pairs]
         if any(edges):
             self._broadcast(edges)
+        for action in self._actions:
+            action.on_state()
 
     def _broadcast(self, edges: Iterable[TransformStamped | None]) -> None:
         """Send the edges that are not None in one message."""
@@ -143,14 +169,16 @@ class BridgeNode:
         if found:
             self._tf.publish(TFMessage(found))
 
-    def _reset(self) -> None:
-        """Start again, as simulated time did."""
+    def _reset(self, time_ns: int) -> None:
+        """Start again, as simulated time did, at a time in [ns]."""
         text = "Time went back: starting over."
         self._log.warn("time", text, SHORT_PERIOD, rospy.loginfo)
         self._estimator.reset()
         for robot in self._robots:
             robot.reset()
             robot.player.reset()
+        for action in self._actions:
+            action.reset(time_ns)
 
     def _keep_house(self) -> None:
         """Do what no message triggers, until the node is shut down."""
@@ -160,6 +188,8 @@ class BridgeNode:
                 self._tf.flush()
                 for robot in self._robots:
                     robot.flush()
+                for action in self._actions:
+                    action.keep_up(self._source.is_connected)
                 is_wanted = self._is_wanted_again()
                 with self._source.lock:
                     if self._stands_still:
@@ -205,10 +235,11 @@ def main() -> None:
     try:
         parameters = read_parameters(BridgeParameters)
         robots = wait_for_descriptions(parameters.each_robot)
+        controllers = [controllers_of(*robot) for robot in robots]
     except G1DescriptionError as error:
         rospy.logfatal("%s", error)
         sys.exit(1)
     except rospy.ROSInterruptException:  # before the robots were there
         return
-    BridgeNode(parameters, robots)
+    BridgeNode(parameters, robots, controllers)
     rospy.spin()

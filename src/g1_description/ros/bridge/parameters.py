@@ -11,7 +11,10 @@ import rospy
 from g1_description.core.errors import InvalidValueError
 from g1_description.core.robot.description import Description
 from g1_description.core.urdf.reader import parse_urdf
+from g1_description.ros.motion.action.controllers import Controller, read_controllers
 from g1_description.ros.node.parameters import check_range, wait_for_parameter
+
+_KINDS = {"controllers": (list, tuple)}
 
 
 @dataclass(frozen=True)
@@ -33,6 +36,10 @@ class BridgeParameters:
     robots: tuple[dict, ...] = ()
     """Several robots in place of the one above: a list of dictionaries as
     ``RobotParameters``."""
+
+    controllers: tuple[dict, ...] = ()
+    """What each action follow_joint_trajectory moves: a list of dictionaries as
+    ``Controller``; empty: one action moves all joints."""
 
     position_threshold: float = 0.005
     """map -> base_link is sent when the robot moved this far, in [m]."""
@@ -78,10 +85,15 @@ class BridgeParameters:
         """The robots to bridge: those of ``robots``, else the one."""
         if self.robots:
             return tuple(
-                _robot(number, entry) for number, entry in enumerate(self.robots)
+                _robot(number, entry, self.controllers)
+                for number, entry in enumerate(self.robots)
             )
         one = RobotParameters(
-            self.model_name, "", self.robot_description, self.frame_prefix
+            self.model_name,
+            "",
+            self.robot_description,
+            self.frame_prefix,
+            self.controllers,
         )
         return (one,)
 
@@ -103,8 +115,11 @@ class RobotParameters:
     """What stands before the names of its frames; by default the namespace and a
     slash."""
 
+    controllers: tuple[dict, ...] = ()
+    """What each of its actions moves; by default ``~controllers``."""
 
-def _robot(number: int, entry) -> RobotParameters:
+
+def _robot(number: int, entry, controllers: tuple[dict, ...]) -> RobotParameters:
     """Read one entry of ``~robots``."""
     known = [field.name for field in fields(RobotParameters)]
     name = entry.get("name") if isinstance(entry, dict) else None
@@ -113,10 +128,10 @@ def _robot(number: int, entry) -> RobotParameters:
             f"~robots[{number}] is {entry!r}, it must be a dictionary with a name."
         )
     for key, value in entry.items():
-        if key not in known or not isinstance(value, str):
+        if key not in known or not isinstance(value, _KINDS.get(key, str)):
             raise InvalidValueError(
                 f"~robots[{number}] has {key}: {value!r}; it may have strings for "
-                f"{', '.join(known)}."
+                f"{', '.join(known[:-1])}, and a list for {known[-1]}."
             )
     default = re.sub(r"\W", "_", name, flags=re.ASCII)
     namespace = entry.get("namespace", default).strip("/")
@@ -126,7 +141,13 @@ def _robot(number: int, entry) -> RobotParameters:
         )
     prefix = entry.get("frame_prefix", namespace and f"{namespace}/")
     _check_prefix(f"frame_prefix of ~robots[{number}]", prefix)
-    return RobotParameters(**{**entry, "namespace": namespace, "frame_prefix": prefix})
+    return RobotParameters(
+        name,
+        namespace,
+        entry.get("description", RobotParameters.description),
+        prefix,
+        tuple(entry.get("controllers", controllers)),
+    )
 
 
 def _check_prefix(what: str, prefix: str) -> None:
@@ -171,3 +192,15 @@ def _wait_for_description(robot: RobotParameters) -> str:
 
     parameter = wait_for_parameter(robot.description, robot.namespace, log)
     return str(rospy.get_param(parameter))
+
+
+def controllers_of(
+    robot: RobotParameters, description: Description
+) -> tuple[Controller, ...]:
+    """Read a robot's controllers.
+
+    Raises:
+        InvalidValueError: If the parameter holds anything else.
+    """
+    joints = [joint.name for joint in description.movable_joints]
+    return read_controllers(robot.controllers, joints, f"controllers of {robot.name}")

@@ -1,0 +1,383 @@
+"""The action follow_joint_trajectory, as joint_trajectory_controller has it."""
+
+from __future__ import annotations
+
+import queue
+import threading
+from collections.abc import Sequence
+
+import numpy as np
+from actionlib import ServerGoalHandle
+from control_msgs.msg import (
+    FollowJointTrajectoryAction,
+    FollowJointTrajectoryFeedback,
+    FollowJointTrajectoryGoal,
+    FollowJointTrajectoryResult,
+)
+from trajectory_msgs.msg import JointTrajectoryPoint
+
+from g1_description.core.bridge.estimator import Observation
+from g1_description.core.errors import (
+    G1DescriptionError,
+    MotionError,
+    UnknownNameError,
+)
+from g1_description.core.motion.following import (
+    Following,
+    Outcome,
+    Progress,
+    remaining,
+)
+from g1_description.core.motion.tolerances import (
+    JointTolerance,
+    Tolerances,
+    tolerances_of_goal,
+)
+from g1_description.core.motion.trajectory import Trajectory
+from g1_description.core.text import listed
+from g1_description.ros.bridge.status import RobotStatus
+from g1_description.ros.motion.messages import (
+    check_joint_names,
+    trajectory_from_message,
+)
+from g1_description.ros.motion.player import MotionPlayer, Played
+from g1_description.ros.node.lifecycle import quiet_when_closing
+from g1_description.ros.node.throttled_log import SHORT_PERIOD, ThrottledLog
+from g1_description.ros.wire.conversions import stamp_from_ns
+
+from .controllers import Controller
+from .server import SteadyActionServer
+
+ACTION = "follow_joint_trajectory"
+
+FEEDBACK_PERIOD = 50_000_000
+"""Time between two messages of feedback, in [ns] of simulated time."""
+
+TIME_WENT_BACK = "Simulated time went back, which ends all motions."
+
+Result = FollowJointTrajectoryResult
+
+
+class OldTrajectoryError(MotionError):
+    """All points of a trajectory are in the past."""
+
+
+class ActiveGoal:
+    """A goal that the robot is going to, and how far it is."""
+
+    next_feedback = 0
+    """When feedback is due, in [ns]."""
+
+    is_seen = False
+    """Whether there was an observation since it began."""
+
+    def __init__(self, handle: ServerGoalHandle, following: Following) -> None:
+        """Begin.
+
+        Args:
+            handle: actionlib's handle of the goal.
+            following: The trajectory.
+        """
+        self.handle, self.following = handle, following
+        self._names: Sequence[str] | None = None
+        self._columns: list[int] = []
+
+    def actual(self, seen: Observation) -> np.ndarray:
+        """Return the positions and velocities of its joints, shape (2, n_joints).
+
+        Raises:
+            UnknownNameError: If the observation has not all of them.
+        """
+        if seen.names is not self._names:
+            wanted = self.following.joint_names
+            missing = [name for name in wanted if name not in seen.names]
+            if missing:
+                raise UnknownNameError(
+                    f"The simulator does not tell of {listed(missing)} any longer."
+                )
+            self._columns = [seen.names.index(name) for name in wanted]
+            self._names = seen.names
+        return np.stack([seen.position[self._columns], seen.velocity[self._columns]])
+
+
+class FollowJointTrajectory:
+    """Lets a robot's joints follow the trajectories of goals, one after the other.
+
+    actionlib's SimpleActionServer accepts each goal before anyone looks at it. Here, as
+    in joint_trajectory_controller, a wrong goal is rejected and the present one goes
+    on. Goals and cancellations are handled in a thread of their own, because the
+    simulator may take long to answer while actionlib holds its lock.
+    """
+
+    def __init__(
+        self,
+        action: str,
+        controller: Controller,
+        status: RobotStatus,
+        player: MotionPlayer,
+        log: ThrottledLog,
+    ) -> None:
+        """Advertise the action.
+
+        Args:
+            action: Its name.
+            controller: The joints that it moves, and their tolerances.
+            status: The robot, and its last state.
+            player: What plays trajectories.
+            log: Where to log what is not done exactly as requested.
+        """
+        self._action, self._log = action, log
+        self._controller, self._status, self._player = controller, status, player
+        joints = status.description.movable_joints
+        self._continuous = {
+            joint.name for joint in joints if joint.kind == "continuous"
+        }
+        self._lock = threading.Lock()
+        self._active: ActiveGoal | None = None
+        self._resets: list[int] = []
+        requests: queue.SimpleQueue = queue.SimpleQueue()
+        threading.Thread(target=self._handle, args=[requests], daemon=True).start()
+        self._server = SteadyActionServer(
+            action,
+            FollowJointTrajectoryAction,
+            lambda handle: requests.put((self._on_goal, handle)),
+            lambda handle: requests.put((self._on_cancel, handle)),
+            auto_start=False,
+        )
+        self._server.start()
+
+    @staticmethod
+    def _handle(requests: queue.SimpleQueue) -> None:
+        """Handle goals and cancellations as they come."""
+        while True:
+            handler, handle = requests.get()
+            with quiet_when_closing():
+                handler(handle)
+
+    def on_state(self) -> None:
+        """Compare the robot's new state with the goal, if there is one."""
+        goal = self._active
+        if goal is None:
+            return
+        goal.is_seen = True
+        stamp, seen = self._status.stamp, self._status.observation
+        if seen is None or stamp < goal.following.start_ns:
+            return
+        if stamp < goal.next_feedback and not goal.following.decides_at(stamp):
+            return
+        try:
+            progress = goal.following.update(stamp, goal.actual(seen))
+        except UnknownNameError as error:
+            self._abort(str(error))
+            return
+        if progress.outcome is not Outcome.UNDER_WAY:
+            self._end(goal, stamp, progress)
+        elif stamp >= goal.next_feedback:
+            goal.next_feedback = stamp + FEEDBACK_PERIOD
+            goal.handle.publish_feedback(_feedback(goal.following, stamp, progress))
+
+    def reset(self, stamp: int) -> None:
+        """Give the goal up, as simulated time went back.
+
+        The simulator is silent for a while after it was reset. A goal that came in the
+        meantime is of the new time, and stays.
+
+        Args:
+            stamp: The new time in [ns].
+        """
+        self._server.reset()
+        with self._lock:
+            self._resets.append(stamp)
+            goal = self._active
+        if goal is not None and (goal.is_seen or goal.following.start_ns > stamp):
+            self._abort(TIME_WENT_BACK)
+
+    def keep_up(self, is_connected: bool) -> None:
+        """Do what no message triggers; to be called several times a second.
+
+        Args:
+            is_connected: Whether there is a simulator.
+        """
+        if not is_connected:
+            self._abort("The simulator is gone.")
+        self._server.keep_up()
+
+    def _on_goal(self, handle: ServerGoalHandle) -> None:
+        """Go to a new goal instead of the present one, or reject it."""
+        goal = handle.get_goal()
+        try:
+            if not goal.trajectory.points:
+                self._stop(handle, goal.trajectory.joint_names)
+                return
+            trajectory = self._trajectory(goal)
+            tolerances = self._tolerances(goal)
+        except UnknownNameError as error:
+            _reject(handle, Result.INVALID_JOINTS, str(error))
+        except OldTrajectoryError as error:
+            _reject(handle, Result.OLD_HEADER_TIMESTAMP, str(error))
+        except G1DescriptionError as error:
+            _reject(handle, Result.INVALID_GOAL, str(error))
+        else:
+            start = goal.trajectory.header.stamp.to_nsec() or None
+            self._start(handle, trajectory, start, tolerances)
+
+    def _on_cancel(self, handle: ServerGoalHandle) -> None:
+        """Stop the joints, if the goal is the present one."""
+        goal = self._active
+        if goal is not None and goal.handle == handle and self._take(goal):
+            self._warn(self._player.stop(self._controller.joints))
+            goal.handle.set_canceled(Result(), "The goal was cancelled.")
+
+    def _trajectory(self, goal: FollowJointTrajectoryGoal) -> Trajectory:
+        """Read what of a goal's trajectory is still to come.
+
+        Raises:
+            UnknownNameError: If it has joints that the controller does not have.
+            OldTrajectoryError: If nothing of it is to come.
+            MotionError: If it is no trajectory.
+        """
+        message = goal.trajectory
+        trajectory = trajectory_from_message(message, self._controller.joints)
+        start = message.header.stamp.to_nsec()
+        if not start and len(trajectory.times) == 1:
+            return trajectory
+        elapsed = (self._status.stamp - start) / 1e9 if start else 0.0
+        rest = remaining(trajectory, elapsed)
+        if rest is None:
+            raise OldTrajectoryError(
+                "The last point of the trajectory is "
+                f"{elapsed - trajectory.duration:.3g} s in the past."
+            )
+        return rest
+
+    def _tolerances(self, goal: FollowJointTrajectoryGoal) -> Tolerances:
+        """Read what tolerances a goal asks for.
+
+        Raises:
+            InvalidValueError: If one is NaN.
+        """
+        path, end = (
+            [JointTolerance(one.name, one.position, one.velocity) for one in asked]
+            for asked in (goal.path_tolerance, goal.goal_tolerance)
+        )
+        return tolerances_of_goal(
+            goal.trajectory.joint_names,
+            self._controller.constraints,
+            path,
+            end,
+            goal.goal_time_tolerance.to_sec(),
+        )
+
+    def _stop(self, handle: ServerGoalHandle, names: Sequence[str]) -> None:
+        """Stop joints where they are; without names all of the controller."""
+        if names:
+            check_joint_names(names, self._controller.joints)
+        played = self._player.stop(names or self._controller.joints)
+        if not played.success:
+            _refuse(handle, played)
+            return
+        self._preempt()
+        handle.set_accepted()
+        handle.set_succeeded(Result())
+
+    def _start(
+        self,
+        handle: ServerGoalHandle,
+        trajectory: Trajectory,
+        start: int | None,
+        tolerances: Tolerances,
+    ) -> None:
+        """Play a trajectory from a time in [ns] on; None: now."""
+        n_resets = len(self._resets)
+        played = self._player.play(trajectory, start)
+        if not played.success:
+            _refuse(handle, played)
+            return
+        self._warn(played)
+        continuous = [name in self._continuous for name in trajectory.joint_names]
+        following = Following(
+            trajectory, played.start_ns, tolerances, np.array(continuous)
+        )
+        self._preempt()
+        handle.set_accepted()
+        with self._lock:
+            self._active = ActiveGoal(handle, following)
+            resets = self._resets[n_resets:]
+            is_old = any(played.start_ns > stamp for stamp in resets)
+        if is_old:
+            self._abort(TIME_WENT_BACK)
+
+    def _preempt(self) -> None:
+        """End the present goal, as another one takes its place."""
+        goal = self._active
+        if goal is not None and self._take(goal):
+            goal.handle.set_canceled(Result(), "Another goal took its place.")
+
+    def _abort(self, message: str) -> None:
+        """Give the present goal up, if there is one."""
+        goal = self._active
+        if goal is not None and self._take(goal):
+            goal.handle.set_aborted(Result(Result.INVALID_GOAL, message), message)
+
+    def _end(self, goal: ActiveGoal, stamp: int, progress: Progress) -> None:
+        """End a goal that is reached, or that a tolerance forbids."""
+        if not self._take(goal):
+            return
+        if progress.outcome is Outcome.REACHED:
+            goal.handle.set_succeeded(Result())
+            return
+        is_path = progress.outcome is Outcome.OFF_PATH
+        code = (
+            Result.PATH_TOLERANCE_VIOLATED
+            if is_path
+            else Result.GOAL_TOLERANCE_VIOLATED
+        )
+        elapsed = (stamp - goal.following.start_ns) / 1e9
+        message = f"{elapsed:.3f} s after the start {progress.message}."
+        goal.handle.set_aborted(Result(code, message), message)
+
+    def _warn(self, played: Played) -> None:
+        """Log what the simulator does not do exactly as requested."""
+        if played.message:
+            text = f"{self._action}: {played.message}."
+            self._log.warn(self._action, text, SHORT_PERIOD)
+
+    def _take(self, goal: ActiveGoal) -> bool:
+        """Make a goal end; return False where another thread has done so."""
+        with self._lock:
+            is_present = self._active is goal
+            if is_present:
+                self._active = None
+        return is_present
+
+
+def _reject(handle: ServerGoalHandle, code: int, message: str) -> None:
+    """Reject a goal with a sentence."""
+    handle.set_rejected(Result(code, message), message)
+
+
+def _refuse(handle: ServerGoalHandle, played: Played) -> None:
+    """Reject a goal that the simulator refuses."""
+    _reject(handle, Result.INVALID_GOAL, f"The motion is refused: {played.message}.")
+
+
+def _feedback(
+    following: Following, stamp: int, progress: Progress
+) -> FollowJointTrajectoryFeedback:
+    """Tell where the joints should be, where they are, and the difference."""
+    message = FollowJointTrajectoryFeedback(joint_names=list(following.joint_names))
+    message.header.stamp = stamp_from_ns(stamp)
+    elapsed = stamp_from_ns(stamp - following.start_ns) - stamp_from_ns(0)
+    for point, rows in (
+        (message.desired, progress.desired),
+        (message.actual, progress.actual),
+        (message.error, progress.error),
+    ):
+        _fill(point, rows)
+        point.time_from_start = elapsed
+    return message
+
+
+def _fill(point: JointTrajectoryPoint, rows: np.ndarray) -> None:
+    """Write positions and velocities, shape (2, n_joints), into a point."""
+    point.positions, point.velocities = rows.tolist()
