@@ -11,10 +11,12 @@ import rospy
 import rostest
 from control_msgs.msg import FollowJointTrajectoryResult as Result
 from geometry_msgs.msg import Point, Pose, Quaternion
+from sensor_msgs.msg import JointState
 from support.goals import Client, Joints, Snapshot, goal_of, tolerance
 from support.joint_limits import limits
 from support.ros_testing import DEADLINE, NodeLog, program, wait_for
 from support.stand_in import Node
+from trajectory_msgs.msg import JointTrajectory
 
 ELBOW, KNEE, SHOULDER = (
     "left_elbow_joint",
@@ -207,6 +209,25 @@ class TestFollowJointTrajectory(unittest.TestCase):
         angles = [Snapshot(m).position[ELBOW] for m in self.joints.messages]
         self.assertLess(max(np.abs(np.diff(angles))), 0.1)
         self.check_still(**{ELBOW: 0.0})
+
+    def test_another_command_for_a_joint_takes_the_place_of_a_goal(self):
+        commands = rospy.Publisher("/joint_commands", JointState, queue_size=1)
+        motions = rospy.Publisher("/joint_trajectory", JointTrajectory, queue_size=1)
+        motion = goal_of(elbow(t100=0.0)).trajectory
+        other = goal_of({0.1: {KNEE: 0.5}}).trajectory
+        command = JointState(name=[ELBOW], position=[0.0])
+        for publisher, message in ((commands, command), (motions, motion)):
+            wait_for(publisher.get_num_connections, publisher.name)
+            self.client.send(goal_of(elbow(t5000=2.0)))
+            self.client.wait_until_active()
+            if publisher is motions:
+                motions.publish(other)
+                self.joints.wait("the knee", **{KNEE: 0.5})
+                self.assertEqual(self.client.state, "ACTIVE")
+            publisher.publish(message)
+            self.assertEqual(self.client.end()[0], "PREEMPTED")
+            self.joints.wait("the command", **{ELBOW: 0.0})
+            self.check_still(**{ELBOW: 0.0})
 
     def test_an_empty_goal_stops_the_joints(self):
         self.client.send(goal_of(elbow(t2000=2.0)))

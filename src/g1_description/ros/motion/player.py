@@ -11,7 +11,7 @@ import rosgraph
 import rospy
 
 from g1_description.core.bridge.estimator import Observation
-from g1_description.core.motion.playlist import Playlist, Setpoint
+from g1_description.core.motion.playlist import Playback, Playlist, Setpoint
 from g1_description.core.motion.trajectory import Trajectory
 from g1_description.msg import ModelTrajectory
 from g1_description.ros.bridge.sender import FAILURES
@@ -41,6 +41,9 @@ class Played(NamedTuple):
 
     start_ns: int = 0
     """When its times count from, in [ns]."""
+
+    playback: Playback | None = None
+    """What is left of the motion: newer commands may replace some of it."""
 
 
 class MotionPlayer:
@@ -95,7 +98,8 @@ class MotionPlayer:
         with self._lock:  # the first states of the motion come before the answer
             played = self._call(message)
             if played.success:
-                self._add(trajectory, played.start_ns)
+                playback = self._add(trajectory, played.start_ns)
+                played = played._replace(playback=playback)
         return played
 
     def stream(self, trajectory: Trajectory, start_ns: int | None = None) -> Played:
@@ -184,14 +188,14 @@ class MotionPlayer:
         if not now:
             return Played(False, "the simulator has published no state of the robot")
         self._plays_here = True
-        self._add(trajectory, start_ns or now)
-        return Played(True, "", start_ns or now)
+        playback = self._add(trajectory, start_ns or now)
+        return Played(True, "", start_ns or now, playback)
 
-    def _add(self, trajectory: Trajectory, start_ns: int) -> None:
+    def _add(self, trajectory: Trajectory, start_ns: int) -> Playback:
         """Note a motion that was begun."""
         with self._lock:
-            self._playlist.add(trajectory, start_ns)
             self.is_idle = False
+            return self._playlist.add(trajectory, start_ns)
 
     def _is_stand_in(self) -> bool:
         """Return whether the simulator plays motions by itself."""

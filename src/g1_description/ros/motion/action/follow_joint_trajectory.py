@@ -28,6 +28,7 @@ from g1_description.core.motion.following import (
     Progress,
     remaining,
 )
+from g1_description.core.motion.playlist import Playback
 from g1_description.core.motion.tolerances import (
     JointTolerance,
     Tolerances,
@@ -71,16 +72,25 @@ class ActiveGoal:
     is_seen = False
     """Whether there was an observation since it began."""
 
-    def __init__(self, handle: ServerGoalHandle, following: Following) -> None:
+    def __init__(
+        self, handle: ServerGoalHandle, following: Following, playback: Playback
+    ) -> None:
         """Begin.
 
         Args:
             handle: actionlib's handle of the goal.
             following: The trajectory.
+            playback: What is left of it.
         """
         self.handle, self.following = handle, following
+        self._playback = playback
         self._names: Sequence[str] | None = None
         self._columns: list[int] = []
+
+    @property
+    def is_replaced(self) -> bool:
+        """Whether another command has taken joints of it."""
+        return len(self._playback.rows) < len(self.following.joint_names)
 
     def actual(self, seen: Observation) -> np.ndarray:
         """Return the positions and velocities of its joints, shape (2, n_joints).
@@ -160,6 +170,9 @@ class FollowJointTrajectory:
         if goal is None:
             return
         goal.is_seen = True
+        if goal.is_replaced:
+            self._preempt()
+            return
         stamp, seen = self._status.stamp, self._status.observation
         if seen is None or stamp < goal.following.start_ns:
             return
@@ -301,17 +314,17 @@ class FollowJointTrajectory:
         self._preempt()
         handle.set_accepted()
         with self._lock:
-            self._active = ActiveGoal(handle, following)
+            self._active = ActiveGoal(handle, following, played.playback)
             resets = self._resets[n_resets:]
             is_old = any(played.start_ns > stamp for stamp in resets)
         if is_old:
             self._abort(TIME_WENT_BACK)
 
     def _preempt(self) -> None:
-        """End the present goal, as another one takes its place."""
+        """End the present goal, as another motion takes its place."""
         goal = self._active
         if goal is not None and self._take(goal):
-            goal.handle.set_canceled(Result(), "Another goal took its place.")
+            goal.handle.set_canceled(Result(), "Another motion took its place.")
 
     def _abort(self, message: str) -> None:
         """Give the present goal up, if there is one."""
