@@ -110,7 +110,7 @@ def test_constraints_have_the_form_of_ros_control():
         {"goal_time": 1, "knee": {"trajectory": 0.1, "goal": 0.2}, "elbow": {}}, NAMES
     )
     assert found == Constraints({"knee": 0.1}, {"knee": 0.2}, 1.0, 0.01)
-    assert read_constraints({}, NAMES) == Constraints({}, {}, 0.0, 0.01)
+    assert read_constraints({}, NAMES) == Constraints({}, {}, 1.0, 0.01)
 
 
 @pytest.mark.parametrize(

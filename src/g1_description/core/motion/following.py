@@ -71,13 +71,13 @@ class Following:
         self.start_ns = start_ns
         self._playback = Playback(self.joint_names, trajectory, start_ns)
         self._end = trajectory.duration
-        self._tolerances = tolerances
+        self._tolerances, self._has_path = tolerances, tolerances.has_path
         self._is_continuous = is_continuous
         self._reached = np.zeros(len(self.joint_names), dtype=bool)
 
     def decides_at(self, time_ns: int) -> bool:
         """Return whether errors at a time in [ns] can end the goal."""
-        return self._tolerances.has_path or self._elapsed(time_ns) >= self._end
+        return self._has_path or self._elapsed(time_ns) >= self._end
 
     def update(self, time_ns: int, actual: np.ndarray) -> Progress:
         """Compare the joints with the trajectory.

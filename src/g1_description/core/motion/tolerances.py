@@ -35,8 +35,9 @@ class Constraints:
     goal: Mapping[str, float] = field(default_factory=lambda: NOTHING)
     """The same at the end."""
 
-    goal_time: float = 0.0
-    """How much later than planned a goal may be reached, in [s]."""
+    goal_time: float = 1.0
+    """How much later than planned a goal may be reached, in [s]. The controller's
+    default is zero, which motors that lag behind hardly ever fulfil."""
 
     stopped_velocity_tolerance: float = 0.01
     """Largest error of any joint's velocity at the end, in [rad/s] or [m/s]."""
