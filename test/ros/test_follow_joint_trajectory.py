@@ -172,10 +172,10 @@ class TestFollowJointTrajectory(unittest.TestCase):
             self.assertAlmostEqual(seen.position[ELBOW], wanted, 6)
 
     def test_a_goal_of_the_past_is_rejected_and_the_present_one_goes_on(self):
+        wait_for(lambda: rospy.get_time() > 3.0, "simulated time")
         self.client.send(goal_of(elbow(t600=0.75)))
         self.client.wait_until_active()
-        wait_for(lambda: rospy.get_time() > 1.0, "simulated time")
-        late = goal_of(elbow(t0=0.0, t100=-0.5), stamp=rospy.get_time() - 0.5)
+        late = goal_of(elbow(t0=0.0, t100=-0.5), stamp=rospy.get_time() - 2.0)
         found = self.second.run(late)
         self.check(found, "REJECTED", Result.OLD_HEADER_TIMESTAMP, "in the past")
         self.check_done(self.client.end())
@@ -213,10 +213,13 @@ class TestFollowJointTrajectory(unittest.TestCase):
     def test_another_command_for_a_joint_takes_the_place_of_a_goal(self):
         commands = rospy.Publisher("/joint_commands", JointState, queue_size=1)
         motions = rospy.Publisher("/joint_trajectory", JointTrajectory, queue_size=1)
-        motion = goal_of(elbow(t100=0.0)).trajectory
+        motion = goal_of(elbow(t100=-0.5)).trajectory
         other = goal_of({0.1: {KNEE: 0.5}}).trajectory
-        command = JointState(name=[ELBOW], position=[0.0])
-        for publisher, message in ((commands, command), (motions, motion)):
+        command = JointState(name=[ELBOW], position=[-0.3])
+        for publisher, message, place in (
+            (commands, command, -0.3),
+            (motions, motion, -0.5),
+        ):
             wait_for(publisher.get_num_connections, publisher.name)
             self.client.send(goal_of(elbow(t5000=2.0)))
             self.client.wait_until_active()
@@ -226,8 +229,8 @@ class TestFollowJointTrajectory(unittest.TestCase):
                 self.assertEqual(self.client.state, "ACTIVE")
             publisher.publish(message)
             self.assertEqual(self.client.end()[0], "PREEMPTED")
-            self.joints.wait("the command", **{ELBOW: 0.0})
-            self.check_still(**{ELBOW: 0.0})
+            self.joints.wait("the command", **{ELBOW: place})
+            self.check_still(**{ELBOW: place})
 
     def test_an_empty_goal_stops_the_joints(self):
         self.client.send(goal_of(elbow(t2000=2.0)))

@@ -10,6 +10,7 @@ from g1_description.msg import RobotTrajectory
 from geometry_msgs.msg import Transform
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
+from support.goals import Client, goal_of, tolerance
 from support.ros_testing import DEADLINE, Connected, position_of, wait_for
 from tf2_msgs.msg import TFMessage
 from trajectory_msgs.msg import JointTrajectoryPoint, MultiDOFJointTrajectoryPoint
@@ -88,6 +89,21 @@ class TestMotionElsewhere(unittest.TestCase):
         self.states.clear()
         self.states.wait(lambda m: position_of(m, KNEE) > before, "the knee")
         self.assertTrue(all(abs(at - 0.9) < 1e-9 for at in self.elbow()))
+
+    def test_a_goal_of_the_action_is_reached(self):
+        client = Client("/follow_joint_trajectory")
+        state, result = client.run(
+            goal_of(
+                {0.2: {ELBOW: 0.4}, 0.5: {ELBOW: 0.6}},
+                goal_tolerance=tolerance(ELBOW, 1e-6),
+            )
+        )
+        self.assertEqual(state, "SUCCEEDED", result)
+        self.states.wait(lambda m: position_of(m, ELBOW) == 0.6, "the end")
+        client.send(goal_of({60.0: {ELBOW: 0.0}}))
+        client.wait_until_active()
+        self.commands.publish(JointState(name=[ELBOW], position=[0.9]))
+        self.assertEqual(client.end()[0], "PREEMPTED")
 
     def test_a_stop_and_a_reset_end_it(self):
         for end in (lambda: self.motion.publish(RobotTrajectory()), self.reset):

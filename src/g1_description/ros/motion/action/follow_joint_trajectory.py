@@ -7,6 +7,7 @@ import threading
 from collections.abc import Sequence
 
 import numpy as np
+import rospy
 from actionlib import ServerGoalHandle
 from control_msgs.msg import (
     FollowJointTrajectoryAction,
@@ -254,7 +255,8 @@ class FollowJointTrajectory:
         start = message.header.stamp.to_nsec()
         if not start and len(trajectory.times) == 1:
             return trajectory
-        elapsed = (self._status.stamp - start) / 1e9 if start else 0.0
+        now = rospy.Time.now().to_nsec() or self._status.stamp
+        elapsed = (now - start) / 1e9 if start else 0.0
         rest = remaining(trajectory, elapsed)
         if rest is None:
             raise OldTrajectoryError(
