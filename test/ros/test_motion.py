@@ -21,6 +21,7 @@ from trajectory_msgs.msg import (
     JointTrajectoryPoint,
     MultiDOFJointTrajectoryPoint,
 )
+from visualization_msgs.msg import MarkerArray
 
 ELBOW, KNEE = "left_elbow_joint", "right_knee_joint"
 SECOND = 1_000_000_000
@@ -316,6 +317,66 @@ class TestMotion(unittest.TestCase):
         self.wait_for_warning(f"clamped to the limits: {ELBOW} to")
         self.states.wait(
             lambda m: 0.0 < position_of(m, ELBOW) - upper < 0.0011, "the limit"
+        )
+
+    def test_trails_are_where_tf_had_the_links(self):
+        trails = Connected("/trails", MarkerArray, queue_size=None)
+        self.addCleanup(trails.close)
+        frames = tf2_ros.BufferCore(rospy.Duration(100))
+        pose = [0.5, 0.1, 0.9, 0.0, 0.0, 0.0, 1.0]
+        self.publish("motion", whole_body((ELBOW,), [[0.7]], [pose], 0.0))
+        last = trails.wait(lambda m: m.markers[0].points[-1].x == 0.5, "the base")
+        wait_for(
+            lambda: any(
+                t.child_frame_id == "left_wrist_yaw_link"
+                for m in [*self.tf.messages]
+                for t in m.transforms
+                if t.header.stamp >= last.markers[0].header.stamp
+            ),
+            "TF of that time",
+        )
+        static = Connected("/tf_static", TFMessage, queue_size=None)
+        self.addCleanup(static.close)
+        static.wait(lambda m: any(t.child_frame_id == "pelvis" for t in m.transforms))
+        static.wait(
+            lambda m: any(t.child_frame_id == "logo_link" for t in m.transforms)
+        )
+        for messages, put in (
+            (static.messages, frames.set_transform_static),
+            (self.tf.messages, frames.set_transform),
+        ):
+            for edge in [t for m in [*messages] for t in m.transforms]:
+                put(edge, "test")
+        for marker in last.markers:
+            edge = frames.lookup_transform_core("map", marker.ns, Time())
+            t, end = edge.transform.translation, marker.points[-1]
+            np.testing.assert_allclose(
+                [end.x, end.y, end.z], [t.x, t.y, t.z], atol=1e-9
+            )
+
+    def test_the_ghost_is_where_the_robot_is_wanted(self):
+        wanted = Connected("/commanded_joint_states", JointState, queue_size=None)
+        self.addCleanup(wanted.close)
+        beyond = self.upper[self.names.index(ELBOW)] + 0.3
+        self.publish("joint_commands", JointState(name=[KNEE], position=[0.4]))
+        self.publish("joint_trajectory", elbow((0.0, 0.0), (0.05, beyond)))
+        found = wanted.wait(lambda m: position_of(m, ELBOW) == beyond, "the ghost")
+        self.assertEqual(position_of(found, KNEE), 0.4)
+        self.assertEqual(list(found.name), self.names)
+        self.tf.wait(
+            lambda m: any(
+                t.child_frame_id == "ghost/left_elbow_link"
+                and t.header.frame_id == "ghost/left_shoulder_yaw_link"
+                for t in m.transforms
+            ),
+            "its frames",
+        )
+        self.tf.wait(
+            lambda m: any(
+                (t.header.frame_id, t.child_frame_id) == ("map", "ghost/pelvis")
+                for t in m.transforms
+            ),
+            "its base",
         )
 
     def test_the_base_goes_where_a_frame_is(self):

@@ -69,7 +69,8 @@ class Following:
         """
         self.joint_names = trajectory.joint_names
         self.start_ns = start_ns
-        self._playback = Playback(self.joint_names, trajectory, start_ns)
+        every = np.arange(len(self.joint_names))
+        self._playback = Playback(trajectory, start_ns, every, every)
         self._end = trajectory.duration
         self._tolerances, self._has_path = tolerances, tolerances.has_path
         self._is_continuous = is_continuous

@@ -119,7 +119,7 @@ class BridgeNode:
         for (robot, _), bridged in zip(robots, self._robots):
             status, player = bridged.status, bridged.player
             topic = topic_of(robot, "joint_commands")
-            CommandListener(topic, status, self._sender, self._log, player.release)
+            CommandListener(topic, status, self._sender, self._log, player.command)
             MotionTopics(p.gazebo, robot, status, player, self._log)
         self._actions = [
             self._action(robot, bridged, controller)
@@ -175,8 +175,7 @@ class BridgeNode:
         self._log.warn("time", text, SHORT_PERIOD, rospy.loginfo)
         self._estimator.reset()
         for robot in self._robots:
-            robot.reset()
-            robot.player.reset()
+            robot.begin_again()
         for action in self._actions:
             action.reset(time_ns)
 

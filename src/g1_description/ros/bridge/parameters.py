@@ -62,6 +62,13 @@ class BridgeParameters:
     base_frame: str = "base_link"
     """Frames above the robot; base_link is the robot's root link."""
 
+    trails: str = ""
+    """Links whose paths are published on ``trails``, separated by spaces."""
+
+    ghost: bool = False
+    """Whether the commanded configuration is published as a second robot, on
+    ``commanded_joint_states`` and TF."""
+
     imu_link: str = "imu_in_torso"
     imu_frame: str = "body_imu"
     """A second name for the frame of the IMU, where the robot has this link."""

@@ -12,6 +12,7 @@ from g1_description.core.bridge.estimator import Observation
 from g1_description.core.bridge.tf_filter import PoseThrottle, Shown, State, TfFilter
 from g1_description.core.robot.description import FREE
 from g1_description.core.text import listed
+from g1_description.ros.motion.extras import Extras
 from g1_description.ros.motion.player import MotionPlayer
 from g1_description.ros.node.throttled_log import SHORT_PERIOD, ThrottledLog
 from g1_description.ros.transport.direct_publisher import DirectPublisher
@@ -66,6 +67,7 @@ class BridgedRobot:
                 parameters.min_interval,
             )
         )
+        self._extras = Extras(robot, parameters, status.description, self.player)
         self._encoder = JointStateEncoder()
         self._joint_states = DirectPublisher(
             topic_of(robot, "joint_states"), PreparedJointState, QUEUE_SIZE, latch=True
@@ -107,6 +109,8 @@ class BridgedRobot:
             self._joint_states.forget()
             self._tf_joint_states.forget()
             return None
+        if self._extras.are_wanted:
+            self._extras.show(time_ns, seen)
         message = self._encode(stamp, seen)
         self._joint_states.publish(message)
         return self._send_to_tf(stamp, seen, message, is_sample)
@@ -195,6 +199,12 @@ class BridgedRobot:
         """Send slow subscribers the messages that are kept for them."""
         self._joint_states.flush()
         self._tf_joint_states.flush()
+
+    def begin_again(self) -> None:
+        """Forget everything: time began again."""
+        self.reset()
+        self.player.reset()
+        self._extras.reset()
 
     def reset(self) -> None:
         """Forget what was sent to TF: time began again, or a listener is new."""

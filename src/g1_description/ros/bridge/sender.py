@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Mapping
 
 import rosgraph
 import rospy
@@ -39,7 +39,7 @@ class CommandListener:
         status: RobotStatus,
         sender: CommandSender,
         log: ThrottledLog,
-        release: Callable[[Collection[str]], None],
+        note: Callable[[Mapping[str, float]], None],
     ) -> None:
         """Subscribe.
 
@@ -48,10 +48,11 @@ class CommandListener:
             status: The robot.
             sender: Sends the commands.
             log: Where to log what cannot be obeyed.
-            release: Ends what else moves the joints that it is given.
+            note: Called with the positions that can be obeyed, by joint name, before
+                they are sent.
         """
         self._status, self._sender, self._log = status, sender, log
-        self._release = release
+        self._note = note
         joints = status.description.movable_joints
         self._movable = frozenset(joint.name for joint in joints)
         # rospy has a thread for each publisher of commands.
@@ -74,7 +75,7 @@ class CommandListener:
                 f"command {status.name}", f"{text}: {status.ignored[1]}.", SHORT_PERIOD
             )
         if accepted:
-            self._release(accepted)
+            self._note(accepted)
             self._sender.put(status.name, accepted)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -68,6 +68,8 @@ class MotionPlayer:
         self._writer = GazeboWriter(gazebo, status.name, log)
         self._lock = threading.RLock()
         self._joints = [joint.name for joint in status.description.movable_joints]
+        self.keeps_commands = False
+        """Whether commands for joints are kept like motions."""
         self.reset()
 
     def reset(self) -> None:
@@ -123,6 +125,33 @@ class MotionPlayer:
             self.release(self._joints if joints is None else joints, joints is None)
         return played
 
+    def command(self, positions: Mapping[str, float]) -> None:
+        """Note a command for joints, which takes them from any motion.
+
+        Args:
+            positions: In [rad] or [m] by joint name.
+        """
+        if self.keeps_commands:
+            self.is_idle = False
+        self.release(positions)
+        if self.is_idle:
+            return
+        with self._lock:
+            for name, position in positions.items():
+                row = self._joints.index(name)
+                self._wanted.positions[row] = position
+                self._wanted.velocities[row] = 0.0
+
+    @property
+    def joint_names(self) -> list[str]:
+        """Names of the robot's movable joints."""
+        return self._joints
+
+    @property
+    def wanted(self) -> Setpoint:
+        """What was last wanted of all of them and the base; NaN where nothing was."""
+        return self._wanted
+
     def release(self, joints: Collection[str], base: bool = False) -> None:
         """Leave joints, and perhaps the base, to another command."""
         if self.is_idle:
@@ -130,6 +159,8 @@ class MotionPlayer:
         with self._lock:
             rows = [row for row, name in enumerate(self._joints) if name in joints]
             self._playlist.release(rows, base)
+            if base:
+                self._wanted.base_pose[:] = np.nan
 
     def observe(self, stamp: int, seen: Observation) -> tuple[Observation, bool]:
         """Hold a state of the robot against its motions.
