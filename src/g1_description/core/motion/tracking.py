@@ -1,0 +1,159 @@
+"""How well motors followed a motion: errors, efforts at their limits, and a fall."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from g1_description.core.rotation import conjugate, rotate
+
+MAX_LEAN = math.pi / 4.0
+"""A base that leans farther than this from where the motion has it has fallen, in
+[rad]: no humanoid comes back from there."""
+
+MAX_DROP = 0.25
+"""Likewise one that is lower by more than this, in [m]: it is on its knees."""
+
+MAX_LISTED = 5
+"""How many joints a text lists, the worst ones."""
+
+UP = np.array([0.0, 0.0, 1.0])
+
+
+@dataclass(frozen=True, eq=False)
+class TrackingReport:
+    """What became of a motion that motors followed."""
+
+    joint_names: tuple[str, ...]
+
+    rms_errors: np.ndarray
+    """Root of the mean square of position minus target, in [rad] or [m], shape (n,)."""
+
+    largest_errors: np.ndarray
+    """Largest distance from the target, in [rad] or [m], shape (n,)."""
+
+    limit_shares: np.ndarray
+    """Share of the time in which the motor gave all it can, from 0 to 1, shape (n,)."""
+
+    duration: float
+    """How long the motors followed, in [s]."""
+
+    fall_time: float | None = None
+    """When it fell, since the motion's beginning, in [s]; None if it did not."""
+
+    def __str__(self) -> str:
+        """Describe it in a few lines, with the joints that were worst."""
+        if not self.joint_names:
+            return "No joint followed the motion."
+        worst = np.argsort(-self.rms_errors, kind="stable")[:MAX_LISTED]
+        width = max(len(self.joint_names[row]) for row in worst)
+        total = math.sqrt(float(np.mean(self.rms_errors**2)))
+        lines = [
+            f"{len(self.joint_names)} joints followed for {self.duration:.2f} s, rms "
+            f"error {total:.4f}; {self._fall()}",
+            f"{'largest rms errors':{width}}     rms  largest  at effort limit",
+        ]
+        lines += [
+            f"{self.joint_names[row]:{width}}  {self.rms_errors[row]:6.4f}   "
+            f"{self.largest_errors[row]:6.4f}  {100.0 * self.limit_shares[row]:6.1f} %"
+            for row in worst
+        ]
+        return "\n".join(lines)
+
+    def _fall(self) -> str:
+        """Say whether it fell."""
+        if self.fall_time is None:
+            return "it did not fall"
+        return f"it fell after {self.fall_time:.2f} s"
+
+
+class TrackingRecorder:
+    """Collects what a report tells, a step at a time."""
+
+    def __init__(self, joint_names: tuple[str, ...]) -> None:
+        """Begin without steps.
+
+        Args:
+            joint_names: The joints that the motion moves.
+        """
+        self._names = joint_names
+        self._counts = np.zeros(len(joint_names), dtype=int)
+        self._squares = np.zeros(len(joint_names))
+        self._largest = np.zeros(len(joint_names))
+        self._at_limit = np.zeros(len(joint_names), dtype=int)
+        self._begin: float | None = None
+        self._end = 0.0
+
+    def add(
+        self, time: float, joints: np.ndarray, errors: np.ndarray, at_limit: np.ndarray
+    ) -> None:
+        """Add a step.
+
+        Args:
+            time: Since the motion's beginning, in [s].
+            joints: Which of the joints the motion still moves, shape (n,).
+            errors: Their positions minus their targets, in [rad] or [m], shape (n,).
+            at_limit: Whether their motors gave all they can, shape (n,).
+        """
+        if self._begin is None:
+            self._begin = time
+        self._end = time
+        self._counts[joints] += 1
+        self._squares[joints] += errors**2
+        self._largest[joints] = np.maximum(self._largest[joints], np.abs(errors))
+        self._at_limit[joints] += at_limit
+
+    def report(self, fall_time: float | None) -> TrackingReport:
+        """Compute what became of the motion.
+
+        Args:
+            fall_time: When it fell, in [s].
+        """
+        counts = np.maximum(self._counts, 1)
+        return TrackingReport(
+            self._names,
+            np.sqrt(self._squares / counts),
+            self._largest,
+            self._at_limit / counts,
+            0.0 if self._begin is None else self._end - self._begin,
+            fall_time,
+        )
+
+
+class FallDetector:
+    """Finds when a base leaves the way of a motion for the floor.
+
+    It has fallen when it leans by more than ``MAX_LEAN`` from the motion's base, in any
+    direction, or has sunk since the beginning by ``MAX_DROP`` more than that. Where the
+    motion has no base, it is to stand as it did at the beginning, at any height.
+    """
+
+    def __init__(self, base_pose: np.ndarray, wanted: np.ndarray | None) -> None:
+        """Begin.
+
+        Args:
+            base_pose: T_world_base at the beginning, shape (7,).
+            wanted: The motion's at that time, shape (7,); None where it has none.
+        """
+        self._down = _down(base_pose)
+        self._offset = 0.0 if wanted is None else float(wanted[2] - base_pose[2])
+
+    def has_fallen(self, base_pose: np.ndarray, wanted: np.ndarray | None) -> bool:
+        """Return whether the base is where none is that stands.
+
+        Args:
+            base_pose: T_world_base now, shape (7,).
+            wanted: The motion's, shape (7,); None where it has none.
+        """
+        down = self._down if wanted is None else _down(wanted)
+        if float(_down(base_pose) @ down) < math.cos(MAX_LEAN):
+            return True
+        drop = 0.0 if wanted is None else wanted[2] - base_pose[2] - self._offset
+        return bool(drop > MAX_DROP)
+
+
+def _down(pose: np.ndarray) -> np.ndarray:
+    """Give the direction to the floor in the base's own frame, shape (3,)."""
+    return rotate(conjugate(pose[3:]), -UP)

@@ -1,0 +1,98 @@
+"""What is told of a motion that motors followed, held against numpy over all steps."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from g1_description.core.motion.tracking import (
+    MAX_DROP,
+    MAX_LEAN,
+    FallDetector,
+    TrackingRecorder,
+)
+
+NAMES = ("hip", "knee", "elbow")
+
+
+def recorded(errors, at_limit, time_step=0.01):
+    recorder = TrackingRecorder(NAMES)
+    every = np.arange(len(NAMES))
+    for step, (error, limited) in enumerate(zip(errors, at_limit)):
+        recorder.add(step * time_step, every, error, limited)
+    return recorder
+
+
+@given(st.integers(0, 1000), st.integers(1, 50))
+def test_errors_are_those_of_all_steps_together(seed, steps):
+    random = np.random.default_rng(seed)
+    errors = random.normal(size=(steps, len(NAMES)))
+    at_limit = random.uniform(size=errors.shape) < 0.3
+    report = recorded(errors, at_limit).report(None)
+    np.testing.assert_allclose(report.rms_errors, np.sqrt((errors**2).mean(axis=0)))
+    np.testing.assert_array_equal(report.largest_errors, np.abs(errors).max(axis=0))
+    np.testing.assert_allclose(report.limit_shares, at_limit.mean(axis=0))
+    assert report.duration == pytest.approx((steps - 1) * 0.01)
+
+
+def test_a_joint_counts_for_as_long_as_the_motion_moves_it():
+    recorder = recorded(np.array([[0.1, -0.3, 0.2]]), [[False, True, False]])
+    recorder.add(0.01, np.array([0, 2]), np.array([0.3, -0.2]), np.array([True, False]))
+    report = recorder.report(None)
+    rms = [math.sqrt((0.01 + 0.09) / 2.0), 0.3, 0.2]
+    np.testing.assert_allclose(report.rms_errors, rms)
+    np.testing.assert_allclose(report.largest_errors, [0.3, 0.3, 0.2])
+    np.testing.assert_allclose(report.limit_shares, [0.5, 1.0, 0.0])
+
+
+def test_a_report_without_steps_has_no_errors():
+    report = TrackingRecorder(NAMES).report(None)
+    assert report.duration == 0.0
+    assert not report.rms_errors.any()
+
+
+def test_the_text_lists_the_worst_joints_first():
+    errors = np.full((301, 3), [0.01, 0.2, 0.1])
+    text = str(recorded(errors, [[False, True, False]] * 301).report(1.234))
+    head, _, *rows = text.splitlines()
+    assert "3 joints followed for 3.00 s" in head
+    assert "it fell after 1.23 s" in head
+    assert [row.split()[0] for row in rows] == ["knee", "elbow", "hip"]
+    assert rows[0].split()[1:] == ["0.2000", "0.2000", "100.0", "%"]
+    assert "did not fall" in str(recorded(errors, [[False] * 3] * 301).report(None))
+
+
+def pose(height=0.8, yaw=0.0, lean=0.0, way=0.0, x=0.0):
+    """Place a base that leans about a level axis."""
+    axis = np.array([math.cos(way), math.sin(way), 0.0])
+    turn = Rotation.from_rotvec(lean * axis) * Rotation.from_euler("z", yaw)
+    return np.array([x, 0.0, height, *turn.as_quat()])
+
+
+@given(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0), st.floats(-3.0, 3.0))
+def test_a_base_that_leans_too_far_has_fallen_wherever_it_looks(yaw, turned, way):
+    detector = FallDetector(pose(yaw=yaw), None)
+    now = {"yaw": yaw + turned, "way": way}
+    assert not detector.has_fallen(pose(lean=MAX_LEAN - 0.01, **now), None)
+    assert detector.has_fallen(pose(lean=MAX_LEAN + 0.01, **now), None)
+
+
+def test_a_base_leans_with_the_motion():
+    """A motion that lies down wants it lying; who stands then leans from it."""
+    detector = FallDetector(pose(), pose(yaw=1.0))
+    assert not detector.has_fallen(pose(lean=1.5), pose(lean=1.5, yaw=1.0, way=1.0))
+    assert detector.has_fallen(pose(), pose(lean=1.5))
+
+
+def test_a_base_that_sinks_below_the_motions_has_fallen():
+    """Heights count from where both began: the motion's floor may be elsewhere."""
+    detector = FallDetector(pose(0.8), pose(1.1, x=3.0))
+    assert not detector.has_fallen(pose(0.5), pose(0.8 + MAX_DROP - 0.01))
+    assert detector.has_fallen(pose(0.5), pose(0.8 + MAX_DROP + 0.01))
+
+
+def test_without_a_base_in_the_motion_a_robot_may_squat():
+    assert not FallDetector(pose(0.8), None).has_fallen(pose(0.3), None)
