@@ -13,7 +13,8 @@ from g1_description.core.errors import (
     PoseFileError,
     UnknownNameError,
 )
-from g1_description.core.poses.minimum_jerk import minimum_jerk
+from g1_description.core.motion.sampling import sample
+from g1_description.core.poses.minimum_jerk import minimum_jerk, minimum_jerk_trajectory
 from g1_description.core.poses.pose import Pose, check_pose, find_pose, pose_positions
 from g1_description.core.poses.yaml_text import parse_poses, with_pose
 from g1_description.core.urdf.reader import parse_urdf
@@ -269,3 +270,15 @@ def test_a_smooth_way_is_scipys_polynomial_at_rest_at_both_ends(share):
     rest = BPoly.from_derivatives([0.0, 1.0], [[-1.0, 0.0, 0.0], [2.0, 0.0, 0.0]])
     way = minimum_jerk(np.array([-1.0]), np.array([2.0]), share)
     np.testing.assert_allclose(way, [rest(share)], atol=1e-12)
+
+
+@given(st.floats(0.0, 1.0), st.floats(0.1, 100.0))
+def test_a_sampled_way_is_the_same_with_its_velocities(share, seconds):
+    rest = BPoly.from_derivatives([0.0, 1.0], [[-1.0, 0.0, 0.0], [2.0, 0.0, 0.0]])
+    start, goal = np.array([-1.0, 0.5]), np.array([2.0, 0.5])
+    way = minimum_jerk_trajectory(("knee", "elbow"), start, goal, seconds)
+    found = sample(way, share * seconds)
+    np.testing.assert_allclose(found.positions, [rest(share), 0.5], atol=1e-6)
+    velocities = found.velocities * seconds
+    np.testing.assert_allclose(velocities, [rest(share, 1), 0.0], atol=1e-4)
+    assert way.duration == seconds
