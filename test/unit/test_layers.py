@@ -148,7 +148,11 @@ def test_messages_that_nodes_import_are_dependencies():
     ("package", "module"),
     [
         ("urdf_parser_py", "core.urdf.reader"),
-        ("ruamel", "core.motion.formats.trajectory_yaml core.poses.yaml_text"),
+        (
+            "ruamel",
+            "core.motion.formats.trajectory_yaml core.motion.motors "
+            "core.poses.yaml_text",
+        ),
         ("pybullet", "sim.bullet.client"),
         ("pybullet_utils", "sim.bullet.client"),
         ("resource", "sim.meshes.read_meshes"),

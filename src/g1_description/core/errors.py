@@ -27,6 +27,10 @@ class MotionError(G1DescriptionError):
     """A motion cannot be read, or no robot can make it."""
 
 
+class MotorFileError(G1DescriptionError):
+    """A file of motors cannot be read, or holds something else."""
+
+
 class UnknownNameError(G1DescriptionError):
     """A model, link, joint, frame or pose was requested that does not exist."""
 

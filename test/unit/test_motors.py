@@ -1,0 +1,88 @@
+"""Motors of joints, read from a file."""
+
+import math
+import re
+
+import pytest
+from conftest import REPOSITORY
+
+from g1_description.core.errors import MotorFileError
+from g1_description.core.motion.motors import Motor, Motors, read_motors
+from g1_description.core.urdf.reader import parse_urdf
+
+OURS = read_motors(REPOSITORY / "config" / "motors.yaml")
+G1 = parse_urdf((REPOSITORY / "urdf" / "g1_29dof.urdf").read_text())
+
+
+@pytest.fixture
+def file(tmp_path):
+    """Give what writes a file of motors."""
+
+    def write(text):
+        path = tmp_path / "motors.yaml"
+        path.write_text(text)
+        return path
+
+    return write
+
+
+@pytest.mark.parametrize("joint", G1.movable_joints, ids=lambda joint: joint.name)
+def test_the_packages_file_has_a_motor_for_each_joint_of_the_g1(joint):
+    """As strong as the vendor's files say, the newer of which has stronger hips."""
+    motor = OURS.of(joint.name)
+    assert motor.effort == (139.0 if "hip_roll" in joint.name else joint.effort)
+    assert (motor.position_gain, motor.velocity_gain) == (0.1, 1.0)
+
+
+def test_other_joints_have_the_default_motor():
+    assert OURS.of("wheel") == Motor() == Motor(math.inf, 0.1, 1.0)
+    assert OURS.of("my_left_knee_joint_2") == Motor()
+
+
+def test_the_first_pattern_that_matches_the_whole_name_counts(file):
+    motors = read_motors(
+        file("left_.*: {effort: 3}\nleft_knee: {effort: 4}\nknee: {velocity_gain: 0}\n")
+    )
+    assert motors.of("left_knee") == Motor(effort=3.0)
+    assert motors.of("knee") == Motor(velocity_gain=0.0)
+    assert motors.of("knee_2") == Motor()
+
+
+def test_an_empty_file_has_no_motors(file):
+    assert read_motors(file("")).of("knee") == Motors().of("knee") == Motor()
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("- knee", "must map patterns of joint names to numbers"),
+        ("knee: 5", "'knee' must have effort, position_gain, velocity_gain, not 5"),
+        ("knee: {torque: 5}", "'knee' has torque; known are effort, position_gain"),
+        ("knee: {effort: -1}", "effort of 'knee' must be a number at least 0, not -1"),
+        ("knee: {effort: .nan}", "effort of 'knee' must be a number at least 0"),
+        ("knee: {effort: true}", "effort of 'knee' must be a number at least 0"),
+        ("knee: {position_gain: 2}", "position_gain of 'knee' .* from 0 to 1, not 2"),
+        ("knee: {velocity_gain: high}", "velocity_gain of 'knee' .* not 'high'"),
+        ("'(knee': {effort: 5}", "'(knee' is no regular expression"),
+        ("knee: {effort: 5", "line 1"),
+        ("knee: {effort: 5}\nknee: {effort: 6}", "line 2: found duplicate key"),
+    ],
+)
+def test_a_wrong_file_is_refused_in_a_sentence(file, text, problem):
+    path = file(text)
+    with pytest.raises(MotorFileError) as caught:
+        read_motors(path)
+    message = str(caught.value)
+    assert message.startswith(f"The file of motors {path}: ")
+    pattern = problem if ".*" in problem else re.escape(problem)
+    assert re.search(pattern, message), message
+    assert message.endswith(".")
+    assert "\n" not in message
+
+
+def test_a_file_that_is_not_there_is_refused(tmp_path):
+    with pytest.raises(MotorFileError, match="No such file"):
+        read_motors(tmp_path / "none.yaml")
+    (tmp_path / "bytes").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(MotorFileError, match="can't decode"):
+        read_motors(tmp_path / "bytes")
