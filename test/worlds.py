@@ -15,12 +15,17 @@ class Bench(World):
     """A world, with URDF text, names of frames, and a look behind it."""
 
     def __init__(
-        self, physics="kinematic", gravity=(0.0, 0.0, -9.8), content=None, **numbers
+        self,
+        physics="kinematic",
+        gravity=(0.0, 0.0, -9.8),
+        content=None,
+        motors=None,
+        **numbers,
     ):
         properties = PhysicsProperties(
             **dict(zip(("gravity_x", "gravity_y", "gravity_z"), gravity)), **numbers
         )
-        super().__init__(physics, properties, content)
+        super().__init__(physics, properties, content, motors)
 
     @property
     def client(self):

@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from g1_description.core.errors import DescriptionError
+from g1_description.core.motion.motors import Motors
 from g1_description.core.robot.assembly import Assembly
 from g1_description.core.robot.description import Inertial
 from g1_description.core.rotation import rotate
@@ -42,6 +43,7 @@ class World(Contents):
         physics: str = "kinematic",
         properties: PhysicsProperties | None = None,
         content: Sdf | None = None,
+        motors: Motors | None = None,
     ) -> None:
         """Make a world.
 
@@ -50,12 +52,13 @@ class World(Contents):
             properties: The physics' numbers; Gazebo's where none are given.
             content: Models and lights; by default a ground plane and a sun. A model
                 that cannot be loaded is left out.
+            motors: What drives joints in ``hold``; the robots' files bound it anyway.
 
         Raises:
             UnknownNameError: If there is no such physics.
         """
         super().__init__()
-        self._engine = Engine(physics, properties or PhysicsProperties())
+        self._engine = Engine(physics, properties or PhysicsProperties(), motors)
         self.forces = ForceSchedule(self.is_dynamic)
         """Wrenches and efforts that act or will act."""
         self.motions = Motions(self._engine)
@@ -149,6 +152,7 @@ class World(Contents):
         if self.is_dynamic:
             self.forces.apply(self._engine, self.time_ns)
             self._engine.step()
+            self.motions.measure(self.time_ns)
 
     def set_joint_positions(self, name: str, positions: Mapping[str, float]) -> Report:
         """Teleport joints of a model; it holds them there in ``hold``.

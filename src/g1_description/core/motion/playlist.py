@@ -65,6 +65,11 @@ class Playback:
         """Whether nothing is left of it."""
         return not (self.moves_base or len(self.rows))
 
+    @property
+    def duration(self) -> float:
+        """Time from its beginning to its last sample, in [s]."""
+        return self._trajectory.duration
+
     def release(self, rows: Collection[int], base: bool) -> None:
         """Leave joints, given by rows, and perhaps the base to another command."""
         gone = set(rows)

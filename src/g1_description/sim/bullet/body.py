@@ -6,6 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from g1_description.core.motion.motors import Motors
 from g1_description.core.robot.assembly import SCOPE
 from g1_description.core.rotation import cross
 from g1_description.core.transform import compose, inverse
@@ -35,7 +36,7 @@ class Body:
         loaded: Loaded,
         model: Model,
         tree: int = 0,
-        holds: bool = False,
+        motors: Motors | None = None,
     ) -> None:
         """Take over a loaded body, and write the model's state to it.
 
@@ -44,7 +45,7 @@ class Body:
             loaded: What ``create_body`` made of it.
             model: The model whose body it is.
             tree: Which of the model's trees it is the body of.
-            holds: Whether motors hold its joints where they were last set.
+            motors: What holds its joints where they were last set; None: nothing.
         """
         self._client = client
         self.number = loaded.number
@@ -54,7 +55,7 @@ class Body:
         self.tree = model.trees[tree]
         """What it is the body of."""
         self._tree_number = tree
-        self._holds = holds
+        self._holds = motors is not None
         self._link_names = dict(enumerate(loaded.links, ROOT))
         self._index: dict[str, int] = {}
         for index, name in self._link_names.items():
@@ -68,7 +69,8 @@ class Body:
         self.joints = BodyJoints(client, self.number, model, tree, self._index)
         """Its movable joints."""
         self.write()
-        if holds:
+        if motors is not None:
+            self.joints.set_motors(motors)
             self.joints.hold_position(self.joints.rows)
 
     def _set_dynamics(self) -> None:

@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from itertools import chain, combinations
 
+import numpy as np
+
 from g1_description.core.errors import UnknownNameError
 from g1_description.core.files.launch_arguments import PHYSICS
+from g1_description.core.motion.motors import Motors
 from g1_description.sim.bullet.rest import RestDetector
 from g1_description.sim.meshes.shapes import find_meshes
 from g1_description.sim.model import Model
@@ -27,12 +30,19 @@ class Engine:
     change nothing and cost nothing until something is written.
     """
 
-    def __init__(self, physics: str, properties: PhysicsProperties) -> None:
+    def __init__(
+        self,
+        physics: str,
+        properties: PhysicsProperties,
+        motors: Motors | None = None,
+    ) -> None:
         """Start without bodies.
 
         Args:
             physics: One of ``PHYSICS``.
             properties: The physics' numbers.
+            motors: What drives joints in ``hold`` physics; None: motors as strong as
+                the robots' files say.
 
         Raises:
             UnknownNameError: If there is no such physics.
@@ -43,6 +53,7 @@ class Engine:
             )
         self.physics = physics
         self.properties = properties
+        self._motors = (motors or Motors()) if physics == "hold" else None
         self._client = connect()
         self._bodies: dict[str, tuple[Body, ...]] = {}
         self._moved: dict[str, Model] = {}
@@ -134,8 +145,7 @@ class Engine:
                     raise
                 left_out += (f"its contacts are not found: {error}",)
                 continue
-            holds = self.physics == "hold"
-            bodies.append(Body(self._client, loaded, model, tree, holds))
+            bodies.append(Body(self._client, loaded, model, tree, self._motors))
         for first, second in combinations(bodies, 2):
             first.pass_through(second)
         return tuple(bodies), left_out
@@ -210,6 +220,14 @@ class Engine:
         self._jointed = [body for body in bodies if len(body.joints)]
         self._weightless = [body for body in bodies if body.has_weightless]
         self._is_sorted = True
+
+    def at_effort_limit(self, model: Model) -> np.ndarray:
+        """Find where motors gave all they can in the last step, shape (n_joints,)."""
+        found = np.zeros(len(model.joint_names), dtype=bool)
+        for body in self._bodies.get(model.name, ()):
+            if len(body.joints):
+                found[body.joints.rows] = body.joints.at_effort_limit()
+        return found
 
     def contacts(self) -> set[tuple[str, str]]:
         """Find which links touch or overlap now, as ``contacts.find_contacts``."""

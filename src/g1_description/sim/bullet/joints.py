@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from g1_description.core.bounds import MAX_VALUE
+from g1_description.core.motion.motors import Motors
 from g1_description.sim.model import Model
 
 from .client import BulletClient
@@ -14,6 +15,11 @@ from .client import BulletClient
 MAX_EFFORT = 1e6
 """Effort limit of a joint whose file gives none, in [N m] or [N]: PyBullet takes no
 infinity."""
+
+
+FULL_SHARE = 0.999
+"""Share of its effort limit from which on a motor gives all it can: what PyBullet tells
+is rounded."""
 
 
 class BodyJoints:
@@ -46,7 +52,10 @@ class BodyJoints:
         """Which of the model's movable joints they are, shape (n,)."""
         self._numbers = [numbers[joint.child] for joint in joints]
         self._own = {row: own for own, row in enumerate(self.rows.tolist())}
-        self._efforts = [min(joint.effort, MAX_EFFORT) for joint in joints]
+        self._names = [joint.name for joint in joints]
+        self.efforts = np.array([min(joint.effort, MAX_EFFORT) for joint in joints])
+        """What the motors can give at most, in [N m] or [N], shape (n,)."""
+        self.set_motors(Motors())
         self._damping = np.array([joint.damping for joint in joints])
         self._friction = np.array([joint.friction for joint in joints])
         self._was_damped = False
@@ -62,6 +71,14 @@ class BodyJoints:
     def __contains__(self, name: str) -> bool:
         """Return whether a movable joint is one of them."""
         return self._model.joint_row(name) in self._own
+
+    def set_motors(self, motors: Motors) -> None:
+        """Give the joints other motors, whose efforts are not above those there are."""
+        own = [motors.of(name) for name in self._names]
+        efforts = np.array([motor.effort for motor in own])
+        self.efforts = np.minimum(self.efforts, efforts)
+        self._position_gains = np.array([motor.position_gain for motor in own])
+        self._velocity_gains = np.array([motor.velocity_gain for motor in own])
 
     def states(self) -> Sequence[tuple]:
         """Read position and velocity, and more, of each."""
@@ -90,15 +107,42 @@ class BodyJoints:
             rows: Rows of the movable joints in the model; those of other trees are
                 skipped.
         """
-        held = [row for row in rows if row in self._own]
-        if held:
-            self._client.setJointMotorControlArray(
-                self._body,
-                [self._numbers[self._own[row]] for row in held],
-                self._client.POSITION_CONTROL,
-                targetPositions=self._model.target[held],
-                forces=[self._efforts[self._own[row]] for row in held],
-            )
+        held = np.array([row for row in rows if row in self._own], dtype=int)
+        self.follow(held, self._model.target[held], np.zeros(len(held)))
+
+    def follow(
+        self, rows: np.ndarray, positions: np.ndarray, velocities: np.ndarray
+    ) -> None:
+        """Set where the motors want joints, and how fast, within their efforts.
+
+        Args:
+            rows: Rows of the movable joints in the model; those of other trees are
+                skipped, shape (m,).
+            positions: In [rad] or [m], shape (m,).
+            velocities: In [rad/s] or [m/s], shape (m,).
+        """
+        if len(rows) != len(self.rows) or (rows != self.rows).any():
+            is_own = np.isin(rows, self.rows)
+            rows, positions = rows[is_own], positions[is_own]
+            velocities = velocities[is_own]
+        own = np.array([self._own[row] for row in rows.tolist()], dtype=int)
+        if not len(own):
+            return
+        self._client.setJointMotorControlArray(
+            self._body,
+            [self._numbers[number] for number in own.tolist()],
+            self._client.POSITION_CONTROL,
+            targetPositions=positions,
+            targetVelocities=velocities,
+            forces=self.efforts[own],
+            positionGains=self._position_gains[own],
+            velocityGains=self._velocity_gains[own],
+        )
+
+    def at_effort_limit(self) -> np.ndarray:
+        """Find which motors gave all they can in the last step, shape (n,)."""
+        applied = np.array([state[3] for state in self.states()])
+        return np.abs(applied) >= FULL_SHARE * self.efforts
 
     def apply_effort(self, name: str, effort: float) -> None:
         """Apply an effort for the next step.

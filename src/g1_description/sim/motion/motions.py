@@ -7,10 +7,12 @@ from collections.abc import Collection
 import numpy as np
 
 from g1_description.core.errors import InvalidValueError, UnknownNameError
-from g1_description.core.motion.playlist import Playlist, Setpoint
+from g1_description.core.motion.playlist import Playback, Playlist, Setpoint
 from g1_description.core.motion.trajectory import Trajectory
 from g1_description.sim.bullet.engine import Engine
 from g1_description.sim.model import Model, Report
+
+from .tracking import MotionTracker, TrackedMotion
 
 LIMIT_TOLERANCE = 1e-3
 """How far a motion may take a joint beyond its limits, in [rad] or [m]: files round
@@ -21,7 +23,8 @@ class Motions:
     """The motions of all models.
 
     In ``kinematic`` physics they set joints and base at each step; in ``hold`` they
-    set what the motors hold, and the base is left to physics.
+    set what the motors follow, the base is left to physics, and how well they follow
+    is told afterwards.
     """
 
     def __init__(self, engine: Engine) -> None:
@@ -32,6 +35,8 @@ class Motions:
         """
         self._engine = engine
         self._playlists: dict[Model, Playlist] = {}
+        self._trackers: dict[Playback, MotionTracker] = {}
+        self._tracked: list[TrackedMotion] = []
 
     def play(self, model: Model, trajectory: Trajectory, start_ns: int) -> Report:
         """Let a model go through a motion, from the first step at or after its start.
@@ -58,9 +63,7 @@ class Motions:
                 f"there is nothing of {model.name} that the motion can move"
             )
         playlist = self._playlists.setdefault(model, Playlist(model.joint_names))
-        playback = playlist.add(trajectory, start_ns)
-        if not is_moved:
-            playback.release((), base=True)
+        playlist.add(trajectory, start_ns)
         return _report(model, trajectory)
 
     def stop(self, model: Model, names: Collection[str] = ()) -> None:
@@ -104,6 +107,8 @@ class Motions:
     def forget(self, model: Model) -> None:
         """End all motions of a model."""
         self._playlists.pop(model, None)
+        kept = [item for item in self._trackers.items() if item[1].model is not model]
+        self._trackers = dict(kept)
 
     def step(self, time_ns: int) -> None:
         """Set the models to where their motions want them at a time in [ns]."""
@@ -111,21 +116,47 @@ class Motions:
             if playlist.is_waiting:
                 playlist.begin(time_ns, _state(model))
             for playback in playlist.moving():
-                self._set(model, playback.setpoint(time_ns))
+                wanted = self._set(model, playback.setpoint(time_ns))
+                if self._engine.is_dynamic and playback.duration:
+                    self._track(model, playback, wanted)
             playlist.drop_over(time_ns)
             if not playlist:
                 del self._playlists[model]
 
-    def _set(self, model: Model, wanted: Setpoint) -> None:
-        """Set a model, or what its motors hold."""
+    def _track(self, model: Model, playback: Playback, wanted: Setpoint) -> None:
+        """Note what the motors are to reach in the next step."""
+        if playback not in self._trackers:
+            tracker = MotionTracker(self._engine, model, playback)
+            self._trackers[playback] = tracker
+        self._trackers[playback].expect(wanted)
+
+    def measure(self, time_ns: int) -> None:
+        """Compare the models with their motions after a step, at a time in [ns]."""
+        for playback, tracker in [*self._trackers.items()]:
+            if not tracker.measure(time_ns):
+                self._tracked.append(tracker.tracked())
+                del self._trackers[playback]
+
+    def take_tracked(self) -> list[TrackedMotion]:
+        """Return what became of the motions that motors followed, since last asked.
+
+        Motions of a single configuration have no report. One that was replaced has a
+        report of what was done.
+        """
+        tracked, self._tracked = self._tracked, []
+        return tracked
+
+    def _set(self, model: Model, wanted: Setpoint) -> Setpoint:
+        """Set a model, or what its motors follow; return what it is set to."""
         wanted = _inside_limits(model, wanted)
         if self._engine.is_dynamic:
             model.target[wanted.rows] = wanted.positions
             for body in self._engine.bodies(model):
-                body.joints.hold_position(wanted.rows.tolist())
-            return
+                body.joints.follow(wanted.rows, wanted.positions, wanted.velocities)
+            return wanted
         model.set_moving(wanted)
         self._engine.note_moved(model)
+        return wanted
 
 
 def _state(model: Model) -> Setpoint:

@@ -1,0 +1,226 @@
+"""Motors that follow motions in hold: what the joints do, and what is told of it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from conftest import REPOSITORY
+from worlds import Bench
+
+from g1_description.core.motion.motors import Motor, Motors
+from g1_description.core.motion.sampling import sample
+from g1_description.core.motion.trajectory import Trajectory
+from g1_description.core.poses.minimum_jerk import minimum_jerk_trajectory
+from g1_description.core.poses.yaml_text import parse_poses
+from g1_description.core.robot.lumping import lump_fixed_joints
+from g1_description.core.urdf.reader import parse_urdf
+from g1_description.sim.motion.tracking import WATCH_TIME
+from g1_description.sim.standing import hanging_height, standing_height
+
+POSES = parse_poses((REPOSITORY / "config" / "poses.yaml").read_text(), "poses.yaml")
+UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
+ELBOW, KNEE = "left_elbow_joint", "left_knee_joint"
+WATCH = 1e-9 * WATCH_TIME
+
+
+def spawned(world, text, pose="zero", fixed=False):
+    """Spawn a robot in a pose, standing on the floor or hanging clear of it."""
+    robot = lump_fixed_joints(parse_urdf(text))
+    robot = replace(robot, positions=POSES[pose].positions)
+    height = hanging_height if fixed else standing_height
+    z = height(robot, UPRIGHT)
+    world.spawn("g1", robot, np.array([0.0, 0.0, z, *UPRIGHT]), fixed)
+    return world.model("g1")
+
+
+def positions_of(model, pose):
+    return np.array([POSES[pose].positions.get(n, 0.0) for n in model.joint_names])
+
+
+def go(world, model, pose, seconds):
+    """Go to a pose as the command does, from where the joints are."""
+    goal = positions_of(model, pose)
+    way = minimum_jerk_trajectory(model.joint_names, model.position, goal, seconds)
+    return play(world, model, way)
+
+
+def play(world, model, motion, also=0.0):
+    """Let the motors follow a motion to its end; return the errors at each step."""
+    start = world.time_ns + 1_000_000
+    world.motions.play(model, motion, start)
+    errors = []
+    for _ in range(round((motion.duration + also) * 1e3) + 1):
+        world.step()
+        wanted = sample(motion, 1e-9 * (world.time_ns - start)).positions
+        errors.append(model.position[model.joint_rows(motion.joint_names)] - wanted)
+    return np.array(errors)
+
+
+def rms(errors):
+    return np.sqrt((errors**2).mean(axis=0))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("pose", ["zero", "stand"])
+def test_it_squats_and_stands_again_where_it_was(make_world, g1, pose):
+    """In 3 s each, standing free, on motors no stronger than the robot's."""
+    world = make_world("hold")
+    model = spawned(world, g1, pose)
+    begin = model.pose
+    errors = [go(world, model, "squat", 3.0)]
+    assert model.pose[2] < 0.7 * begin[2]
+    errors.append(go(world, model, pose, 3.0))
+    world.run(WATCH)
+    assert np.linalg.norm(model.pose[:3] - begin[:3]) < 0.01
+    assert np.abs(model.pose[3:5]).max() < 0.01
+    assert rms(np.concatenate(errors)).max() < 0.005
+    down, up = world.motions.take_tracked()
+    assert down.report.fall_time is None and up.report.fall_time is None
+
+
+@pytest.mark.slow
+def test_arms_of_a_hanging_robot_follow_within_two_hundredths_rms(make_world, g1):
+    world = make_world("hold")
+    model = spawned(world, g1, fixed=True)
+    ways = ("wave", "hands_up", "t_pose", "zero")
+    errors = np.concatenate([go(world, model, pose, 1.0) for pose in ways])
+    assert rms(errors).max() < 0.005
+    assert np.abs(errors).max() < 0.02
+
+
+def elbow(seconds=0.5, end=1.0, joint=ELBOW):
+    way = minimum_jerk_trajectory([joint], np.zeros(1), np.array([end]), seconds)
+    return way
+
+
+@pytest.fixture
+def hanging(make_world, g1):
+    world = make_world("hold")
+    return world, spawned(world, g1, fixed=True)
+
+
+def test_the_report_is_what_the_joints_did(hanging):
+    world, model = hanging
+    start = world.time_ns + 1_000_000
+    errors = play(world, model, elbow())
+    assert world.motions.take_tracked() == []  # the base is still watched
+    world.run(WATCH)
+    (tracked,) = world.motions.take_tracked()
+    assert (tracked.model_name, tracked.start_ns) == ("g1", start)
+    report = tracked.report
+    assert report.joint_names == (ELBOW,)
+    np.testing.assert_allclose(report.rms_errors, rms(errors), rtol=1e-9)
+    np.testing.assert_allclose(report.largest_errors, np.abs(errors).max(axis=0))
+    assert report.duration == pytest.approx(0.5)
+    assert not report.limit_shares.any()
+    assert report.fall_time is None
+    assert world.motions.take_tracked() == []
+
+
+def test_velocities_spare_the_joint_its_lag(hanging):
+    """Without them it would be behind by its speed times 10 ms."""
+    world, model = hanging
+    motion = elbow()
+    fastest = np.abs(motion.velocities).max()
+    assert fastest == pytest.approx(3.75, abs=0.01)
+    assert np.abs(play(world, model, motion)).max() < 0.002 * fastest
+
+
+def test_a_weak_motor_is_at_its_limit_and_told(g1):
+    world = Bench("hold", motors=Motors({".*_elbow_joint": Motor(effort=0.2)}))
+    model = spawned(world, g1, fixed=True)
+    errors = play(world, model, elbow(), WATCH)
+    (tracked,) = world.motions.take_tracked()
+    assert np.abs(errors).max() > 0.3
+    assert tracked.report.limit_shares[0] > 0.5
+    assert tracked.report.largest_errors[0] > 0.3
+    world.close()
+
+
+def test_no_motor_is_stronger_than_the_robots_file_says(g1):
+    world = Bench("hold", motors=Motors({".*": Motor(effort=1000.0)}))
+    model = spawned(world, g1, fixed=True)
+    joints = model.assembly.description.movable_joints
+    wanted = [joint.effort for joint in joints]
+    np.testing.assert_array_equal(world.body("g1").joints.efforts, wanted)
+    world.close()
+
+
+def test_softer_gains_follow_more_softly(g1):
+    world = Bench("hold", motors=Motors({".*": Motor(1000.0, 0.001, 0.05)}))
+    model = spawned(world, g1, fixed=True)
+    assert np.abs(play(world, model, elbow())).max() > 0.02
+    world.close()
+
+
+def with_base(model, *poses):
+    """Make a motion that stands still while its base goes through poses in 1 s."""
+    names = model.joint_names
+    positions = np.tile(model.position, (len(poses), 1))
+    times = np.linspace(0.0, 1.0, len(poses))
+    return Trajectory(times, names, positions, base_poses=np.array(poses))
+
+
+def test_a_robot_that_is_pushed_over_fell(make_world, g1):
+    world = make_world("hold")
+    model = spawned(world, g1, "stand")
+    motion = with_base(model, model.pose, model.pose)
+    world.motions.play(model, motion, world.time_ns)
+    world.run(0.2)
+    model_twist = np.array([0.0, 2.0, 0.0, -2.0, 0.0, 0.0])
+    for body in world.bodies("g1"):
+        model.root_twists[0] = model_twist
+        body.write()
+    world.run(0.8 + WATCH + 0.01)
+    (tracked,) = world.motions.take_tracked()
+    assert 0.3 < tracked.report.fall_time < 1.5
+    assert "it fell after" in str(tracked.report)
+
+
+def test_a_robot_whose_motion_rises_without_it_fell(make_world, g1):
+    """It stands where it was: the motion's base went up by more than it can."""
+    world = make_world("hold")
+    model = spawned(world, g1, "stand")
+    above = model.pose + np.array([5.0, 0.0, 0.5, 0.0, 0.0, 0.0, 0.0])
+    motion = with_base(model, model.pose + np.eye(7)[0] * 5.0, above)
+    world.motions.play(model, motion, world.time_ns)
+    world.run(1.0 + WATCH + 0.01)
+    (tracked,) = world.motions.take_tracked()
+    assert tracked.report.fall_time == pytest.approx(0.5, abs=0.02)
+
+
+@pytest.mark.parametrize("how", ["replaced", "stopped", "reset", "gone", "limbs"])
+def test_a_motion_that_ends_early_is_told_as_far_as_it_went(hanging, how):
+    world, model = hanging
+    world.motions.play(model, elbow(), world.time_ns)
+    world.run(0.2)
+    if how == "replaced":
+        world.motions.play(model, elbow(0.1, 0.5), world.time_ns)
+    elif how == "stopped":
+        world.motions.stop(model)
+    elif how == "reset":
+        world.reset()
+    elif how == "gone":
+        world.delete("g1")
+    else:
+        world.motions.play(model, elbow(0.1, 0.5, KNEE), world.time_ns)
+    world.run(0.5 + WATCH)
+    told = [round(one.report.duration, 2) for one in world.motions.take_tracked()]
+    wanted = {"replaced": [0.2, 0.1], "stopped": [0.2], "limbs": [0.1, 0.5]}
+    assert told == pytest.approx(wanted.get(how, []), abs=0.01)
+
+
+def test_a_single_configuration_is_not_told(hanging):
+    world, model = hanging
+    single = Trajectory(np.zeros(1), (ELBOW,), np.array([[0.1]]))
+    world.motions.play(model, single, world.time_ns)
+    world.run(0.1 + WATCH)
+    assert world.motions.take_tracked() == []
+
+
+def test_in_kinematic_nothing_is_tracked(make_world, g1):
+    world = make_world("kinematic")
+    model = spawned(world, g1)
+    world.motions.play(model, elbow(), world.time_ns)
+    world.run(0.6 + WATCH)
+    assert world.motions.take_tracked() == []
