@@ -10,6 +10,7 @@ import rostest
 from sensor_msgs.msg import JointState
 from support.pose_command import KNEE, POSES, run, start
 from support.ros_testing import DEADLINE, Listener, Repeated
+from trajectory_msgs.msg import JointTrajectory
 
 PERIOD = 0.02
 """Of joint states in [s]."""
@@ -31,14 +32,26 @@ class Frozen:
         self._commands = rospy.Subscriber(
             f"/{namespace}/joint_commands", JointState, self._obey if obeys else None
         )
+        self._way = None
+        self._motions = rospy.Subscriber(
+            f"/{namespace}/joint_trajectory", JointTrajectory, self._follow
+        )
         self._repeated = Repeated(self._show, PERIOD)
 
     def _obey(self, message):
         self.positions.update(zip(message.name, message.position))
 
+    def _follow(self, message):
+        self._way = message, self._stamp
+
     def _show(self):
         if self.runs:
             self._stamp += rospy.Duration(PERIOD)
+        if self._way:
+            (message, begin) = self._way
+            last = message.points[-1]
+            if self._stamp >= begin + last.time_from_start:
+                self.positions.update(zip(message.joint_names, last.positions))
         message = JointState(
             name=[*self.positions], position=[*self.positions.values()]
         )
@@ -48,6 +61,7 @@ class Frozen:
     def close(self):
         self._repeated.close()
         self._commands.unregister()
+        self._motions.unregister()
         self._states.unregister()
 
 
@@ -73,8 +87,11 @@ class TestStillPoses(unittest.TestCase):
 
     def test_what_does_not_happen_is_told(self):
         """All at once, as each waits long: no states, no obedience, no bridge."""
-        commands = Listener("/silent/joint_commands", JointState)
-        self.addCleanup(commands.close)
+        for topic, kind in (
+            ("joint_commands", JointState),
+            ("joint_trajectory", JointTrajectory),
+        ):
+            self.addCleanup(Listener(f"/silent/{topic}", kind).close)
         deaf = Frozen("deaf", obeys=False)
         self.addCleanup(deaf.close)
         asked = (

@@ -1,6 +1,7 @@
 """A robot that is moved through the bridge.
 
-Publishes: joint_commands (sensor_msgs/JointState)
+Publishes: joint_commands (sensor_msgs/JointState), joint_trajectory
+    (trajectory_msgs/JointTrajectory)
 Subscribes: joint_states (sensor_msgs/JointState)
 All timeouts are wall time: simulated time may stand still.
 """
@@ -13,28 +14,34 @@ from collections.abc import Callable
 import numpy as np
 import rospy
 from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from g1_description.core.poses.minimum_jerk import minimum_jerk
+from g1_description.core.poses.minimum_jerk import minimum_jerk_trajectory
 from g1_description.core.text import listed
 from g1_description.ros.node.lifecycle import quiet_when_closing
+from g1_description.ros.transport.direct_publisher import DirectPublisher
 
 from .robot_view import STANDS_STILL, NoAnswerError, RobotView
 
 TIMEOUT = 30.0
 """Longest wait for the bridge, or for its effect, in [s]: machines may be busy."""
 
+QUEUE_SIZE = 10
+"""Commands and motions kept for a slow bridge."""
+
 RESEND_PERIOD = 1.0
 """Time after which a goal is sent again, in [s]."""
 
-COMMAND_PERIOD = 0.01
-"""Least time between two commands of a motion, in [s] of the robot's time."""
+SEND_TIMEOUT = 1.0
+"""Longest time in which a bridge may read nothing of a motion, in [s]; while the node
+ends, there is not more."""
 
 TOLERANCE = 0.01
 """Largest distance of a joint from its goal, in [rad] or [m]: motors give way."""
 
 
 class PosedRobot(RobotView):
-    """The robot behind joint_states and joint_commands of a namespace."""
+    """The robot behind joint_states and the topics of commands of a namespace."""
 
     def __init__(self, namespace: str, notify: Callable[[str], None]) -> None:
         """Connect.
@@ -50,8 +57,18 @@ class PosedRobot(RobotView):
         super().__init__(namespace, notify)
         self._names = [joint.name for joint in self.description.movable_joints]
         self._commands = rospy.Publisher(
-            f"{self._prefix}joint_commands", JointState, queue_size=10, tcp_nodelay=True
+            f"{self._prefix}joint_commands",
+            JointState,
+            queue_size=QUEUE_SIZE,
+            tcp_nodelay=True,
         )
+        # Sends at once, also what is sent while the node ends. Latched: somebody else
+        # may have connected before the bridge.
+        self._motions = DirectPublisher(
+            f"{self._prefix}joint_trajectory", JointTrajectory, QUEUE_SIZE, latch=True
+        )
+        self._is_moving = False
+        rospy.on_shutdown(self._stop)
 
     def measured_positions(self) -> np.ndarray:
         """Return where the joints are now.
@@ -74,7 +91,7 @@ class PosedRobot(RobotView):
         Raises:
             NoAnswerError: If nobody listens, or it does not happen.
         """
-        self._wait_for_listener()
+        self._wait_for_listener(self._commands)
         self._arrive(goal)
 
     def move(self, goal: np.ndarray, seconds: float) -> None:
@@ -87,18 +104,46 @@ class PosedRobot(RobotView):
         Raises:
             NoAnswerError: If nobody listens, time goes back, or it does not happen.
         """
-        self._wait_for_listener()
-        first = message = self._next(None)
-        start, begin = self._inside(first), first.header.stamp
-        share = 0.0
-        while share < 1.0:
+        self._wait_for_listener(self._motions)
+        begin = self._next(None)
+        self._is_moving = True
+        self._send(self._way(self._inside(begin), goal, seconds))
+        end = begin.header.stamp + rospy.Duration.from_sec(seconds)
+        message = begin
+        while message.header.stamp < end:
             message = self._next(message.header.stamp, timeout=None)
-            if message.header.stamp < begin:
+            if message.header.stamp < begin.header.stamp:
                 raise NoAnswerError("Time went back on the way; the robot was reset.")
-            share = (message.header.stamp - begin).to_sec() / seconds
-            if share < 1.0:
-                self._publish(minimum_jerk(start, goal, share))
-        self._arrive(goal)
+        self._wait_for_goal(goal)
+        self._is_moving = False
+
+    def _send(self, motion: JointTrajectory) -> None:
+        """Send a motion, and wait until the bridge has it: it is sent only once."""
+        self._motions.publish(motion)
+        self._motions.wait_for_room(SEND_TIMEOUT)
+
+    def _stop(self) -> None:
+        """Stop the robot where it is, if it is on its way."""
+        if self._is_moving:
+            self._send(JointTrajectory(joint_names=self._names))
+
+    def _way(
+        self, start: np.ndarray, goal: np.ndarray, seconds: float
+    ) -> JointTrajectory:
+        """Write the smooth way from one configuration to another, to begin at once."""
+        way = minimum_jerk_trajectory(self._names, start, goal, seconds)
+        message = JointTrajectory(joint_names=self._names)
+        message.points = [
+            JointTrajectoryPoint(
+                positions=position,
+                velocities=velocity,
+                time_from_start=rospy.Duration.from_sec(time),
+            )
+            for time, position, velocity in zip(
+                way.times.tolist(), way.positions.tolist(), way.velocities.tolist()
+            )
+        ]
+        return message
 
     def _publish(self, positions: np.ndarray) -> None:
         """Send a command."""
@@ -109,14 +154,32 @@ class PosedRobot(RobotView):
 
     def _arrive(self, goal: np.ndarray) -> None:
         """Send the goal, once a second, until the joints are there."""
-        self.forget_newest()
         sent = -np.inf
 
-        def is_there():
+        def send_again():
             nonlocal sent
             if time.monotonic() >= sent + RESEND_PERIOD:
                 self._publish(goal)
                 sent = time.monotonic()
+
+        self._wait_for_goal(goal, send_again)
+
+    def _wait_for_goal(
+        self, goal: np.ndarray, meanwhile: Callable[[], None] = lambda: None
+    ) -> None:
+        """Wait until the joints are at the goal.
+
+        Args:
+            goal: Positions in [rad] or [m], shape (n_joints,).
+            meanwhile: Called again and again.
+
+        Raises:
+            NoAnswerError: If they do not get there.
+        """
+        self.forget_newest()
+
+        def is_there():
+            meanwhile()
             return self.newest and not self._away(goal)
 
         if self.wait_until(is_there, TIMEOUT):
@@ -151,28 +214,22 @@ class PosedRobot(RobotView):
             [min(max(shown[j.name], j.lower), j.upper) for j in joints], dtype=float
         )
 
-    def _wait_for_listener(self) -> None:
-        """Wait until the bridge hears commands."""
-        if not self.wait_until(self._commands.get_num_connections, TIMEOUT):
-            raise NoAnswerError(
-                f"Nobody listens to {self._commands.resolved_name}; is the bridge "
-                "running?"
-            )
+    def _wait_for_listener(self, publisher: rospy.Publisher | DirectPublisher) -> None:
+        """Wait until the bridge hears what is published."""
+        if not self.wait_until(publisher.get_num_connections, TIMEOUT):
+            name = rospy.resolve_name(publisher.name)
+            raise NoAnswerError(f"Nobody listens to {name}; is the bridge running?")
 
     def _next(self, after, timeout: float | None = TIMEOUT) -> JointState:
         """Wait for joint states.
 
         Args:
-            after: Stamp of a message; the next is later by at least
-                ``COMMAND_PERIOD``, or earlier. None: any message will do.
+            after: Stamp of a message; the next has another. None: any message will do.
             timeout: Longest wait in [s]; None: no limit.
         """
 
         def is_next():
-            if self.newest is None or after is None:
-                return self.newest is not None
-            step = (self.newest.header.stamp - after).to_sec()
-            return step >= COMMAND_PERIOD or step < 0.0
+            return self.newest and self.newest.header.stamp != after
 
         if not self.wait_until(is_next, timeout):
             raise NoAnswerError(f"The robot's positions are unknown: {self.silence}")
