@@ -8,9 +8,11 @@ import numpy as np
 import rospy
 import rostest
 import tf2_ros
+from g1_description.msg import TrackingReport
 from gazebo_msgs.srv import GetModelState
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
+from support.pose_command import run
 from support.ros_testing import Listener, wait_for
 
 
@@ -24,7 +26,11 @@ class TestPhysics(unittest.TestCase):
         cls.model_state = rospy.ServiceProxy("/gazebo/get_model_state", GetModelState)
 
     def height(self):
-        return self.model_state("g1_robot", "").pose.position.z
+        return self.position()[2]
+
+    def position(self):
+        place = self.model_state("g1_robot", "").pose.position
+        return np.array([place.x, place.y, place.z])
 
     def test_1_velocities_are_the_slopes_of_positions(self):
         """Trapezoid rule over fifty messages; a robot that stands does not move.
@@ -82,6 +88,27 @@ class TestPhysics(unittest.TestCase):
                 lambda m: (m.header.stamp - arrived.header.stamp).to_sec() > 1.0, "1 s"
             )
             self.assertAlmostEqual(later.position[elbow], 0.5, delta=0.02)
+
+    def test_5_it_squats_and_stands_again_on_its_motors(self):
+        """It is not thrown, and the simulator tells how well the motors followed."""
+        if not self.stands:
+            self.skipTest("there are no motors")
+        tracking = Listener("/gazebo/tracking", TrackingReport)
+        begin = self.position()
+        for number, (pose, height) in enumerate((("squat", 0.38), ("zero", 0.79)), 1):
+            self.assertEqual(run(pose, "--seconds", 3), (0, f"pose: {pose}\n", ""))
+            self.assertAlmostEqual(self.position()[2], height, delta=0.05)
+            wait_for(lambda n=number: len(tracking.messages) >= n, "a report")
+        self.assertLess(np.linalg.norm(self.position() - begin), 0.03)
+        names = self.states.wait().name
+        for report in tracking.messages:
+            self.assertEqual(
+                (report.model_name, report.joint_names), ("g1_robot", names)
+            )
+            self.assertAlmostEqual(report.duration, 3.0, delta=0.01)
+            self.assertLess(max(report.rms_errors), 0.02)
+            self.assertLess(max(report.limit_shares), 0.1)
+            self.assertFalse(report.has_fallen)
 
 
 if __name__ == "__main__":

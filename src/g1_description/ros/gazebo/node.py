@@ -2,7 +2,7 @@
 
 Publishes: /clock (rosgraph_msgs/Clock), ~link_states (gazebo_msgs/LinkStates),
     ~model_states (gazebo_msgs/ModelStates), ~world_state (gazebo_msgs/WorldState):
-    at each step, while someone listens
+    at each step, while someone listens; ~tracking (g1_description/TrackingReport)
 Subscribes: ~set_model_state (gazebo_msgs/ModelState), ~set_link_state
     (gazebo_msgs/LinkState), ~set_model_trajectory (g1_description/ModelTrajectory)
 Services: those in the folder services, and dynamic_reconfigure's
@@ -44,6 +44,7 @@ from .reconfigure import offer_physics
 from .start import make_world, spawn_robot
 from .stepper import Stepper
 from .topics import StateTopics
+from .tracking import TrackingTopic
 
 MAX_WAIT = 0.1
 """Longest wait before looking whether to shut down, in [s]. Time lost to a busy
@@ -75,6 +76,7 @@ class GazeboNode:
         network = parameters.enable_ros_network
         rospy.set_param("~enable_ros_network", network)
         self._topics = StateTopics(world, parameters)
+        self._tracking = TrackingTopic(world) if network else None
         if not network:
             return
         self._log = ThrottledLog()
@@ -243,6 +245,8 @@ class GazeboNode:
         self._world.step()
         with quiet_when_closing():
             self._topics.publish(self._stepper.is_last_step)
+            if self._tracking:
+                self._tracking.publish()
         self._stepper.count()
 
     def _refuse(self) -> None:

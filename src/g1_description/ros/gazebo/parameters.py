@@ -53,6 +53,9 @@ class GazeboParameters:
     """Whether that robot's root link does not move in hold and limp. With on_floor it
     hangs there so high that no joint can bring the robot to the floor."""
 
+    motors: str = ""
+    """File of the motors that drive joints in hold; empty: the package's."""
+
     world: str = ""
     """World file (SDF) to load at start; empty: a ground plane and a sun."""
 

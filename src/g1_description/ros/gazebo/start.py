@@ -8,7 +8,8 @@ from pathlib import Path
 import rospy
 
 from g1_description.core.errors import DescriptionError, InvalidValueError
-from g1_description.core.files.model_files import find_model
+from g1_description.core.files.model_files import find_folder, find_model
+from g1_description.core.motion.motors import Motors, read_motors
 from g1_description.core.robot.assembly import Assembly
 from g1_description.core.sdf.world import EMPTY_WORLD, Sdf, read_sdf
 from g1_description.core.xml import decoded
@@ -36,10 +37,22 @@ def make_world(parameters: GazeboParameters) -> tuple[World, GazeboParameters]:
     physics, left_out = _physics(content, parameters)
     properties = replace(parameters.properties, **physics)
     parameters = replace(parameters, properties=properties)
-    world = World(parameters.physics, properties, content)
+    world = World(parameters.physics, properties, content, _motors(parameters))
     for line in (*left_out, *world.left_out):
         rospy.logwarn("%s: %s", parameters.world, line)
     return world, parameters
+
+
+def _motors(parameters: GazeboParameters) -> Motors | None:
+    """Read the file of motors, where there are any.
+
+    Raises:
+        MotorFileError: If it cannot be read.
+    """
+    if parameters.physics != "hold":
+        return None
+    own = Path(find_folder("g1_description") or "", "config", "motors.yaml")
+    return read_motors(Path(parameters.motors) if parameters.motors else own)
 
 
 def _content(path: str) -> Sdf:
