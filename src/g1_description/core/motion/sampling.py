@@ -93,7 +93,7 @@ def _segments(
     """
     first = np.searchsorted(knots, times + SNAP, side="right") - 1
     moves = (first >= 0) & (first < len(knots) - 1)
-    first = np.clip(first, 0, len(knots) - 1)
+    first = np.minimum(np.maximum(first, 0), len(knots) - 1)  # np.clip is slow
     last = np.minimum(first + 1, len(knots) - 1)
     return first, last, np.where(moves, knots[last] - knots[first], 1.0), moves
 

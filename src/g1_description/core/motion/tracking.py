@@ -7,8 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from g1_description.core.rotation import conjugate, rotate
-
 MAX_LEAN = math.pi / 4.0
 """A base that leans farther than this from where the motion has it has fallen, in
 [rad]: no humanoid comes back from there."""
@@ -18,8 +16,6 @@ MAX_DROP = 0.25
 
 MAX_LISTED = 5
 """How many joints a text lists, the worst ones."""
-
-UP = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +133,7 @@ class FallDetector:
             base_pose: T_world_base at the beginning, shape (7,).
             wanted: The motion's at that time, shape (7,); None where it has none.
         """
-        self._down = _down(base_pose)
+        self._up = _up(base_pose)
         self._offset = 0.0 if wanted is None else float(wanted[2] - base_pose[2])
 
     def has_fallen(self, base_pose: np.ndarray, wanted: np.ndarray | None) -> bool:
@@ -147,13 +143,14 @@ class FallDetector:
             base_pose: T_world_base now, shape (7,).
             wanted: The motion's, shape (7,); None where it has none.
         """
-        down = self._down if wanted is None else _down(wanted)
-        if float(_down(base_pose) @ down) < math.cos(MAX_LEAN):
+        up = self._up if wanted is None else _up(wanted)
+        if sum(a * b for a, b in zip(_up(base_pose), up)) < math.cos(MAX_LEAN):
             return True
         drop = 0.0 if wanted is None else wanted[2] - base_pose[2] - self._offset
         return bool(drop > MAX_DROP)
 
 
-def _down(pose: np.ndarray) -> np.ndarray:
-    """Give the direction to the floor in the base's own frame, shape (3,)."""
-    return rotate(conjugate(pose[3:]), -UP)
+def _up(pose: np.ndarray) -> tuple[float, float, float]:
+    """Compute the world's z axis in the base's own frame."""
+    x, y, z, w = pose[3:].tolist()
+    return 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)

@@ -121,16 +121,16 @@ class BodyJoints:
             positions: In [rad] or [m], shape (m,).
             velocities: In [rad/s] or [m/s], shape (m,).
         """
-        if len(rows) != len(self.rows) or (rows != self.rows).any():
-            is_own = np.isin(rows, self.rows)
-            rows, positions = rows[is_own], positions[is_own]
-            velocities = velocities[is_own]
-        own = np.array([self._own[row] for row in rows.tolist()], dtype=int)
-        if not len(own):
+        own = [self._own.get(row, -1) for row in rows.tolist()]
+        if min(own, default=0) < 0:
+            is_own = np.array(own) >= 0
+            positions, velocities = positions[is_own], velocities[is_own]
+            own = [number for number in own if number >= 0]
+        if not own:
             return
         self._client.setJointMotorControlArray(
             self._body,
-            [self._numbers[number] for number in own.tolist()],
+            [self._numbers[number] for number in own],
             self._client.POSITION_CONTROL,
             targetPositions=positions,
             targetVelocities=velocities,
