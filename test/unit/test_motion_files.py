@@ -244,6 +244,16 @@ def test_what_rostopic_echo_prints_is_read(g1, file):
     assert motion.velocities.tolist() == [[0.5, 1.5]] * 2
 
 
+@pytest.mark.parametrize(
+    "content", ["time,left_elbow_joint\n0,0\n", pickle.dumps(gmr()), ECHO]
+)
+def test_a_rate_for_a_file_with_times_is_told_to_be_ignored(g1, file, content):
+    times = read_motion(file(content), g1).trajectory.times
+    motion = read_motion(file(content), g1, 25.0)
+    assert "its own times: 25 samples per second are ignored" in motion.notes[0]
+    np.testing.assert_array_equal(motion.trajectory.times, times)
+
+
 class Hostile:
     """Its pickle names a program to run."""
 
@@ -331,8 +341,8 @@ BAD = {
         lambda: pickle.dumps({**gmr(), "dof_pos": [[1], 2]}),
         "holds no numbers",
     ),
-    "names": (lambda: yaml_nested(9), "no list of names"),
-    "tag": ("joint_names: [a]\npoints: !!bool x\n", "cannot be read"),
+    "names": (lambda: yaml_nested(9), "Line 1 has an anchor"),
+    "tag": ("joint_names: [a]\npoints: !!bool x\n", "Line 2 has a tag"),
     "long": (ECHO.replace("secs: 2", f"secs: 1{'0' * 400}"), "no time_from_start"),
     "nothing": ("time\n0\n1\n", "neither joints nor a base"),
     "empty": ("", "is empty"),
@@ -354,6 +364,7 @@ BAD = {
     "strangers": ("time,a,b\n0,1,2\n", "none of the motion's joints, a, b"),
     "no zip": (b"PK\x03\x04" + bytes(100), "npz file is damaged"),
     "bomb": (bomb, "has 300 MB"),
+    "underscore": (ROW.replace("0.8", "1_0"), "Line 1 has '1_0' where"),
     "claims": (lambda: claims((10**9, 10)), "should have 80000000000 bytes"),
     "negative": (lambda: claims((-1, 10)), "should have|header"),
     "objects": (lambda: npz(dof_pos=np.array([{}])), "holds no numbers"),
@@ -365,7 +376,7 @@ BAD = {
     "rate": (lambda: pickle.dumps({**gmr(), "fps": 0}), "fps is"),
     "text": (lambda: pickle.dumps({**gmr(), "fps": "x"}), "fps holds no numbers"),
     "list": (lambda: pickle.dumps([1, 2]), "holds no dictionary but list"),
-    "memo": (b"\x80\x02Nr\xff\xff\xff\x7f.", "keeps an object at place"),
+    "memo": (b"\x80\x02Nr\xff\xff\xff\x7f.", "holds no dictionary but NoneType"),
     "cut": (lambda: pickle.dumps(gmr())[:-30], "cannot be read"),
     "yaml": ("joint_names: [a\npoints: {", "Line 2 cannot be read"),
     "no points": ("joint_names: [left_elbow_joint]\npoints: []\n", "has no points"),

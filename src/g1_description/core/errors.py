@@ -41,3 +41,16 @@ class InvalidValueError(G1DescriptionError):
 
 class WireFormatError(G1DescriptionError):
     """Bytes that should be a message are not."""
+
+
+MAX_CAUSE = 200
+"""Longest part of another library's message in a sentence of ours, in characters."""
+
+
+def cause(error: BaseException) -> str:
+    """Return the first line of what an error says, or its kind where it says nothing.
+
+    For errors of other libraries, whose messages may have many lines.
+    """
+    lines = str(error).strip().splitlines() or [type(error).__name__]
+    return lines[0].strip().rstrip(".")[:MAX_CAUSE]

@@ -40,6 +40,9 @@ class Motion:
     notes: tuple[str, ...] = ()
     """Messages on what was assumed, and what does not fit."""
 
+    has_times: bool = True
+    """Whether the file says when its samples are, or at what rate."""
+
 
 def names_of_columns(n_joints: int, robot: Description) -> tuple[str, ...]:
     """Name the joints of a file that does not.
@@ -93,7 +96,8 @@ def fitted(motion: Motion, robot: Description) -> Motion:
     missing = [name for name in own if name not in names]
     if missing:
         notes.append(f"The motion has no {listed(missing)}: not moved.")
-    return Motion(_without(motion.trajectory, unknown), tuple(notes))
+    trajectory = _without(motion.trajectory, unknown)
+    return replace(motion, trajectory=trajectory, notes=tuple(notes))
 
 
 def _without(trajectory: Trajectory, unknown: Sequence[str]) -> Trajectory:

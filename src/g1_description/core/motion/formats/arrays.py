@@ -75,7 +75,7 @@ def _numbers(found: Mapping[str, Any], name: str) -> np.ndarray | None:
         raise MotionError(
             f"{name} has {array.size} numbers; a motion has at most {MAX_SIZE}."
         )
-    array = array.astype(float)
+    array = array.astype(float, copy=False)
     if not np.isfinite(array).all():
         raise MotionError(f"{name} has numbers that are not finite.")
     return array

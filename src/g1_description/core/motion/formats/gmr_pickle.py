@@ -1,41 +1,67 @@
 """Pickles of motions, as GMR writes them, read without running what they say.
 
 A pickle is a program. Here it may build numbers, text, plain containers and numpy's
-arrays; anything else it asks for is refused.
+arrays; anything else it asks for is refused, and so is what would take long.
 """
 
 from __future__ import annotations
 
 import collections
 import io
-import pickle
 import pickletools
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from g1_description.core.errors import MotionError
+from g1_description.core.errors import MotionError, cause
 
-MAX_MEMO = 1_000_000
-"""Most objects that a pickle may keep: it names a place for each, and Python makes
-room up to there."""
+MAX_STEPS = 500_000
+"""Most steps of a pickle. GMR's have a hundred, or one per number where they have lists
+of numbers."""
+
+MAX_TEXT = 100_000_000
+"""Most bytes of all arrays in a pickle of protocol 2, which has them as text."""
+
+MAX_DTYPE = 16
+"""Longest name of a type of numbers."""
+
+CUT = "it is cut short"
+
+_CODES = {step.code: step for step in pickletools.opcodes}
+
+_IGNORED = ("PROTO", "FRAME")
+
+_CONSTANTS = {"NONE": None, "NEWTRUE": True, "NEWFALSE": False}
+
+_INTEGERS = ("BININT", "BININT1", "BININT2", "LONG1", "LONG4")
+_TEXTS = ("SHORT_BINUNICODE", "BINUNICODE", "BINUNICODE8")
+_BYTES = ("SHORT_BINBYTES", "BINBYTES", "BINBYTES8", "BYTEARRAY8")
+_VALUES = frozenset(("BINFLOAT", *_INTEGERS, *_TEXTS, *_BYTES))
+"""Steps whose argument is an object."""
+
+_EMPTY: dict[str, type] = {"EMPTY_TUPLE": tuple, "EMPTY_LIST": list, "EMPTY_DICT": dict}
+
+_TUPLES = {"TUPLE1": 1, "TUPLE2": 2, "TUPLE3": 3}
+"""Steps that make a tuple of so many objects."""
+
+_PUTS = ("BINPUT", "LONG_BINPUT")
+_GETS = ("BINGET", "LONG_BINGET")
 
 
-MAX_TEXT = 50_000_000
-"""Longest bytes of an array in a pickle of protocol 2."""
-
-_PUTS = ("PUT", "BINPUT", "LONG_BINPUT")
+class _RefusedError(Exception):
+    """A pickle asks for what no motion needs."""
 
 
 class _Dtype:
     """Stands for a type of numbers."""
 
     def __init__(self, name: str, *_: Any) -> None:
-        if type(name) is not str:
-            raise pickle.UnpicklingError("it has a type that is no text")
+        if type(name) is not str or len(name) > MAX_DTYPE:
+            raise _RefusedError("it has a type that is no text")
         self.dtype = np.dtype(name)
         if self.dtype.kind not in "fiub":
-            raise pickle.UnpicklingError(f"it has an array of {self.dtype}")
+            raise _RefusedError(f"it has an array of {self.dtype}")
 
     def __setstate__(self, state: tuple) -> None:
         """Take the order of bytes, which is all that numbers have."""
@@ -70,13 +96,6 @@ def _scalar(kind: _Dtype, content: bytes) -> Any:
     return np.frombuffer(content, kind.dtype, 1)[0]
 
 
-def _encoded(text: str, encoding: str = "latin1") -> bytes:
-    """Make bytes, which protocol 2 has as text."""
-    if type(text) is not str or len(text) > MAX_TEXT:
-        raise pickle.UnpicklingError("it has too much to encode")
-    return text.encode("latin1")
-
-
 _ALLOWED: dict[tuple[str, str], Any] = {
     **{
         (f"numpy.{core}.multiarray", name): value
@@ -90,18 +109,162 @@ _ALLOWED: dict[tuple[str, str], Any] = {
     ("numpy", "ndarray"): "numpy.ndarray",
     ("numpy", "dtype"): _Dtype,
     ("collections", "OrderedDict"): lambda: collections.OrderedDict(),
-    ("_codecs", "encode"): _encoded,
 }
 """What a pickle may name, and what it gets."""
 
 
-class _Unpickler(pickle.Unpickler):
-    def find_class(self, module: str, name: str) -> Any:
+class _Machine:
+    """Takes the steps that picklers of protocol 2 and later need for a motion."""
+
+    def __init__(self) -> None:
+        """Begin with nothing."""
+        self._stack: list[Any] = []
+        self._below: list[list[Any]] = []
+        """The stacks under each mark."""
+        self._memo: dict[int, Any] = {}
+        self._n_encoded = 0
+
+    def run(self, data: bytes) -> Any:
+        """Return the object that a pickle makes.
+
+        Raises:
+            Exception: Of whatever kind, if it is damaged or asks for something else.
+        """
+        stream = io.BytesIO(data)
+        for _ in range(MAX_STEPS):
+            code = stream.read(1).decode("latin-1")
+            step = _CODES.get(code)
+            if step is None:
+                raise _RefusedError(f"it has a step {code!r}" if code else CUT)
+            if step.name == "STOP":
+                return self._stack.pop()
+            if step.name not in _STEPS:
+                raise _RefusedError(f"it has a step {step.name}")
+            self._take(step.name, step.arg.reader(stream) if step.arg else None)
+        raise _RefusedError(f"it has more than {MAX_STEPS} steps")
+
+    def _take(self, name: str, argument: Any) -> None:
+        """Take a step."""
+        if name in _VALUES:
+            self._stack.append(argument)
+        elif name in _CONSTANTS:
+            self._stack.append(_CONSTANTS[name])
+        elif name in _EMPTY:
+            self._stack.append(_EMPTY[name]())
+        elif name in _TUPLES:
+            self._stack.append(
+                tuple([self._stack.pop() for _ in range(_TUPLES[name])][::-1])
+            )
+        elif name in _PUTS:
+            self._memo[argument] = self._stack[-1]
+        elif name in _GETS:
+            if argument not in self._memo:
+                raise _RefusedError("it uses an object that it has not kept")
+            self._stack.append(self._memo[argument])
+        elif name not in _IGNORED:
+            _ACTIONS[name](self, argument)
+
+    def _mark(self, _: Any) -> None:
+        self._below.append(self._stack)
+        self._stack = []
+
+    def _marked(self) -> list[Any]:
+        """Return what came since the last mark."""
+        found, self._stack = self._stack, self._below.pop()
+        return found
+
+    def _memoize(self, _: Any) -> None:
+        self._memo[len(self._memo)] = self._stack[-1]
+
+    def _tuple(self, _: Any) -> None:
+        found = tuple(self._marked())
+        self._stack.append(found)
+
+    def _append(self, _: Any) -> None:
+        value = self._stack.pop()
+        self._stack[-1].append(value)
+
+    def _appends(self, _: Any) -> None:
+        found = self._marked()
+        self._stack[-1].extend(found)
+
+    def _setitem(self, _: Any) -> None:
+        value, key = self._stack.pop(), self._stack.pop()
+        self._set([key, value])
+
+    def _setitems(self, _: Any) -> None:
+        self._set(self._marked())
+
+    def _set(self, found: list[Any]) -> None:
+        """Fill the dictionary on top; a key of nested tuples is looked up for ever."""
+        for key in found[::2]:
+            if type(key) not in (str, int, float):
+                kind = type(key).__name__
+                raise _RefusedError(f"it has a dictionary with a {kind} as key")
+        self._stack[-1].update(zip(found[::2], found[1::2]))
+
+    def _global(self, argument: str) -> None:
+        self._name(*argument.split(" ", 1))
+
+    def _stack_global(self, _: Any) -> None:
+        name, module = self._stack.pop(), self._stack.pop()
+        self._name(module, name)
+
+    def _name(self, module: str, name: str) -> None:
         """Give what may be named."""
-        try:
-            return _ALLOWED[module, name]
-        except KeyError:
-            raise pickle.UnpicklingError(f"it asks for {module}.{name}") from None
+        if type(module) is not str or type(name) is not str:
+            raise _RefusedError("it asks for something without a name")
+        found = _ALLOWED.get((module, name))
+        if (module, name) == ("_codecs", "encode"):
+            found = self._encoded
+        if found is None:
+            raise _RefusedError(f"it asks for {module[:80]}.{name[:80]}")
+        self._stack.append(found)
+
+    def _reduce(self, _: Any) -> None:
+        arguments, function = self._stack.pop(), self._stack.pop()
+        if type(arguments) is not tuple:
+            raise _RefusedError("it calls something without arguments")
+        self._stack.append(function(*arguments))
+
+    def _build(self, _: Any) -> None:
+        state = self._stack.pop()
+        if not isinstance(self._stack[-1], (_Array, _Dtype)):
+            raise _RefusedError("it sets the state of what has none")
+        self._stack[-1].__setstate__(state)
+
+    def _encoded(self, text: str, encoding: str = "latin1") -> bytes:
+        """Make bytes, which protocol 2 has as text."""
+        self._n_encoded += len(text)
+        if self._n_encoded > MAX_TEXT:
+            raise _RefusedError("it has too much to encode")
+        return text.encode("latin1")
+
+
+_ACTIONS: dict[str, Callable[[_Machine, Any], None]] = {
+    "MARK": _Machine._mark,
+    "MEMOIZE": _Machine._memoize,
+    "TUPLE": _Machine._tuple,
+    "APPEND": _Machine._append,
+    "APPENDS": _Machine._appends,
+    "SETITEM": _Machine._setitem,
+    "SETITEMS": _Machine._setitems,
+    "GLOBAL": _Machine._global,
+    "STACK_GLOBAL": _Machine._stack_global,
+    "REDUCE": _Machine._reduce,
+    "BUILD": _Machine._build,
+}
+
+_STEPS = {
+    *_IGNORED,
+    *_VALUES,
+    *_CONSTANTS,
+    *_EMPTY,
+    *_TUPLES,
+    *_PUTS,
+    *_GETS,
+    *_ACTIONS,
+}
 
 
 def read_gmr_pickle(data: bytes) -> dict[str, Any]:
@@ -114,14 +277,10 @@ def read_gmr_pickle(data: bytes) -> dict[str, Any]:
         MotionError: If it is damaged or holds something else.
     """
     try:
-        _check_memo(data)
-        found = _Unpickler(io.BytesIO(data)).load()
-    except MotionError:
-        raise
-    # Whatever a hostile file makes numpy and pickle raise.
+        found = _Machine().run(data)
+    # Whatever a hostile file makes numpy and Python raise.
     except Exception as error:
-        problem = (str(error) or type(error).__name__).splitlines()[0][:200]
-        raise MotionError(f"The pickle cannot be read: {problem}.") from error
+        raise MotionError(f"The pickle cannot be read: {cause(error)}.") from error
     if not isinstance(found, dict):
         raise MotionError(f"The pickle holds no dictionary but {type(found).__name__}.")
     return {
@@ -129,13 +288,3 @@ def read_gmr_pickle(data: bytes) -> dict[str, Any]:
         for name, value in found.items()
         if isinstance(name, str)
     }
-
-
-def _check_memo(data: bytes) -> None:
-    """Refuse places in the memo for which Python would need too much room."""
-    for code, argument, _ in pickletools.genops(data):
-        if code.name in _PUTS and int(argument or 0) > MAX_MEMO:
-            raise MotionError(
-                f"The pickle keeps an object at place {argument}; there may be "
-                f"{MAX_MEMO}."
-            )

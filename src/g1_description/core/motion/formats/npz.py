@@ -8,10 +8,19 @@ from collections.abc import Collection
 
 import numpy as np
 
-from g1_description.core.errors import MotionError
+from g1_description.core.errors import MotionError, cause
 
 MAX_BYTES = 100_000_000
 """No array of a motion has more, in bytes."""
+
+MAX_ALL_BYTES = 300_000_000
+"""All arrays that are read have no more, in bytes."""
+
+MAX_MEMBERS = 1000
+"""Most files in an npz."""
+
+_MEMBER = b"PK\x01\x02"
+"""Begins what a zip file says of each of its files."""
 
 MAX_HEADER = 65_536
 """Longest header of an array, in bytes."""
@@ -35,18 +44,22 @@ def read_npz(data: bytes, wanted: Collection[str]) -> dict[str, np.ndarray | Non
     Raises:
         MotionError: If the file is damaged, or an array is too large or holds objects.
     """
+    if data.count(_MEMBER) > MAX_MEMBERS:
+        raise MotionError(f"The npz has more than {MAX_MEMBERS} files.")
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            members = _members(archive)
+            size = sum(members[name].file_size for name in wanted if name in members)
+            _check_size("The npz", size, MAX_ALL_BYTES)
             return {
                 name: _array(archive, info, name) if name in wanted else None
-                for name, info in _members(archive).items()
+                for name, info in members.items()
             }
     except MotionError:
         raise
     # Whatever a damaged file makes zipfile and numpy raise.
     except Exception as error:
-        problem = (str(error) or type(error).__name__).splitlines()[0][:200]
-        raise MotionError(f"The npz file is damaged: {problem}.") from error
+        raise MotionError(f"The npz file is damaged: {cause(error)}.") from error
 
 
 def _members(archive: zipfile.ZipFile) -> dict[str, zipfile.ZipInfo]:
@@ -62,11 +75,9 @@ def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo, name: str) -> np.nda
     """Read one array."""
     if info.flag_bits & 1:
         raise MotionError(f"The array {name} is encrypted.")
-    if info.file_size > MAX_BYTES:
-        raise MotionError(
-            f"The array {name} has {info.file_size / 1e6:.0f} MB; a motion's has at "
-            f"most {MAX_BYTES / 1e6:.0f} MB."
-        )
+    if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+        raise MotionError(f"The array {name} is compressed as numpy does not.")
+    _check_size(f"The array {name}", info.file_size, MAX_BYTES)
     content = archive.read(info)
     head = io.BytesIO(content[:MAX_HEADER])
     try:
@@ -86,3 +97,12 @@ def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo, name: str) -> np.nda
         )
     array = np.frombuffer(content, dtype, offset=head.tell())
     return array.reshape(shape, order="F" if is_fortran else "C")
+
+
+def _check_size(what: str, size: int, most: int) -> None:
+    """Refuse a size in bytes."""
+    if size > most:
+        raise MotionError(
+            f"{what} has {size / 1e6:.0f} MB; a motion's has at most "
+            f"{most / 1e6:.0f} MB."
+        )

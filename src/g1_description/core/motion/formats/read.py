@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import stat
+from dataclasses import replace
 from pathlib import Path
 
 from g1_description.core.errors import MotionError
@@ -35,26 +36,44 @@ def read_motion(path: Path, robot: Description, rate: float | None = None) -> Mo
     """
     data = _data(path)
     try:
-        return fitted(_read(data, robot, rate), robot)
+        return fitted(without_rate(_read(data, robot, rate), rate), robot)
     except MotionError as error:
         raise MotionError(f"{path.name}: {error}") from error
 
 
-def _data(path: Path) -> bytes:
-    """Read a file of a size that a motion can have."""
+def without_rate(motion: Motion, rate: float | None) -> Motion:
+    """Note that a given rate is of no use to a file with times."""
+    if rate is None or not motion.has_times:
+        return motion
+    note = f"The file has its own times: {rate:g} samples per second are ignored."
+    return replace(motion, notes=(*motion.notes, note))
+
+
+def beginning(path: Path, size: int) -> bytes:
+    """Read the first bytes of a file.
+
+    Raises:
+        MotionError: If there is no such file.
+    """
     try:
-        status = path.stat()
-        if not stat.S_ISREG(status.st_mode):
+        if not stat.S_ISREG(path.stat().st_mode):
             raise MotionError(f"{path} is no file.")
-        if status.st_size > MAX_FILE_SIZE:
-            raise MotionError(
-                f"{path} has {status.st_size / 1e6:.0f} MB; a motion has at most "
-                f"{MAX_FILE_SIZE / 1e6:.0f} MB."
-            )
-        return path.read_bytes()
+        with path.open("rb") as file:
+            return file.read(size)
     except (OSError, ValueError) as error:
         problem = getattr(error, "strerror", None) or error
         raise MotionError(f"{path} cannot be read: {problem}.") from error
+
+
+def _data(path: Path) -> bytes:
+    """Read a file of a size that a motion can have."""
+    data = beginning(path, MAX_FILE_SIZE + 1)
+    if len(data) > MAX_FILE_SIZE:
+        raise MotionError(
+            f"{path} has {path.stat().st_size / 1e6:.0f} MB; a motion has at most "
+            f"{MAX_FILE_SIZE / 1e6:.0f} MB."
+        )
+    return data
 
 
 def _read(data: bytes, robot: Description, rate: float | None) -> Motion:

@@ -25,7 +25,16 @@ BASE = tuple(f"base_{part}" for part in ("x", "y", "z", "qx", "qy", "qz", "qw"))
 DEFAULT_RATE = 30.0
 """Rate of a table without times, in [Hz]: that of the LAFAN1 set."""
 
-MAX_COLUMNS = 1000
+MAX_COLUMNS = 3000
+
+MAX_LINE = 100_000
+"""Longest line, in characters."""
+
+MAX_LINES = 1_000_000
+"""Most lines, which are a quarter of an hour at 1 kHz."""
+
+MAX_NUMBERS = 12_000_000
+"""Most numbers, as many as an array of an npz may have."""
 
 
 def read_table(text: str, robot: Description, rate: float | None) -> Motion:
@@ -45,12 +54,15 @@ def read_table(text: str, robot: Description, rate: float | None) -> Motion:
         raise MotionError("The file is empty.")
     names = [name.strip() for name in _fields(number, first, None)]
     if _is_number(names[0]):
-        return _headless(text, (number, len(names)), robot, rate)
+        return _headless(_rows(text), (number, len(names)), robot, rate)
     return _headed(rows, number, names)
 
 
 def _headless(
-    text: str, first: tuple[int, int], robot: Description, rate: float | None
+    rows: Iterator[tuple[int, str]],
+    first: tuple[int, int],
+    robot: Description,
+    rate: float | None,
 ) -> Motion:
     """Read a table without a header, whose first line has this number and width."""
     number, width = first
@@ -60,13 +72,13 @@ def _headless(
             "joints are expected."
         )
     joints = names_of_columns(width - len(BASE), robot)
-    values = _numbers(_rows(text), width)
+    values = _numbers(rows, width)
     times = np.arange(len(values)) / (rate or DEFAULT_RATE)
     notes = () if rate else (f"The file has no times: {DEFAULT_RATE:g} Hz assumed.",)
     trajectory = Trajectory(
         times, joints, values[:, len(BASE) :], base_poses=values[:, : len(BASE)]
     )
-    return Motion(trajectory, notes)
+    return Motion(trajectory, notes, has_times=False)
 
 
 def _headed(rows: Iterator[tuple[int, str]], number: int, names: list[str]) -> Motion:
@@ -98,49 +110,83 @@ def _headed(rows: Iterator[tuple[int, str]], number: int, names: list[str]) -> M
 
 
 def _rows(text: str) -> Iterator[tuple[int, str]]:
-    """Go through the lines that have something, with their numbers."""
-    for number, line in enumerate(text.splitlines(), 1):
-        if line.strip() and not line.lstrip().startswith("#"):
+    """Go through the lines that have something, with their numbers.
+
+    One after the other: as a list, the lines of a large file need ten times its room.
+    """
+    end = "\n" if "\n" in text else "\r"
+    begin = number = 0
+    while begin < len(text):
+        found = text.find(end, begin)
+        stop = len(text) if found < 0 else found
+        number += 1
+        if number > MAX_LINES:
+            raise MotionError(f"The file has more than {MAX_LINES} lines.")
+        if stop - begin > MAX_LINE:
+            found = text.count(",", begin, stop) + 1
+            raise MotionError(
+                f"Line {number} has {found} columns and {stop - begin} characters; "
+                f"there may be {MAX_COLUMNS} and {MAX_LINE}."
+            )
+        line = text[begin:stop].strip()
+        begin = stop + 1
+        if line and not line.startswith("#"):
             yield number, line
 
 
 def _fields(number: int, line: str, width: int | None) -> list[str]:
     """Split a line."""
-    found = line.count(",") + 1
-    if found > MAX_COLUMNS:
+    fields = line.split(",")
+    if len(fields) > MAX_COLUMNS:
         raise MotionError(
-            f"Line {number} has {found} columns; there may be {MAX_COLUMNS}."
+            f"Line {number} has {len(fields)} columns; there may be {MAX_COLUMNS}."
         )
-    if width is not None and found != width:
+    if width is not None and len(fields) != width:
         raise MotionError(
-            f"Line {number} has {found} columns, those before it have {width}."
+            f"Line {number} has {len(fields)} columns, those before it have {width}."
         )
-    return line.split(",")
+    return fields
 
 
 def _numbers(rows: Iterator[tuple[int, str]], width: int) -> np.ndarray:
     """Read rows of numbers, shape (n, width)."""
-    values = array("d")
+    values, numbers = array("d"), array("q")
     for number, line in rows:
         fields = _fields(number, line, width)
         try:
             values.extend(map(float, fields))
         except ValueError:
-            wrong = next(field for field in fields if not _is_number(field))
+            raise _wrong(number, fields) from None
+        if "_" in line:
+            raise _wrong(number, fields)
+        if len(values) > MAX_NUMBERS:
             raise MotionError(
-                f"Line {number} has {wrong.strip()[:40]!r} where a number is expected."
-            ) from None
-        if not np.isfinite(values[-width:]).all():
-            raise MotionError(f"Line {number} has a number that is not finite.")
+                f"Line {number} has more numbers than {MAX_NUMBERS}, of all lines."
+            )
+        numbers.append(number)
     if not values:
         raise MotionError("The table has no rows.")
-    return np.array(values).reshape(-1, width)
+    table = np.frombuffer(values).reshape(-1, width)
+    infinite = np.flatnonzero(~np.isfinite(table).all(axis=1))
+    if infinite.size:
+        raise MotionError(
+            f"Line {numbers[infinite[0]]} has a number that is not finite."
+        )
+    return table
+
+
+def _wrong(number: int, fields: Sequence[str]) -> MotionError:
+    """Name the field of a line that is no number."""
+    wrong = next(field for field in fields if not _is_number(field))
+    return MotionError(
+        f"Line {number} has {wrong.strip()[:40]!r} where a number is expected."
+    )
 
 
 def _is_number(field: str) -> bool:
-    """Return whether a field can be read as a number."""
+    """Return whether a field can be read as a number; Python reads 1_0 as ten."""
     try:
         float(field)
     except ValueError:
         return False
-    return True
+    return "_" not in field
