@@ -153,6 +153,15 @@ HOSTILE = {
         lambda: zipped({"dof_pos.npy": bytes(1000)}, zipfile.ZIP_LZMA),
         "compressed as numpy does not",
     ),
+    "large names": (
+        lambda: zipped(
+            {
+                "joint_names.npy": npy((1000,), bytes(4_000_000), "<U1000"),
+                "fps.npy": b"",
+            }
+        ),
+        "holds no names",
+    ),
 }
 
 

@@ -365,6 +365,8 @@ BAD = {
     "no zip": (b"PK\x03\x04" + bytes(100), "npz file is damaged"),
     "bomb": (bomb, "has 300 MB"),
     "underscore": (ROW.replace("0.8", "1_0"), "Line 1 has '1_0' where"),
+    "velocity": ("time,a,b,a.velocity\n0,1,2,3\n", "but not b.velocity"),
+    "stray": ("time,a,a.velocity,b.velocity\n0,1,2,3\n", "has b.velocity, but no"),
     "claims": (lambda: claims((10**9, 10)), "should have 80000000000 bytes"),
     "negative": (lambda: claims((-1, 10)), "should have|header"),
     "objects": (lambda: npz(dof_pos=np.array([{}])), "holds no numbers"),

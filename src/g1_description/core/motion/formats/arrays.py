@@ -4,7 +4,8 @@ Two vocabularies are known:
 
 - BeyondMimic and mjlab: ``fps, joint_pos, joint_vel, body_pos_w, body_quat_w``; body 0
   is the root, quaternions are w x y z. Isaac Lab counts joints and bodies breadth
-  first, MuJoCo in the order of the file; the bodies' places tell which.
+  first, MuJoCo in the order of the file; ``joint_names`` tells, which our own files
+  have, or the bodies' places do.
 - GMR: ``fps, root_pos, root_rot, dof_pos``; quaternions are x y z w.
 """
 
@@ -28,13 +29,17 @@ TRACKED = ("fps", "joint_pos", "body_pos_w", "body_quat_w")
 RETARGETED = ("fps", "root_pos", "root_rot", "dof_pos")
 """Arrays of GMR that are read."""
 
-READ = (*TRACKED, "joint_vel", *RETARGETED[1:])
+READ = (*TRACKED, "joint_vel", "joint_names", *RETARGETED[1:])
 
 ELSEWHERE = 0.002
 """Bodies farther than this from where the robot has them are told, in [m]."""
 
 MAX_SIZE = 12_000_000
 """Most numbers of an array: half an hour of 30 bodies at 60 Hz."""
+
+UNKNOWN_ORDER = (
+    "The order of the joints is unknown: that of the robot's file is assumed."
+)
 
 N_COMPARED = 5
 """Samples whose bodies are compared with the robot's."""
@@ -52,7 +57,8 @@ def motion_of_arrays(found: Mapping[str, Any], robot: Description) -> Motion:
     """
     if all(name in found for name in TRACKED):
         names = (*TRACKED, "joint_vel")
-        return _tracked({name: _numbers(found, name) for name in names}, robot)
+        arrays = {name: _numbers(found, name) for name in names}
+        return _tracked(arrays, _names(found), robot)
     if all(name in found for name in RETARGETED):
         return _retargeted({name: _numbers(found, name) for name in RETARGETED}, robot)
     raise MotionError(
@@ -81,6 +87,16 @@ def _numbers(found: Mapping[str, Any], name: str) -> np.ndarray | None:
     return array
 
 
+def _names(found: Mapping[str, Any]) -> tuple[str, ...] | None:
+    """Read the names of the joints; None if there are none."""
+    names = found.get("joint_names")
+    if names is None:
+        return None
+    if not isinstance(names, np.ndarray) or names.dtype.kind != "U" or names.ndim != 1:
+        raise MotionError("joint_names holds no list of names.")
+    return tuple(names.tolist())
+
+
 def _times(arrays: Mapping[str, Any], n_samples: int) -> np.ndarray:
     """Make the times of samples at a rate."""
     if arrays["fps"].size != 1 or not 0.0 < arrays["fps"].ravel()[0] < 1e6:
@@ -102,8 +118,10 @@ def _shape(arrays: Mapping[str, Any], name: str, *shape: int | None) -> np.ndarr
     return array
 
 
-def _tracked(arrays: dict[str, Any], robot: Description) -> Motion:
-    """Read the arrays of BeyondMimic and mjlab."""
+def _tracked(
+    arrays: dict[str, Any], names: tuple[str, ...] | None, robot: Description
+) -> Motion:
+    """Read the arrays of BeyondMimic and mjlab; names are None where there are none."""
     positions = _shape(arrays, "joint_pos", None, None)
     n_samples, n_joints = positions.shape
     places = _shape(arrays, "body_pos_w", n_samples, None, 3)
@@ -113,21 +131,20 @@ def _tracked(arrays: dict[str, Any], robot: Description) -> Motion:
         _shape(arrays, "joint_vel", n_samples, n_joints)
     if not places.shape[1]:
         raise MotionError("body_pos_w has no bodies; the first one is the root.")
+    if names is not None and len(names) != n_joints:
+        raise MotionError(f"{len(names)} joint_names come with {n_joints} joints.")
     base = np.concatenate([places[:, 0], turns[:, 0, 1:], turns[:, 0, :1]], axis=1)
-    names = names_of_columns(n_joints, robot)
     times = _times(arrays, n_samples)
-    orders = [names]
-    own = [joint.name for joint in robot.movable_joints]
-    if list(names) == own and places.shape[1] == n_joints + 1:
+    orders = [names or names_of_columns(n_joints, robot)]
+    own = {joint.name for joint in robot.movable_joints}
+    is_comparable = {*orders[0]} == own and places.shape[1] == n_joints + 1
+    if names is None and is_comparable:
         orders.append(tuple(joint.name for joint in _breadth_first(robot)))
     motions = [
         Trajectory(times, order, positions, velocities, base) for order in orders
     ]
-    if len(motions) == 1:
-        note = (
-            "The order of the joints is unknown: that of the robot's file is assumed."
-        )
-        return Motion(motions[0], (note,))
+    if not is_comparable:
+        return Motion(motions[0], () if names else (UNKNOWN_ORDER,))
     errors = [_deviation(motion, base, places, robot) for motion in motions]
     best = int(np.argmin(errors))
     notes = ["The joints are in the order of Isaac Lab."] if best else []

@@ -25,6 +25,12 @@ _MEMBER = b"PK\x01\x02"
 MAX_HEADER = 65_536
 """Longest header of an array, in bytes."""
 
+TEXTS = ("joint_names",)
+"""Arrays that hold text; all others hold numbers."""
+
+MAX_TEXT = 1_000_000
+"""No array of text has more, in bytes."""
+
 _READERS = {
     (1, 0): np.lib.format.read_array_header_1_0,
     (2, 0): np.lib.format.read_array_header_2_0,
@@ -85,7 +91,10 @@ def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo, name: str) -> np.nda
         shape, is_fortran, dtype = read(head)
     except (ValueError, KeyError, SyntaxError, TypeError, RecursionError) as error:
         raise MotionError(f"The array {name} has a damaged header.") from error
-    if dtype.hasobject or dtype.kind not in "fiub":
+    if name in TEXTS:
+        if dtype.kind != "U" or len(content) > MAX_TEXT:
+            raise MotionError(f"The array {name} holds no names.")
+    elif dtype.hasobject or dtype.kind not in "fiub":
         raise MotionError(f"The array {name} holds no numbers.")
     size = dtype.itemsize
     for length in shape:

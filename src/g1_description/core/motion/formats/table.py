@@ -1,12 +1,17 @@
 """Tables of comma-separated numbers, with or without a header.
 
 Without a header a row is a sample: x y z and quaternion x y z w of the base, then the
-joints, as in the LAFAN1 retargeting set of the G1. With one, its columns are named
-``time``, ``base_x`` to ``base_qw`` and by the joints; the base may be left out.
+joints, as in the LAFAN1 retargeting set of the G1. With one, its columns are named:
+
+- ``time``;
+- ``base_x`` to ``base_qw``, or none of them;
+- each joint by its name;
+- ``NAME.velocity`` for each joint, or for none.
 """
 
 from __future__ import annotations
 
+import re
 from array import array
 from collections.abc import Iterator, Sequence
 
@@ -21,6 +26,9 @@ from g1_description.core.text import listed
 TIME = "time"
 BASE = tuple(f"base_{part}" for part in ("x", "y", "z", "qx", "qy", "qz", "qw"))
 """Columns of the base: its place in [m] and its quaternion."""
+
+VELOCITY = ".velocity"
+"""Follows a joint's name in the name of the column with its velocity."""
 
 DEFAULT_RATE = 30.0
 """Rate of a table without times, in [Hz]: that of the LAFAN1 set."""
@@ -87,14 +95,25 @@ def _headed(rows: Iterator[tuple[int, str]], number: int, names: list[str]) -> M
     if twice:
         raise MotionError(f"Line {number} has columns twice: {listed(twice)}.")
     base = [name for name in BASE if name in names]
-    wanted = (TIME, *BASE) if base else (TIME,)
+    joints = [
+        name
+        for name in names
+        if name not in (TIME, *BASE) and not name.endswith(VELOCITY)
+    ]
+    velocities = [joint + VELOCITY for joint in joints]
+    has_velocities = any(name.endswith(VELOCITY) for name in names)
+    wanted = [TIME, *(BASE if base else ()), *(velocities if has_velocities else ())]
     missing = [name for name in wanted if name not in names]
     if missing:
         raise MotionError(
             f"Line {number} names {listed(names)}, but not {listed(missing)}."
         )
+    strange = [n for n in names if n not in (*wanted, *joints)]
+    if strange:
+        raise MotionError(
+            f"Line {number} has {listed(strange)}, but no column of that joint."
+        )
     values = _numbers(rows, len(names))
-    joints = [name for name in names if name not in (TIME, *BASE)]
 
     def columns(wanted: Sequence[str]) -> np.ndarray:
         return values[:, [names.index(name) for name in wanted]]
@@ -104,9 +123,38 @@ def _headed(rows: Iterator[tuple[int, str]], number: int, names: list[str]) -> M
             values[:, names.index(TIME)],
             tuple(joints),
             columns(joints),
-            base_poses=columns(BASE) if base else None,
+            columns(velocities) if has_velocities else None,
+            columns(BASE) if base else None,
         )
     )
+
+
+def table_text(trajectory: Trajectory) -> str:
+    """Write a motion as a table with a header, in numbers that are read as the same.
+
+    Raises:
+        MotionError: If a joint has the name of another column.
+    """
+    t = trajectory
+    names, columns = [TIME], [t.times[:, np.newaxis]]
+    if t.base_poses is not None:
+        names, columns = [*names, *BASE], [*columns, t.base_poses]
+    names, columns = [*names, *t.joint_names], [*columns, t.positions]
+    if t.velocities is not None:
+        names += [joint + VELOCITY for joint in t.joint_names]
+        columns = [*columns, t.velocities]
+    _check_writable(t.joint_names)
+    rows = np.concatenate(columns, axis=1).tolist()
+    lines = [",".join(names), *(",".join(map(repr, row)) for row in rows), ""]
+    return "\n".join(lines)
+
+
+def _check_writable(joints: Sequence[str]) -> None:
+    """Check that joints can be told from the other columns."""
+    for name in joints:
+        is_other = name in (TIME, *BASE) or name.endswith(VELOCITY)
+        if is_other or name != name.strip() or re.search(r"[,#\r\n]|^$", name):
+            raise MotionError(f"A table can have no joint called {name!r}.")
 
 
 def _rows(text: str) -> Iterator[tuple[int, str]]:

@@ -1,0 +1,129 @@
+"""Motions as npz files that BeyondMimic and mjlab read, and ``arrays`` does."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+
+from g1_description.core.errors import MotionError
+from g1_description.core.motion.sampling import sample
+from g1_description.core.motion.trajectory import Trajectory
+from g1_description.core.robot.description import Description
+from g1_description.core.robot.kinematics import Kinematics
+
+EVEN = 1e-6
+"""Times this near to those of a rate are that rate's, in [s]."""
+
+MAX_SAMPLES = 1_000_000
+"""Most samples of a file."""
+
+
+def npz_bytes(
+    trajectory: Trajectory, robot: Description, rate: float | None = None
+) -> tuple[bytes, tuple[str, ...]]:
+    """Write a motion at even times from zero on.
+
+    Args:
+        trajectory: With a base; joints of the robot that it has not are at zero.
+        robot: The robot, of whose links the places are written.
+        rate: Samples per second, in [Hz]; None: those of the motion, on average.
+
+    Returns:
+        The file's content, and messages on what is not as in the motion.
+
+    Raises:
+        MotionError: If it has no base, or the rate makes too many samples.
+    """
+    if trajectory.base_poses is None:
+        raise MotionError("An npz needs the base, which this motion has not.")
+    even, fps, notes = _even(trajectory, rate)
+    poses, twists = _bodies(even, robot)
+    arrays = {
+        "fps": np.array([fps]),
+        "joint_pos": even.positions,
+        "joint_vel": even.velocities,
+        "body_pos_w": poses[..., :3],
+        "body_quat_w": poses[..., [6, 3, 4, 5]],
+        "body_lin_vel_w": twists[..., :3].astype(np.float32),
+        "body_ang_vel_w": twists[..., 3:].astype(np.float32),
+        "joint_names": np.array(even.joint_names, dtype=str),
+    }
+    stream = io.BytesIO()
+    np.savez(stream, **{n: a for n, a in arrays.items() if a is not None})
+    return stream.getvalue(), notes
+
+
+def _even(
+    trajectory: Trajectory, rate: float | None
+) -> tuple[Trajectory, float, tuple[str, ...]]:
+    """Bring a motion to even times; as it is where they are.
+
+    Returns:
+        The motion, its samples per second, and what was done to it.
+    """
+    times = trajectory.times - trajectory.times[0]
+    mean = (len(times) - 1) / times[-1] if len(times) > 1 else 30.0
+    fps = rate or (round(mean) if abs(mean - round(mean)) < 1e-3 else mean)
+    n_samples = int(times[-1] * fps + 1e-3) + 1
+    if n_samples > MAX_SAMPLES:
+        raise MotionError(
+            f"{n_samples} samples at {fps:g} Hz are more than {MAX_SAMPLES}."
+        )
+    wanted = np.arange(n_samples) / fps
+    if n_samples == len(times) and np.abs(times - wanted).max() <= EVEN:
+        return trajectory, float(fps), ()
+    found = sample(trajectory, trajectory.times[0] + wanted)
+    velocities = None if trajectory.velocities is None else found.velocities
+    names, poses = trajectory.joint_names, found.base_poses
+    note = f"The times are not even: written as {n_samples} samples at {fps:g} Hz."
+    even = Trajectory(wanted, names, found.positions, velocities, poses)
+    return even, float(fps), (note,)
+
+
+def _bodies(
+    trajectory: Trajectory, robot: Description
+) -> tuple[np.ndarray, np.ndarray]:
+    """Place the root and the joints' child links.
+
+    Returns:
+        Poses, x y z and quaternion x y z w, shape (n_samples, n_joints + 1, 7), and
+        twists along the map's axes, linear then angular, shape (..., 6).
+    """
+    own = [joint.name for joint in robot.movable_joints]
+    child = {joint.name: joint.child for joint in robot.movable_joints}
+    links = [robot.root, *(child[name] for name in trajectory.joint_names)]
+    rows = [robot.link_names.index(link) for link in links]
+    columns = [own.index(name) for name in trajectory.joint_names]
+    kinematics, (positions, velocities) = Kinematics(robot), np.zeros((2, len(own)))
+    found = sample(trajectory, trajectory.times)
+    shape = len(trajectory.times), len(links)
+    poses, twists = np.empty((*shape, 7)), np.empty((*shape, 6))
+    base_poses, base_twists = trajectory.base_poses, found.base_twists
+    assert base_poses is not None and base_twists is not None
+    base_twists = _between(base_twists)
+    joint_velocities = trajectory.velocities
+    if joint_velocities is None:
+        joint_velocities = _between(found.velocities)
+    for number, base in enumerate(base_poses):
+        positions[columns] = trajectory.positions[number]
+        velocities[columns] = joint_velocities[number]
+        all_poses, all_twists = kinematics.link_states(
+            base, positions, base_twists[number], velocities
+        )
+        poses[number], twists[number] = all_poses[rows], all_twists[rows]
+        poses[number, 0] = base
+    return poses, twists
+
+
+def _between(differences: np.ndarray) -> np.ndarray:
+    """Find velocities at samples from those behind them; behind the last is none.
+
+    Args:
+        differences: Velocities between each sample and the next, shape (n, ...).
+    """
+    if len(differences) < 2:
+        return differences
+    behind = np.concatenate([differences[:-1], differences[-2:-1]])
+    before = np.concatenate([behind[:1], behind[:-1]])
+    return 0.5 * (before + behind)

@@ -1,0 +1,158 @@
+"""What is written as a motion is read as the same, to the last bit."""
+
+import os
+
+import numpy as np
+import pytest
+from conftest import REPOSITORY, VENDOR
+from hypothesis import given
+from hypothesis import strategies as st
+
+from g1_description.core.errors import InvalidValueError, MotionError
+from g1_description.core.files.load import read_model
+from g1_description.core.motion.formats.read import read_motion
+from g1_description.core.motion.formats.write import write_motion
+from g1_description.core.motion.sampling import sample
+from g1_description.core.motion.trajectory import Trajectory
+from g1_description.core.rotation import normalized
+
+CLIPS = VENDOR.parents[1] / "motions"
+REVISION = VENDOR.parent / "g1_29dof_rev_1_0.urdf"
+G1 = read_model(str(REPOSITORY / "urdf" / "g1_29dof.urdf")).description
+NAMES = tuple(joint.name for joint in G1.movable_joints)
+
+
+def parts(trajectory):
+    """List the arrays of a trajectory; what it has not is empty."""
+    arrays = (trajectory.positions, trajectory.velocities, trajectory.base_poses)
+    empty = np.empty(0)
+    return [trajectory.times, *(empty if a is None else a for a in arrays)]
+
+
+def assert_same(one, other):
+    assert one.joint_names == other.joint_names
+    for found, wanted in zip(parts(one), parts(other)):
+        np.testing.assert_array_equal(found, wanted)
+
+
+def trajectory(seed, n_samples, n_joints, times=None, velocities=True, base=True):
+    """Make a random motion; where it has no times they are uneven."""
+    random = np.random.default_rng(seed)
+    shape = n_samples, n_joints
+    if times is None:
+        times = np.cumsum(random.uniform(1e-9, 1.0, n_samples)) - 0.5
+    poses = random.normal(size=(n_samples, 7)) * 10.0 ** random.integers(-9, 3)
+    poses[:, 3:] = normalized(random.normal(size=(n_samples, 4)))
+    return Trajectory(
+        times,
+        tuple(random.permutation(NAMES)[:n_joints].tolist()),
+        random.normal(size=shape),
+        random.normal(size=shape) if velocities else None,
+        poses if base else None,
+    )
+
+
+@given(
+    st.integers(0, 1000),
+    st.integers(1, 5),
+    st.integers(1, 29),
+    st.booleans(),
+    st.booleans(),
+)
+def test_a_table_is_read_as_it_was_written(tmp_path_factory, seed, n, m, speed, base):
+    path = tmp_path_factory.mktemp("table") / "motion.csv"
+    wanted = trajectory(seed, n, m, velocities=speed, base=base)
+    assert write_motion(path, wanted, G1) == ()
+    assert_same(read_motion(path, G1).trajectory, wanted)
+
+
+@given(
+    st.integers(0, 1000),
+    st.integers(2, 5),
+    st.integers(1, 29),
+    st.booleans(),
+    st.sampled_from([0.5, 30.0, 50.0, 60.0, 1000.0, 119.88]),
+)
+def test_an_npz_is_read_as_it_was_written(tmp_path_factory, seed, n, m, speed, rate):
+    path = tmp_path_factory.mktemp("arrays") / "motion.npz"
+    wanted = trajectory(seed, n, m, np.arange(n) / rate, velocities=speed)
+    assert write_motion(path, wanted, G1, rate) == ()
+    assert_same(read_motion(path, G1).trajectory, wanted)
+
+
+def test_a_rate_is_found_in_stamps_of_nanoseconds(tmp_path):
+    times = np.array([round(n * 1e9 / 60) for n in range(100)]) / 1e9
+    path = tmp_path / "motion.npz"
+    assert write_motion(path, trajectory(1, 100, 29, times), G1) == ()
+    assert np.load(path)["fps"].tolist() == [60.0]
+
+
+def test_times_that_are_not_even_are_made_even_and_told(tmp_path):
+    times = np.array([0.5, 0.6, 0.75, 1.5])
+    motion = trajectory(3, 4, 2, times)
+    path = tmp_path / "motion.npz"
+    (note,) = write_motion(path, motion, G1, 10.0)
+    assert "not even: written as 11 samples at 10 Hz" in note
+    found = read_motion(path, G1).trajectory
+    np.testing.assert_array_equal(found.times, np.arange(11) / 10.0)
+    wanted = sample(motion, 0.5 + found.times)
+    np.testing.assert_allclose(found.positions, wanted.positions, atol=1e-12)
+    np.testing.assert_allclose(found.base_poses, wanted.base_poses, atol=1e-12)
+    np.testing.assert_allclose(found.velocities, wanted.velocities, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["B_HandsUp", "J_ShortDance16_JazzWalk"])
+def test_bodies_move_as_another_program_computed_them(name, tmp_path):
+    clip = CLIPS / f"{name}.npz"
+    if not clip.exists() or not REVISION.exists():
+        pytest.skip("the clips are not beside the repository")
+    robot = read_model(str(REVISION)).description
+    path = tmp_path / "motion.npz"
+    assert write_motion(path, read_motion(clip, robot).trajectory, robot) == ()
+    found, wanted = np.load(path), np.load(clip)
+    assert {*wanted} <= {*found}
+    for array, most in (
+        ("joint_pos", 0.0),
+        ("joint_vel", 0.0),
+        ("body_pos_w", 2e-6),
+        ("fps", 0.0),
+    ):
+        np.testing.assert_allclose(found[array], wanted[array], atol=most)
+    cosines = np.abs((found["body_quat_w"] * wanted["body_quat_w"]).sum(axis=-1))
+    assert 2 * np.arccos(np.minimum(cosines, 1.0)).max() < 2e-3
+    lengths = np.linalg.norm(found["body_lin_vel_w"], axis=-1)
+    difference = found["body_lin_vel_w"] - wanted["body_lin_vel_w"]
+    assert np.median(np.abs(difference)) < 0.05 * np.median(lengths)
+
+
+def test_names_tell_the_order_of_the_joints(tmp_path):
+    path = tmp_path / "motion.npz"
+    wanted = trajectory(5, 3, 29, np.arange(3) / 30.0)
+    write_motion(path, wanted, G1)
+    motion = read_motion(path, G1)
+    assert (motion.trajectory.joint_names, motion.notes) == (wanted.joint_names, ())
+    for names, words in (
+        (np.array(["left_elbow_joint"]), "1 joint_names come with 29 joints"),
+        (np.zeros(29), "joint_names holds no names"),
+    ):
+        np.savez(path, **{**np.load(path), "joint_names": names})
+        with pytest.raises(MotionError, match=words):
+            read_motion(path, G1)
+
+
+def test_what_cannot_be_written_is_told(tmp_path):
+    motion = trajectory(2, 3, 2, np.arange(3) / 30.0)
+    without_base = trajectory(2, 3, 2, base=False)
+    strange = Trajectory(np.zeros(1), ("a.velocity",), np.zeros((1, 1)))
+    (tmp_path / "file").write_text("")
+    for name, wanted, error, words in (
+        ("a.txt", motion, MotionError, "ends in none of .csv, .npz"),
+        ("a.npz", without_base, MotionError, "needs the base"),
+        ("a.csv", strange, MotionError, "no joint called 'a.velocity'"),
+        ("file/a.csv", motion, InvalidValueError, "cannot be written"),
+    ):
+        with pytest.raises(error, match=words):
+            write_motion(tmp_path / name, wanted, G1)
+    assert os.listdir(tmp_path) == ["file"]
+    with pytest.raises(MotionError, match="more than 1000000"):
+        write_motion(tmp_path / "a.npz", motion, G1, 1e9)
