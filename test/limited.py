@@ -12,7 +12,7 @@ from pathlib import Path
 
 from g1_description.core.errors import MotionError
 from g1_description.core.files.load import read_model
-from g1_description.core.motion.formats.read import read_motion
+from g1_description.ros.motion.files.read import read_motion_file
 
 MEMORY = 1_000_000_000
 SECONDS = 5
@@ -21,7 +21,7 @@ SECONDS = 5
 def read(path, robot):
     """Read a file; return what is said of it."""
     try:
-        motion = read_motion(path, robot)
+        motion = read_motion_file(path, robot)
     except MotionError as error:
         return str(error)
     return f"{len(motion.trajectory.times)} samples"

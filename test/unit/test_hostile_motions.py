@@ -1,5 +1,6 @@
 """Hostile files of motions are refused in a sentence, in 5 s and 1 GB."""
 
+import bz2
 import io
 import json
 import os
@@ -14,6 +15,7 @@ from conftest import REPOSITORY
 
 LIMITED = REPOSITORY / "test" / "limited.py"
 SECONDS = 5.0
+JOINT_STATE = b"3066dcd76a6cfaef579bd0f34173e9fd"
 
 
 def zipped(members, compression=zipfile.ZIP_DEFLATED):
@@ -87,7 +89,128 @@ def of_aliases(depth):
     return "\n".join([*lines, f"joint_names: [*a{depth}]", "points: []"])
 
 
+def record(fields, data=b""):
+    """Make a record of a bag."""
+    parts = [name.encode() + b"=" + value for name, value in fields.items()]
+    header = b"".join(struct.pack("<I", len(part)) + part for part in parts)
+    return struct.pack("<I", len(header)) + header + struct.pack("<I", len(data)) + data
+
+
+def bag(chunk, packing=b"none", size=None, counts=(1, 1), kind=JOINT_STATE):
+    """Make a bag of one chunk, with a topic of joint states.
+
+    Args:
+        chunk: The chunk as it is in the file.
+        packing: How it is said to be compressed.
+        size: Its size that is said; by default the true one.
+        counts: Numbers of connections and chunks that are said to be there.
+        kind: The md5 sum of the topic's messages.
+    """
+    size = struct.pack("<I", len(chunk) if size is None else size)
+    start = b"#ROSBAG V2.0\n"
+    chunk = record({"op": b"\x05", "compression": packing, "size": size}, chunk)
+    place = len(start) + 4096
+    content = record({"type": b"sensor_msgs/JointState", "md5sum": kind})[:-4]
+    index = record(
+        {"op": b"\x07", "conn": bytes(4), "topic": b"/joint_states"}, content[4:]
+    )
+    info = {"op": b"\x06", "chunk_pos": struct.pack("<Q", place)}
+    index += record(info, struct.pack("<II", 0, 1))
+    head = record(
+        {
+            "op": b"\x03",
+            "index_pos": struct.pack("<Q", place + len(chunk)),
+            "conn_count": struct.pack("<I", counts[0]),
+            "chunk_count": struct.pack("<I", counts[1]),
+        }
+    )
+    return start + head.ljust(4096, b"\0") + chunk + index
+
+
+def message(data):
+    return record({"op": b"\x02", "conn": bytes(4), "time": b"\1" * 8}, data)
+
+
+def bz2_bomb():
+    """Pack 150 MB of zeros into some hundred bytes."""
+    packer = bz2.BZ2Compressor()
+    parts = [packer.compress(bytes(10_000_000)) for _ in range(15)]
+    return b"".join([*parts, packer.flush()])
+
+
+def lz4_bomb():
+    """Pack 150 MB of zeros into half a megabyte."""
+    roslz4 = pytest.importorskip("roslz4")
+    packer = roslz4.LZ4Compressor()
+    parts = [packer.compress(bytes(1_000_000)) for _ in range(150)]
+    return b"".join([*parts, packer.flush()])
+
+
+HEADER = bytes(16)
+"""Of a message, without stamp and frame."""
+
+MANY = struct.pack("<I", 2**32 - 1)
+
 HOSTILE = {
+    "bag of bz2": (
+        lambda: bag(bz2_bomb(), b"bz2", 10**6),
+        "1000000 bytes and has more",
+    ),
+    "bag of lz4": (
+        lambda: bag(lz4_bomb(), b"lz4", 10**6),
+        "1000000 bytes and has more",
+    ),
+    "large bag of bz2": (
+        lambda: bag(bz2_bomb(), b"bz2", 10**8),
+        "100000000 bytes and has more",
+    ),
+    "claim in a bag": (lambda: bag(b"", b"bz2", 2**32 - 1), "more than 100 MB where"),
+    "other packing": (lambda: bag(b"", b"zip"), "compressed as 'zip'"),
+    "many chunks": (lambda: bag(b"", counts=(1, 2**32 - 1)), "has 4294967295 chunks"),
+    "more chunks": (lambda: bag(b"", counts=(1, 9999)), "bag is"),
+    "many messages": (
+        lambda: bag(message(b"") * 260_000, kind=b"x" * 32),
+        "it has /joint_states",
+    ),
+    "many states": (
+        lambda: bag(message(HEADER + bytes(16)) * 260_000),
+        "more than 250000 messages",
+    ),
+    "many names": (lambda: bag(message(HEADER + MANY)), "names 4294967295 joints"),
+    "empty names": (
+        lambda: bag(
+            message(HEADER + struct.pack("<I", 24_000_000) + bytes(96_000_000))
+        ),
+        "names 24000000 joints",
+    ),
+    "many numbers": (
+        lambda: bag(message(HEADER + bytes(4) + MANY)),
+        "The message ends after 24",
+    ),
+    "many positions": (
+        lambda: bag(
+            message(HEADER + bytes(4) + struct.pack("<I", 10**7) + bytes(80_000_008))
+        ),
+        "has 10000000 positions of 0 joints",
+    ),
+    "many joints": (
+        lambda: bag(
+            b"".join(
+                message(
+                    HEADER[:4]
+                    + b"\1\0\0\0"
+                    + struct.pack("<I", n)
+                    + bytes(4)
+                    + b"\1\0\0\0\4\0\0\0"
+                    + struct.pack("<I", n)
+                    + b"\1\0\0\0"
+                    + bytes(16)
+                )
+                for n in range(20_000)
+            )
+        ),
+        "more than 12000000 numbers",
+    ),
     "tuples as key": (lambda: of_tuples(b"K\x01u."), "dictionary with a tuple as key"),
     "tuples as name": (
         lambda: b"\x80\x04K\x01" + b"\x94h\x00\x86" * 60 + b"K\x01\x93.",
@@ -122,14 +245,14 @@ HOSTILE = {
         "15 million characters",
     ),
     "long list": (
-        lambda: "joint_names: [" + "a, " * 1_600_000 + "]\npoints: []",
+        lambda: "joint_names: [" + "a, " * 990_000 + "]\npoints: []",
         "names",
     ),
     "two columns": (lambda: "time,left_elbow_joint\n" + "1,2\n" * 24_999_000, "lines"),
     "two numbers": (lambda: "1,2\n" * 25_000_000, "has 2 columns"),
     "many rows": (
-        lambda: ",".join(["0"] * 36) + "\n" + (",".join(["0"] * 36) + "\n") * 1_000_000,
-        "more numbers than 12000000",
+        lambda: ",".join(["0"] * 36) + "\n" + (",".join(["0"] * 36) + "\n") * 230_000,
+        "more numbers than 8000000",
     ),
     "no lines": (lambda: "\n" * 100_000_000, "more than 1000000 lines"),
     "old lines": (lambda: "#\r" * 50_000_000, "more than 1000000 lines"),

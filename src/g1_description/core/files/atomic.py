@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import shutil
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from g1_description.core.errors import InvalidValueError
@@ -20,10 +21,24 @@ def write_whole(path: Path, content: bytes) -> None:
     Raises:
         InvalidValueError: If it cannot be written; what was there stays.
     """
+    with whole_file(path) as part:
+        part.write_bytes(content)
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """Give another name to write a file under; it gets its own when it is whole.
+
+    Args:
+        path: As for ``write_whole``.
+
+    Raises:
+        InvalidValueError: Likewise.
+    """
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        part.write_bytes(content)
+        yield part
         if path.exists():
             shutil.copymode(str(path), str(part))
         part.replace(path)

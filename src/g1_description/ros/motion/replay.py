@@ -17,15 +17,14 @@ import tf2_ros
 from sensor_msgs.msg import JointState
 
 from g1_description.core.errors import G1DescriptionError, InvalidValueError
-from g1_description.core.motion.formats.read import read_motion
 from g1_description.core.motion.motion import Motion
 from g1_description.core.motion.sampling import Sample, sample
 from g1_description.core.robot.description import Description
-from g1_description.core.text import listed
 from g1_description.core.transform import IDENTITY
 from g1_description.core.urdf.reader import parse_urdf
 from g1_description.ros.bridge.frames import base_child, static_edges
 from g1_description.ros.bridge.parameters import BridgeParameters
+from g1_description.ros.motion.files.read import read_motion_file
 from g1_description.ros.node.lifecycle import quiet_when_closing, start_node
 from g1_description.ros.node.parameters import check_range, read_parameters
 from g1_description.ros.wire.conversions import transform
@@ -41,6 +40,12 @@ class ReplayParameters:
     motion: str = ""
     """The file."""
 
+    bag: str = ""
+    """The same, of a rosbag."""
+
+    topic: str = ""
+    """Topic of the bag with the joints; empty: the usual one."""
+
     fps: float = 0.0
     """Samples per second of a file without times, in [Hz]; 0: it is not known."""
 
@@ -55,11 +60,20 @@ class ReplayParameters:
 
     def __post_init__(self) -> None:
         """Check ranges."""
-        if not self.motion:
-            raise InvalidValueError("No motion is given; motion:=FILE names one.")
+        if not self.file:
+            raise InvalidValueError(
+                "No motion is given; motion:=FILE or bag:=FILE names one."
+            )
+        if self.motion and self.bag:
+            raise InvalidValueError("Two motions are given, motion:= and bag:=.")
         check_range(self, "fps", 0.0, 1e6)
         check_range(self, "speed", 1e-3, 1e3)
         check_range(self, "publish_rate", 0.1, 1e3)
+
+    @property
+    def file(self) -> str:
+        """The file of either kind."""
+        return self.motion or self.bag
 
 
 class Replay:
@@ -130,18 +144,11 @@ class Replay:
         return message
 
 
-def report(motion: Motion, robot: Description) -> None:
+def report(motion: Motion) -> None:
     """Log what is shown, and what is not as the file says."""
     trajectory = motion.trajectory
     for note in motion.notes:
         rospy.logwarn("%s", note)
-    still = [
-        joint.name
-        for joint in robot.movable_joints
-        if joint.name not in trajectory.joint_names
-    ]
-    if still:
-        rospy.logwarn("Shown at zero: %s.", listed(still))
     if trajectory.base_poses is None:
         rospy.logwarn("The motion has no base: it is shown at the origin of the map.")
     rospy.loginfo("%d samples, %.2f s.", len(trajectory.times), trajectory.duration)
@@ -153,10 +160,10 @@ def main() -> None:
     try:
         parameters = read_parameters(ReplayParameters)
         robot = parse_urdf(str(rospy.get_param("robot_description", "")))
-        path = Path(parameters.motion)
-        motion = read_motion(path, robot, parameters.fps or None)
+        rate, topic = parameters.fps or None, parameters.topic or None
+        motion = read_motion_file(Path(parameters.file), robot, rate, topic)
     except G1DescriptionError as error:
         rospy.logfatal("%s", error)
         sys.exit(1)
-    report(motion, robot)
+    report(motion)
     Replay(motion, robot, parameters).run()

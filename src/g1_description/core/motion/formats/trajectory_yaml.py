@@ -25,7 +25,7 @@ from g1_description.core.motion.trajectory import Trajectory
 
 MAX_JOINTS = 1000
 
-MAX_TEXT = 5_000_000
+MAX_TEXT = 3_000_000
 """Longest text, in characters: reading takes half a second per million."""
 
 MAX_DEPTH = 20

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from g1_description.core.errors import InvalidValueError
-from g1_description.core.motion.formats.read import read_motion
 from g1_description.core.motion.motion import Motion
 from g1_description.core.motion.sampling import sample
 from g1_description.core.robot.description import Description
+from g1_description.ros.motion.files.read import read_motion_file
 
 from .film import check_length, count
 from .robot_watch import Moment
@@ -36,7 +36,9 @@ def read_moments(
         MotionError: If the file holds no motion of this robot.
         InvalidValueError: If a time is not in it, or the film would be too long.
     """
-    motion = read_motion(Path(args.motion), description, args.motion_fps)
+    motion = read_motion_file(
+        Path(args.motion), description, args.motion_fps, args.motion_topic
+    )
     moments = _moments(motion, _times(args, motion.trajectory.times[0], motion))
     return [[now.with_joints(args.joints)] for now in moments], motion.notes
 

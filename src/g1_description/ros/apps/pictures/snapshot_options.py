@@ -56,13 +56,17 @@ def parser() -> OneSentenceParser:
     )
     made.add_argument(
         "--motion",
-        help="draw the motion in this file (CSV, npz, pickle, YAML of a trajectory) "
-        "without a master: a film, or a sheet of pictures",
+        help="draw the motion in this file (CSV, npz, pickle, bag, YAML of a "
+        "trajectory) without a master: a film, or a sheet of pictures",
     )
     made.add_argument(
         "--motion-fps",
         type=number,
         help="samples per second of a motion without times; default: 30",
+    )
+    made.add_argument(
+        "--motion-topic",
+        help="topic of a bag with the joints; default: joint_states, or what there is",
     )
     made.add_argument(
         "--times",
@@ -142,8 +146,9 @@ def _check_together(reader: OneSentenceParser, args: argparse.Namespace) -> None
         reader.error("--joints is for one robot, not for several --namespace")
     if not args.is_film and not (args.seconds is None and args.fps is None):
         reader.error("--seconds and --fps go with a film")
-    if not args.motion and not (args.motion_fps is None and args.times is None):
-        reader.error("--motion-fps and --times go with --motion")
+    of_motion = (args.motion_fps, args.motion_topic, args.times)
+    if not args.motion and any(value is not None for value in of_motion):
+        reader.error("--motion-fps, --motion-topic and --times go with --motion")
     if args.times is not None and args.is_film:
         reader.error("--times goes with a picture, not with a film")
     if args.motion_fps is not None and not 0.0 < args.motion_fps <= 1e6:

@@ -1,0 +1,1 @@
+"""Files of motions: rosbags, and all that core reads."""

@@ -1,0 +1,218 @@
+"""A motion from a rosbag."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from g1_description.core.errors import MotionError
+from g1_description.core.motion.formats.arrays import MAX_SIZE
+from g1_description.core.motion.motion import Motion
+from g1_description.core.motion.sampling import sample
+from g1_description.core.motion.trajectory import Trajectory
+from g1_description.core.robot.description import Description
+from g1_description.core.text import listed
+from g1_description.ros.wire.motions import JointSample, Points
+
+from .bag_base import base_of_bag
+from .bag_messages import kind_of, read_messages, rising
+from .bag_records import Bag, Topic, damage, open_bag
+
+USUAL = ("joint_states", "motion", "joint_trajectory", "joint_commands")
+"""Names of topics with a robot's joints, the first one counts."""
+
+LATE = 100_000_000
+"""Time without a base that is told, in [ns]: the bridge sends it each 0.05 s."""
+
+JOINTS = ("JointState", "RobotTrajectory", "JointTrajectory")
+
+
+def read_bag(path: Path, robot: Description, topic: str | None = None) -> Motion:
+    """Read a motion from a bag.
+
+    Args:
+        path: The bag.
+        robot: The robot.
+        topic: Name of the topic with the joints; None: the first of ``USUAL``, or the
+            only one.
+
+    Raises:
+        MotionError: If the bag is damaged, or has no such topic or no motion there.
+        OSError: If it cannot be read.
+    """
+    with path.open("rb") as file:
+        try:
+            bag = open_bag(path, file)
+            chosen, others = _chosen(bag, topic)
+            read = _states if kind_of(chosen) == "JointState" else _trajectory
+            motion = read(bag, chosen, robot)
+        except (MotionError, OSError):
+            raise
+        # Whatever a damaged bag makes struct and the libraries of compression raise.
+        except Exception as error:
+            raise damage(error) from error
+    others = [name for name in others if name != chosen.name]
+    also = f" It also has joints on {listed(others)}." if others else ""
+    return Motion(motion.trajectory, (f"{motion.notes[0]}{also}", *motion.notes[1:]))
+
+
+def _chosen(bag: Bag, name: str | None) -> tuple[Topic, list[str]]:
+    """Choose the topic with the joints; return the names of all such topics too."""
+    topics = [topic for topic in bag.counts() if kind_of(topic) in JOINTS]
+    names = [topic.name for topic in topics]
+    if name is not None:
+        wanted = [topic for topic in topics if topic.name.strip("/") == name.strip("/")]
+        if not wanted:
+            raise MotionError(
+                f"The bag has no joints on {name}; it has {_what(bag, names)}."
+            )
+        return wanted[0], names
+    for usual in USUAL:
+        found = [t for t in topics if t.name.rpartition("/")[2] == usual]
+        plain = [t for t in found if t.name.strip("/") == usual] or found
+        if len({topic.name for topic in plain}) > 1:
+            raise MotionError(
+                f"The bag has several robots, {listed(t.name for t in plain)}: name "
+                "the topic of one."
+            )
+        if plain:
+            return plain[0], names
+    if len(topics) != 1:
+        raise MotionError(
+            f"The bag has no {listed(USUAL)}: name the topic with the joints; it has "
+            f"{_what(bag, names)}."
+        )
+    return topics[0], names
+
+
+def _what(bag: Bag, joints: Sequence[str]) -> str:
+    """Name the topics with joints, or else what there is."""
+    return (
+        listed(joints)
+        or listed(f"{topic.name} ({topic.kind})" for topic in bag.counts())
+        or "nothing"
+    )
+
+
+def _states(bag: Bag, topic: Topic, robot: Description) -> Motion:
+    """Read joint states or commands, and where the base is."""
+    found = [
+        (m.time, state) for m, parts in read_messages(bag, [topic]) for state in parts
+    ]
+    names, positions, velocities = _table(topic, [state for _, state in found])
+    stamps, notes = np.array([state.stamp for _, state in found]), []
+    has_stamps = bool(stamps.all())
+    if not has_stamps:
+        stamps = np.array([time for time, _ in found])
+        notes.append("Some messages have no stamps: the times of the recording count.")
+    kept, goes_back = rising(stamps)
+    if goes_back:
+        seconds = (stamps[kept[-1]] - stamps[0]) / 1e9
+        notes.append(f"Time goes back after {seconds:.3f} s: the rest is left out.")
+    stamps = stamps[kept]
+    base = base_of_bag(bag, topic, robot, has_stamps)
+    if base and base.stamps[0] > stamps[0] + LATE:
+        seconds = (base.stamps[0] - stamps[0]) / 1e9
+        notes.append(f"The base is known from {seconds:.3f} s on; before it rests.")
+    trajectory = Trajectory(
+        (stamps - stamps[0]) / 1e9,
+        names,
+        positions[kept],
+        None if velocities is None else velocities[kept],
+        base and base.at(stamps),
+    )
+    whence = f", the base that of {base.source}" if base else ""
+    return Motion(
+        trajectory, (f"The joints are those of {topic.name}{whence}.", *notes)
+    )
+
+
+def _table(
+    topic: Topic, states: Sequence[JointSample]
+) -> tuple[tuple[str, ...], np.ndarray, np.ndarray | None]:
+    """Put the joints of all messages into columns.
+
+    Returns:
+        Names; positions, where a message does not name a joint those before, or else
+        the first ones; velocities, None unless all messages have those of all joints.
+    """
+    total = 0
+    columns: dict[str, int] = {}
+    for number, state in enumerate(states, 1):
+        n = len(state.names)
+        total += n
+        if len(state.positions) != n or total > MAX_SIZE:
+            raise MotionError(
+                f"Message {number} on {topic.name} has {len(state.positions)} "
+                f"positions of {n} joints."
+                if total <= MAX_SIZE
+                else f"{topic.name} has more than {MAX_SIZE} numbers."
+            )
+        for name in state.names:
+            columns.setdefault(name, len(columns))
+    if len(columns) * len(states) > MAX_SIZE:
+        raise MotionError(f"{topic.name} has more than {MAX_SIZE} numbers.")
+    shape = len(states), len(columns)
+    positions, velocities = np.full((2, *shape), np.nan)
+    for row, state in enumerate(states):
+        which = [columns[name] for name in state.names]
+        positions[row, which] = state.positions
+        if len(state.velocities) == len(which):
+            velocities[row, which] = state.velocities
+    is_whole = np.isfinite(velocities).all()
+    return tuple(columns), _filled(positions), velocities if is_whole else None
+
+
+def _filled(positions: np.ndarray) -> np.ndarray:
+    """Fill what is not finite with what was before it, else with what comes next."""
+    for turned in (positions, positions[::-1]):
+        known = np.isfinite(turned)
+        if not known.all():
+            rows = np.where(known, np.arange(len(turned))[:, np.newaxis], 0)
+            np.maximum.accumulate(rows, axis=0, out=rows)
+            turned[:] = turned[rows, np.arange(turned.shape[1])]
+    return positions
+
+
+def _trajectory(bag: Bag, topic: Topic, robot: Description) -> Motion:
+    """Read the first message of a topic with whole trajectories."""
+    count = bag.counts()[topic]
+    parts: list[Points] = next(read_messages(bag, [topic]))[1]
+    more = f", the first of {count} messages" if count > 1 else ""
+    notes = (f"The motion is that of {topic.name}{more}.",)
+    joints, bases = parts[0], parts[1:]
+    base = bases[0] if bases and bases[0].times else None
+    if not joints.times:
+        raise MotionError(f"The first message on {topic.name} has no points of joints.")
+    times = np.array(joints.times)
+    return Motion(
+        Trajectory(
+            times,
+            joints.names,
+            _rows(topic, joints.positions, len(joints.names)),
+            _rows(topic, joints.velocities, len(joints.names))
+            if all(map(len, joints.velocities)) and joints.names
+            else None,
+            _base_poses(topic, base, times) if base else None,
+        ),
+        notes,
+    )
+
+
+def _rows(topic: Topic, rows: Sequence[np.ndarray], width: int) -> np.ndarray:
+    """Stack rows that must have a width."""
+    for number, row in enumerate(rows, 1):
+        if len(row) != width:
+            raise MotionError(
+                f"Point {number} on {topic.name} has {len(row)} numbers, not {width}."
+            )
+    return np.array(rows).reshape(len(rows), width)
+
+
+def _base_poses(topic: Topic, base: Points, times: np.ndarray) -> np.ndarray:
+    """Find the base at the times of the joints."""
+    poses = _rows(topic, base.positions, 7)
+    path = Trajectory(np.array(base.times), (), np.empty((len(poses), 0)), None, poses)
+    return sample(path, times).base_poses

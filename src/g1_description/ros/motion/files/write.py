@@ -1,0 +1,103 @@
+"""A motion to a file of any format, rosbags too."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import genpy
+import numpy as np
+from sensor_msgs.msg import JointState
+from tf2_msgs.msg import TFMessage
+
+from g1_description.core.errors import MotionError
+from g1_description.core.files.atomic import whole_file
+from g1_description.core.motion.formats import write
+from g1_description.core.motion.trajectory import Trajectory
+from g1_description.core.robot.assembly import base_of
+from g1_description.core.robot.description import Description
+from g1_description.ros.wire.conversions import stamp_from_ns, transform
+
+from .bag_base import BASE_FRAME, MAP
+
+BAG = ".bag"
+ENDINGS = (*write.ENDINGS, BAG)
+
+MIN_STAMP = 1
+"""The first stamp of a bag, in [ns]: ROS takes zero for none."""
+
+MAX_STAMP = (1 << 32) * 1_000_000_000 - 1
+
+
+def write_motion_file(
+    path: Path,
+    trajectory: Trajectory,
+    robot: Description,
+    rate: float | None = None,
+    begin: int = MIN_STAMP,
+) -> tuple[str, ...]:
+    """Write a motion; ``read_motion_file`` reads the same numbers.
+
+    Args:
+        path: The file, whose ending tells the format; one that is there is replaced.
+        trajectory: The motion.
+        robot: Whose motion it is.
+        rate: Samples per second of an npz, in [Hz]; None: those of the motion.
+        begin: Stamp of a bag's first sample, in [ns].
+
+    Returns:
+        Messages on what is not as in the motion.
+
+    Raises:
+        MotionError: If the format cannot hold it.
+        InvalidValueError: If the file cannot be written.
+    """
+    if path.suffix.lower() not in ENDINGS:
+        raise MotionError(
+            f"{path.name} ends in none of {', '.join(ENDINGS)}: its format is unknown."
+        )
+    if path.suffix.lower() != BAG:
+        return write.write_motion(path, trajectory, robot, rate)
+    with whole_file(path) as part:
+        _write_bag(part, trajectory, robot, begin)
+    return ()
+
+
+def _write_bag(
+    path: Path, trajectory: Trajectory, robot: Description, begin: int
+) -> None:
+    """Write joint_states, and the base on TF with the same stamps."""
+    import rosbag  # takes a third of a second
+
+    t, base = trajectory, _base_frame(robot)
+    stamps = [begin + round((time - t.times[0]) * 1e9) for time in t.times.tolist()]
+    if stamps[-1] > MAX_STAMP:
+        raise MotionError(f"A bag can have no stamp {stamps[-1] / 1e9:g} s.")
+    with rosbag.Bag(str(path), "w") as bag:
+        for number, stamp in enumerate(map(stamp_from_ns, stamps)):
+            velocities = None if t.velocities is None else t.velocities[number]
+            state = _joint_state(stamp, t.joint_names, t.positions[number], velocities)
+            bag.write("/joint_states", state, stamp)
+            if t.base_poses is not None:
+                edge = transform(stamp, MAP, base, t.base_poses[number].tolist())
+                bag.write("/tf", TFMessage([edge]), stamp)
+
+
+def _base_frame(robot: Description) -> str:
+    """Name the frame that moves in the map: base_link, or the root above it."""
+    root, _ = base_of(robot)
+    return root if BASE_FRAME in robot.link_names else BASE_FRAME
+
+
+def _joint_state(
+    stamp: genpy.Time,
+    names: Sequence[str],
+    positions: np.ndarray,
+    velocities: np.ndarray | None,
+) -> JointState:
+    """Make a message."""
+    message = JointState(name=names, position=positions.tolist())
+    message.header.stamp = stamp
+    if velocities is not None:
+        message.velocity = velocities.tolist()
+    return message
