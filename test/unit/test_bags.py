@@ -202,6 +202,26 @@ def test_trajectories_are_read(bag):
         assert poses is found.base_poses or found.base_poses[:, 0].tolist() == poses
 
 
+def test_configurations_that_are_streamed_are_samples(bag):
+    def message(x):
+        joints = JointTrajectory(Header(), [KNEE], [point(0.0, [2.0 * x])])
+        base = MultiDOFJointTrajectory(Header(), ["base"], [base_point(0.0, x)])
+        return RobotTrajectory(joints, base)
+
+    path = bag(*[("/motion", message(float(n)), 5 + n) for n in range(3)])
+    found = read_motion_file(path, G1).trajectory
+    assert found.times.tolist() == [0.0, 1.0, 2.0]
+    assert found.positions.tolist() == [[0.0], [2.0], [4.0]]
+    assert found.base_poses[:, 0].tolist() == [0.0, 1.0, 2.0]
+    several = JointTrajectory(Header(), [KNEE], [point(0, [0.0]), point(1, [0.0])])
+    path = bag(
+        ("/motion", message(0.0), 5),
+        ("/motion", RobotTrajectory(several, MultiDOFJointTrajectory()), 6),
+    )
+    with pytest.raises(MotionError, match="Message 2 on /motion has not one point"):
+        read_motion_file(path, G1)
+
+
 def test_the_topic_is_the_usual_one_or_named(bag):
     states = ("/joint_states", state(1, left_knee=1.0), 1)
     commands = ("/joint_commands", state(1, left_knee=2.0), 1)

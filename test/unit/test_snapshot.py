@@ -70,7 +70,10 @@ def last_line(run):
             ["a.png", "--motion", MOTION, "--motion-fps", "0"],
             "-fps 0 is no number",
         ),
-        (["a.png", "--times", "0"], "--motion-fps and --times go with --motion"),
+        (
+            ["a.png", "--times", "0"],
+            "--motion-fps, --motion-topic and --times go with --motion",
+        ),
         (["a.mp4", "--motion", MOTION, "--size", "65x48"], "an mp4 has even numbers"),
         (["a.gif", "--motion", MOTION, "--namespace", "a"], "without --namespace"),
         (["a.png", "--model", OURS, "--joints", "wing=1"], "has no joint wing; it has"),

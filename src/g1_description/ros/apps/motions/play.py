@@ -12,11 +12,11 @@ import rospy
 from g1_description.core.cli import OneSentenceParser, number
 from g1_description.core.errors import G1DescriptionError, InvalidValueError
 from g1_description.core.motion.edit import cut, moved, to_start_at
-from g1_description.core.motion.formats.read import read_motion
 from g1_description.core.motion.trajectory import Trajectory
 from g1_description.core.transform import IDENTITY
 from g1_description.ros.apps.pose import namespace
 from g1_description.ros.apps.robot_view import NoAnswerError
+from g1_description.ros.motion.files.read import read_motion_file
 from g1_description.ros.node.lifecycle import own_arguments, start_node
 from g1_description.sim.motion.floor import lowest_height
 
@@ -43,6 +43,10 @@ def parser() -> OneSentenceParser:
         "--fps",
         type=_positive,
         help="samples per second of a file without times; default: 30",
+    )
+    made.add_argument(
+        "--topic",
+        help="topic of a bag with the joints; default: joint_states, or what there is",
     )
     made.add_argument(
         "--speed",
@@ -99,7 +103,7 @@ def prepare(args: argparse.Namespace, robot: PlayedRobot) -> Trajectory:
         MotionError: If the file holds no motion of the robot.
         InvalidValueError: If it has no such part, or no base to move.
     """
-    motion = read_motion(args.file, robot.description, args.fps)
+    motion = read_motion_file(args.file, robot.description, args.fps, args.topic)
     for note in motion.notes:
         notify(note)
     trajectory = cut(motion.trajectory, args.begin, args.end)

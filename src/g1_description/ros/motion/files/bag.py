@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +16,7 @@ from g1_description.core.robot.description import Description
 from g1_description.core.text import listed
 from g1_description.ros.wire.motions import JointSample, Points
 
-from .bag_base import base_of_bag
+from .bag_base import BasePath, base_of_bag, path_of
 from .bag_messages import kind_of, read_messages, rising
 from .bag_records import Bag, Topic, damage, open_bag
 
@@ -101,6 +101,43 @@ def _states(bag: Bag, topic: Topic, robot: Description) -> Motion:
     found = [
         (m.time, state) for m, parts in read_messages(bag, [topic]) for state in parts
     ]
+    return _joined(
+        topic, found, lambda stamped: base_of_bag(bag, topic, robot, stamped)
+    )
+
+
+def _stream(bag: Bag, topic: Topic) -> Motion:
+    """Read trajectories of one point each, which planners send one after the other."""
+    found, bases = [], []
+    for number, (message, parts) in enumerate(read_messages(bag, [topic]), 1):
+        joints: Points = parts[0]
+        if any(len(part.times) > 1 for part in parts) or not joints.times:
+            raise MotionError(
+                f"Message {number} on {topic.name} has not one point, as the first has."
+            )
+        positions, velocities = joints.positions[0], joints.velocities[0]
+        state = JointSample(0, joints.names, positions, velocities)
+        found.append((message.time, state))
+        bases += [(message.time, part.positions[0]) for part in parts[1:] if part.times]
+    wrong = [pose for _, pose in bases if len(pose) != 7]
+    if wrong:
+        raise MotionError(f"On {topic.name} the base has not one pose in each point.")
+    base = path_of(bases, topic.name) if bases else None
+    return _joined(topic, found, lambda _: base)
+
+
+def _joined(
+    topic: Topic,
+    found: Sequence[tuple[int, JointSample]],
+    find_base: Callable[[bool], BasePath | None],
+) -> Motion:
+    """Join the joints and the base.
+
+    Args:
+        topic: With the joints.
+        found: Times of the recording in [ns], and joints.
+        find_base: Finds the base; takes whether the stamps of messages count.
+    """
     names, positions, velocities = _table(topic, [state for _, state in found])
     stamps, notes = np.array([state.stamp for _, state in found]), []
     has_stamps = bool(stamps.all())
@@ -112,7 +149,7 @@ def _states(bag: Bag, topic: Topic, robot: Description) -> Motion:
         seconds = (stamps[kept[-1]] - stamps[0]) / 1e9
         notes.append(f"Time goes back after {seconds:.3f} s: the rest is left out.")
     stamps = stamps[kept]
-    base = base_of_bag(bag, topic, robot, has_stamps)
+    base = find_base(has_stamps)
     if base and base.stamps[0] > stamps[0] + LATE:
         seconds = (base.stamps[0] - stamps[0]) / 1e9
         notes.append(f"The base is known from {seconds:.3f} s on; before it rests.")
@@ -180,6 +217,8 @@ def _trajectory(bag: Bag, topic: Topic, robot: Description) -> Motion:
     """Read the first message of a topic with whole trajectories."""
     count = bag.counts()[topic]
     parts: list[Points] = next(read_messages(bag, [topic]))[1]
+    if count > 1 and len(parts[0].times) == 1:
+        return _stream(bag, topic)
     more = f", the first of {count} messages" if count > 1 else ""
     notes = (f"The motion is that of {topic.name}{more}.",)
     joints, bases = parts[0], parts[1:]

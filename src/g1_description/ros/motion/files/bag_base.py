@@ -79,7 +79,7 @@ def base_of_bag(
         ]
         if parents:
             parent = min(parents, key=_rank)
-            path = _path(edges[parent, frame], f"/tf ({parent} to {frame})")
+            path = path_of(edges[parent, frame], f"/tf ({parent} to {frame})")
             return _moved_to_root(path, edges.get((frame, frame_of(frame, root))))
     return _odometry(bag, namespace, has_stamps)
 
@@ -111,8 +111,13 @@ def _edges(
     return found
 
 
-def _path(samples: Sequence[tuple[int, np.ndarray]], source: str) -> BasePath:
-    """Make a path of the samples whose stamps rise."""
+def path_of(samples: Sequence[tuple[int, np.ndarray]], source: str) -> BasePath:
+    """Make a path of the samples whose stamps rise.
+
+    Args:
+        samples: Stamps in [ns] and poses, shape (7,).
+        source: Where they are from, for a message.
+    """
     stamps = np.array([stamp for stamp, _ in samples])
     kept, _ = rising(stamps)
     return BasePath(stamps[kept], np.array([samples[k][1] for k in kept]), source)
@@ -143,4 +148,4 @@ def _odometry(bag: Bag, namespace: str, has_stamps: bool) -> BasePath | None:
         for message, edges in read_messages(bag, [chosen])
         for edge in edges
     ]
-    return _path(samples, chosen.name)
+    return path_of(samples, chosen.name)
