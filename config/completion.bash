@@ -1,6 +1,7 @@
-# Completes the names of poses in bash; sourced by the workspace's setup.bash.
+# Completes the names of poses and options in bash; sourced by the workspace's setup.bash.
 #
 #   rosrun g1_description pose <TAB>
+#   rosrun g1_description record --<TAB>
 #   roslaunch g1_description display.launch initial_pose:=<TAB>
 #
 # Everything else is left to what completed rosrun and roslaunch before.
@@ -13,9 +14,19 @@ _g1_description_poses() {
         "${ROS_HOME:-$HOME/.ros}/g1_description/poses.yaml" 2>/dev/null
 }
 
+# Print the options of a command that reads or writes a motion.
+_g1_description_options() {
+    case $1 in
+    play) echo "--fps --from --help --loop --namespace --on-floor --speed --start-here --to --topic" ;;
+    record) echo "--force --gazebo --help --model --namespace --rate --seconds" ;;
+    esac
+}
+
 _g1_description_rosrun() {
     local word=${COMP_WORDS[COMP_CWORD]} before=${COMP_WORDS[COMP_CWORD-1]}
-    if [[ $COMP_CWORD -lt 3 || ${COMP_WORDS[1]} != g1_description || ${COMP_WORDS[2]} != pose ]]; then
+    if [[ $COMP_CWORD -ge 3 && ${COMP_WORDS[1]} == g1_description && ${COMP_WORDS[2]} =~ ^(play|record)$ ]]; then
+        _g1_description_motion "$word" "$before"
+    elif [[ $COMP_CWORD -lt 3 || ${COMP_WORDS[1]} != g1_description || ${COMP_WORDS[2]} != pose ]]; then
         _g1_description_otherwise rosrun "$@"
     elif [[ $before == --file ]]; then
         compopt -o filenames 2>/dev/null
@@ -27,6 +38,20 @@ _g1_description_rosrun() {
         COMPREPLY=()
     else
         mapfile -t COMPREPLY < <(compgen -W "$(_g1_description_poses)" -- "$word")
+    fi
+}
+
+# Complete an option, or a file, of play and record.
+_g1_description_motion() {
+    local options flags=" play record --force --loop --on-floor --start-here "
+    options=$(_g1_description_options "${COMP_WORDS[2]}")
+    if [[ $1 == -* ]]; then
+        mapfile -t COMPREPLY < <(compgen -W "$options" -- "$1")
+    elif [[ $2 == --* && $flags != *" $2 "* ]]; then
+        COMPREPLY=()
+    else
+        compopt -o filenames 2>/dev/null
+        mapfile -t COMPREPLY < <(compgen -f -- "$1")
     fi
 }
 

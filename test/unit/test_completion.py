@@ -1,6 +1,9 @@
 """Tab completes the names of poses in a real bash, and leaves the rest as it was."""
 
+import os
+import re
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -47,6 +50,8 @@ def complete(*words, before=""):
     return run.stdout.split()
 
 
+README = str(REPOSITORY / "README.md")
+RUN = ("rosrun", "g1_description")
 POSE = ("rosrun", "g1_description", "pose")
 DISPLAY = ("roslaunch", "g1_description", "display.launch")
 
@@ -59,6 +64,11 @@ DISPLAY = ("roslaunch", "g1_description", "display.launch")
         ([*POSE, "--save", "w"], ["wave"]),
         ([*POSE, "--se"], ["--seconds"]),
         ([*POSE, "stand", "--seconds", ""], []),
+        ([*RUN, "record", "--r"], ["--rate"]),
+        ([*RUN, "record", "a.csv", "--rate", ""], []),
+        ([*RUN, "record", "--force", str(REPOSITORY / "READ")], [README]),
+        ([*RUN, "play", "--s"], ["--speed", "--start-here"]),
+        ([*RUN, "play", str(REPOSITORY / "READ")], [README]),
         ([*DISPLAY, "initial_pose", ":="], NAMES),
         ([*DISPLAY, "initial_pose", ":=", "s"], ["stand", "squat", "sit"]),
         ([*DISPLAY, "paused", ":=", "true", "initial_pose", ":=", "t"], ["t_pose"]),
@@ -71,6 +81,17 @@ DISPLAY = ("roslaunch", "g1_description", "display.launch")
 )
 def test_names_are_completed_where_they_belong(words, expected):
     assert complete(*words) == expected
+
+
+@pytest.mark.parametrize("command", ["pose", "play", "record"])
+def test_all_options_are_completed(command):
+    run = [sys.executable, REPOSITORY / "scripts" / command, "--help"]
+    path = os.pathsep.join([str(REPOSITORY / "src"), *sys.path])
+    text = subprocess.run(
+        run, env={**os.environ, "PYTHONPATH": path}, capture_output=True, text=True
+    ).stdout
+    options = {*re.findall(r"--[a-z][a-z-]*", text)}
+    assert {*complete(*RUN, command, "--")} == options | {"--help"}
 
 
 def test_poses_of_the_user_are_completed_too(home):

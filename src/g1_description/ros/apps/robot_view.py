@@ -52,7 +52,7 @@ class RobotView:
             DescriptionError: If there is no description, or it is not one.
             ROSInterruptException: If the node is shut down.
         """
-        self.description = _wait_for_description(namespace, notify)
+        self.description = wait_for_description(namespace, notify)
         self.positions: dict[str, float] = {}
         """Last finite positions in [rad] or [m] of the movable joints heard of."""
         self.newest: JointState | None = None
@@ -146,8 +146,17 @@ class RobotView:
         self._subscriber.unregister()
 
 
-def _wait_for_description(namespace: str, notify: Callable[[str], None]) -> Description:
-    """Wait until a robot is on the parameter server, and parse it."""
+def wait_for_description(namespace: str, notify: Callable[[str], None]) -> Description:
+    """Wait until a robot is on the parameter server, and parse it.
+
+    Args:
+        namespace: Of the robot's topics, without slashes around.
+        notify: Takes messages about what is waited for.
+
+    Raises:
+        DescriptionError: If there is no description, or it is not one.
+        ROSInterruptException: If the node is shut down.
+    """
     place = f"parameter {DESCRIPTION} in /{namespace} or above it"
     parameter = wait_for_parameter(
         DESCRIPTION,

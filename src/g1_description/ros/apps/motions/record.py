@@ -1,0 +1,210 @@
+"""A command that records the motion of a robot that runs."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import sys
+import time
+from pathlib import Path
+
+import rosgraph
+import rospy
+
+from g1_description.core.cli import OneSentenceParser, number
+from g1_description.core.errors import G1DescriptionError, InvalidValueError
+from g1_description.core.robot.description import Description
+from g1_description.ros.apps.pose import namespace
+from g1_description.ros.apps.robot_view import NoAnswerError, wait_for_description
+from g1_description.ros.motion.files.write import ENDINGS, write_motion_file
+from g1_description.ros.node.lifecycle import own_arguments, start_node
+
+from .recorder import Recorder
+
+TIMEOUT = 20.0
+"""Longest wait for the first state, in [s]: machines may be busy."""
+
+QUIET = 2.0
+"""Time without states after which it is told, in [s]."""
+
+LAST_TIMEOUT = 1.0
+"""Longest wait for the last joint states, in [s]: the bridge may be busy."""
+
+POLL_PERIOD = 0.05
+"""Time between two looks, in [s]."""
+
+
+def parser() -> OneSentenceParser:
+    """Make a parser of the command's arguments."""
+    made = OneSentenceParser(
+        prog="record",
+        description="Record base and joints of a robot of the simulator. Ctrl-C ends "
+        "the recording and saves it.",
+    )
+    made.add_argument(
+        "out", type=Path, metavar="OUT", help=f"output file: {', '.join(ENDINGS)}"
+    )
+    made.add_argument(
+        "--rate",
+        type=number,
+        default=60.0,
+        help="samples per second of simulated time; 0: every state; default: 60",
+    )
+    made.add_argument(
+        "--seconds",
+        type=number,
+        help="duration in seconds of simulated time; default: until Ctrl-C",
+    )
+    made.add_argument(
+        "--namespace",
+        type=namespace,
+        default="",
+        help="namespace of the robot's topics",
+    )
+    made.add_argument(
+        "--model",
+        default="",
+        help="name of the robot in the simulator; default: the one with its links",
+    )
+    made.add_argument("--gazebo", default="/gazebo", help="namespace of the simulator")
+    made.add_argument("--force", action="store_true", help="replace a file")
+    return made
+
+
+def parse(arguments: list[str]) -> argparse.Namespace:
+    """Read a command line; end the program when it is wrong.
+
+    Raises:
+        InvalidValueError: If the file cannot be written.
+    """
+    reader = parser()
+    args = reader.parse_args(arguments)
+    if not 0.0 <= args.rate <= 1e6:
+        reader.error(f"--rate {args.rate:g} is no number of samples per second")
+    if args.seconds is not None and args.seconds <= 0.0:
+        reader.error(f"--seconds {args.seconds:g} is no duration")
+    if not rosgraph.names.is_legal_name(args.gazebo):
+        reader.error(f"--gazebo {args.gazebo} is no ROS name")
+    _check_place(args.out, args.force)
+    return args
+
+
+def _check_place(out: Path, force: bool) -> None:
+    """Check, before anything is recorded, that a file can be written."""
+    if out.suffix.lower() not in ENDINGS:
+        raise InvalidValueError(
+            f"{out} ends in none of {', '.join(ENDINGS)}: its format is unknown."
+        )
+    if out.is_dir() or (out.exists() and not force):
+        what = "folder" if out.is_dir() else "file"
+        hint = "" if out.is_dir() else "; --force replaces it"
+        raise InvalidValueError(f"There is a {what} {out} already{hint}.")
+    trial = out.with_name(f".{out.name}.trial")
+    try:
+        trial.touch()
+        trial.unlink()
+    except OSError as error:
+        raise InvalidValueError(
+            f"The file {out} cannot be written: {error.strerror}."
+        ) from error
+
+
+def notify(text: str) -> None:
+    """Print a message."""
+    print(f"record: {text}", file=sys.stderr, flush=True)
+
+
+def record(args: argparse.Namespace) -> None:
+    """Record and save.
+
+    Raises:
+        G1DescriptionError: If nothing comes, or the file cannot be written.
+    """
+    start_node("record", anonymous=True, disable_rosout=True)
+    robot = wait_for_description(args.namespace, notify)
+    names = args.gazebo, args.model, args.namespace
+    recorder = Recorder(robot, names, args.rate, args.seconds)
+    _wait_for_first(recorder)
+    stop = _Stop()
+    seconds = "" if args.seconds is None else f" {args.seconds:g} s, or"
+    notify(f"recording{seconds} until Ctrl-C.")
+    _follow(recorder, stop)
+    recorder.close()
+    save(recorder, robot, args)
+
+
+class _Stop:
+    """Whether a signal came that ends the recording; it is saved all the same."""
+
+    def __init__(self) -> None:
+        """Answer signals from now on; a second one ends the program."""
+        self.is_wanted = False
+        signal.set_wakeup_fd(-1)
+        for kind in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(kind, self._take)
+
+    def _take(self, *_: object) -> None:
+        """Remember a signal; a lock may not be waited for here."""
+        self.is_wanted = True
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def _wait_for_first(recorder: Recorder) -> None:
+    """Wait for the first sample.
+
+    Raises:
+        NoAnswerError: If there is none.
+        UnknownNameError: If the robot is not in the simulator.
+    """
+    end = time.monotonic() + TIMEOUT
+    while not recorder.n_samples:
+        if rospy.is_shutdown():
+            raise rospy.ROSInterruptException("interrupted")
+        if time.monotonic() > end:
+            raise recorder.problem or NoAnswerError(
+                f"No state of the robot came on {recorder.topic} in {TIMEOUT:g} s; "
+                "does a simulator run, and does time? 'rosbag record /joint_states "
+                "/tf' records a robot without one."
+            )
+        recorder.keep_up()
+        time.sleep(POLL_PERIOD)
+
+
+def _follow(recorder: Recorder, stop: _Stop) -> None:
+    """Wait for the end of the recording."""
+    told = False
+    while not (recorder.is_over or stop.is_wanted or rospy.is_shutdown()):
+        recorder.keep_up()
+        is_quiet = time.monotonic() - recorder.heard > QUIET
+        if is_quiet and not told:
+            notify(f"nothing comes on {recorder.topic}; is time paused?")
+        told = is_quiet
+        time.sleep(POLL_PERIOD)
+    end = time.monotonic() + LAST_TIMEOUT
+    while recorder.lacks_joints and time.monotonic() < end:
+        time.sleep(POLL_PERIOD)
+
+
+def save(recorder: Recorder, robot: Description, args: argparse.Namespace) -> None:
+    """Write what was recorded.
+
+    Raises:
+        G1DescriptionError: If it cannot be written.
+    """
+    trajectory, begin = recorder.trajectory()
+    rate = args.rate or None
+    notes = write_motion_file(args.out, trajectory, robot, rate, begin)
+    for note in (*recorder.notes, *notes):
+        notify(note)
+    count = len(trajectory.times)
+    print(f"{args.out}: {count} samples, {trajectory.duration:.2f} s", flush=True)
+
+
+def main() -> None:
+    """Run the command, or exit with a message."""
+    try:
+        record(parse(own_arguments()))
+    except G1DescriptionError as error:
+        sys.exit(f"record: {error}")
+    except (OSError, rosgraph.MasterException) as error:
+        sys.exit(f"record: The master is gone: {error}.")

@@ -1,0 +1,246 @@
+"""What a robot does, state by state.
+
+Base and joints of one sample are of one state: the base of the simulator's message, the
+joints of the bridge's with the same stamp. Neither joint_states and TF, which is
+throttled, nor two topics at their newest would do.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import rospy
+from sensor_msgs.msg import JointState
+
+from g1_description.core.bridge.estimator import JointStateEstimator, Observation
+from g1_description.core.bridge.stamps import RisingStamps
+from g1_description.core.errors import UnknownNameError
+from g1_description.core.motion.trajectory import Trajectory
+from g1_description.core.robot.assembly import SCOPE
+from g1_description.core.robot.description import Description
+from g1_description.core.text import listed
+from g1_description.ros.bridge.state_source import StateSource
+from g1_description.ros.node.newest import BUFFER
+from g1_description.ros.node.throttled_log import ThrottledLog
+from g1_description.ros.wire.link_states import LinkStatesArrays
+
+EARLY = 1000
+"""A state this much before it is due counts, in [ns]: periods are rounded."""
+
+MAX_RECENT = 5000
+"""Joint states kept until the simulator's state with their stamp comes."""
+
+
+@dataclass
+class _Sample:
+    """A state that was recorded."""
+
+    stamp: int
+    """In [ns]."""
+
+    positions: np.ndarray
+    velocities: np.ndarray
+    base_pose: np.ndarray | None
+
+
+class Recorder:
+    """Follows a robot of the simulator.
+
+    Subscribes: <gazebo>/world_state or <gazebo>/link_states, joint_states
+        (sensor_msgs/JointState)
+    """
+
+    def __init__(
+        self,
+        robot: Description,
+        names: tuple[str, str, str],
+        rate: float,
+        seconds: float | None,
+    ) -> None:
+        """Subscribe; the first state that comes is the first sample.
+
+        Args:
+            robot: The robot.
+            names: Namespace of the simulator; name of the robot's model, empty where it
+                is to be found; namespace of its topics.
+            rate: Samples per second of simulated time; 0: every state.
+            seconds: How long, in [s] of simulated time; None: until it is closed.
+        """
+        gazebo, self._model, self._namespace = names
+        self._robot, self._rate, self._seconds = robot, rate, seconds
+        self._estimator: JointStateEstimator | None = None
+        self._stamps = RisingStamps()
+        self._due = 0
+        self._names: tuple[str, ...] = ()
+        self._samples: list[_Sample] = []
+        self._waiting: dict[int, _Sample] = {}
+        self._recent: dict[int, JointState] = {}
+        self._lock = threading.Lock()
+        self.heard = time.monotonic()
+        """When the last state came, on the monotonic clock."""
+        self.problem: UnknownNameError | None = None
+        """Why the last state was of no use before the first sample."""
+        self.notes: list[str] = []
+        self.is_over = False
+        self._left_out = 0
+        prefix = f"/{self._namespace}/" if self._namespace else ""
+        self._joint_states = rospy.Subscriber(
+            f"{prefix}joint_states",
+            JointState,
+            self._on_joint_states,
+            queue_size=None,
+            buff_size=BUFFER,
+            tcp_nodelay=True,
+        )
+        self._source = StateSource(gazebo, 0.0, self._on_states, ThrottledLog())
+        self._source.start()
+
+    @property
+    def n_samples(self) -> int:
+        """Number of samples until now."""
+        return len(self._samples)
+
+    @property
+    def lacks_joints(self) -> bool:
+        """Whether joint states of some samples may still come."""
+        return bool(self._waiting and self._joint_states.get_num_connections())
+
+    @property
+    def topic(self) -> str:
+        """Name of the topic that the states are from."""
+        return self._source.topic
+
+    def keep_up(self) -> None:
+        """Do what no message triggers; to be called several times a second."""
+        self._source.keep_up()
+
+    def close(self) -> None:
+        """End the recording."""
+        self.is_over = True
+        self._joint_states.unregister()
+
+    def _on_states(self, stamp: int, states: LinkStatesArrays) -> None:
+        """Take a state."""
+        self.heard = time.monotonic()
+        rising = self._stamps.next(stamp, rospy.Time.now().to_nsec())
+        if self.is_over or rising is None:
+            return
+        stamp, went_back = rising
+        if went_back and self._samples:
+            seconds = (self._samples[-1].stamp - self._samples[0].stamp) / 1e9
+            self.notes.append(f"time went back after {seconds:.3f} s: it ends there.")
+            self.is_over = True
+            return
+        if self._estimator is None:
+            try:
+                self._model = self._model or self._find_model(states.names)
+            except UnknownNameError as error:
+                self.problem = error
+                return
+            self._estimator = JointStateEstimator({self._model: self._robot})
+        (seen,) = self._estimator.update(*states, 1e-9 * stamp)
+        if stamp >= self._due - EARLY:
+            self._keep(stamp, seen)
+
+    def _keep(self, stamp: int, seen: Observation) -> None:
+        """Record a state."""
+        if not seen.is_present:
+            self.problem = UnknownNameError(
+                f"The simulator has no model '{self._model}' with links of "
+                f"'{self._robot.name}'."
+            )
+            return
+        with self._lock:
+            if not self._samples:
+                self._names = seen.names
+            elif seen.names != self._names or (
+                (seen.base_pose is None) != (self._samples[0].base_pose is None)
+            ):
+                self._left_out += 1
+                return
+            base = None if seen.base_pose is None else seen.base_pose.copy()
+            sample = _Sample(stamp, seen.position.copy(), seen.velocity.copy(), base)
+            self._samples.append(sample)
+            self._waiting[stamp] = sample
+            published = self._recent.pop(stamp, None)
+            if published is not None:
+                self._match(published)
+            self._plan_next(stamp)
+
+    def _plan_next(self, stamp: int) -> None:
+        """Find when the next sample is due."""
+        elapsed = stamp - self._samples[0].stamp
+        if self._rate:
+            number = int((elapsed + EARLY) * self._rate / 1e9) + 1
+            self._due = self._samples[0].stamp + round(number * 1e9 / self._rate)
+        if self._seconds is not None and elapsed + EARLY >= self._seconds * 1e9:
+            self.is_over = True
+
+    def _on_joint_states(self, message: JointState) -> None:
+        """Take what the bridge publishes of a state."""
+        with self._lock:
+            if not self._match(message):
+                self._recent[message.header.stamp.to_nsec()] = message
+                while len(self._recent) > MAX_RECENT:
+                    del self._recent[next(iter(self._recent))]
+
+    def _match(self, message: JointState) -> bool:
+        """Put the joints that were published into the sample with their stamp.
+
+        They are those that were measured, or exactly those of a motion that is played.
+        """
+        sample = self._waiting.pop(message.header.stamp.to_nsec(), None)
+        if sample is None:
+            return False
+        if tuple(message.name) == self._names:
+            sample.positions = np.array(message.position)
+            sample.velocities = np.array(message.velocity)
+        return True
+
+    def _find_model(self, links: Sequence[str]) -> str:
+        """Find the model whose links are the robot's.
+
+        Raises:
+            UnknownNameError: If there is none, or are several.
+        """
+        own, counts = {*self._robot.link_names}, {}
+        for name in links:
+            model, _, link = name.rpartition(SCOPE)
+            counts[model] = counts.get(model, 0) + (link in own)
+        most = max(counts.values(), default=0)
+        found = [model for model, count in counts.items() if count == most and most]
+        if self._namespace in found:
+            return self._namespace
+        if len(found) == 1:
+            return found[0]
+        what = (
+            f"several such, {listed(found)}: --model names one"
+            if found
+            else (f"only {listed(counts) or 'nothing'}")
+        )
+        raise UnknownNameError(
+            f"The simulator has no single model with links of '{self._robot.name}' "
+            f"but {what}."
+        )
+
+    def trajectory(self) -> tuple[Trajectory, int]:
+        """Return what was recorded, from zero on, and the first stamp in [ns]."""
+        with self._lock:
+            if self._left_out:
+                self.notes.append(
+                    f"{self._left_out} states without all links are left out."
+                )
+            samples = self._samples
+            begin = samples[0].stamp
+            bases = [s.base_pose for s in samples if s.base_pose is not None]
+            return Trajectory(
+                np.array([sample.stamp - begin for sample in samples]) / 1e9,
+                self._names,
+                np.array([sample.positions for sample in samples]),
+                np.array([sample.velocities for sample in samples]),
+                np.array(bases) if bases else None,
+            ), begin

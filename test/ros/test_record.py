@@ -1,0 +1,222 @@
+#!/usr/bin/env python3
+"""The command record: what it saves is what was published, and plays again."""
+
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import unittest
+from pathlib import Path
+
+import numpy as np
+import rospy
+import rostest
+from sensor_msgs.msg import JointState
+from support.ros_testing import DEADLINE, REPOSITORY, Connected, program, wait_for
+from tf2_msgs.msg import TFMessage
+
+ELBOW = "left_elbow_joint"
+HEADER = "time,base_x,base_y,base_z,base_qx,base_qy,base_qz,base_qw"
+COMMON = """
+import sys, numpy as np
+from pathlib import Path
+from g1_description.core.motion.sampling import sample
+from g1_description.core.urdf.reader import parse_urdf
+from g1_description.ros.motion.files.read import read_motion_file
+robot = parse_urdf(Path(sys.argv[1]).read_text())
+def read(path):
+    return read_motion_file(Path(path), robot).trajectory
+"""
+READ = """
+found = read(sys.argv[2])
+np.savez(sys.argv[3], times=found.times, names=np.array(found.joint_names),
+    positions=found.positions, base=found.base_poses)
+"""
+COMPARE = """
+def rise(motion):
+    # The longest part in which the base goes forward.
+    ends = np.flatnonzero(np.diff(motion.base_poses[:, 0]) <= 0.0)
+    ends = np.concatenate([[-1], ends, [len(motion.times) - 1]])
+    longest = np.argmax(np.diff(ends))
+    return slice(ends[longest] + 1, ends[longest + 1] + 1)
+first, second = read(sys.argv[2]), read(sys.argv[3])
+one, other = rise(first), rise(second)
+times, x = second.times[other], second.base_poses[other]
+middle = len(times) // 2
+found = np.interp(x[middle, 0], first.base_poses[one, 0], first.times[one])
+times = times - times[middle] + found
+inside = (times >= first.times[one][0]) & (times <= first.times[one][-1])
+wanted = sample(first, times[inside])
+joints = np.abs(second.positions[other][inside] - wanted.positions).max()
+print(inside.sum(), joints, np.abs(x[inside] - wanted.base_poses).max())
+"""
+
+
+def start(name, *arguments):
+    return subprocess.Popen(
+        [program(name), *map(str, arguments)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+
+
+class TestRecord(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.states = Connected("/joint_states", JointState, queue_size=None)
+        cls.tf = Connected("/tf", TFMessage, queue_size=None)
+        cls.states.wait()
+
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = Path(folder.name)
+        self.wave = self.folder / "wave.csv"
+        times = 0.1 * np.arange(31)
+        turns = np.sin(times)
+        rows = [
+            f"{t!r},{0.5 * e!r},0.0,0.9,0.0,0.0,0.0,1.0,{e!r}"
+            for t, e in zip(times.tolist(), turns.tolist())
+        ]
+        self.wave.write_text("\n".join([f"{HEADER},{ELBOW}", *rows]))
+
+    @staticmethod
+    def python(script, *arguments):
+        """Run a script with the Python of the nodes; return what it prints."""
+        python = Path(program("record")).read_text().splitlines()[0][2:].split()
+        model = REPOSITORY / "urdf" / "g1_29dof.urdf"
+        return subprocess.run(
+            [*python, "-c", COMMON + script, model, *arguments],
+            stdout=subprocess.PIPE,
+            text=True,
+            check=True,
+        ).stdout
+
+    def read(self, path):
+        """Read a motion: all of it, the elbow, and the base along x."""
+        out = self.folder / "read.npz"
+        self.python(READ, path, out)
+        found = dict(np.load(str(out)))
+        elbow = found["names"].tolist().index(ELBOW)
+        return found, found["positions"][:, elbow], found["base"][:, 0]
+
+    def play(self, file):
+        """Play a motion again and again until the test ends; return what ends it."""
+        player = start("play", file, "--loop")
+
+        def end():
+            if player.poll() is None:
+                os.killpg(player.pid, signal.SIGINT)
+                player.communicate(timeout=DEADLINE)
+
+        self.addCleanup(end)
+        self.states.clear()
+        self.states.wait(lambda m: m.position[m.name.index(ELBOW)] > 0.1, "the wave")
+        return end
+
+    def record(self, name, *arguments):
+        run = start("record", self.folder / name, *arguments)
+        out, err = run.communicate(timeout=DEADLINE)
+        self.assertEqual(run.returncode, 0, err)
+        self.assertNotIn("Traceback", err)
+        self.assertIn("samples", out)
+        return err
+
+    def test_a_bag_has_what_was_published_under_each_stamp(self):
+        self.play(self.wave)
+        self.record("a.bag", "--seconds", "4", "--rate", "0")
+        import rosbag
+
+        published = {m.header.stamp: m for m in list(self.states.messages)}
+        bases = {
+            edge.header.stamp: edge.transform.translation.x
+            for message in list(self.tf.messages)
+            for edge in message.transforms
+            if edge.child_frame_id == "base_link"
+        }
+        states = edges = 0
+        with rosbag.Bag(str(self.folder / "a.bag")) as bag:
+            for topic, message, stamp in bag.read_messages():
+                if topic == "/joint_states":
+                    self.assertEqual(message.header.stamp, stamp)
+                    self.assertEqual(message.name, published[stamp].name)
+                    self.assertEqual(message.position, published[stamp].position)
+                    self.assertEqual(message.velocity, published[stamp].velocity)
+                    states += 1
+                elif stamp in bases:
+                    (edge,) = message.transforms
+                    x = edge.transform.translation.x
+                    self.assertAlmostEqual(x, bases[stamp], delta=1e-12)
+                    edges += 1
+        self.assertEqual(states, 801)
+        self.assertGreater(edges, 100)
+
+    def test_what_was_recorded_plays_again_as_the_same(self):
+        stop = self.play(self.wave)
+        self.record("first.csv", "--seconds", "6", "--rate", "0")
+        stop()
+        self.play(self.folder / "first.csv")
+        self.record("second.csv", "--seconds", "9", "--rate", "0")
+        files = self.folder / "first.csv", self.folder / "second.csv"
+        count, joints, base = map(float, self.python(COMPARE, *files).split())
+        self.assertGreater(count, 200)
+        self.assertLess(joints, 1e-9)
+        self.assertLess(base, 1e-9)
+
+    def test_base_and_joints_are_of_one_instant_in_each_format(self):
+        self.play(self.wave)
+        for name in ("a.csv", "a.npz", "a.bag"):
+            err = self.record(name, "--seconds", "4", "--rate", "50")
+            self.assertNotIn("not even", err)
+            found, elbow, x = self.read(self.folder / name)
+            np.testing.assert_array_equal(found["times"], np.arange(201) / 50.0)
+            np.testing.assert_allclose(x, 0.5 * elbow, atol=1e-12)
+            self.assertGreater(np.ptp(elbow), 0.5)
+        self.record("b.npz", "--seconds", "2", "--rate", "60")
+        found, elbow, x = self.read(self.folder / "b.npz")
+        np.testing.assert_array_equal(found["times"], np.arange(121) / 60.0)
+
+    def test_an_interrupt_ends_and_saves(self):
+        for kind in (signal.SIGINT, signal.SIGTERM):
+            file = self.folder / "a.csv"
+            run = start("record", file, "--force")
+            self.assertIn("recording until Ctrl-C", run.stderr.readline())
+            stamp = rospy.Time.now()
+            wait_for(
+                lambda begin=stamp: (rospy.Time.now() - begin).to_sec() > 0.5, "time"
+            )
+            os.killpg(run.pid, kind)
+            out, err = run.communicate(timeout=DEADLINE)
+            self.assertEqual((run.returncode, err), (0, ""))
+            self.assertIn("samples", out)
+            found, _, _ = self.read(file)
+            self.assertGreater(len(found["times"]), 20)
+            self.assertEqual(
+                {*os.listdir(self.folder)}, {"wave.csv", "a.csv", "read.npz"}
+            )
+
+    def test_what_cannot_be_recorded_is_told(self):
+        (self.folder / "there.csv").write_text("")
+        for words, name, *arguments in (
+            ("already; --force replaces it", "there.csv"),
+            ("ends in none of .csv, .npz, .bag", "a.txt"),
+            ("cannot be written: No such file", "no/a.csv"),
+            ("--rate -1 is no number", "a.csv", "--rate", "-1"),
+            ("No state of the robot came", "a.csv", "--gazebo", "/nowhere"),
+            ("The simulator has no model 'nobody' with", "a.csv", "--model", "nobody"),
+        ):
+            with self.subTest(words):
+                run = start("record", self.folder / name, *arguments)
+                _, err = run.communicate(timeout=DEADLINE)
+                self.assertEqual(run.returncode, 1)
+                self.assertIn(words, err)
+                self.assertNotIn("Traceback", err)
+        self.assertEqual({*os.listdir(self.folder)}, {"there.csv", "wave.csv"})
+
+
+if __name__ == "__main__":
+    rospy.init_node("record_test")
+    rostest.rosrun("g1_description", "record", TestRecord, sys.argv)
