@@ -35,10 +35,9 @@ def read_motion_file(
         MotionError: If there is no such file, or no motion in it that fits.
     """
     if beginning(path, len(BAG)) != BAG:
-        motion = read_motion(path, robot, rate)
-        if topic is None:
-            return motion
-        raise MotionError(f"{path.name} is no bag: it has no topic {topic}.")
+        if topic is not None:
+            raise MotionError(f"{path.name} is no bag: it has no topic {topic}.")
+        return read_motion(path, robot, rate)
     try:
         return fitted(without_rate(read_bag(path, robot, topic), rate), robot)
     except MotionError as error:
