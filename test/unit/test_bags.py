@@ -112,6 +112,18 @@ def test_a_bag_is_read_as_it_was_written(tmp_path, velocities, base):
         assert ("/tf (map to base_link)" in motion.notes[0]) == base
 
 
+def test_a_bag_has_the_frames_around_the_robot(tmp_path):
+    path = tmp_path / "a.bag"
+    write_motion_file(path, trajectory(4, 2, 29), G1)
+    with rosbag.Bag(str(path)) as file:
+        found = [
+            {(e.header.frame_id, e.child_frame_id) for e in message.transforms}
+            for _, message, _ in file.read_messages("/tf_static")
+        ]
+    wanted = {("world", "map"), ("base_link", "pelvis"), ("imu_in_torso", "body_imu")}
+    assert found == [wanted]
+
+
 @pytest.mark.parametrize("compression", ["none", "bz2", "lz4"])
 def test_compressed_bags_of_many_chunks_are_read(bag, compression):
     messages = [

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import genpy
 import numpy as np
@@ -14,11 +15,14 @@ from g1_description.core.errors import MotionError
 from g1_description.core.files.atomic import whole_file
 from g1_description.core.motion.formats import write
 from g1_description.core.motion.trajectory import Trajectory
-from g1_description.core.robot.assembly import base_of
 from g1_description.core.robot.description import Description
+from g1_description.core.transform import IDENTITY
+from g1_description.ros.bridge.frames import base_child, static_edges
+from g1_description.ros.bridge.parameters import BridgeParameters
 from g1_description.ros.wire.conversions import stamp_from_ns, transform
 
-from .bag_base import BASE_FRAME, MAP
+if TYPE_CHECKING:
+    import rosbag
 
 BAG = ".bag"
 ENDINGS = (*write.ENDINGS, BAG)
@@ -69,24 +73,37 @@ def _write_bag(
     """Write joint_states, and the base on TF with the same stamps."""
     import rosbag  # takes a third of a second
 
-    t, base = trajectory, _base_frame(robot)
+    t, frames = trajectory, BridgeParameters()
     stamps = [begin + round((time - t.times[0]) * 1e9) for time in t.times.tolist()]
     if stamps[-1] > MAX_STAMP:
         raise MotionError(f"A bag can have no stamp {stamps[-1] / 1e9:g} s.")
+    base = base_child(frames, robot)
     with rosbag.Bag(str(path), "w") as bag:
+        _write_static(bag, stamp_from_ns(begin), static_edges(frames, robot))
         for number, stamp in enumerate(map(stamp_from_ns, stamps)):
             velocities = None if t.velocities is None else t.velocities[number]
             state = _joint_state(stamp, t.joint_names, t.positions[number], velocities)
             bag.write("/joint_states", state, stamp)
-            if t.base_poses is not None:
-                edge = transform(stamp, MAP, base, t.base_poses[number].tolist())
+            if t.base_poses is not None and base is not None:
+                pose = t.base_poses[number].tolist()
+                edge = transform(stamp, frames.map_frame, base, pose)
                 bag.write("/tf", TFMessage([edge]), stamp)
 
 
-def _base_frame(robot: Description) -> str:
-    """Name the frame that moves in the map: base_link, or the root above it."""
-    root, _ = base_of(robot)
-    return root if BASE_FRAME in robot.link_names else BASE_FRAME
+def _write_static(
+    bag: rosbag.Bag, stamp: genpy.Time, edges: Sequence[tuple[str, str]]
+) -> None:
+    """Write the frames around the robot, latched as their publishers do."""
+    topic = "/tf_static"
+    header = {
+        "topic": topic,
+        "type": TFMessage._type,
+        "md5sum": TFMessage._md5sum,
+        "message_definition": TFMessage._full_text,
+        "latching": "1",
+    }
+    message = TFMessage([transform(stamp, *edge, IDENTITY) for edge in edges])
+    bag.write(topic, message, stamp, connection_header=header)
 
 
 def _joint_state(
