@@ -13,6 +13,7 @@ import numpy as np
 import rospy
 import rostest
 from sensor_msgs.msg import JointState
+from std_srvs.srv import Empty
 from support.ros_testing import DEADLINE, REPOSITORY, Connected, program, wait_for
 from tf2_msgs.msg import TFMessage
 
@@ -197,6 +198,19 @@ class TestRecord(unittest.TestCase):
             self.assertEqual(
                 {*os.listdir(self.folder)}, {"wave.csv", "a.csv", "read.npz"}
             )
+
+    def test_a_reset_ends_and_saves(self):
+        rospy.wait_for_service("/gazebo/reset_simulation", DEADLINE)
+        run = start("record", self.folder / "a.bag")
+        self.assertIn("recording until Ctrl-C", run.stderr.readline())
+        stamp = rospy.Time.now()
+        wait_for(lambda: (rospy.Time.now() - stamp).to_sec() > 0.5, "time")
+        rospy.ServiceProxy("/gazebo/reset_simulation", Empty)()
+        _, err = run.communicate(timeout=DEADLINE)
+        self.assertEqual(run.returncode, 0, err)
+        self.assertRegex(err, "time went back after .* s: it ends there")
+        found, _, _ = self.read(self.folder / "a.bag")
+        self.assertGreater(len(found["times"]), 20)
 
     def test_what_cannot_be_recorded_is_told(self):
         (self.folder / "there.csv").write_text("")
