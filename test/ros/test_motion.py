@@ -120,7 +120,7 @@ class TestMotion(unittest.TestCase):
     def wait_for_warning(self, text):
         self.log.wait(lambda m: text in m.msg, f"the warning {text!r}")
 
-    def later(self, seconds=0.5):
+    def later(self, seconds=1.5):
         """Give a time that is not over yet, at a whole hundredth of a second."""
         now = self.states.wait().header.stamp.to_nsec()
         ns = (now + round(seconds * SECOND)) // 10_000_000 * 10_000_000
