@@ -9,106 +9,28 @@ from collections.abc import Sequence
 import numpy as np
 import rospy
 from actionlib import ServerGoalHandle
-from control_msgs.msg import (
-    FollowJointTrajectoryAction,
-    FollowJointTrajectoryFeedback,
-    FollowJointTrajectoryGoal,
-    FollowJointTrajectoryResult,
-)
-from trajectory_msgs.msg import JointTrajectoryPoint
+from control_msgs.msg import FollowJointTrajectoryAction, FollowJointTrajectoryResult
 
-from g1_description.core.bridge.estimator import Observation
-from g1_description.core.errors import (
-    G1DescriptionError,
-    MotionError,
-    UnknownNameError,
-)
-from g1_description.core.motion.following import (
-    Following,
-    Outcome,
-    Progress,
-    remaining,
-)
-from g1_description.core.motion.playlist import Playback
-from g1_description.core.motion.tolerances import (
-    JointTolerance,
-    Tolerances,
-    tolerances_of_goal,
-)
+from g1_description.core.errors import G1DescriptionError, UnknownNameError
+from g1_description.core.motion.following import Following, Outcome, Progress
+from g1_description.core.motion.tolerances import Tolerances
 from g1_description.core.motion.trajectory import Trajectory
-from g1_description.core.text import listed
 from g1_description.ros.bridge.status import RobotStatus
-from g1_description.ros.motion.messages import (
-    check_joint_names,
-    trajectory_from_message,
-)
+from g1_description.ros.motion.messages import check_joint_names
 from g1_description.ros.motion.player import MotionPlayer, Played
 from g1_description.ros.node.lifecycle import quiet_when_closing
 from g1_description.ros.node.throttled_log import SHORT_PERIOD, ThrottledLog
-from g1_description.ros.wire.conversions import stamp_from_ns
 
 from .controllers import Controller
+from .goal import ActiveGoal
+from .reading import OldTrajectoryError, tolerances_in_goal, trajectory_of_goal
 from .server import SteadyActionServer
 
 ACTION = "follow_joint_trajectory"
 
-FEEDBACK_PERIOD = 50_000_000
-"""Time between two messages of feedback, in [ns] of simulated time."""
-
 TIME_WENT_BACK = "Simulated time went back, which ends all motions."
 
 Result = FollowJointTrajectoryResult
-
-
-class OldTrajectoryError(MotionError):
-    """All points of a trajectory are in the past."""
-
-
-class ActiveGoal:
-    """A goal that the robot is going to, and how far it is."""
-
-    next_feedback = 0
-    """When feedback is due, in [ns]."""
-
-    is_seen = False
-    """Whether there was an observation since it began."""
-
-    def __init__(
-        self, handle: ServerGoalHandle, following: Following, playback: Playback
-    ) -> None:
-        """Begin.
-
-        Args:
-            handle: actionlib's handle of the goal.
-            following: The trajectory.
-            playback: What is left of it.
-        """
-        self.handle, self.following = handle, following
-        self._playback = playback
-        self._names: Sequence[str] | None = None
-        self._columns: list[int] = []
-
-    @property
-    def is_replaced(self) -> bool:
-        """Whether another command has taken joints of it."""
-        return len(self._playback.rows) < len(self.following.joint_names)
-
-    def actual(self, seen: Observation) -> np.ndarray:
-        """Return the positions and velocities of its joints, shape (2, n_joints).
-
-        Raises:
-            UnknownNameError: If the observation has not all of them.
-        """
-        if seen.names is not self._names:
-            wanted = self.following.joint_names
-            missing = [name for name in wanted if name not in seen.names]
-            if missing:
-                raise UnknownNameError(
-                    f"The simulator does not tell of {listed(missing)} any longer."
-                )
-            self._columns = [seen.names.index(name) for name in wanted]
-            self._names = seen.names
-        return np.stack([seen.position[self._columns], seen.velocity[self._columns]])
 
 
 class FollowJointTrajectory:
@@ -186,9 +108,8 @@ class FollowJointTrajectory:
             return
         if progress.outcome is not Outcome.UNDER_WAY:
             self._end(goal, stamp, progress)
-        elif stamp >= goal.next_feedback:
-            goal.next_feedback = stamp + FEEDBACK_PERIOD
-            goal.handle.publish_feedback(_feedback(goal.following, stamp, progress))
+        else:
+            goal.publish_feedback(stamp, progress)
 
     def reset(self, stamp: int) -> None:
         """Give the goal up, as simulated time went back.
@@ -223,8 +144,9 @@ class FollowJointTrajectory:
             if not goal.trajectory.points:
                 self._stop(handle, goal.trajectory.joint_names)
                 return
-            trajectory = self._trajectory(goal)
-            tolerances = self._tolerances(goal)
+            now = rospy.Time.now().to_nsec() or self._status.stamp
+            trajectory = trajectory_of_goal(goal, self._controller, now)
+            tolerances = tolerances_in_goal(goal, self._controller)
         except UnknownNameError as error:
             _reject(handle, Result.INVALID_JOINTS, str(error))
         except OldTrajectoryError as error:
@@ -241,47 +163,6 @@ class FollowJointTrajectory:
         if goal is not None and goal.handle == handle and self._take(goal):
             self._warn(self._player.stop(self._controller.joints))
             goal.handle.set_canceled(Result(), "The goal was cancelled.")
-
-    def _trajectory(self, goal: FollowJointTrajectoryGoal) -> Trajectory:
-        """Read what of a goal's trajectory is still to come.
-
-        Raises:
-            UnknownNameError: If it has joints that the controller does not have.
-            OldTrajectoryError: If nothing of it is to come.
-            MotionError: If it is no trajectory.
-        """
-        message = goal.trajectory
-        trajectory = trajectory_from_message(message, self._controller.joints)
-        start = message.header.stamp.to_nsec()
-        if not start and len(trajectory.times) == 1:
-            return trajectory
-        now = rospy.Time.now().to_nsec() or self._status.stamp
-        elapsed = (now - start) / 1e9 if start else 0.0
-        rest = remaining(trajectory, elapsed)
-        if rest is None:
-            raise OldTrajectoryError(
-                "The last point of the trajectory is "
-                f"{elapsed - trajectory.duration:.3g} s in the past."
-            )
-        return rest
-
-    def _tolerances(self, goal: FollowJointTrajectoryGoal) -> Tolerances:
-        """Read what tolerances a goal asks for.
-
-        Raises:
-            InvalidValueError: If one is NaN.
-        """
-        path, end = (
-            [JointTolerance(one.name, one.position, one.velocity) for one in asked]
-            for asked in (goal.path_tolerance, goal.goal_tolerance)
-        )
-        return tolerances_of_goal(
-            goal.trajectory.joint_names,
-            self._controller.constraints,
-            path,
-            end,
-            goal.goal_time_tolerance.to_sec(),
-        )
 
     def _stop(self, handle: ServerGoalHandle, names: Sequence[str]) -> None:
         """Stop joints where they are; without names all of the controller."""
@@ -374,25 +255,3 @@ def _reject(handle: ServerGoalHandle, code: int, message: str) -> None:
 def _refuse(handle: ServerGoalHandle, played: Played) -> None:
     """Reject a goal that the simulator refuses."""
     _reject(handle, Result.INVALID_GOAL, f"The motion is refused: {played.message}.")
-
-
-def _feedback(
-    following: Following, stamp: int, progress: Progress
-) -> FollowJointTrajectoryFeedback:
-    """Tell where the joints should be, where they are, and the difference."""
-    message = FollowJointTrajectoryFeedback(joint_names=list(following.joint_names))
-    message.header.stamp = stamp_from_ns(stamp)
-    elapsed = stamp_from_ns(stamp - following.start_ns) - stamp_from_ns(0)
-    for point, rows in (
-        (message.desired, progress.desired),
-        (message.actual, progress.actual),
-        (message.error, progress.error),
-    ):
-        _fill(point, rows)
-        point.time_from_start = elapsed
-    return message
-
-
-def _fill(point: JointTrajectoryPoint, rows: np.ndarray) -> None:
-    """Write positions and velocities, shape (2, n_joints), into a point."""
-    point.positions, point.velocities = rows.tolist()
