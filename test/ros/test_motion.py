@@ -360,8 +360,10 @@ class TestMotion(unittest.TestCase):
         beyond = self.upper[self.names.index(ELBOW)] + 0.3
         self.publish("joint_commands", JointState(name=[KNEE], position=[0.4]))
         self.publish("joint_trajectory", elbow((0.0, 0.0), (0.05, beyond)))
-        found = wanted.wait(lambda m: position_of(m, ELBOW) == beyond, "the ghost")
-        self.assertEqual(position_of(found, KNEE), 0.4)
+        found = wanted.wait(
+            lambda m: (position_of(m, ELBOW), position_of(m, KNEE)) == (beyond, 0.4),
+            "the ghost",
+        )
         self.assertEqual(list(found.name), self.names)
         self.tf.wait(
             lambda m: any(

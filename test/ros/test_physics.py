@@ -8,12 +8,14 @@ import numpy as np
 import rospy
 import rostest
 import tf2_ros
-from g1_description.msg import TrackingReport
+from g1_description.msg import RobotTrajectory, TrackingReport
+from g1_description.srv import PlayMotion
 from gazebo_msgs.srv import GetModelState
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
 from support.pose_command import run
 from support.ros_testing import Listener, wait_for
+from trajectory_msgs.msg import JointTrajectoryPoint
 
 
 class TestPhysics(unittest.TestCase):
@@ -89,12 +91,25 @@ class TestPhysics(unittest.TestCase):
             )
             self.assertAlmostEqual(later.position[elbow], 0.5, delta=0.02)
 
+    def test_4_motors_play_a_motion_and_without_them_it_is_refused(self):
+        play = rospy.ServiceProxy("/play_motion", PlayMotion)
+        motion = RobotTrajectory()
+        point = JointTrajectoryPoint(
+            positions=[0.1], time_from_start=rospy.Duration(0.5)
+        )
+        motion.joint_trajectory.joint_names = ["left_wrist_roll_joint"]
+        motion.joint_trajectory.points = [point]
+        answer = play(motion)
+        wanted = "" if self.stands else "nothing drives the joints in limp physics"
+        self.assertEqual((answer.success, answer.status_message), (self.stands, wanted))
+
     def test_5_it_squats_and_stands_again_on_its_motors(self):
         """It is not thrown, and the simulator tells how well the motors followed."""
         if not self.stands:
             self.skipTest("there are no motors")
         tracking = Listener("/gazebo/tracking", TrackingReport)
         begin = self.position()
+        tracking.clear()
         for number, (pose, height) in enumerate((("squat", 0.38), ("zero", 0.79)), 1):
             self.assertEqual(run(pose, "--seconds", 3), (0, f"pose: {pose}\n", ""))
             self.assertAlmostEqual(self.position()[2], height, delta=0.05)

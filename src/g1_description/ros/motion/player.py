@@ -30,6 +30,9 @@ ROUNDING = 1e-12
 """Largest difference in [rad], [m] and their rates between what was measured and what
 was sent that counts as rounding."""
 
+ANSWERS = {True: "SetModelTrajectory: success", False: "SetModelTrajectory: refused"}
+"""What the status messages of the stand-in begin with, by success."""
+
 
 class Played(NamedTuple):
     """The answer to a motion."""
@@ -244,9 +247,8 @@ class MotionPlayer:
             answer = self._service(message)
         except FAILURES as error:
             return Played(False, f"the simulator does not answer: {error}")
-        text = answer.status_message.partition(": ")[2]
-        text = text.partition("success")[2].lstrip("; ") if answer.success else text
-        return Played(answer.success, text, answer.start.to_nsec())
+        details = answer.status_message[len(ANSWERS[answer.success]) :]
+        return Played(answer.success, details.lstrip(";, "), answer.start.to_nsec())
 
 
 def _rounded(measured: np.ndarray, wanted: np.ndarray) -> np.ndarray:
