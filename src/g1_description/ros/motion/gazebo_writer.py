@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 import rospy
@@ -14,6 +14,9 @@ from g1_description.core.motion.playlist import Setpoint
 from g1_description.ros.bridge.sender import FAILURES
 from g1_description.ros.node.throttled_log import SHORT_PERIOD, ThrottledLog
 from g1_description.ros.wire.conversions import pose_from_array
+
+CALL_TIMEOUT = 1.0
+"""Longest wait for the end of a call, in [s] of wall time."""
 
 RETRY_PERIOD = 0.2
 """Wait before a failed call is tried again, in [s] of wall time."""
@@ -38,6 +41,7 @@ class GazeboWriter:
         self._changed = threading.Condition()
         self._positions: dict[str, float] = {}
         self._base: np.ndarray | None = None
+        self._is_calling = False
         self._thread: threading.Thread | None = None
         self._stopped = threading.Event()
 
@@ -53,9 +57,21 @@ class GazeboWriter:
             self._positions.update(zip(names, wanted.positions.tolist()))
             if wanted.base_pose is not None:
                 self._base = wanted.base_pose
-            self._changed.notify()
+            self._changed.notify_all()
             if self._thread is None:
                 self._begin()
+
+    def release(self, joints: Collection[str], base: bool) -> None:
+        """Leave joints, and perhaps the base, to another command.
+
+        The call under way ends first, so that it does not come after that command.
+        """
+        with self._changed:
+            self._changed.wait_for(lambda: not self._is_calling, CALL_TIMEOUT)
+            for name in joints:
+                self._positions.pop(name, None)
+            if base:
+                self._base = None
 
     def _begin(self) -> None:
         """Connect, and begin to send."""
@@ -74,7 +90,7 @@ class GazeboWriter:
         """End the thread."""
         self._stopped.set()
         with self._changed:
-            self._changed.notify()
+            self._changed.notify_all()
 
     def _run(self) -> None:
         """Send samples until the node is shut down."""
@@ -86,11 +102,25 @@ class GazeboWriter:
                     self._changed.wait()
                 positions, self._positions = self._positions, {}
                 base, self._base = self._base, None
-            try:
-                self._send(base, positions)
-            # rospy raises AttributeError where it closes the connection meanwhile.
-            except (*FAILURES, AttributeError) as error:
-                self._put_back(base, positions, error)
+                self._is_calling = True
+            self._try(base, positions)
+
+    def _try(self, base: np.ndarray | None, positions: dict[str, float]) -> None:
+        """Send a sample; keep it where that fails."""
+        failure: Exception | None = None
+        try:
+            self._send(base, positions)
+        # rospy raises AttributeError where it closes the connection meanwhile.
+        except (*FAILURES, AttributeError) as error:
+            failure = error
+        with self._changed:
+            if failure and not self._stopped.is_set():
+                self._positions = {**positions, **self._positions}
+                self._base = base if self._base is None else self._base
+            self._is_calling = False
+            self._changed.notify_all()
+        if failure and not self._stopped.is_set():
+            self._reconnect(failure)
 
     def _send(self, base: np.ndarray | None, positions: dict[str, float]) -> None:
         """Set the base, then the joints."""
@@ -108,16 +138,9 @@ class GazeboWriter:
             text = f"{text}: {answer.status_message}"
             self._log.warn(f"sample {self._model}", text, SHORT_PERIOD)
 
-    def _put_back(
-        self, base: np.ndarray | None, positions: dict[str, float], error: Exception
-    ) -> None:
-        """Keep a sample that did not arrive, unless a newer one has come."""
-        if self._stopped.is_set():
-            return
-        self._log.warn("service", f"A motion waits for the simulator: {error}.")
+    def _reconnect(self, failure: Exception) -> None:
+        """Log why a sample did not arrive, and connect anew after a while."""
+        self._log.warn("service", f"A motion waits for the simulator: {failure}.")
         self._set_base.close()
         self._set_joints.close()
-        with self._changed:
-            self._positions = {**positions, **self._positions}
-            self._base = base if self._base is None else self._base
         self._stopped.wait(RETRY_PERIOD)

@@ -77,6 +77,7 @@ class MotionPlayer:
 
     def reset(self) -> None:
         """Forget all motions: time began again."""
+        self._writer.release(self._joints, base=True)
         with self._lock:
             self._playlist = Playlist(self._joints)
             n = len(self._joints)
@@ -164,6 +165,8 @@ class MotionPlayer:
             self._playlist.release(rows, base)
             if base:
                 self._wanted.base_pose[:] = np.nan
+        if self._plays_here:
+            self._writer.release(joints, base)
 
     def observe(self, stamp: int, seen: Observation) -> tuple[Observation, bool]:
         """Hold a state of the robot against its motions.
