@@ -8,7 +8,7 @@ import rospy
 import rostest
 import tf2_ros
 from g1_description.msg import RobotTrajectory
-from g1_description.srv import Step
+from g1_description.srv import PlayMotion, Step
 from genpy import Duration, Time
 from geometry_msgs.msg import PoseStamped, Transform
 from sensor_msgs.msg import JointState
@@ -81,12 +81,13 @@ class TestMotion(unittest.TestCase):
         for publisher in cls.publishers.values():
             wait_for(publisher.get_num_connections, f"a listener of {publisher.name}")
         cls.call = {
-            name: rospy.ServiceProxy(f"/gazebo/{name}", kind)
+            name: rospy.ServiceProxy(name, kind)
             for name, kind in (
-                ("pause_physics", Empty),
-                ("unpause_physics", Empty),
-                ("reset_simulation", Empty),
-                ("step", Step),
+                ("/gazebo/pause_physics", Empty),
+                ("/gazebo/unpause_physics", Empty),
+                ("/gazebo/reset_simulation", Empty),
+                ("/gazebo/step", Step),
+                ("/play_motion", PlayMotion),
             )
         }
         for call in cls.call.values():
@@ -96,10 +97,14 @@ class TestMotion(unittest.TestCase):
 
     def setUp(self):
         """Begin with a robot at rest at zero, while time runs."""
-        self.call["unpause_physics"]()
-        self.publish("motion", RobotTrajectory())
-        zero = JointState(name=self.names, position=[0.0] * len(self.names))
-        self.publish("joint_commands", zero)
+        self.call["/gazebo/unpause_physics"]()
+        # By calls: messages on several topics come in any order.
+        zero = RobotTrajectory()
+        zero.joint_trajectory.joint_names = self.names
+        point = JointTrajectoryPoint(positions=[0.0] * len(self.names))
+        zero.joint_trajectory.points = [point]
+        for message in (RobotTrajectory(), zero):
+            self.assertTrue(self.call["/play_motion"](message).success)
         self.states.clear()
         self.states.wait(lambda m: not any(m.position) and not any(m.velocity))
         self.clear()
@@ -212,7 +217,7 @@ class TestMotion(unittest.TestCase):
         self.assertLess(np.diff(seen).max(), 0.1)
 
     def test_a_configuration_is_shown_at_once_also_while_paused(self):
-        self.call["pause_physics"]()
+        self.call["/gazebo/pause_physics"]()
         self.clear()
         pose = [0.5, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]
         message = whole_body((ELBOW,), [[0.3]], [pose], 0.0)
@@ -227,11 +232,11 @@ class TestMotion(unittest.TestCase):
         )
 
     def test_a_motion_stands_still_while_paused_and_goes_on_by_steps(self):
-        self.call["pause_physics"]()
+        self.call["/gazebo/pause_physics"]()
         self.publish("joint_trajectory", elbow((0.0, 0.1), (0.1, 0.3)))
         self.wait_for_position(0.1)
         for steps, wanted in ((50, 0.2), (25, 0.25), (100, 0.3)):
-            self.assertTrue(self.call["step"](steps).success)
+            self.assertTrue(self.call["/gazebo/step"](steps).success)
             self.states.wait(
                 lambda m, wanted=wanted: abs(position_of(m, ELBOW) - wanted) < 1e-9
             )
@@ -271,11 +276,33 @@ class TestMotion(unittest.TestCase):
         self.states.wait(lambda m: position_of(m, ELBOW) > 0.1)
         self.assertTrue(all(position_of(m, ELBOW) >= 0 for m in self.states.messages))
 
+    def test_what_another_clock_has_stamped_is_told(self):
+        message = elbow((0.0, 0.4), stamp=Time(1_700_000_000, 0))
+        self.publish("joint_trajectory", message)
+        self.wait_for_warning("is it stamped by another clock?")
+
+    def test_a_base_command_takes_the_base_from_a_motion(self):
+        poses = [[x, 0.0, 0.8, 0.0, 0.0, 0.0, 1.0] for x in (0.0, 1.0)]
+        self.publish("motion", whole_body((ELBOW,), [[0.0], [1.0]], poses, 60.0))
+        self.states.wait(lambda m: position_of(m, ELBOW) > 0.001)
+        command = PoseStamped()
+        command.pose.position.x, command.pose.orientation.w = 5.0, 1.0
+        self.publish("base_command", command)
+        self.tf.wait(lambda m: any(self.is_base_at(t, 5.0) for t in m.transforms))
+        before = position_of(self.states.messages[-1], ELBOW)
+        self.clear()
+        self.states.wait(lambda m: position_of(m, ELBOW) > before, "the elbow")
+        self.assertTrue(all(self.is_base_at(edge, 5.0) for edge in self.edges()))
+
+    @staticmethod
+    def is_base_at(edge, x):
+        return edge.child_frame_id == "base_link" and edge.transform.translation.x == x
+
     def test_a_reset_ends_a_motion(self):
         self.publish("joint_trajectory", elbow((0.0, 0.5), (60.0, 1.0)))
         self.states.wait(lambda m: position_of(m, ELBOW) > 0.5)
         before = self.states.wait().header.stamp
-        self.call["reset_simulation"]()
+        self.call["/gazebo/reset_simulation"]()
         self.states.wait(
             lambda m: m.header.stamp < before and not any(m.position), "zero"
         )

@@ -54,6 +54,8 @@ class Playback:
         self.has_begun = False
         self.moves_base = trajectory.base_poses is not None
         """Whether it moves the base."""
+        self.is_single = len(trajectory.times) == 1
+        """Whether it is a single configuration."""
         self._trajectory = trajectory
         self._n_reached = 0
         self._columns = columns
@@ -99,8 +101,11 @@ class Playback:
         added["positions"] = np.vstack([positions, old.positions])
         if old.velocities is not None:
             added["velocities"] = np.vstack([velocities, old.velocities])
-        if old.base_poses is not None and present.base_pose is not None:
-            added["base_poses"] = np.vstack([present.base_pose, old.base_poses])
+        if old.base_poses is not None:
+            first = (
+                old.base_poses[0] if present.base_pose is None else present.base_pose
+            )
+            added["base_poses"] = np.vstack([first, old.base_poses])
         self._trajectory = replace(old, **added)
 
     def reaches_sample(self, time_ns: int) -> bool:
@@ -152,7 +157,7 @@ class Playlist:
         return any(not one.has_begun for one in self._playbacks)
 
     def add(self, trajectory: Trajectory, start_ns: int) -> Playback:
-        """Add a motion.
+        """Add a motion; what it moves is taken from those that were to begin later.
 
         Args:
             trajectory: The motion; joints that the robot does not have are ignored.
@@ -161,6 +166,12 @@ class Playlist:
         if trajectory.joint_names != self._names:
             self._find(trajectory.joint_names)
         playback = Playback(trajectory, start_ns, self._columns, self._rows)
+        later = [
+            one
+            for one in self._playbacks
+            if not one.has_begun and one.start_ns >= start_ns
+        ]
+        self._release(later, playback.rows, playback.moves_base)
         self._playbacks.append(playback)
         return playback
 

@@ -82,7 +82,8 @@ class Trajectory:
                 f"The motion has an array of shape {array.shape} for each {what}, "
                 f"where {shape} belongs to {shape[0]} samples."
             )
-        fits = np.abs(array) <= MAX_VALUE
+        with np.errstate(invalid="ignore"):  # NaN does not fit
+            fits = np.abs(array) <= MAX_VALUE
         if not fits.all():
             first = tuple(np.argwhere(~fits)[0])
             raise MotionError(

@@ -35,7 +35,9 @@ from g1_description.ros.motion.action.follow_joint_trajectory import (
     ACTION,
     FollowJointTrajectory,
 )
+from g1_description.ros.motion.map_frame import MapFrame
 from g1_description.ros.motion.topics import MotionTopics
+from g1_description.ros.motion.trails import check_trails
 from g1_description.ros.node.lifecycle import quiet_when_closing, start_node
 from g1_description.ros.node.parameters import read_parameters
 from g1_description.ros.node.throttled_log import SHORT_PERIOD, ThrottledLog
@@ -116,11 +118,12 @@ class BridgeNode:
             self._log,
         )
         self._sender.start()
+        frame = MapFrame((p.map_frame, p.world_frame))
         for (robot, _), bridged in zip(robots, self._robots):
             status, player = bridged.status, bridged.player
             topic = topic_of(robot, "joint_commands")
             CommandListener(topic, status, self._sender, self._log, player.command)
-            MotionTopics(p.gazebo, robot, status, player, self._log)
+            MotionTopics(robot, status, player, frame, self._log)
         self._actions = [
             self._action(robot, bridged, controller)
             for (robot, _), bridged, own in zip(robots, self._robots, controllers)
@@ -235,6 +238,7 @@ def main() -> None:
         parameters = read_parameters(BridgeParameters)
         robots = wait_for_descriptions(parameters.each_robot)
         controllers = [controllers_of(*robot) for robot in robots]
+        check_trails(parameters.trails.split(), [one for _, one in robots])
     except G1DescriptionError as error:
         rospy.logfatal("%s", error)
         sys.exit(1)

@@ -197,6 +197,7 @@ class BridgedRobot:
 
     def flush(self) -> None:
         """Send slow subscribers the messages that are kept for them."""
+        self.player.flush()
         self._joint_states.flush()
         self._tf_joint_states.flush()
 

@@ -31,9 +31,6 @@ class Extras:
             parameters: What is wanted.
             description: The robot.
             player: What knows where the robot is wanted.
-
-        Raises:
-            UnknownNameError: If the robot has no link of which a path is wanted.
         """
         p, namespace = parameters, robot.namespace and f"/{robot.namespace}"
         self._player = player

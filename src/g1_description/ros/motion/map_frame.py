@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Sequence
 
 import numpy as np
 import rospy
@@ -26,13 +27,14 @@ POLL_PERIOD = 0.005
 class MapFrame:
     """Listens to TF as soon as somebody needs it: a listener costs processor time."""
 
-    def __init__(self, names: tuple[str, ...] = ("map", "world")) -> None:
+    def __init__(self, names: Sequence[str] = ("map", "world")) -> None:
         """Begin without listening.
 
         Args:
             names: Names of the map and of frames that are the same, the map first.
         """
         self._names = names
+        self._lock = threading.Lock()
         self._buffer: tf2_ros.Buffer | None = None
 
     def pose_in_map(
@@ -57,10 +59,11 @@ class MapFrame:
     def _find(self, frame: str, stamp: rospy.Time) -> np.ndarray:
         """Look a frame up; return its pose in the map, shape (7,)."""
         deadline = time.monotonic() + TIMEOUT
-        if self._buffer is None:
-            self._buffer = tf2_ros.Buffer()
-            tf2_ros.TransformListener(self._buffer)
-            deadline += FIRST_TIMEOUT
+        with self._lock:
+            if self._buffer is None:
+                self._buffer = tf2_ros.Buffer()
+                tf2_ros.TransformListener(self._buffer)
+                deadline += FIRST_TIMEOUT
         while True:
             try:
                 return self._look_up(frame, stamp)

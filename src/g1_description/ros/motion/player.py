@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
 import threading
+import time
 from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
 import numpy as np
 import rosgraph
 import rospy
+from gazebo_msgs.msg import ModelState
 
 from g1_description.core.bridge.estimator import Observation
 from g1_description.core.motion.playlist import Playback, Playlist, Setpoint
@@ -16,15 +19,19 @@ from g1_description.core.motion.trajectory import Trajectory
 from g1_description.msg import ModelTrajectory
 from g1_description.ros.bridge.sender import FAILURES
 from g1_description.ros.bridge.status import RobotStatus
+from g1_description.ros.node.slave_api import SLAVE_API_ERRORS
 from g1_description.ros.node.throttled_log import ThrottledLog
 from g1_description.ros.transport.direct_publisher import DirectPublisher
-from g1_description.ros.wire.conversions import stamp_from_ns
+from g1_description.ros.wire.conversions import pose_from_array, stamp_from_ns
 from g1_description.srv import SetModelTrajectory
 
 from .gazebo_writer import GazeboWriter
 
 QUEUE_SIZE = 100
 """Samples kept for a busy simulator: a tenth of a second of them at 1 kHz."""
+
+ASK_PERIOD = 1.0
+"""Time after which a stream asks again which simulator there is, in [s]."""
 
 ROUNDING = 1e-12
 """Largest difference in [rad], [m] and their rates between what was measured and what
@@ -66,8 +73,12 @@ class MotionPlayer:
         """
         self._status = status
         self._name = f"{gazebo}/set_model_trajectory"
+        self._was_stand_in, self._asked = False, -math.inf
         self._service = rospy.ServiceProxy(self._name, SetModelTrajectory)
         self._topic = DirectPublisher(self._name, ModelTrajectory, QUEUE_SIZE)
+        self._states = DirectPublisher(
+            f"{gazebo}/set_model_state", ModelState, QUEUE_SIZE
+        )
         self._writer = GazeboWriter(gazebo, status.name, log)
         self._lock = threading.RLock()
         self._joints = [joint.name for joint in status.description.movable_joints]
@@ -110,15 +121,44 @@ class MotionPlayer:
 
     def stream(self, trajectory: Trajectory, start_ns: int | None = None) -> Played:
         """Do the same without waiting: for configurations that follow each other."""
+        if time.monotonic() > self._asked + ASK_PERIOD:
+            self._is_stand_in()
+        if not self._was_stand_in:
+            return self._play_here(trajectory, start_ns)
         if not self._topic.get_num_connections():
             return self.play(trajectory, start_ns)
+        self._plays_here = False
         # Known before it shows, so that the first state that shows it finds it.
         self._add(trajectory, start_ns or self._status.stamp)
         self._topic.publish(_message(self._status.name, trajectory, start_ns))
         return Played(True, "")
 
+    def place_base(self, pose: np.ndarray) -> Played:
+        """Put the robot somewhere by its root link, which ends the base's motion.
+
+        Args:
+            pose: Of the root link in the map, shape (7,).
+        """
+        if not self._states.get_num_connections():
+            return Played(False, f"nobody listens to {self._states.name}")
+        if self.keeps_commands:
+            self.is_idle = False
+        self.release((), base=True)
+        if self.keeps_commands:
+            self._wanted.base_pose[:] = pose
+        name = self._status.name
+        self._states.publish(ModelState(model_name=name, pose=pose_from_array(pose)))
+        return Played(True, "")
+
+    def flush(self) -> None:
+        """Send the simulator what is kept for it."""
+        self._topic.flush()
+        self._states.flush()
+
     def stop(self, joints: Collection[str] | None = None) -> Played:
         """Stop joints where they are; by default all, and the base."""
+        if joints is not None and not joints:
+            return Played(True, "")
         if self._is_stand_in():
             message = ModelTrajectory(model_name=self._status.name)
             message.joint_names = list(joints or ())
@@ -224,6 +264,11 @@ class MotionPlayer:
         now = self._status.stamp
         if not now:
             return Played(False, "the simulator has published no state of the robot")
+        seen = self._status.observation
+        if trajectory.base_poses is not None and (
+            seen is None or seen.base_pose is None
+        ):
+            return Played(False, f"{self._status.name} has no base that moves")
         self._plays_here = True
         playback = self._add(trajectory, start_ns or now)
         return Played(True, "", start_ns or now, playback)
@@ -235,14 +280,17 @@ class MotionPlayer:
             return self._playlist.add(trajectory, start_ns)
 
     def _is_stand_in(self) -> bool:
-        """Return whether the simulator plays motions by itself."""
-        if self._topic.get_num_connections():
-            return True
+        """Ask the master whether the simulator plays motions by itself.
+
+        Listeners to its topic tell nothing: that may be a recorder.
+        """
         try:
             rosgraph.Master(rospy.get_name()).lookupService(self._service.resolved_name)
-        except (rosgraph.MasterException, OSError):
-            return False
-        return True
+            self._was_stand_in = True
+        except (rosgraph.MasterException, *SLAVE_API_ERRORS):
+            self._was_stand_in = False
+        self._asked = time.monotonic()
+        return self._was_stand_in
 
     def _call(self, message: ModelTrajectory) -> Played:
         """Call the stand-in's service."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 from functools import partial
 
 import rospy
-from gazebo_msgs.msg import ModelState
 from geometry_msgs.msg import PoseStamped
 from trajectory_msgs.msg import JointTrajectory
 
@@ -16,9 +15,7 @@ from g1_description.ros.bridge.parameters import RobotParameters
 from g1_description.ros.bridge.robot import topic_of
 from g1_description.ros.bridge.status import RobotStatus
 from g1_description.ros.node.throttled_log import SHORT_PERIOD, ThrottledLog
-from g1_description.ros.transport.direct_publisher import DirectPublisher
 from g1_description.ros.wire.conversions import (
-    pose_from_array,
     pose_to_array,
     stamp_from_ns,
 )
@@ -33,12 +30,13 @@ from .messages import (
 )
 from .player import MotionPlayer, Played
 
-QUEUE_SIZE = 100
-"""Poses kept for a busy simulator: a tenth of a second of them at 1 kHz."""
-
 STREAM_QUEUE_SIZE = 10
 """Samples of a stream that may wait for the bridge; of more, the newest count: what a
 planner streams is of no use later."""
+
+MAX_LEAD = 60_000_000_000
+"""Longest time from now to the beginning of a motion, in [ns]: what would wait for
+longer was stamped by another clock than the simulator's."""
 
 BUFFER_SIZE = 1 << 20
 """Bytes of a stream that are read at once: what piled up does not come later."""
@@ -49,34 +47,30 @@ class MotionTopics:
 
     Subscribes: joint_trajectory (trajectory_msgs/JointTrajectory), base_command
         (geometry_msgs/PoseStamped), motion (g1_description/RobotTrajectory)
-    Publishes: <gazebo>/set_model_state (gazebo_msgs/ModelState)
     Service: play_motion (g1_description/PlayMotion): as motion, with an answer
     """
 
     def __init__(
         self,
-        gazebo: str,
         robot: RobotParameters,
         status: RobotStatus,
         player: MotionPlayer,
+        frame: MapFrame,
         log: ThrottledLog,
     ) -> None:
         """Subscribe.
 
         Args:
-            gazebo: Namespace of the simulator.
             robot: The robot's names.
             status: The robot.
             player: What plays its motions.
+            frame: Transforms poses to the map.
             log: Where to log what cannot be done.
         """
         self._status, self._player, self._log = status, player, log
-        self._map = MapFrame()
+        self._map = frame
         joints = status.description.movable_joints
         self._joints = dict.fromkeys(joint.name for joint in joints)
-        self._states = DirectPublisher(
-            f"{gazebo}/set_model_state", ModelState, QUEUE_SIZE
-        )
         for name, kind, act, queue_size in (
             # Trajectories may move different joints, so none of them may be lost.
             ("joint_trajectory", JointTrajectory, self._on_joint_trajectory, None),
@@ -151,13 +145,21 @@ class MotionTopics:
             stream: Whether not to wait where it is a configuration.
         """
         start, now = stamp.to_nsec(), rospy.Time.now().to_nsec()
-        is_configuration = trajectory.duration == 0.0
         late = 1e-9 * (now - start) - trajectory.duration
+        is_single, is_configuration = (
+            len(trajectory.times) == 1,
+            not trajectory.duration,
+        )
         if start and late > 0.0 and not is_configuration:
             raise MotionError(f"it was over {late:.3f} s ago")
+        if start - now > MAX_LEAD:
+            lead = 1e-9 * (start - now)
+            raise MotionError(
+                f"it begins {lead:.0f} s from now; is it stamped by another clock?"
+            )
         if is_configuration and start <= now:
             start = 0
-        act = self._player.stream if stream and is_configuration else self._player.play
+        act = self._player.stream if stream and is_single else self._player.play
         return act(trajectory, start or None)
 
     def _on_base_command(self, message: PoseStamped) -> Played:
@@ -165,6 +167,4 @@ class MotionTopics:
         pose = pose_from_numbers(pose_to_array(message.pose))
         header = message.header
         pose = self._map.pose_in_map(pose, header.frame_id, header.stamp)
-        name = self._status.name
-        self._states.publish(ModelState(model_name=name, pose=pose_from_array(pose)))
-        return Played(True, "")
+        return self._player.place_base(pose)

@@ -53,22 +53,14 @@ class Trails:
 
         Args:
             topic: Its name.
-            links: The links.
+            links: The links; those that the robot does not have are left out.
             robot: Whose links they are.
             frame: Name of the map.
-
-        Raises:
-            UnknownNameError: If the robot has no such link.
         """
         names = [name for name in robot.link_names if name != WORLD]
-        unknown = [link for link in links if link not in names]
-        if unknown:
-            near = listed(similar_first(unknown[0], names))
-            raise UnknownNameError(
-                f"{robot.name} has no link {listed(unknown)} to trail; it has {near}."
-            )
-        self._links, self._frame = links, frame
-        self._rows = [names.index(link) for link in links]
+        self._links = [link for link in links if link in names]
+        self._rows = [names.index(link) for link in self._links]
+        self._frame = frame
         self._joints = [joint.name for joint in robot.movable_joints]
         self._kinematics = Kinematics(robot)
         self._n_trees = len(robot.roots)
@@ -114,3 +106,18 @@ class Trails:
             marker.points = [Point(*point) for point in path.tolist()]
             markers.markers.append(marker)
         self._publisher.publish(markers)
+
+
+def check_trails(links: Sequence[str], robots: Sequence[Description]) -> None:
+    """Check that there is a robot with each link.
+
+    Raises:
+        UnknownNameError: If there is none.
+    """
+    names = dict.fromkeys(name for robot in robots for name in robot.link_names)
+    unknown = [link for link in links if link not in names]
+    if unknown:
+        near = listed(similar_first(unknown[0], names))
+        raise UnknownNameError(
+            f"~trails has {listed(unknown)}, which no robot has; there are {near}."
+        )

@@ -105,8 +105,11 @@ class Motions:
             self._playlists[model].release(rows, base)
 
     def forget(self, model: Model) -> None:
-        """End all motions of a model."""
-        self._playlists.pop(model, None)
+        """End all motions of a model; motors hold what they were to reach last."""
+        playlist = self._playlists.pop(model, None)
+        if playlist and self._engine.is_dynamic:
+            for body in self._engine.bodies(model):
+                body.joints.hold_position(range(len(model.joint_names)))
         kept = [item for item in self._trackers.items() if item[1].model is not model]
         self._trackers = dict(kept)
 
@@ -117,7 +120,7 @@ class Motions:
                 playlist.begin(time_ns, _state(model))
             for playback in playlist.moving():
                 wanted = self._set(model, playback.setpoint(time_ns))
-                if self._engine.is_dynamic and playback.duration:
+                if self._engine.is_dynamic and not playback.is_single:
                     self._track(model, playback, wanted)
             playlist.drop_over(time_ns)
             if not playlist:
