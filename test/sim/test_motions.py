@@ -285,3 +285,23 @@ def test_in_hold_the_motors_take_the_arm_there(make_world, g1):
     assert position(model) == pytest.approx(0.25, abs=0.03)
     steps(world, 450)
     assert position(model) == pytest.approx(0.5, abs=0.01)
+
+
+def test_motors_stand_still_after_a_reset_of_the_models(make_world, g1):
+    world = make_world("hold")
+    world.spawn_urdf("g1", g1, UPRIGHT, True)
+    model = world.model("g1")
+    world.motions.play(model, elbow(0.0, 1.0, gap=0.25), 0)
+    steps(world, 120)
+    world.reset_models()
+    steps(world, 300)
+    target = model.target[model.joint_row(ELBOW)]
+    assert 0.3 < target < 0.6
+    assert position(model) == pytest.approx(target, abs=2e-3)
+
+
+def test_a_motion_replaces_those_that_were_to_begin_later(world, model):
+    world.motions.play(model, elbow(0.9, 0.9), 20 * STEP)
+    world.motions.play(model, elbow(0.5, 0.5), 10 * STEP)
+    steps(world, 40)
+    assert position(model) == 0.5
