@@ -23,6 +23,8 @@ PERIOD = 10_000_000
 """Between two rows of a CSV as they are played, in [ns]."""
 SAMPLES = 3, 25_000_000
 """So many samples of an npz last so long as they are played, in [ns]: whole steps."""
+PART = ("--from", "1", "--to", "4")
+"""What is played of each clip, in [s] of it."""
 TOLERANCE = 2e-6
 """In [m] and [rad]."""
 NOTHING = "the vendor's model and the clips are not beside the repository"
@@ -75,14 +77,14 @@ class TestClips(unittest.TestCase):
         for file in sorted(CLIPS.glob("*.csv")):
             with self.subTest(file.name):
                 rows = np.loadtxt(str(file), delimiter=",")[:, 7:]
-                number, stamp = self.play(file, rows, "--fps", "100")
+                number, stamp = self.play(file, rows, "--fps", "100", *PART)
                 shown = {
                     m.header.stamp.to_nsec(): m.position for m in self.states.messages
                 }
-                stamps = [stamp + (n - number) * PERIOD for n in range(len(rows))]
-                there = [n for n, stamp in enumerate(stamps) if stamp in shown]
+                stamps = {n: stamp + (n - number) * PERIOD for n in range(100, 401)}
+                there = [n for n, stamp in stamps.items() if stamp in shown]
                 # A busy machine may lose a state on its way to here, none is wrong.
-                self.assertGreater(len(there), 0.9 * len(rows))
+                self.assertGreater(len(there), 0.9 * len(stamps))
                 for n in there:
                     self.assertEqual(shown[stamps[n]], tuple(rows[n].tolist()), n)
 
@@ -95,13 +97,13 @@ class TestClips(unittest.TestCase):
         """Play a clip and compare all frames at each of its samples on TF."""
         data = np.load(str(file))
         rows = data["joint_pos"].astype(float)
-        number, stamp = self.play(file, rows, "--speed", "2")
+        number, stamp = self.play(file, rows, "--speed", "2", *PART)
         self.assertEqual(number % SAMPLES[0], 0)
         places, turns = data["body_pos_w"], data["body_quat_w"]
         start = stamp - number // SAMPLES[0] * SAMPLES[1]
-        end = start + len(places) // SAMPLES[0] * SAMPLES[1]
+        end = start + 240 // SAMPLES[0] * SAMPLES[1]
         self.tf.wait(
-            lambda m: any(t.header.stamp.to_nsec() > end for t in m.transforms), "TF"
+            lambda m: any(t.header.stamp.to_nsec() >= end for t in m.transforms), "TF"
         )
         frames = tf2_ros.BufferCore(rospy.Duration(1000))
         stamps = {"base_link": set(), "left_knee_link": set()}
@@ -115,7 +117,7 @@ class TestClips(unittest.TestCase):
                     stamps[edge.child_frame_id].add(edge.header.stamp.to_nsec())
         worst = [0.0, 0.0]
         n_compared = 0
-        for n in range(0, len(places), SAMPLES[0]):
+        for n in range(60, 241, SAMPLES[0]):
             time_ns = start + n // SAMPLES[0] * SAMPLES[1]
             # On a busy machine robot_state_publisher leaves some joint states out.
             if not all(time_ns in known for known in stamps.values()):
