@@ -84,8 +84,11 @@ class FollowJointTrajectory:
         """Handle goals and cancellations as they come."""
         while True:
             handler, handle = requests.get()
-            with quiet_when_closing():
-                handler(handle)
+            try:
+                with quiet_when_closing():
+                    handler(handle)
+            except Exception as error:  # the next goal is none the worse for it
+                rospy.logerr("A goal could not be handled: %r", error)
 
     def on_state(self) -> None:
         """Compare the robot's new state with the goal, if there is one."""
@@ -158,9 +161,11 @@ class FollowJointTrajectory:
             self._start(handle, trajectory, start, tolerances)
 
     def _on_cancel(self, handle: ServerGoalHandle) -> None:
-        """Stop the joints, if the goal is the present one."""
+        """Stop the joints, if the goal is the present one and still moves them."""
         goal = self._active
-        if goal is not None and goal.handle == handle and self._take(goal):
+        if goal is not None and goal.handle == handle and goal.is_replaced:
+            self._preempt()
+        elif goal is not None and goal.handle == handle and self._take(goal):
             self._warn(self._player.stop(self._controller.joints))
             goal.handle.set_canceled(Result(), "The goal was cancelled.")
 
