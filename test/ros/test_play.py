@@ -154,7 +154,7 @@ class TestPlay(unittest.TestCase):
         playing.wait("paused")
         number = int(re.findall(r"sample (\d+) of", playing.text)[-1])
         self.assert_still()
-        for key, step in ((RIGHT, 1), (RIGHT, 1), (LEFT, -1)):
+        for key, step in ((RIGHT, 1), (RIGHT + RIGHT, 2), (LEFT, -1)):
             number += step
             playing.press(key)
             playing.wait(f"sample {number} of 41")

@@ -88,6 +88,7 @@ def dying_master():
     ("script", "words"),
     [
         ("pose", ["squat"]),
+        ("play", [str(REPOSITORY / "package.xml")]),
         ("spawn_robot.py", []),
         ("spawn_robot.py", ["_robot_description:=/robot"]),
     ],

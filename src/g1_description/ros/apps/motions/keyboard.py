@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import select
 import sys
 import termios
 import tty
-from collections.abc import Iterator
 
 KEYS = {
     b" ": "space",
@@ -20,34 +20,90 @@ KEYS = {
 }
 """Names of the keys that mean something, by what a terminal sends."""
 
+END = "q"
+"""What is read when the terminal is gone."""
 
-@contextlib.contextmanager
-def raw_keys() -> Iterator[bool]:
-    """Let the terminal hand on each key at once, without showing it.
+ONE_KEY = re.compile(rb"\x1b(?:\[[0-?]*[ -/]*[@-~]|O[@-~])|[^\x1b]", re.DOTALL)
+"""What a terminal sends for one key."""
 
-    Yields:
-        Whether there is a terminal to read from.
-    """
-    if not (sys.stdin.isatty() and os.getpgrp() == os.tcgetpgrp(sys.stdin.fileno())):
-        yield False
-        return
+PART_OF_KEY = re.compile(rb"\x1b(?:\[[0-?]*[ -/]*|O)?\Z")
+"""The beginning of that, or the key Escape."""
+
+
+class Keyboard:
+    """Reads keys from a terminal one by one; without a terminal there are none."""
+
+    def __init__(self, descriptor: int | None) -> None:
+        """Let the terminal hand on each key at once, without showing it.
+
+        Args:
+            descriptor: Of the terminal; None: there is none.
+        """
+        self._descriptor = descriptor
+        self._pending = b""
+        if descriptor is not None:
+            self._before = termios.tcgetattr(descriptor)
+            tty.setcbreak(descriptor)
+
+    def next_key(self, timeout: float) -> str:
+        """Wait for a key.
+
+        Args:
+            timeout: Longest wait in [s].
+
+        Returns:
+            Its name in ``KEYS``, ``END`` when the terminal is gone; empty if there was
+            no key that means something.
+        """
+        name = self._take()
+        if name:
+            return name
+        descriptors = [] if self._descriptor is None else [self._descriptor]
+        if not select.select(descriptors, [], [], timeout)[0]:
+            self._pending = b""  # of a key that would be here by now
+            return ""
+        sent = self._read()
+        self._pending += sent
+        return self._take() if sent else END
+
+    def _read(self) -> bytes:
+        """Read what is there; nothing is there when the terminal is gone."""
+        assert self._descriptor is not None
+        try:
+            return os.read(self._descriptor, 1024)
+        except OSError:
+            return b""
+
+    def _take(self) -> str:
+        """Take the first known key of what was read; return its name, or nothing."""
+        while self._pending and not PART_OF_KEY.match(self._pending):
+            key = ONE_KEY.match(self._pending)
+            length = key.end() if key else 1
+            taken, self._pending = self._pending[:length], self._pending[length:]
+            if taken in KEYS:
+                return KEYS[taken]
+        return ""
+
+    def close(self) -> None:
+        """Let the terminal be as it was; from any thread, and as often as you like."""
+        # From the background it would stop this program.
+        if self._descriptor is not None and not _is_in_background(self._descriptor):
+            with contextlib.suppress(termios.error):  # it may be gone
+                # Without a wait for what was printed: Ctrl-S holds that back.
+                termios.tcsetattr(self._descriptor, termios.TCSANOW, self._before)
+
+
+def terminal() -> int | None:
+    """Return the terminal whose keys are for this program; None: there is none."""
+    if not sys.stdin.isatty():
+        return None
     descriptor = sys.stdin.fileno()
-    before = termios.tcgetattr(descriptor)
-    tty.setcbreak(descriptor)
+    return None if _is_in_background(descriptor) else descriptor
+
+
+def _is_in_background(descriptor: int) -> bool:
+    """Return whether a terminal has another program in its foreground."""
     try:
-        yield True
-    finally:
-        termios.tcsetattr(descriptor, termios.TCSADRAIN, before)
-
-
-def next_key(timeout: float) -> str:
-    """Wait for a key.
-
-    Args:
-        timeout: Longest wait in [s].
-
-    Returns:
-        Its name in ``KEYS``; empty if there was none, or another.
-    """
-    ready, _, _ = select.select([sys.stdin], [], [], timeout)
-    return KEYS.get(os.read(sys.stdin.fileno(), 8), "") if ready else ""
+        return os.getpgrp() != os.tcgetpgrp(descriptor)
+    except OSError:  # it does not start programs for this session, or is gone
+        return False

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import argparse
 import sys
+from contextlib import closing
 from pathlib import Path
 
-import rosgraph
 import rospy
 
 from g1_description.core.cli import OneSentenceParser, number
@@ -15,12 +15,11 @@ from g1_description.core.motion.edit import cut, moved, to_start_at
 from g1_description.core.motion.trajectory import Trajectory
 from g1_description.core.transform import IDENTITY
 from g1_description.ros.apps.pose import namespace
-from g1_description.ros.apps.robot_view import NoAnswerError
 from g1_description.ros.motion.files.read import read_motion_file
 from g1_description.ros.node.lifecycle import own_arguments, start_node
 from g1_description.sim.motion.floor import lowest_height
 
-from .keyboard import next_key, raw_keys
+from .keyboard import END, Keyboard, terminal
 from .played_robot import PlayedRobot
 from .session import Session
 
@@ -136,7 +135,7 @@ def progress(session: Session, speed: float) -> str:
     return f"[{bar}] {time:6.2f} of {end:.2f} s  {frames}{rate}{state}"
 
 
-def follow(session: Session, args: argparse.Namespace) -> None:
+def follow(session: Session, keyboard: Keyboard, args: argparse.Namespace) -> None:
     """Play until the end, or until a person ends it.
 
     Raises:
@@ -145,33 +144,26 @@ def follow(session: Session, args: argparse.Namespace) -> None:
     """
     shows = sys.stdout.isatty()
     session.start()
-    with raw_keys() as has_keys:
-        while True:
-            key = next_key(REFRESH_PERIOD) if has_keys else _rest()
-            if rospy.core.is_shutdown_requested():
-                raise rospy.ROSInterruptException("interrupted")
-            if key == "q":
-                session.pause()
+    while True:
+        key = keyboard.next_key(REFRESH_PERIOD)
+        if rospy.core.is_shutdown_requested():
+            raise rospy.ROSInterruptException("interrupted")
+        if key == END:
+            session.pause()
+            break
+        if key == "space":
+            session.toggle()
+        elif key in ("left", "right"):
+            session.step(1 if key == "right" else -1)
+        if shows:
+            line = progress(session, args.speed)
+            print(f"\r\x1b[K{line}", end="", flush=True)
+        if session.is_over:
+            if not args.loop:
                 break
-            if key == "space":
-                session.toggle()
-            elif key in ("left", "right"):
-                session.step(1 if key == "right" else -1)
-            if shows:
-                line = progress(session, args.speed)
-                print(f"\r\x1b[K{line}", end="", flush=True)
-            if session.is_over:
-                if not args.loop:
-                    break
-                session.restart_when_rested()
+            session.restart_when_rested()
     if shows:
         print()
-
-
-def _rest() -> str:
-    """Wait until the next look; no key was pressed."""
-    rospy.rostime.wallsleep(REFRESH_PERIOD)
-    return ""
 
 
 def play(args: argparse.Namespace) -> None:
@@ -183,15 +175,13 @@ def play(args: argparse.Namespace) -> None:
     if not args.file.exists():
         raise InvalidValueError(f"There is no file {args.file}.")
     start_node("play", anonymous=True, disable_rosout=True)
-    try:
-        robot = PlayedRobot(args.namespace, notify)
-        trajectory = prepare(args, robot)
-        session = Session(robot, trajectory, args.speed, notify)
-        # While the node can still call: afterwards the robot would go on.
-        rospy.core.add_preshutdown_hook(lambda _: _leave(session))
-        follow(session, args)
-    except (OSError, rosgraph.MasterException) as error:
-        raise NoAnswerError(f"The master is gone: {error}.") from error
+    robot = PlayedRobot(args.namespace, notify)
+    trajectory = prepare(args, robot)
+    session = Session(robot, trajectory, args.speed, notify)
+    # While the node can still call: afterwards the robot would go on.
+    rospy.core.add_preshutdown_hook(lambda _: _leave(session))
+    with closing(Keyboard(terminal())) as keyboard:
+        follow(session, keyboard, args)
     if session.is_over:
         notify(f"{args.file.name}: {session.end - session.begin:.2f} s played.")
 
@@ -212,3 +202,5 @@ def main() -> None:
         play(args)
     except G1DescriptionError as error:
         sys.exit(f"play: {error}")
+    except OSError as error:
+        sys.exit(f"play: {error.strerror or error}")

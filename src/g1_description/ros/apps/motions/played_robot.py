@@ -7,9 +7,11 @@ Subscribes: joint_states (sensor_msgs/JointState)
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 import numpy as np
+import rosgraph
 import rospy
 from trajectory_msgs.msg import JointTrajectoryPoint, MultiDOFJointTrajectoryPoint
 
@@ -38,9 +40,10 @@ class PlayedRobot(RobotView):
 
         Raises:
             DescriptionError: If there is no description, or it is not one.
-            NoAnswerError: If there is no bridge.
+            NoAnswerError: If there is no bridge, or no master.
         """
-        super().__init__(namespace, notify)
+        with _told_without_master():
+            super().__init__(namespace, notify)
         self._base_frame = f"{namespace}/base_link" if namespace else "base_link"
         self._service = rospy.ServiceProxy(f"{self._prefix}play_motion", PlayMotion)
         self._lock = threading.Lock()
@@ -57,8 +60,10 @@ class PlayedRobot(RobotView):
 
         Raises:
             MotionError: If TF does not have it.
+            NoAnswerError: If there is no master.
         """
-        return MapFrame().pose_in_map(IDENTITY, self._base_frame, rospy.Time())
+        with _told_without_master():
+            return MapFrame().pose_in_map(IDENTITY, self._base_frame, rospy.Time())
 
     def play(self, trajectory: Trajectory) -> tuple[int, str]:
         """Let the robot go through a motion, at once.
@@ -92,6 +97,15 @@ class PlayedRobot(RobotView):
         if not answer.success:
             raise NoAnswerError(f"The motion is refused: {answer.status_message}")
         return answer.start.to_nsec(), answer.status_message
+
+
+@contextmanager
+def _told_without_master() -> Iterator[None]:
+    """Raise NoAnswerError where the master does not answer."""
+    try:
+        yield
+    except (OSError, rosgraph.MasterException) as error:
+        raise NoAnswerError(f"The master is gone: {error}.") from error
 
 
 def _message(trajectory: Trajectory) -> RobotTrajectory:

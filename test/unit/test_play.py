@@ -1,0 +1,84 @@
+"""The keys that play reads, and what it does when it is ended, without a robot."""
+
+import contextlib
+import os
+import pty
+import termios
+
+import pytest
+
+pytest.importorskip("rospy", reason="rospy is not installed")
+
+from g1_description.ros.apps.motions.keyboard import Keyboard
+
+SOON = 0.05
+"""[s] A wait for what does not come."""
+
+
+@pytest.fixture
+def ends():
+    """Give both ends of a terminal, the person's first."""
+    ours, its = pty.openpty()
+    yield ours, its
+    for end in (ours, its):
+        with contextlib.suppress(OSError):  # closed already
+            os.close(end)
+
+
+@pytest.fixture
+def keyboard(ends):
+    """Give a keyboard at that terminal."""
+    made = Keyboard(ends[1])
+    yield made
+    made.close()
+
+
+def keys(keyboard, count):
+    return [keyboard.next_key(10.0) for _ in range(count)]
+
+
+def test_keys_that_come_together_are_read_one_by_one(ends, keyboard):
+    os.write(ends[0], b"\x1b[C\x1b[C\x1bOD q")
+    assert keys(keyboard, 5) == ["right", "right", "left", "space", "q"]
+    assert keyboard.next_key(SOON) == ""
+
+
+def test_other_keys_are_skipped_whole(ends, keyboard):
+    os.write(ends[0], b"x\x1b[1;5C\x1b[A\xc3\xa4\x1b[15~\x1bOq \x1bq")
+    assert keys(keyboard, 2) == ["space", "q"]
+
+
+def test_a_key_may_come_in_parts(ends, keyboard):
+    os.write(ends[0], b"\x1b")
+    assert keyboard.next_key(10.0) == ""
+    os.write(ends[0], b"[C")
+    assert keyboard.next_key(10.0) == "right"
+
+
+def test_escape_alone_takes_nothing_from_later_keys(ends, keyboard):
+    os.write(ends[0], b"\x1b")
+    assert keys(keyboard, 1) == [""]
+    assert keyboard.next_key(SOON) == ""
+    os.write(ends[0], b"\x1b[D")
+    assert keyboard.next_key(10.0) == "left"
+
+
+def test_a_terminal_that_is_gone_ends_it(ends, keyboard):
+    os.close(ends[0])
+    assert keyboard.next_key(10.0) == "q"
+    assert keyboard.next_key(10.0) == "q"
+
+
+def test_the_terminal_is_as_it_was(ends):
+    before = termios.tcgetattr(ends[1])
+    keyboard = Keyboard(ends[1])
+    assert termios.tcgetattr(ends[1]) != before
+    keyboard.close()
+    keyboard.close()
+    assert termios.tcgetattr(ends[1]) == before
+
+
+def test_without_a_terminal_there_are_no_keys():
+    keyboard = Keyboard(None)
+    assert keyboard.next_key(0.0) == ""
+    keyboard.close()
