@@ -1,14 +1,10 @@
 #!/usr/bin/env python3
 """The command play, in a terminal and without one."""
 
-import os
-import pty
 import re
-import select
 import signal
 import subprocess
 import tempfile
-import time
 import unittest
 from pathlib import Path
 
@@ -19,48 +15,12 @@ from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import JointState
 from support.joint_limits import limits
 from support.ros_testing import DEADLINE, Connected, program, wait_for
+from support.terminal import Terminal
 from tf2_msgs.msg import TFMessage
 
 HEADER = "time,base_x,base_y,base_z,base_qx,base_qy,base_qz,base_qw,left_elbow_joint"
 SPACE, RIGHT, LEFT, CTRL_C = b" ", b"\x1b[C", b"\x1b[D", b"\x03"
 ELBOW = "left_elbow_joint"
-
-
-class Terminal:
-    """A program in a terminal of its own."""
-
-    def __init__(self, *command):
-        self._pid, self._terminal = pty.fork()
-        if self._pid == 0:
-            os.execv(command[0], command)
-        self.text = ""
-
-    def wait(self, pattern):
-        """Wait until it has printed something."""
-        end = time.monotonic() + DEADLINE
-        while not re.search(pattern, self.text):
-            left = end - time.monotonic()
-            assert left > 0.0, f"no {pattern!r} in {self.text!r}"
-            if select.select([self._terminal], [], [], left)[0]:
-                self._read()
-
-    def _read(self):
-        try:
-            self.text += os.read(self._terminal, 65536).decode()
-        except OSError:
-            return False
-        return True
-
-    def press(self, key):
-        self.text = ""
-        os.write(self._terminal, key)
-
-    def end(self):
-        """Wait for its end; return its exit code."""
-        while self._read():
-            pass
-        os.close(self._terminal)
-        return os.WEXITSTATUS(os.waitpid(self._pid, 0)[1])
 
 
 class TestPlay(unittest.TestCase):

@@ -178,16 +178,17 @@ def play(args: argparse.Namespace) -> None:
     robot = PlayedRobot(args.namespace, notify)
     trajectory = prepare(args, robot)
     session = Session(robot, trajectory, args.speed, notify)
-    # While the node can still call: afterwards the robot would go on.
-    rospy.core.add_preshutdown_hook(lambda _: _leave(session))
     with closing(Keyboard(terminal())) as keyboard:
+        # While the node can still call: afterwards the robot would go on.
+        rospy.core.add_preshutdown_hook(lambda _: _leave(session, keyboard))
         follow(session, keyboard, args)
     if session.is_over:
         notify(f"{args.file.name}: {session.end - session.begin:.2f} s played.")
 
 
-def _leave(session: Session) -> None:
+def _leave(session: Session, keyboard: Keyboard) -> None:
     """Stop the robot where it is when a signal ends the node."""
+    keyboard.close()  # first: a bridge that does not answer ends the program here
     try:
         if not session.is_over:
             session.pause()

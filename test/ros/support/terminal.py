@@ -1,0 +1,52 @@
+"""A terminal to run programs in."""
+
+import os
+import pty
+import re
+import select
+import termios
+import time
+
+from waiting import DEADLINE
+
+
+class Terminal:
+    """A program in a terminal of its own."""
+
+    def __init__(self, *command):
+        self._pid, self._terminal = pty.fork()
+        if self._pid == 0:
+            os.execv(command[0], command)
+        self.text = ""
+
+    def wait(self, pattern):
+        """Wait until it has printed something."""
+        end = time.monotonic() + DEADLINE
+        while not re.search(pattern, self.text):
+            left = end - time.monotonic()
+            assert left > 0.0, f"no {pattern!r} in {self.text!r}"
+            if select.select([self._terminal], [], [], left)[0]:
+                self._read()
+
+    def _read(self):
+        try:
+            self.text += os.read(self._terminal, 65536).decode()
+        except OSError:
+            return False
+        return True
+
+    def press(self, key):
+        self.text = ""
+        os.write(self._terminal, key)
+
+    def settings(self):
+        """Give how the terminal is set, as termios has it."""
+        return termios.tcgetattr(self._terminal)
+
+    def end(self):
+        """Wait for its end; return its exit code."""
+        while self._read():
+            pass
+        self.settings_left = self.settings()
+        os.close(self._terminal)
+        return os.WEXITSTATUS(os.waitpid(self._pid, 0)[1])

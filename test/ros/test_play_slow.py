@@ -1,0 +1,56 @@
+#!/usr/bin/env python3
+"""The command play, while its bridge does not answer."""
+
+import subprocess
+import tempfile
+import termios
+import unittest
+from pathlib import Path
+
+import rospy
+import rostest
+from support.ros_testing import DEADLINE, program
+from support.terminal import Terminal
+
+BRIDGE = Path(__file__).resolve().parent / "support" / "slow_bridge.py"
+CTRL_C = b"\x03"
+
+
+class TestPlaySlow(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.file = Path(folder.name) / "wave.csv"
+        self.file.write_text("time,left_elbow_joint\n0,0\n60,1\n")
+        self.bridge = subprocess.Popen(
+            [BRIDGE, "slow"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        )
+        self.addCleanup(self.bridge.communicate, timeout=DEADLINE)
+        self.addCleanup(self.bridge.kill)
+
+    def play(self, *arguments):
+        return Terminal(
+            program("play"), str(self.file), "--namespace", "slow", *arguments
+        )
+
+    def asked(self):
+        """Wait until the bridge is asked for something; give what."""
+        return self.bridge.stdout.readline().strip()
+
+    def answer(self):
+        self.bridge.stdin.write("\n")
+        self.bridge.stdin.flush()
+
+    def test_the_terminal_is_as_it_was_when_no_answer_comes(self):
+        playing = self.play()
+        before = playing.settings()
+        self.assertEqual(self.asked(), "play")
+        playing.press(CTRL_C)
+        self.assertEqual(playing.end(), 130)
+        self.assertEqual(playing.settings_left, before)
+        self.assertTrue(before[3] & termios.ICANON)
+
+
+if __name__ == "__main__":
+    rospy.init_node("test_play_slow")
+    rostest.rosrun("g1_description", "play_slow", TestPlaySlow)
