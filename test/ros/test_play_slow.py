@@ -9,7 +9,7 @@ from pathlib import Path
 
 import rospy
 import rostest
-from support.ros_testing import DEADLINE, program
+from support.ros_testing import DEADLINE, program, wait_for
 from support.terminal import Terminal
 
 BRIDGE = Path(__file__).resolve().parent / "support" / "slow_bridge.py"
@@ -49,6 +49,28 @@ class TestPlaySlow(unittest.TestCase):
         self.assertEqual(playing.end(), 130)
         self.assertEqual(playing.settings_left, before)
         self.assertTrue(before[3] & termios.ICANON)
+
+    def test_a_robot_that_is_asked_to_begin_is_stopped(self):
+        playing = self.play()
+        self.assertEqual(self.asked(), "play")
+        playing.press(CTRL_C)
+        wait_for(lambda: playing.settings()[3] & termios.ICANON, "the end's beginning")
+        self.answer()
+        self.assertEqual(self.asked(), "stop")
+        self.answer()
+        self.assertEqual(playing.end(), 130)
+        self.assertIn("stopped; the robot stays where it is", playing.text)
+
+    def test_that_it_may_go_on_is_told(self):
+        playing = self.play()
+        self.assertEqual(self.asked(), "play")
+        self.answer()
+        playing.wait("sample 1 of 2")
+        self.bridge.kill()
+        self.bridge.wait()
+        playing.press(CTRL_C)
+        self.assertEqual(playing.end(), 130)
+        self.assertIn("the robot may go on", playing.text)
 
 
 if __name__ == "__main__":

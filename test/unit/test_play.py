@@ -4,12 +4,20 @@ import contextlib
 import os
 import pty
 import termios
+import threading
 
 import pytest
 
 pytest.importorskip("rospy", reason="rospy is not installed")
 
+import numpy as np
+import rospy
+from waiting import wait_for
+
+from g1_description.core.motion.trajectory import Trajectory
+from g1_description.ros.apps.motions import session as sessions
 from g1_description.ros.apps.motions.keyboard import Keyboard
+from g1_description.ros.apps.motions.session import Session
 
 SOON = 0.05
 """[s] A wait for what does not come."""
@@ -82,3 +90,87 @@ def test_without_a_terminal_there_are_no_keys():
     keyboard = Keyboard(None)
     assert keyboard.next_key(0.0) == ""
     keyboard.close()
+
+
+class Robot:
+    """Notes what it is asked; may do something before it answers."""
+
+    def __init__(self):
+        self.calls, self.now_ns, self.meanwhile = [], 0, lambda: None
+
+    def play(self, trajectory):
+        self.calls.append("play")
+        self.meanwhile()
+        return self.now_ns, ""
+
+    def stop(self):
+        self.calls.append("stop")
+
+
+@pytest.fixture
+def robot():
+    return Robot()
+
+
+@pytest.fixture
+def session(robot):
+    """Give a motion of two seconds."""
+    times = np.array([0.0, 1.0, 2.0])
+    motion = Trajectory(times, ("knee",), times[:, None], None, None)
+    return Session(robot, motion, 1.0, print)
+
+
+def leave_meanwhile(robot, session):
+    """End it from another thread before the robot answers; give the thread."""
+    thread = threading.Thread(target=session.leave)
+
+    def begin():
+        thread.start()
+        wait_for(lambda: session._is_left, "the other thread")
+
+    robot.meanwhile = begin
+    return thread
+
+
+def test_the_robot_is_stopped_while_the_bridge_is_asked_to_begin(robot, session):
+    thread = leave_meanwhile(robot, session)
+    session.start()
+    thread.join()
+    assert robot.calls == ["play", "stop"]
+
+
+def test_the_robot_is_stopped_while_it_is_asked_to_go_on(robot, session):
+    session.start()
+    session.toggle()
+    thread = leave_meanwhile(robot, session)
+    session.toggle()
+    thread.join()
+    assert robot.calls == ["play", "stop", "play", "stop"]
+
+
+def test_the_robot_is_stopped_while_it_is_asked_to_begin_again(
+    robot, session, monkeypatch
+):
+    monkeypatch.setattr(sessions, "REST", 0.0)
+    session.start()
+    robot.now_ns = 3 * 10**9
+    assert session.is_over
+    thread = leave_meanwhile(robot, session)
+    session.restart_when_rested()
+    thread.join()
+    assert robot.calls == ["play", "play", "stop"]
+
+
+def test_nothing_begins_after_the_end(robot, session):
+    assert not session.leave()
+    with pytest.raises(rospy.ROSInterruptException):
+        session.start()
+    assert robot.calls == []
+
+
+def test_a_robot_at_its_end_is_not_stopped(robot, session):
+    session.start()
+    robot.now_ns = 3 * 10**9
+    assert session.is_over
+    assert not session.leave()
+    assert robot.calls == ["play"]

@@ -143,11 +143,11 @@ def follow(session: Session, keyboard: Keyboard, args: argparse.Namespace) -> No
         ROSInterruptException: If a signal ends it.
     """
     shows = sys.stdout.isatty()
+    _check_signals()
     session.start()
     while True:
         key = keyboard.next_key(REFRESH_PERIOD)
-        if rospy.core.is_shutdown_requested():
-            raise rospy.ROSInterruptException("interrupted")
+        _check_signals()
         if key == END:
             session.pause()
             break
@@ -164,6 +164,12 @@ def follow(session: Session, keyboard: Keyboard, args: argparse.Namespace) -> No
             session.restart_when_rested()
     if shows:
         print()
+
+
+def _check_signals() -> None:
+    """Raise ROSInterruptException if a signal ends the node."""
+    if rospy.core.is_shutdown_requested():
+        raise rospy.ROSInterruptException("interrupted")
 
 
 def play(args: argparse.Namespace) -> None:
@@ -190,10 +196,10 @@ def _leave(session: Session, keyboard: Keyboard) -> None:
     """Stop the robot where it is when a signal ends the node."""
     keyboard.close()  # first: a bridge that does not answer ends the program here
     try:
-        if not session.is_over:
-            session.pause()
-    except G1DescriptionError:
-        pass
+        if session.leave():
+            notify("stopped; the robot stays where it is.")
+    except G1DescriptionError as error:
+        notify(f"the robot may go on: {error}")
 
 
 def main() -> None:

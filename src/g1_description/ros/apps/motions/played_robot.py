@@ -6,7 +6,6 @@ Subscribes: joint_states (sensor_msgs/JointState)
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -46,7 +45,6 @@ class PlayedRobot(RobotView):
             super().__init__(namespace, notify)
         self._base_frame = f"{namespace}/base_link" if namespace else "base_link"
         self._service = rospy.ServiceProxy(f"{self._prefix}play_motion", PlayMotion)
-        self._lock = threading.Lock()
         if not self.wait_until(lambda: self.newest is not None, TIMEOUT):
             raise NoAnswerError(f"The robot's state is unknown: {self.silence}")
 
@@ -87,8 +85,7 @@ class PlayedRobot(RobotView):
     def _call(self, message: RobotTrajectory) -> tuple[int, str]:
         """Call the bridge."""
         try:
-            with self._lock:
-                answer = self._service(message)
+            answer = self._service(message)
         except (rospy.ServiceException, OSError) as error:
             name = self._service.resolved_name
             raise NoAnswerError(
