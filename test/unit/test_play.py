@@ -5,6 +5,7 @@ import os
 import pty
 import termios
 import threading
+import time
 
 import pytest
 
@@ -174,3 +175,20 @@ def test_a_robot_at_its_end_is_not_stopped(robot, session):
     assert session.is_over
     assert not session.leave()
     assert robot.calls == ["play"]
+
+
+def test_each_end_has_its_rest(robot, session, monkeypatch):
+    """Also after a pause in the rest before."""
+    session.start()
+    robot.now_ns = 3 * 10**9
+    session.restart_when_rested()
+    session.toggle()
+    session.toggle()
+    robot.now_ns = 6 * 10**9
+    assert session.is_over
+    calls, end = len(robot.calls), time.monotonic()
+    wait_for(lambda: time.monotonic() > end + SOON, "a while")
+    monkeypatch.setattr(sessions, "REST", SOON)
+    session.restart_when_rested()
+    assert len(robot.calls) == calls
+    wait_for(lambda: session.restart_when_rested() or robot.calls[calls:], "a rest")

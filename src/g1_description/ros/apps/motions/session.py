@@ -95,7 +95,7 @@ class Session:
         self._from = self.time if time is None else time
         if self._from >= self.end:
             self._from = self.begin
-        self._seen_ns = 0
+        self._seen_ns, self._ended = 0, None
         part = cut(self.trajectory, self._from)
         self.is_running, self._may_move = False, True
         self._start_ns = self._play(at_speed(part, self._speed, self._from))
@@ -145,7 +145,6 @@ class Session:
         now = time.monotonic()
         self._ended = self._ended or now
         if now >= self._ended + REST:
-            self._ended = None
             self.start(self.begin)
 
     def _stop(self) -> None:
