@@ -1,6 +1,8 @@
 #!/usr/bin/env python3
 """The command play, while its bridge does not answer."""
 
+import re
+import signal
 import subprocess
 import tempfile
 import termios
@@ -71,6 +73,33 @@ class TestPlaySlow(unittest.TestCase):
         playing.press(CTRL_C)
         self.assertEqual(playing.end(), 130)
         self.assertIn("the robot may go on", playing.text)
+
+    def test_that_time_is_paused_is_told_and_waited_for(self):
+        playing = self.play("--speed", "0.1")
+        self.assertEqual(self.asked(), "play")
+        self.answer()
+        playing.wait("sample 1 of 2")
+        for _ in range(2):
+            self.bridge.send_signal(signal.SIGSTOP)
+            playing.wait("waiting: nothing comes on /slow/joint_states after")
+            shown = re.findall(r"([\d.]+) of 60", playing.text)[-1]
+            playing.text = ""
+            self.bridge.send_signal(signal.SIGCONT)
+            playing.wait(rf"\] +(?!{shown})[\d.]+ of 60")
+            playing.text = ""
+        playing.press(b"q")
+        self.assertEqual(self.asked(), "stop")
+        self.answer()
+        self.assertEqual(playing.end(), 0)
+
+    def test_a_bridge_that_is_gone_ends_it(self):
+        playing = self.play()
+        self.assertEqual(self.asked(), "play")
+        self.answer()
+        playing.wait("sample 1 of 2")
+        self.bridge.kill()
+        self.assertEqual(playing.end(), 1)
+        self.assertIn("play: Nobody publishes /slow/joint_states any", playing.text)
 
 
 if __name__ == "__main__":

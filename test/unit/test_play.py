@@ -104,6 +104,9 @@ class Robot:
         self.meanwhile()
         return self.now_ns, ""
 
+    def look_after_time(self):
+        pass
+
     def stop(self):
         self.calls.append("stop")
 

@@ -108,7 +108,7 @@ class RobotView:
         def holds():
             nonlocal reported
             result = condition()
-            obstacle = "" if result else self._obstacle(begin)
+            obstacle = "" if result else self.obstacle(begin)
             if obstacle not in ("", reported):
                 self._notify(f"waiting: {obstacle}")
                 reported = obstacle
@@ -116,7 +116,7 @@ class RobotView:
 
         return wait_until(holds, timeout, self._changed)
 
-    def _obstacle(self, begin: float) -> str:
+    def obstacle(self, begin: float = 0.0) -> str:
         """Return what keeps a wait from ending; empty if nothing is known to.
 
         Args:

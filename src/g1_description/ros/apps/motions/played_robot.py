@@ -6,6 +6,7 @@ Subscribes: joint_states (sensor_msgs/JointState)
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -24,6 +25,10 @@ from g1_description.srv import PlayMotion
 
 TIMEOUT = 30.0
 """Longest wait for the bridge, in [s]: machines may be busy."""
+
+GONE = 5.0
+"""Time without a publisher of joint states after which the robot is given up, in [s]:
+a bridge that failed is started again."""
 
 
 class PlayedRobot(RobotView):
@@ -44,6 +49,9 @@ class PlayedRobot(RobotView):
         with _told_without_master():
             super().__init__(namespace, notify)
         self._base_frame = f"{namespace}/base_link" if namespace else "base_link"
+        self._told = ""
+        self._alone: float | None = None
+        """Since when nobody publishes its state, on the monotonic clock."""
         self._service = rospy.ServiceProxy(f"{self._prefix}play_motion", PlayMotion)
         if not self.wait_until(lambda: self.newest is not None, TIMEOUT):
             raise NoAnswerError(f"The robot's state is unknown: {self.silence}")
@@ -52,6 +60,26 @@ class PlayedRobot(RobotView):
     def now_ns(self) -> int:
         """Time of its newest state, in [ns]."""
         return self.newest.header.stamp.to_nsec() if self.newest else 0
+
+    def look_after_time(self) -> None:
+        """Tell what keeps its time from going on; to be called again and again.
+
+        Raises:
+            NoAnswerError: If nobody publishes its state any more.
+        """
+        obstacle = self.obstacle()
+        if obstacle not in ("", self._told):
+            self._notify(f"waiting: {obstacle}")
+        self._told = obstacle
+        if self._subscriber.get_num_connections():
+            self._alone = None
+            return
+        now = time.monotonic()
+        self._alone = self._alone or now
+        if now > self._alone + GONE:
+            raise NoAnswerError(
+                f"Nobody publishes {self.topic} any more; the bridge is gone."
+            )
 
     def base_pose(self) -> np.ndarray:
         """Return where its base is in the map, shape (7,).

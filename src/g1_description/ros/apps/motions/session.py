@@ -64,9 +64,10 @@ class Session:
         """Time of the motion that the robot shows, in [s].
 
         Raises:
-            NoAnswerError: If the robot was reset on the way.
+            NoAnswerError: If the robot was reset on the way, or is gone.
         """
         if self.is_running:
+            self._robot.look_after_time()
             now_ns = self._robot.now_ns
             if now_ns < self._seen_ns:
                 self.is_running = self._may_move = False
