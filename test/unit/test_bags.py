@@ -296,7 +296,7 @@ def test_wrong_messages_are_told(bag):
         ("/joint_states", sizes, "Message 1 on /joint_states has 1 positions of 2"),
         ("/joint_states", infinite, "Sample 1 of the motion has the position"),
         ("/joint_states", state(1, a=1.0), "none of the motion's joints, a_joint"),
-        ("/joint_trajectory", ragged, "Point 1 on /joint_trajectory has 2 numbers"),
+        ("/joint_trajectory", ragged, "On /joint_trajectory: Point 1 has 2 numbers"),
         ("/joint_trajectory", empty, "no points of joints"),
     ):
         with pytest.raises(MotionError, match=words):

@@ -16,6 +16,9 @@ from conftest import REPOSITORY
 LIMITED = REPOSITORY / "test" / "limited.py"
 SECONDS = 5.0
 JOINT_STATE = b"3066dcd76a6cfaef579bd0f34173e9fd"
+JOINT_TRAJECTORY = b"65b4f94a94d1ed67169da35a02f33d3f"
+ROBOT_TRAJECTORY = b"dfa9556423d709a3729bcef664bddf67"
+TRANSFORMS = b"94810edda583a504dfda3829e70d7eec"
 
 
 def zipped(members, compression=zipfile.ZIP_DEFLATED):
@@ -96,39 +99,106 @@ def record(fields, data=b""):
     return struct.pack("<I", len(header)) + header + struct.pack("<I", len(data)) + data
 
 
-def bag(chunk, packing=b"none", size=None, counts=(1, 1), kind=JOINT_STATE):
-    """Make a bag of one chunk, with a topic of joint states.
+def bag(chunk, packing=b"none", size=None, counts=(1, 1), kinds=(JOINT_STATE,)):
+    """Make a bag of one chunk, with topics of which the first is joint_states.
 
     Args:
         chunk: The chunk as it is in the file.
         packing: How it is said to be compressed.
         size: Its size that is said; by default the true one.
         counts: Numbers of connections and chunks that are said to be there.
-        kind: The md5 sum of the topic's messages.
+        kinds: The md5 sums of the topics' messages.
     """
     size = struct.pack("<I", len(chunk) if size is None else size)
     start = b"#ROSBAG V2.0\n"
     chunk = record({"op": b"\x05", "compression": packing, "size": size}, chunk)
-    place = len(start) + 4096
-    content = record({"type": b"sensor_msgs/JointState", "md5sum": kind})[:-4]
-    index = record(
-        {"op": b"\x07", "conn": bytes(4), "topic": b"/joint_states"}, content[4:]
-    )
+    place, index, pairs = len(start) + 4096, b"", b""
+    for number, kind in enumerate(kinds):
+        content = record({"type": b"some/Type", "md5sum": kind})[:-4]
+        topic = b"/topic" if number else b"/joint_states"
+        conn = struct.pack("<I", number)
+        index += record({"op": b"\x07", "conn": conn, "topic": topic}, content[4:])
+        pairs += conn + b"\1\0\0\0"
     info = {"op": b"\x06", "chunk_pos": struct.pack("<Q", place)}
-    index += record(info, struct.pack("<II", 0, 1))
+    index += record(info, pairs)
     head = record(
         {
             "op": b"\x03",
             "index_pos": struct.pack("<Q", place + len(chunk)),
-            "conn_count": struct.pack("<I", counts[0]),
+            "conn_count": struct.pack("<I", max(counts[0], len(kinds))),
             "chunk_count": struct.pack("<I", counts[1]),
         }
     )
     return start + head.ljust(4096, b"\0") + chunk + index
 
 
-def message(data):
-    return record({"op": b"\x02", "conn": bytes(4), "time": b"\1" * 8}, data)
+def message(data, topic=0, kind=b"\x02"):
+    number = struct.pack("<I", topic)
+    return record({"op": kind, "conn": number, "time": b"\1" * 8}, data)
+
+
+def listed(*parts):
+    return struct.pack("<I", len(parts)) + b"".join(parts)
+
+
+def named(text):
+    return struct.pack("<I", len(text)) + text
+
+
+def numbers(count):
+    return struct.pack("<I", count) + bytes(8 * count)
+
+
+def of_new_names(n_messages, n_names):
+    """Make joint states that name other joints each time."""
+    one = struct.Struct("<II").pack
+    return bag(
+        b"".join(
+            message(
+                HEADER
+                + listed(*(one(4, m * n_names + n) for n in range(n_names)))
+                + numbers(n_names)
+                + bytes(8)
+            )
+            for m in range(n_messages)
+        )
+    )
+
+
+def of_other_lists(n_messages, n_names):
+    """Make joint states that name the same joints in another order each time."""
+    names = [named(b"%06d" % n) for n in range(n_names)]
+    return bag(
+        b"".join(
+            message(
+                HEADER
+                + listed(*names[m % n_names :], *names[: m % n_names])
+                + numbers(n_names)
+                + bytes(8)
+            )
+            for m in range(n_messages)
+        )
+    )
+
+
+def of_points(count, names=(), numbers_of_point=0, base=0):
+    """Make a trajectory; its points' accelerations are none."""
+    point = numbers(numbers_of_point) * 2 + bytes(16)
+    content = HEADER + listed(*map(named, names)) + struct.pack("<I", count)
+    content += point * count
+    if not base:
+        return bag(message(content), kinds=(JOINT_TRAJECTORY,))
+    content += HEADER + bytes(4) + struct.pack("<I", base)
+    content += (b"\1\0\0\0" + bytes(48) + struct.pack("<d", 1) + bytes(16)) * base
+    return bag(message(content), kinds=(ROBOT_TRAJECTORY,))
+
+
+def of_transforms(count, n_messages, child=b""):
+    """Make a joint state, and messages of many transforms."""
+    state = message(HEADER + listed(named(b"left_elbow_joint")) + numbers(1) + bytes(8))
+    edges = (HEADER + named(child) + bytes(56)) * count
+    transforms = message(struct.pack("<I", count) + edges, 1)
+    return bag(state + transforms * n_messages, kinds=(JOINT_STATE, TRANSFORMS))
 
 
 def bz2_bomb():
@@ -169,7 +239,7 @@ HOSTILE = {
     "many chunks": (lambda: bag(b"", counts=(1, 2**32 - 1)), "has 4294967295 chunks"),
     "more chunks": (lambda: bag(b"", counts=(1, 9999)), "bag is"),
     "many messages": (
-        lambda: bag(message(b"") * 260_000, kind=b"x" * 32),
+        lambda: bag(message(b"") * 260_000, kinds=(b"x" * 32,)),
         "it has /joint_states",
     ),
     "many states": (
@@ -210,6 +280,50 @@ HOSTILE = {
             )
         ),
         "more than 12000000 numbers",
+    ),
+    "new names": (lambda: of_new_names(500, 10_000), "more than 12000000 numbers"),
+    "few new names": (lambda: of_new_names(4000, 50), "more than 12000000 numbers"),
+    "other lists": (lambda: of_other_lists(400, 10_000), "1000000 points, transf"),
+    "long names": (
+        lambda: bag(message(HEADER + listed(named(bytes(95_000_000))) + bytes(12))),
+        "more than 60 MB of text",
+    ),
+    "efforts": (
+        lambda: bag(
+            message(HEADER + listed(named(b"a")) + numbers(1) + bytes(90_000)) * 1000
+        ),
+        "none of the motion's joints",
+    ),
+    "empty points": (lambda: of_points(4_000_000), "1000000 points, transforms or"),
+    "points": (lambda: of_points(249_000, base=249_000), "times of the motion do not"),
+    "wide points": (
+        lambda: of_points(9, [b"a"], 10**5),
+        "1 has 100000 numbers, not 1",
+    ),
+    "other records": (
+        lambda: bag(message(b"", kind=b"\x07") * 1_000_000),
+        "more than 250000 messages",
+    ),
+    "values of a record": (
+        lambda: bag(record({f"{n}": b"" for n in range(5_000_000)})),
+        "a record has 20 values",
+    ),
+    "large index": (
+        lambda: bag(b"") + bytes(90_000_000),
+        "an index of 90 MB",
+    ),
+    "chunk that says it is empty": (
+        lambda: bag(bytes(100_000_001), size=0),
+        "more than 100 MB where",
+    ),
+    "transforms": (lambda: of_transforms(1_300_000, 1), "1000000 points, transforms"),
+    "messages of transforms": (
+        lambda: of_transforms(1, 249_000),
+        "1 samples",
+    ),
+    "base poses": (
+        lambda: of_transforms(99_000, 8, b"base_link"),
+        "more than 250000 base poses",
     ),
     "tuples as key": (lambda: of_tuples(b"K\x01u."), "dictionary with a tuple as key"),
     "tuples as name": (

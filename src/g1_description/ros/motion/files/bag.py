@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 
 from g1_description.core.errors import MotionError
-from g1_description.core.motion.formats.arrays import MAX_SIZE
 from g1_description.core.motion.motion import Motion
 from g1_description.core.motion.sampling import sample
 from g1_description.core.motion.trajectory import Trajectory
@@ -19,6 +18,7 @@ from g1_description.ros.wire.motions import JointSample, Points
 from .bag_base import BasePath, base_of_bag, path_of
 from .bag_messages import kind_of, read_messages, rising
 from .bag_records import Bag, Topic, damage, open_bag
+from .bag_samples import Samples
 
 USUAL = ("joint_states", "motion", "joint_trajectory", "joint_commands")
 """Names of topics with a robot's joints, the first one counts."""
@@ -98,17 +98,15 @@ def _what(bag: Bag, joints: Sequence[str]) -> str:
 
 def _states(bag: Bag, topic: Topic, robot: Description) -> Motion:
     """Read joint states or commands, and where the base is."""
-    found = [
-        (m.time, state) for m, parts in read_messages(bag, [topic]) for state in parts
-    ]
-    return _joined(
-        topic, found, lambda stamped: base_of_bag(bag, topic, robot, stamped)
-    )
+    found = Samples(topic)
+    for message, (state,) in read_messages(bag, [topic]):
+        found.add(message.time, state)
+    return _joined(found, lambda stamped: base_of_bag(bag, topic, robot, stamped))
 
 
 def _stream(bag: Bag, topic: Topic) -> Motion:
     """Read trajectories of one point each, which planners send one after the other."""
-    found, bases = [], []
+    found, bases = Samples(topic), []
     for number, (message, parts) in enumerate(read_messages(bag, [topic]), 1):
         joints: Points = parts[0]
         if any(len(part.times) > 1 for part in parts) or not joints.times:
@@ -117,32 +115,24 @@ def _stream(bag: Bag, topic: Topic) -> Motion:
             )
         positions, velocities = joints.positions[0], joints.velocities[0]
         state = JointSample(0, joints.names, positions, velocities)
-        found.append((message.time, state))
+        found.add(message.time, state)
         bases += [(message.time, part.positions[0]) for part in parts[1:] if part.times]
-    wrong = [pose for _, pose in bases if len(pose) != 7]
-    if wrong:
-        raise MotionError(f"On {topic.name} the base has not one pose in each point.")
     base = path_of(bases, topic.name) if bases else None
-    return _joined(topic, found, lambda _: base)
+    return _joined(found, lambda _: base)
 
 
-def _joined(
-    topic: Topic,
-    found: Sequence[tuple[int, JointSample]],
-    find_base: Callable[[bool], BasePath | None],
-) -> Motion:
+def _joined(found: Samples, find_base: Callable[[bool], BasePath | None]) -> Motion:
     """Join the joints and the base.
 
     Args:
-        topic: With the joints.
-        found: Times of the recording in [ns], and joints.
+        found: The joints.
         find_base: Finds the base; takes whether the stamps of messages count.
     """
-    names, positions, velocities = _table(topic, [state for _, state in found])
-    stamps, notes = np.array([state.stamp for _, state in found]), []
+    names, positions, velocities = found.table()
+    (stamps, times), notes = found.times(), []
     has_stamps = bool(stamps.all())
     if not has_stamps:
-        stamps = np.array([time for time, _ in found])
+        stamps = times
         notes.append("Some messages have no stamps: the times of the recording count.")
     kept, goes_back = rising(stamps)
     if goes_back:
@@ -162,55 +152,8 @@ def _joined(
     )
     whence = f", the base that of {base.source}" if base else ""
     return Motion(
-        trajectory, (f"The joints are those of {topic.name}{whence}.", *notes)
+        trajectory, (f"The joints are those of {found.topic.name}{whence}.", *notes)
     )
-
-
-def _table(
-    topic: Topic, states: Sequence[JointSample]
-) -> tuple[tuple[str, ...], np.ndarray, np.ndarray | None]:
-    """Put the joints of all messages into columns.
-
-    Returns:
-        Names; positions, where a message does not name a joint those before, or else
-        the first ones; velocities, None unless all messages have those of all joints.
-    """
-    total = 0
-    columns: dict[str, int] = {}
-    for number, state in enumerate(states, 1):
-        n = len(state.names)
-        total += n
-        if len(state.positions) != n or total > MAX_SIZE:
-            raise MotionError(
-                f"Message {number} on {topic.name} has {len(state.positions)} "
-                f"positions of {n} joints."
-                if total <= MAX_SIZE
-                else f"{topic.name} has more than {MAX_SIZE} numbers."
-            )
-        for name in state.names:
-            columns.setdefault(name, len(columns))
-    if len(columns) * len(states) > MAX_SIZE:
-        raise MotionError(f"{topic.name} has more than {MAX_SIZE} numbers.")
-    shape = len(states), len(columns)
-    positions, velocities = np.full((2, *shape), np.nan)
-    for row, state in enumerate(states):
-        which = [columns[name] for name in state.names]
-        positions[row, which] = state.positions
-        if len(state.velocities) == len(which):
-            velocities[row, which] = state.velocities
-    is_whole = np.isfinite(velocities).all()
-    return tuple(columns), _filled(positions), velocities if is_whole else None
-
-
-def _filled(positions: np.ndarray) -> np.ndarray:
-    """Fill what is not finite with what was before it, else with what comes next."""
-    for turned in (positions, positions[::-1]):
-        known = np.isfinite(turned)
-        if not known.all():
-            rows = np.where(known, np.arange(len(turned))[:, np.newaxis], 0)
-            np.maximum.accumulate(rows, axis=0, out=rows)
-            turned[:] = turned[rows, np.arange(turned.shape[1])]
-    return positions
 
 
 def _trajectory(bag: Bag, topic: Topic, robot: Description) -> Motion:
@@ -230,28 +173,23 @@ def _trajectory(bag: Bag, topic: Topic, robot: Description) -> Motion:
         Trajectory(
             times,
             joints.names,
-            _rows(topic, joints.positions, len(joints.names)),
-            _rows(topic, joints.velocities, len(joints.names))
+            _rows(joints.positions, len(joints.names)),
+            _rows(joints.velocities, len(joints.names))
             if all(map(len, joints.velocities)) and joints.names
             else None,
-            _base_poses(topic, base, times) if base else None,
+            _base_poses(base, times) if base else None,
         ),
         notes,
     )
 
 
-def _rows(topic: Topic, rows: Sequence[np.ndarray], width: int) -> np.ndarray:
-    """Stack rows that must have a width."""
-    for number, row in enumerate(rows, 1):
-        if len(row) != width:
-            raise MotionError(
-                f"Point {number} on {topic.name} has {len(row)} numbers, not {width}."
-            )
+def _rows(rows: Sequence[np.ndarray], width: int) -> np.ndarray:
+    """Stack rows of a width."""
     return np.array(rows).reshape(len(rows), width)
 
 
-def _base_poses(topic: Topic, base: Points, times: np.ndarray) -> np.ndarray:
+def _base_poses(base: Points, times: np.ndarray) -> np.ndarray:
     """Find the base at the times of the joints."""
-    poses = _rows(topic, base.positions, 7)
+    poses = _rows(base.positions, 7)
     path = Trajectory(np.array(base.times), (), np.empty((len(poses), 0)), None, poses)
     return sample(path, times).base_poses

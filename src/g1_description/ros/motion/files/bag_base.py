@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from g1_description.core.errors import MotionError
 from g1_description.core.motion.sampling import sample
 from g1_description.core.motion.trajectory import Trajectory
 from g1_description.core.robot.assembly import base_of
@@ -15,7 +16,7 @@ from g1_description.core.robot.description import Description
 from g1_description.core.transform import IDENTITY, compose
 
 from .bag_messages import kind_of, read_messages, rising
-from .bag_records import Bag, Topic
+from .bag_records import MAX_MESSAGES, Bag, Topic
 
 BASE_FRAME = "base_link"
 
@@ -101,10 +102,14 @@ def _edges(
     """Collect stamps and poses of the edges above some frames."""
     topics = [topic for topic in bag.counts() if kind_of(topic) == "TFMessage"]
     found: dict[tuple[str, str], list[tuple[int, np.ndarray]]] = {}
+    count = 0
     for message, edges in read_messages(bag, topics):
         for edge in edges:
             child = edge.child.lstrip("/")
             if child in frames:
+                count += 1
+                if count > MAX_MESSAGES:
+                    raise MotionError(f"TF has more than {MAX_MESSAGES} base poses.")
                 stamp = edge.stamp if has_stamps and edge.stamp else message.time
                 parent = edge.parent.lstrip("/")
                 found.setdefault((parent, child), []).append((stamp, edge.pose))

@@ -28,8 +28,8 @@ def read_messages(
     """
     reader = MessageReader()
     for message in bag.messages(topics):
-        reader.start(message.data)
         try:
+            reader.start(message.data)
             yield message, READERS[message.topic.md5][1](reader)
         except WireFormatError as error:
             raise MotionError(f"On {message.topic.name}: {error}") from error

@@ -25,7 +25,14 @@ MAX_RECORDS = 100_000
 """Most chunks, and most connections."""
 
 MAX_MESSAGES = 250_000
-"""Most messages in the chunks that are read, of all topics."""
+"""Most records in the chunks that are read: messages of all topics, and what says what
+the topics are."""
+
+MAX_INDEX = 20_000_000
+"""Most bytes of the index."""
+
+MAX_FIELDS = 20
+"""Most values in the header of a record; mostly there are three."""
 
 MAX_CHUNK = 100_000_000
 """Most bytes of one chunk, unpacked."""
@@ -95,18 +102,16 @@ class Bag:
         """
         numbers = {n for n, topic in self.connections.items() if topic in topics}
         room = {"none": MAX_READ}
-        n_messages = 0
+        n_records, kind = 0, bytes([_MESSAGE])
         for place, counts in sorted(self.chunks.items()):
             if not any(counts.get(number) for number in numbers):
                 continue
             for fields, data in _records(self._chunk(place, room)):
-                number = _number(fields, b"conn")
-                if fields.get(b"op") != bytes([_MESSAGE]):
-                    continue
-                n_messages += 1
-                if n_messages > MAX_MESSAGES:
+                n_records += 1
+                if n_records > MAX_MESSAGES:
                     raise _too_large(f"more than {MAX_MESSAGES} messages")
-                if number in numbers:
+                number = _number(fields, b"conn")
+                if number in numbers and fields.get(b"op") == kind:
                     seconds, rest = _PAIR.unpack(fields.get(b"time", b""))
                     time = seconds * 1_000_000_000 + rest
                     yield Message(self.connections[number], time, bytes(data))
@@ -122,10 +127,10 @@ class Bag:
         fields = _header(self.file, self.size, _CHUNK)
         packing = fields.get(b"compression", b"").decode("latin-1")
         size, packed = _number(fields, b"size"), _read_count(self.file)
-        left = room.setdefault(packing, MAX_UNPACKED)
-        if size > MAX_CHUNK or size > left:
+        left, most = room.setdefault(packing, MAX_UNPACKED), max(size, packed)
+        if most > MAX_CHUNK or most > left:
             raise _too_large(f"more than {min(MAX_CHUNK, left) // 1_000_000} MB")
-        room[packing] = left - size
+        room[packing] = left - most
         data = _read(self.file, self.size, packed)
         if packing == "none":
             return memoryview(data)
@@ -160,6 +165,8 @@ def open_bag(path: Path, file: BinaryIO) -> Bag:
     counts = [_number(fields, name) for name in (b"conn_count", b"chunk_count")]
     if max(counts) > MAX_RECORDS:
         raise _too_large(f"{max(counts)} chunks or connections")
+    if size - index > MAX_INDEX:
+        raise _too_large(f"an index of {(size - index) // 1_000_000} MB")
     file.seek(index)
     connections = dict(_connection(file, size) for _ in range(counts[0]))
     chunks = dict(_chunk_info(file, size) for _ in range(counts[1]))
@@ -221,16 +228,17 @@ def _header(file: BinaryIO, size: int, kind: int) -> dict[bytes, bytes]:
 
 def _fields(data: bytes) -> dict[bytes, bytes]:
     """Split the header of a record."""
-    found, offset = {}, 0
-    while offset < len(data):
-        (length,) = _COUNT.unpack_from(data, offset)
-        begin = offset + _COUNT.size
-        offset = begin + length
+    found, offset, size = {}, 0, len(data)
+    for _ in range(MAX_FIELDS):
+        if offset >= size:
+            return found
+        begin = offset + 4
+        offset = begin + _COUNT.unpack_from(data, offset)[0]
         name, equals, value = data[begin:offset].partition(b"=")
-        if offset > len(data) or not equals:
+        if offset > size or not equals:
             raise MotionError("The bag is damaged: a record has no name for a value.")
         found[name] = value
-    return found
+    raise MotionError(f"The bag is damaged: a record has {MAX_FIELDS} values.")
 
 
 def _number(fields: Mapping[bytes, bytes], name: bytes) -> int:
@@ -240,16 +248,16 @@ def _number(fields: Mapping[bytes, bytes], name: bytes) -> int:
 
 def _records(chunk: memoryview) -> Iterator[tuple[dict[bytes, bytes], memoryview]]:
     """Go through the records of a chunk: header and content."""
-    offset = 0
-    while offset < len(chunk):
+    offset, end = 0, len(chunk)
+    while offset < end:
         (length,) = _COUNT.unpack_from(chunk, offset)
-        begin = offset + _COUNT.size + length
+        begin = offset + 4 + length
         (size,) = _COUNT.unpack_from(chunk, begin)
-        fields = _fields(bytes(chunk[offset + _COUNT.size : begin]))
-        offset = begin + _COUNT.size + size
-        if offset > len(chunk):
+        fields = _fields(bytes(chunk[offset + 4 : begin]))
+        offset = begin + 4 + size
+        if offset > end:
             raise MotionError("The bag is damaged: a chunk is cut short.")
-        yield fields, chunk[begin + _COUNT.size : offset]
+        yield fields, chunk[begin + 4 : offset]
 
 
 def _unpacked(data: bytes, packing: str, size: int) -> bytes:
