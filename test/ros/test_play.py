@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 import rospy
 import rostest
-from geometry_msgs.msg import PoseStamped
+import tf2_ros
+from geometry_msgs.msg import PoseStamped, TransformStamped
 from sensor_msgs.msg import JointState
 from support.joint_limits import limits
 from support.ros_testing import DEADLINE, Connected, program, wait_for
@@ -154,6 +155,29 @@ class TestPlay(unittest.TestCase):
         )
         np.testing.assert_allclose(self.base_pose(), wanted, atol=1e-9)
 
+    def test_it_begins_where_another_frame_is(self):
+        """As where the bridge has a frame prefix."""
+        there = TransformStamped(child_frame_id="left/base_link")
+        there.header.frame_id = "map"
+        there.transform.translation.y = 7.0
+        there.transform.rotation.w = 1.0
+        sender = tf2_ros.StaticTransformBroadcaster()
+        sender.sendTransform(there)
+        done = self.run_play(
+            *(self.file, "--start-here", "--base-frame", "left/base_link"),
+            *("--speed", 8),
+        )
+        self.assertEqual(done.returncode, 0, done.stdout)
+        self.tf.wait(
+            lambda m: any(
+                t.child_frame_id == "base_link"
+                and abs(t.transform.translation.y - 7.0) < 1e-9
+                and abs(t.transform.translation.x - 0.4) < 1e-9
+                for t in m.transforms
+            ),
+            "the end",
+        )
+
     def test_it_puts_the_motion_on_the_floor(self):
         """The legs are straight: the soles are where a standing robot has them."""
         done = self.run_play(self.file, "--on-floor", "--from", 3.9, "--to", 4.0)
@@ -170,6 +194,10 @@ class TestPlay(unittest.TestCase):
             ((bad,), "bad.csv: Line 3 has 'ten' where a number is expected."),
             ((self.file, "--from", 2, "--to", 9), "lasts from 0 to 4 s; 2 to 9 s is"),
             ((self.file, "--speed", 0), "0 is not positive"),
+            (
+                (self.file, "--start-here", "--base-frame", "right/base_link"),
+                "there is no frame 'right/base_link'",
+            ),
             ((arms, "--on-floor"), "arms.csv does not move the base"),
         ):
             with self.subTest(text=text):

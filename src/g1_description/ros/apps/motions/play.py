@@ -78,6 +78,12 @@ def parser() -> OneSentenceParser:
         default="",
         help="namespace of the robot's topics",
     )
+    made.add_argument(
+        "--base-frame",
+        metavar="FRAME",
+        help="base of the robot on TF, for --start-here; default: base_link, "
+        "NAMESPACE/base_link in a namespace",
+    )
     return made
 
 
@@ -101,6 +107,7 @@ def prepare(args: argparse.Namespace, robot: PlayedRobot) -> Trajectory:
     Raises:
         MotionError: If the file holds no motion of the robot.
         InvalidValueError: If it has no such part, or no base to move.
+        NoAnswerError: If there is no master.
     """
     motion = read_motion_file(args.file, robot.description, args.fps, args.topic)
     for note in motion.notes:
@@ -113,7 +120,7 @@ def prepare(args: argparse.Namespace, robot: PlayedRobot) -> Trajectory:
             f"{args.file.name} does not move the base: no {options}."
         )
     if args.start_here:
-        trajectory = to_start_at(trajectory, robot.base_pose())
+        trajectory = to_start_at(trajectory, robot.base_pose(args.base_frame))
     if args.on_floor:
         lowest = lowest_height(robot.description, trajectory)
         T_map_motion = IDENTITY.copy()

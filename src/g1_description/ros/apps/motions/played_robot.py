@@ -15,6 +15,7 @@ import rosgraph
 import rospy
 from trajectory_msgs.msg import JointTrajectoryPoint, MultiDOFJointTrajectoryPoint
 
+from g1_description.core.errors import MotionError
 from g1_description.core.motion.trajectory import Trajectory
 from g1_description.core.transform import IDENTITY
 from g1_description.msg import RobotTrajectory
@@ -48,7 +49,6 @@ class PlayedRobot(RobotView):
         """
         with _told_without_master():
             super().__init__(namespace, notify)
-        self._base_frame = f"{namespace}/base_link" if namespace else "base_link"
         self._told = ""
         self._alone: float | None = None
         """Since when nobody publishes its state, on the monotonic clock."""
@@ -81,15 +81,25 @@ class PlayedRobot(RobotView):
                 f"Nobody publishes {self.topic} any more; the bridge is gone."
             )
 
-    def base_pose(self) -> np.ndarray:
+    def base_pose(self, frame: str | None) -> np.ndarray:
         """Return where its base is in the map, shape (7,).
+
+        Args:
+            frame: The base on TF; None: base_link with the namespace before it.
 
         Raises:
             MotionError: If TF does not have it.
             NoAnswerError: If there is no master.
         """
-        with _told_without_master():
-            return MapFrame().pose_in_map(IDENTITY, self._base_frame, rospy.Time())
+        frame = frame or f"{self._prefix.lstrip('/')}base_link"
+        try:
+            with _told_without_master():
+                return MapFrame().pose_in_map(IDENTITY, frame, rospy.Time())
+        except MotionError as error:
+            raise MotionError(
+                f"TF does not know where the robot is: {error}. --base-frame names "
+                "its base."
+            ) from error
 
     def play(self, trajectory: Trajectory) -> tuple[int, str]:
         """Let the robot go through a motion, at once.
