@@ -6,12 +6,15 @@ import signal
 import subprocess
 import sys
 import tempfile
+import time
 import unittest
 from pathlib import Path
 
 import numpy as np
 import rospy
 import rostest
+from gazebo_msgs.srv import DeleteModel, SpawnModel
+from geometry_msgs.msg import Point, Pose, Quaternion
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
 from support.ros_testing import DEADLINE, REPOSITORY, Connected, program, wait_for
@@ -53,6 +56,18 @@ joints = np.abs(second.positions[other][inside] - wanted.positions).max()
 print(inside.sum(), joints, np.abs(x[inside] - wanted.base_poses).max())
 """
 
+FULL = """
+from g1_description.ros.apps.motions import record
+from g1_description.ros.motion.files.write import Room, room_of
+def room(path, joints, has_base):
+    # As if the file could hold this many samples; without a number, had no base.
+    most = int(limit)
+    return Room(most, path.suffix == ".npz") if most else room_of(path, joints, False)
+limit, record.room_of = sys.argv[2], room
+sys.argv[1:] = sys.argv[3:]
+record.main()
+"""
+
 
 def start(name, *arguments):
     return subprocess.Popen(
@@ -85,15 +100,13 @@ class TestRecord(unittest.TestCase):
         self.wave.write_text("\n".join([f"{HEADER},{ELBOW}", *rows]))
 
     @staticmethod
-    def python(script, *arguments):
+    def python(script, *arguments, **options):
         """Run a script with the Python of the nodes; return what it prints."""
         python = Path(program("record")).read_text().splitlines()[0][2:].split()
         model = REPOSITORY / "urdf" / "g1_29dof.urdf"
         return subprocess.run(
-            [*python, "-c", COMMON + script, model, *arguments],
-            stdout=subprocess.PIPE,
-            text=True,
-            check=True,
+            [*python, "-c", COMMON + script, model, *map(str, arguments)],
+            **{"stdout": subprocess.PIPE, "text": True, "check": True, **options},
         ).stdout
 
     def read(self, path):
@@ -211,6 +224,44 @@ class TestRecord(unittest.TestCase):
         self.assertRegex(err, "time went back after .* s: it ends there")
         found, _, _ = self.read(self.folder / "a.bag")
         self.assertGreater(len(found["times"]), 20)
+
+    def test_a_full_file_ends_and_is_saved(self):
+        for name, rate in (("a.csv", 0), ("b.csv", 50), ("a.npz", 50), ("a.bag", 50)):
+            with self.subTest(name):
+                file, errors = self.folder / name, self.folder / "errors"
+                with errors.open("w") as stream:
+                    arguments = 40, file, "--rate", rate
+                    self.python(FULL, *arguments, stderr=stream, timeout=DEADLINE)
+                self.assertIn("the file can hold no more after", errors.read_text())
+                found, _, _ = self.read(file)
+                self.assertIn(len(found["times"]), (39, 40))
+
+    def test_a_robot_without_a_base_is_not_recorded_to_an_npz(self):
+        errors = self.folder / "errors"
+        with errors.open("w") as stream:
+            arguments = 0, self.folder / "a.npz"
+            options = {"stderr": stream, "timeout": DEADLINE, "check": False}
+            self.python(FULL, *arguments, **options)
+        self.assertEqual(
+            errors.read_text(),
+            "record: An npz needs the base, which this motion has not.\n",
+        )
+
+    def test_of_several_robots_one_must_be_named(self):
+        spawn = rospy.ServiceProxy("/gazebo/spawn_urdf_model", SpawnModel)
+        delete = rospy.ServiceProxy("/gazebo/delete_model", DeleteModel)
+        urdf = rospy.get_param("/robot_description")
+        place = Pose(Point(0.0, 3.0, 1.0), Quaternion(0.0, 0.0, 0.0, 1.0))
+        self.assertTrue(spawn("other", urdf, "", place, "world").success)
+        self.addCleanup(delete, "other")
+        begin = time.monotonic()
+        run = start("record", self.folder / "a.csv")
+        _, err = run.communicate(timeout=DEADLINE)
+        self.assertEqual(run.returncode, 1)
+        self.assertIn("several such", err)
+        self.assertIn("--model names one", err)
+        self.assertLess(time.monotonic() - begin, 15.0)
+        self.record("a.csv", "--model", "other", "--seconds", "0.2")
 
     def test_what_cannot_be_recorded_is_told(self):
         (self.folder / "there.csv").write_text("")

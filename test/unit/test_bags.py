@@ -27,8 +27,9 @@ from trajectory_msgs.msg import (
 )
 
 from g1_description.core.errors import MotionError
+from g1_description.ros.motion.files import bag_records, write
 from g1_description.ros.motion.files.read import read_motion_file
-from g1_description.ros.motion.files.write import write_motion_file
+from g1_description.ros.motion.files.write import room_of, write_motion_file
 
 ELBOW, KNEE = "left_elbow_joint", "left_knee_joint"
 SECOND = 1_000_000_000
@@ -110,6 +111,22 @@ def test_a_bag_is_read_as_it_was_written(tmp_path, velocities, base):
         assert_same(motion.trajectory, wanted)
         assert "those of /joint_states" in motion.notes[0]
         assert ("/tf (map to base_link)" in motion.notes[0]) == base
+
+
+@pytest.mark.parametrize("base", [True, False])
+def test_as_many_samples_as_are_promised_are_read_again(tmp_path, monkeypatch, base):
+    path, names = tmp_path / "a.bag", [KNEE]
+    assert room_of(path, names, base) == (122_500 if base else 245_000, False)
+    for module in (write, bag_records):
+        monkeypatch.setattr(module, "MAX_MESSAGES", 4000)
+    count = room_of(path, names, base).samples
+    wanted = trajectory(4, count, 29, np.arange(count) / 64, base=base)
+    write_motion_file(path, wanted, G1)
+    assert_same(read_motion_file(path, G1).trajectory, wanted)
+    many = trajectory(4, 4001, 29, np.arange(4001) / 64, base=base)
+    write_motion_file(path, many, G1)
+    with pytest.raises(MotionError, match="more than 4000 messages"):
+        read_motion_file(path, G1)
 
 
 def test_a_bag_has_the_frames_around_the_robot(tmp_path):

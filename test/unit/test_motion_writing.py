@@ -11,7 +11,9 @@ from hypothesis import strategies as st
 from g1_description.core.errors import InvalidValueError, MotionError
 from g1_description.core.files.load import read_model
 from g1_description.core.motion.formats.read import read_motion
-from g1_description.core.motion.formats.write import write_motion
+from g1_description.core.motion.formats.table import most_rows, table_text
+from g1_description.core.motion.formats.write import most_samples, write_motion
+from g1_description.core.motion.formats.write_npz import most_even_samples, npz_bytes
 from g1_description.core.motion.sampling import sample
 from g1_description.core.motion.trajectory import Trajectory
 from g1_description.core.rotation import normalized
@@ -156,3 +158,37 @@ def test_what_cannot_be_written_is_told(tmp_path):
     assert os.listdir(tmp_path) == ["file"]
     with pytest.raises(MotionError, match="more than 1000000"):
         write_motion(tmp_path / "a.npz", motion, G1, 1e9)
+
+
+@pytest.mark.parametrize("n_joints", [1, 29])
+@pytest.mark.parametrize("base", [True, False])
+def test_as_many_rows_as_are_promised_fit_into_a_table(n_joints, base):
+    size, names = 300_000, NAMES[:n_joints]
+    count = most_rows(names, base, size)
+    longest = np.full((count, n_joints), -1.2345678901234567e-300)
+    poses = np.tile([-1.2345678901234567e-300] * 3 + [0.5] * 4, (count, 1))
+    times = 1e5 + np.arange(count) / 7
+    motion = Trajectory(times, names, longest, longest, poses if base else None)
+    assert 0.6 * size < len(table_text(motion)) <= size
+
+
+@pytest.mark.parametrize("n_joints", [1, 29])
+def test_as_many_samples_as_are_promised_fit_into_an_npz(n_joints):
+    size = 300_000
+    names = trajectory(1, 1, n_joints).joint_names
+    count = most_even_samples(names, True, size)
+    motion = trajectory(1, count, n_joints, np.arange(count) / 50.0)
+    assert 0.9 * size < len(npz_bytes(motion, G1)[0]) <= size
+
+
+def test_a_motion_that_no_file_can_hold_is_told():
+    many = [f"joint_{number}" for number in range(2000)]
+    for ending, names, base, words in (
+        (".npz", NAMES, False, "needs the base"),
+        (".csv", ["a.velocity"], True, "no joint called 'a.velocity'"),
+        (".csv", many, True, "A .csv can hold no motion of 2000 joints"),
+    ):
+        with pytest.raises(MotionError, match=words):
+            most_samples(ending, names, base)
+    assert 34_000 < most_samples(".npz", NAMES, True) < 35_000
+    assert 60_000 < most_samples(".csv", NAMES, True) < 61_000

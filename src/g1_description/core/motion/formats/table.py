@@ -44,6 +44,9 @@ MAX_LINES = 1_000_000
 MAX_NUMBERS = 8_000_000
 """Most numbers: an hour of 29 joints and the base at 60 Hz."""
 
+NUMBER_LENGTH = 25
+"""Longest number that is written, with its comma: -1.2345678901234567e-300."""
+
 
 def read_table(text: str, robot: Description, rate: float | None) -> Motion:
     """Read a table.
@@ -147,6 +150,26 @@ def table_text(trajectory: Trajectory) -> str:
     rows = np.concatenate(columns, axis=1).tolist()
     lines = [",".join(names), *(",".join(map(repr, row)) for row in rows), ""]
     return "\n".join(lines)
+
+
+def most_rows(joints: Sequence[str], has_base: bool, size: int) -> int:
+    """Return how many rows ``table_text`` may write, whatever the numbers are.
+
+    Args:
+        joints: Names of the joints, which have velocities.
+        has_base: Whether there is a base.
+        size: Most bytes.
+
+    Raises:
+        MotionError: If a joint has the name of another column.
+    """
+    _check_writable(joints)
+    header = 100 + sum(len(2 * name.encode()) + len(VELOCITY) + 2 for name in joints)
+    width = 1 + has_base * len(BASE) + 2 * len(joints)
+    if width > MAX_COLUMNS or header > MAX_LINE:
+        return 0
+    rows = (size - header) // (width * NUMBER_LENGTH)
+    return min(rows, MAX_NUMBERS // width, MAX_LINES - 1)
 
 
 def _check_writable(joints: Sequence[str]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from g1_description.core.errors import MotionError
@@ -10,8 +11,8 @@ from g1_description.core.motion.trajectory import Trajectory
 from g1_description.core.robot.description import Description
 
 from .read import MAX_FILE_SIZE
-from .table import table_text
-from .write_npz import npz_bytes
+from .table import most_rows, table_text
+from .write_npz import most_even_samples, npz_bytes
 
 ENDINGS = (".csv", ".npz")
 
@@ -53,3 +54,21 @@ def write_motion(
         )
     write_whole(path, content)
     return notes
+
+
+def most_samples(ending: str, joints: Sequence[str], has_base: bool) -> int:
+    """Return how many samples of a motion a file can have and be read again.
+
+    Args:
+        ending: One of ``ENDINGS``; samples of an npz are those at even times.
+        joints: Names of the motion's joints.
+        has_base: Whether it has a base.
+
+    Raises:
+        MotionError: If the format can hold none.
+    """
+    most = most_even_samples if ending == ".npz" else most_rows
+    count = most(joints, has_base, MAX_FILE_SIZE)
+    if count < 1:
+        raise MotionError(f"A {ending} can hold no motion of {len(joints)} joints.")
+    return count

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -17,6 +18,30 @@ EVEN = 1e-6
 
 MAX_SAMPLES = 1_000_000
 """Most samples of a file."""
+
+NO_BASE = "An npz needs the base, which this motion has not."
+
+OVERHEAD = 20_000
+"""Bytes of an npz beside numbers and names, at most."""
+
+
+def most_even_samples(joints: Sequence[str], has_base: bool, size: int) -> int:
+    """Return how many samples ``npz_bytes`` may write.
+
+    Args:
+        joints: Names of the joints, which have velocities.
+        has_base: Whether there is a base.
+        size: Most bytes.
+
+    Raises:
+        MotionError: If there is none.
+    """
+    if not has_base:
+        raise MotionError(NO_BASE)
+    n_joints, n_bodies = len(joints), len(joints) + 1
+    names = 4 * n_joints * max(map(len, joints), default=0)
+    sample = 2 * 8 * n_joints + (7 * 8 + 6 * 4) * n_bodies
+    return min((size - OVERHEAD - names) // sample, MAX_SAMPLES)
 
 
 def npz_bytes(
@@ -36,7 +61,7 @@ def npz_bytes(
         MotionError: If it has no base, or the rate makes too many samples.
     """
     if trajectory.base_poses is None:
-        raise MotionError("An npz needs the base, which this motion has not.")
+        raise MotionError(NO_BASE)
     even, fps, notes = _even(trajectory, rate)
     poses, twists = _bodies(even, robot)
     arrays = {

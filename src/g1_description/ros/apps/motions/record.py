@@ -6,6 +6,7 @@ import argparse
 import signal
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import rosgraph
@@ -16,7 +17,7 @@ from g1_description.core.errors import G1DescriptionError, InvalidValueError
 from g1_description.core.robot.description import Description
 from g1_description.ros.apps.pose import namespace
 from g1_description.ros.apps.robot_view import NoAnswerError, wait_for_description
-from g1_description.ros.motion.files.write import ENDINGS, write_motion_file
+from g1_description.ros.motion.files.write import ENDINGS, room_of, write_motion_file
 from g1_description.ros.node.lifecycle import own_arguments, start_node
 
 from .recorder import Recorder
@@ -123,7 +124,8 @@ def record(args: argparse.Namespace) -> None:
     start_node("record", anonymous=True, disable_rosout=True)
     robot = wait_for_description(args.namespace, notify)
     names = args.gazebo, args.model, args.namespace
-    recorder = Recorder(robot, names, args.rate, args.seconds)
+    find_room = partial(room_of, args.out)
+    recorder = Recorder(robot, names, args.rate, args.seconds, find_room)
     _wait_for_first(recorder)
     stop = _Stop()
     seconds = "" if args.seconds is None else f" {args.seconds:g} s, or"
@@ -155,11 +157,14 @@ def _wait_for_first(recorder: Recorder) -> None:
     Raises:
         NoAnswerError: If there is none.
         UnknownNameError: If the robot is not in the simulator.
+        MotionError: If the file cannot hold its motion.
     """
     end = time.monotonic() + TIMEOUT
     while not recorder.n_samples:
         if rospy.is_shutdown():
             raise rospy.ROSInterruptException("interrupted")
+        if recorder.refusal:
+            raise recorder.refusal
         if time.monotonic() > end:
             raise recorder.problem or NoAnswerError(
                 f"No state of the robot came on {recorder.topic} in {TIMEOUT:g} s; "

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,12 +18,17 @@ from sensor_msgs.msg import JointState
 
 from g1_description.core.bridge.estimator import JointStateEstimator, Observation
 from g1_description.core.bridge.stamps import RisingStamps
-from g1_description.core.errors import UnknownNameError
+from g1_description.core.errors import (
+    G1DescriptionError,
+    MotionError,
+    UnknownNameError,
+)
 from g1_description.core.motion.trajectory import Trajectory
 from g1_description.core.robot.assembly import SCOPE
 from g1_description.core.robot.description import Description
 from g1_description.core.text import listed
 from g1_description.ros.bridge.state_source import StateSource
+from g1_description.ros.motion.files.write import Room
 from g1_description.ros.node.newest import BUFFER
 from g1_description.ros.node.throttled_log import ThrottledLog
 from g1_description.ros.wire.link_states import LinkStatesArrays
@@ -33,6 +38,10 @@ EARLY = 1000
 
 MAX_RECENT = 5000
 """Joint states kept until the simulator's state with their stamp comes."""
+
+
+class SeveralModelsError(UnknownNameError):
+    """Several models may be meant."""
 
 
 @dataclass
@@ -60,6 +69,7 @@ class Recorder:
         names: tuple[str, str, str],
         rate: float,
         seconds: float | None,
+        find_room: Callable[[Sequence[str], bool], Room],
     ) -> None:
         """Subscribe; the first state that comes is the first sample.
 
@@ -69,9 +79,12 @@ class Recorder:
                 is to be found; namespace of its topics.
             rate: Samples per second of simulated time; 0: every state.
             seconds: How long, in [s] of simulated time; None: until it is closed.
+            find_room: Finds how much can be saved, by the names of the joints and
+                whether there is a base.
         """
         gazebo, self._model, self._namespace = names
         self._robot, self._rate, self._seconds = robot, rate, seconds
+        self._find_room, self._room = find_room, Room(0, False)
         self._estimator: JointStateEstimator | None = None
         self._stamps = RisingStamps()
         self._due = 0
@@ -84,6 +97,8 @@ class Recorder:
         """When the last state came, on the monotonic clock."""
         self.problem: UnknownNameError | None = None
         """Why the last state was of no use before the first sample."""
+        self.refusal: G1DescriptionError | None = None
+        """Why no state will be of use."""
         self.notes: list[str] = []
         self.is_over = False
         self._left_out = 0
@@ -131,13 +146,14 @@ class Recorder:
             return
         stamp, went_back = rising
         if went_back and self._samples:
-            seconds = (self._samples[-1].stamp - self._samples[0].stamp) / 1e9
-            self.notes.append(f"time went back after {seconds:.3f} s: it ends there.")
-            self.is_over = True
+            self._end("time went back")
             return
         if self._estimator is None:
             try:
                 self._model = self._model or self._find_model(states.names)
+            except SeveralModelsError as error:
+                self._refuse(error)
+                return
             except UnknownNameError as error:
                 self.problem = error
                 return
@@ -145,6 +161,17 @@ class Recorder:
         (seen,) = self._estimator.update(*states, 1e-9 * stamp)
         if stamp >= self._due - EARLY:
             self._keep(stamp, seen)
+
+    def _end(self, why: str) -> None:
+        """End the recording before it is wanted."""
+        seconds = (self._samples[-1].stamp - self._samples[0].stamp) / 1e9
+        self.notes.append(f"{why} after {seconds:.3f} s: it ends there.")
+        self.is_over = True
+
+    def _refuse(self, error: G1DescriptionError) -> None:
+        """Record nothing."""
+        self.refusal = error
+        self.is_over = True
 
     def _keep(self, stamp: int, seen: Observation) -> None:
         """Record a state."""
@@ -156,11 +183,19 @@ class Recorder:
             return
         with self._lock:
             if not self._samples:
+                try:
+                    self._room = self._find_room(seen.names, seen.base_pose is not None)
+                except MotionError as error:
+                    self._refuse(error)
+                    return
                 self._names = seen.names
             elif seen.names != self._names or (
                 (seen.base_pose is None) != (self._samples[0].base_pose is None)
             ):
                 self._left_out += 1
+                return
+            if self._is_full(stamp):
+                self._end("the file can hold no more")
                 return
             base = None if seen.base_pose is None else seen.base_pose.copy()
             sample = _Sample(stamp, seen.position.copy(), seen.velocity.copy(), base)
@@ -170,6 +205,13 @@ class Recorder:
             if published is not None:
                 self._match(published)
             self._plan_next(stamp)
+
+    def _is_full(self, stamp: int) -> bool:
+        """Return whether another sample is more than can be saved."""
+        count = len(self._samples) + 1
+        if self._samples and self._rate and self._room.is_even:
+            count = int((stamp - self._samples[0].stamp) * self._rate / 1e9) + 2
+        return count > self._room.samples
 
     def _plan_next(self, stamp: int) -> None:
         """Find when the next sample is due."""
@@ -205,7 +247,8 @@ class Recorder:
         """Find the model whose links are the robot's.
 
         Raises:
-            UnknownNameError: If there is none, or are several.
+            SeveralModelsError: If there are several.
+            UnknownNameError: If there is none.
         """
         own, counts = {*self._robot.link_names}, {}
         for name in links:
@@ -217,12 +260,13 @@ class Recorder:
             return self._namespace
         if len(found) == 1:
             return found[0]
+        kind = SeveralModelsError if found else UnknownNameError
         what = (
             f"several such, {listed(found)}: --model names one"
             if found
             else (f"only {listed(counts) or 'nothing'}")
         )
-        raise UnknownNameError(
+        raise kind(
             f"The simulator has no single model with links of '{self._robot.name}' "
             f"but {what}."
         )

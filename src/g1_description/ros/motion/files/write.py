@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import genpy
 import numpy as np
@@ -14,12 +14,15 @@ from tf2_msgs.msg import TFMessage
 from g1_description.core.errors import MotionError
 from g1_description.core.files.atomic import whole_file
 from g1_description.core.motion.formats import write
+from g1_description.core.motion.formats.arrays import MAX_SIZE
 from g1_description.core.motion.trajectory import Trajectory
 from g1_description.core.robot.description import Description
 from g1_description.core.transform import IDENTITY
 from g1_description.ros.bridge.frames import base_child, static_edges
 from g1_description.ros.bridge.parameters import BridgeParameters
 from g1_description.ros.wire.conversions import stamp_from_ns, transform
+
+from .bag_records import MAX_MESSAGES, MAX_READ
 
 if TYPE_CHECKING:
     import rosbag
@@ -31,6 +34,37 @@ MIN_STAMP = 1
 """The first stamp of a bag, in [ns]: ROS takes zero for none."""
 
 MAX_STAMP = (1 << 32) * 1_000_000_000 - 1
+
+SPARE = 0.98
+"""Share of what a reader takes that is written: a bag also says what its topics are."""
+
+
+class Room(NamedTuple):
+    """What a file can hold."""
+
+    samples: int
+    is_even: bool
+    """Whether these are counted at even times."""
+
+
+def room_of(path: Path, joints: Sequence[str], has_base: bool) -> Room:
+    """Find how long a motion may be that can be read from a file again.
+
+    Args:
+        path: The file, whose ending tells the format.
+        joints: Names of the motion's joints.
+        has_base: Whether it has a base.
+
+    Raises:
+        MotionError: If the format cannot hold it, however short it is.
+    """
+    ending = path.suffix.lower()
+    if ending != BAG:
+        return Room(write.most_samples(ending, joints, has_base), ending == ".npz")
+    size = 500 + sum(len(name.encode()) + 4 + 2 * 8 for name in joints)
+    n_messages = 2 if has_base else 1
+    counts = MAX_MESSAGES / n_messages, MAX_READ / size, MAX_SIZE / (len(joints) or 1)
+    return Room(int(SPARE * min(counts)), False)
 
 
 def write_motion_file(
