@@ -67,11 +67,6 @@ class Playback:
         """Whether nothing is left of it."""
         return not (self.moves_base or len(self.rows))
 
-    @property
-    def duration(self) -> float:
-        """Time from its beginning to its last sample, in [s]."""
-        return self._trajectory.duration
-
     def release(self, rows: Collection[int], base: bool) -> None:
         """Leave joints, given by rows, and perhaps the base to another command."""
         gone = set(rows)
@@ -185,10 +180,6 @@ class Playlist:
     def release(self, rows: Collection[int] = (), base: bool = False) -> None:
         """Leave joints, given by rows, and perhaps the base to another command."""
         self._release(self._playbacks, rows, base)
-
-    def clear(self) -> None:
-        """Forget all motions."""
-        self._playbacks = []
 
     def begin(self, time_ns: int, present: Setpoint) -> None:
         """Begin what is due, and take what it moves from what came before it.

@@ -52,9 +52,10 @@ from .parameters import (
     BridgeParameters,
     RobotParameters,
     controllers_of,
+    topic_of,
     wait_for_descriptions,
 )
-from .robot import BridgedRobot, topic_of
+from .robot import BridgedRobot
 from .sender import CommandListener, CommandSender
 from .state_source import StateSource
 from .status import RobotStatus

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import posixpath
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -211,3 +212,8 @@ def controllers_of(
     """
     joints = [joint.name for joint in description.movable_joints]
     return read_controllers(robot.controllers, joints, f"controllers of {robot.name}")
+
+
+def topic_of(robot: RobotParameters, name: str) -> str:
+    """Return the name of a robot's topic."""
+    return posixpath.join(robot.namespace and f"/{robot.namespace}", name)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import posixpath
 import time
 
 import rospy
@@ -20,7 +19,7 @@ from g1_description.ros.wire.conversions import stamp_from_ns, transform
 from g1_description.ros.wire.joint_states import JointStateEncoder, PreparedJointState
 
 from .frames import base_child
-from .parameters import BridgeParameters, RobotParameters
+from .parameters import BridgeParameters, RobotParameters, topic_of
 from .status import RobotStatus
 
 QUEUE_SIZE = 10_000
@@ -282,8 +281,3 @@ class RobotWarnings:
             f"Joints of {name} are turned off their axes: {listed(angles)}. Is its "
             "robot_description the one that was spawned?",
         )
-
-
-def topic_of(robot: RobotParameters, name: str) -> str:
-    """Return the name of a robot's topic."""
-    return posixpath.join(robot.namespace and f"/{robot.namespace}", name)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-import posixpath
-
 from g1_description.core.bridge.estimator import Observation
 from g1_description.core.robot.assembly import base_of
 from g1_description.core.robot.description import Description
-from g1_description.ros.bridge.parameters import BridgeParameters, RobotParameters
+from g1_description.ros.bridge.parameters import (
+    BridgeParameters,
+    RobotParameters,
+    topic_of,
+)
 
 from .ghost import Ghost
 from .player import MotionPlayer
@@ -32,15 +34,15 @@ class Extras:
             description: The robot.
             player: What knows where the robot is wanted.
         """
-        p, namespace = parameters, robot.namespace and f"/{robot.namespace}"
+        p = parameters
         self._player = player
         self._trails = self._ghost = None
         if p.trails.split():
-            topic = posixpath.join(namespace, "trails")
+            topic = topic_of(robot, "trails")
             self._trails = Trails(topic, p.trails.split(), description, p.map_frame)
         if p.ghost:
             root, _ = base_of(description)
-            topic = posixpath.join(namespace, "commanded_joint_states")
+            topic = topic_of(robot, "commanded_joint_states")
             self._ghost = Ghost(topic, robot.frame_prefix + root, p.map_frame)
         player.keeps_commands = p.ghost
         self.are_wanted = bool(self._trails or self._ghost)

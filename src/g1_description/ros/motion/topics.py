@@ -11,8 +11,7 @@ from trajectory_msgs.msg import JointTrajectory
 from g1_description.core.errors import G1DescriptionError, MotionError
 from g1_description.core.motion.trajectory import Trajectory
 from g1_description.msg import RobotTrajectory
-from g1_description.ros.bridge.parameters import RobotParameters
-from g1_description.ros.bridge.robot import topic_of
+from g1_description.ros.bridge.parameters import RobotParameters, topic_of
 from g1_description.ros.bridge.status import RobotStatus
 from g1_description.ros.node.throttled_log import SHORT_PERIOD, ThrottledLog
 from g1_description.ros.wire.conversions import (
@@ -146,10 +145,8 @@ class MotionTopics:
         """
         start, now = stamp.to_nsec(), rospy.Time.now().to_nsec()
         late = 1e-9 * (now - start) - trajectory.duration
-        is_single, is_configuration = (
-            len(trajectory.times) == 1,
-            not trajectory.duration,
-        )
+        is_single = len(trajectory.times) == 1
+        is_configuration = trajectory.duration == 0.0
         if start and late > 0.0 and not is_configuration:
             raise MotionError(f"it was over {late:.3f} s ago")
         if start - now > MAX_LEAD:
