@@ -14,10 +14,11 @@ from collections.abc import Callable
 import numpy as np
 import rospy
 from sensor_msgs.msg import JointState
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from trajectory_msgs.msg import JointTrajectory
 
 from g1_description.core.poses.minimum_jerk import minimum_jerk_trajectory
 from g1_description.core.text import listed
+from g1_description.ros.motion.messages import message_of_joints
 from g1_description.ros.node.lifecycle import quiet_when_closing
 from g1_description.ros.transport.direct_publisher import DirectPublisher
 
@@ -107,7 +108,9 @@ class PosedRobot(RobotView):
         self._wait_for_listener(self._motions)
         begin = self._next(None)
         self._is_moving = True
-        self._send(self._way(self._inside(begin), goal, seconds))
+        start = self._inside(begin)
+        way = minimum_jerk_trajectory(self._names, start, goal, seconds)
+        self._send(message_of_joints(way))
         end = begin.header.stamp + rospy.Duration.from_sec(seconds)
         message = begin
         while message.header.stamp < end:
@@ -126,24 +129,6 @@ class PosedRobot(RobotView):
         """Stop the robot where it is, if it is on its way."""
         if self._is_moving:
             self._send(JointTrajectory(joint_names=self._names))
-
-    def _way(
-        self, start: np.ndarray, goal: np.ndarray, seconds: float
-    ) -> JointTrajectory:
-        """Write the smooth way from one configuration to another, to begin at once."""
-        way = minimum_jerk_trajectory(self._names, start, goal, seconds)
-        message = JointTrajectory(joint_names=self._names)
-        message.points = [
-            JointTrajectoryPoint(
-                positions=position,
-                velocities=velocity,
-                time_from_start=rospy.Duration.from_sec(time),
-            )
-            for time, position, velocity in zip(
-                way.times.tolist(), way.positions.tolist(), way.velocities.tolist()
-            )
-        ]
-        return message
 
     def _publish(self, positions: np.ndarray) -> None:
         """Send a command."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 
+import genpy
 import numpy as np
 from trajectory_msgs.msg import (
     JointTrajectory,
@@ -49,6 +50,26 @@ def trajectory_from_message(
         _check_all_have_velocities(points)
         velocities = _rows(points, "velocities", len(names))
     return Trajectory(_times(points), tuple(names), positions, velocities)
+
+
+def message_of_joints(trajectory: Trajectory) -> JointTrajectory:
+    """Convert the joints of a trajectory, to begin at once; times to whole [ns]."""
+    speeds = trajectory.velocities
+    rates = [[]] * len(trajectory.times) if speeds is None else speeds.tolist()
+    message = JointTrajectory(joint_names=list(trajectory.joint_names))
+    message.points = [
+        JointTrajectoryPoint(positions=row, velocities=rate, time_from_start=time)
+        for row, rate, time in zip(
+            trajectory.positions.tolist(), rates, durations_of(trajectory)
+        )
+    ]
+    return message
+
+
+def durations_of(trajectory: Trajectory) -> list[genpy.Duration]:
+    """Convert the times of a trajectory to the nearest whole [ns]."""
+    counts = (round(1e9 * time) for time in trajectory.times.tolist())
+    return [genpy.Duration(*divmod(count, 1_000_000_000)) for count in counts]
 
 
 def check_joint_names(names: Sequence[str], joints: Collection[str]) -> None:

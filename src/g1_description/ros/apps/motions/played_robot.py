@@ -13,7 +13,7 @@ from contextlib import contextmanager
 import numpy as np
 import rosgraph
 import rospy
-from trajectory_msgs.msg import JointTrajectoryPoint, MultiDOFJointTrajectoryPoint
+from trajectory_msgs.msg import MultiDOFJointTrajectoryPoint
 
 from g1_description.core.errors import MotionError
 from g1_description.core.motion.trajectory import Trajectory
@@ -21,7 +21,8 @@ from g1_description.core.transform import IDENTITY
 from g1_description.msg import RobotTrajectory
 from g1_description.ros.apps.robot_view import NoAnswerError, RobotView
 from g1_description.ros.motion.map_frame import MapFrame
-from g1_description.ros.wire.conversions import stamp_from_ns, to_transform
+from g1_description.ros.motion.messages import durations_of, message_of_joints
+from g1_description.ros.wire.conversions import to_transform
 from g1_description.srv import PlayMotion
 
 TIMEOUT = 30.0
@@ -146,17 +147,8 @@ def _told_without_master() -> Iterator[None]:
 def _message(trajectory: Trajectory) -> RobotTrajectory:
     """Write a motion as a message."""
     message = RobotTrajectory()
-    times = [_duration(time) for time in trajectory.times.tolist()]
     if trajectory.joint_names:
-        joints = message.joint_trajectory
-        joints.joint_names = list(trajectory.joint_names)
-        rows = trajectory.positions.tolist()
-        speeds = trajectory.velocities
-        rates = [[]] * len(rows) if speeds is None else speeds.tolist()
-        joints.points = [
-            JointTrajectoryPoint(positions=row, velocities=rate, time_from_start=time)
-            for row, rate, time in zip(rows, rates, times)
-        ]
+        message.joint_trajectory = message_of_joints(trajectory)
     if trajectory.base_poses is not None:
         base = message.multi_dof_joint_trajectory
         base.joint_names = ["base"]
@@ -164,12 +156,8 @@ def _message(trajectory: Trajectory) -> RobotTrajectory:
             MultiDOFJointTrajectoryPoint(
                 transforms=[to_transform(pose)], time_from_start=time
             )
-            for pose, time in zip(trajectory.base_poses.tolist(), times)
+            for pose, time in zip(
+                trajectory.base_poses.tolist(), durations_of(trajectory)
+            )
         ]
     return message
-
-
-def _duration(seconds: float) -> rospy.Duration:
-    """Convert a time in [s] to the nearest whole [ns]."""
-    stamp = stamp_from_ns(round(seconds * 1e9))
-    return rospy.Duration(stamp.secs, stamp.nsecs)
