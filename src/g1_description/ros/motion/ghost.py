@@ -66,6 +66,6 @@ class Ghost:
         message.header.stamp = time
         self._states.publish(message)
         pose = seen.base_pose
-        if wanted.base_pose is not None and not np.isnan(wanted.base_pose).any():
+        if not np.isnan(wanted.base_pose).any():
             pose = wanted.base_pose
         self._tf.sendTransform(transform(time, self._frame, self._root, pose.tolist()))

@@ -14,6 +14,7 @@ import rospy
 from gazebo_msgs.msg import ModelState
 
 from g1_description.core.bridge.estimator import Observation
+from g1_description.core.bridge.wanted import Wanted
 from g1_description.core.motion.playlist import Playback, Playlist, Setpoint
 from g1_description.core.motion.trajectory import Trajectory
 from g1_description.msg import ModelTrajectory
@@ -32,10 +33,6 @@ QUEUE_SIZE = 100
 
 ASK_PERIOD = 1.0
 """Time after which a stream asks again which simulator there is, in [s]."""
-
-ROUNDING = 1e-12
-"""Largest difference in [rad], [m] and their rates between what was measured and what
-was sent that counts as rounding."""
 
 ANSWERS = {True: "SetModelTrajectory: success", False: "SetModelTrajectory: refused"}
 """What the status messages of the stand-in begin with, by success."""
@@ -91,12 +88,8 @@ class MotionPlayer:
         self._writer.release(self._joints, base=True)
         with self._lock:
             self._playlist = Playlist(self._joints)
-            n = len(self._joints)
-            self._wanted = Setpoint(
-                np.arange(n), np.full(n, np.nan), np.full(n, np.nan), np.full(7, np.nan)
-            )
-            self._names: tuple[str, ...] = ()
-            self._rows = np.zeros(0, dtype=int)
+            self.wanted = Wanted(self._joints)
+            """What was last wanted of the robot."""
             self._plays_here = False
             self.is_idle = True
             """Whether no motion was sent since then; then nothing is to be observed."""
@@ -145,7 +138,7 @@ class MotionPlayer:
             self.is_idle = False
         self.release((), base=True)
         if self.keeps_commands:
-            self._wanted.base_pose[:] = pose
+            self.wanted.put_base(pose)
         name = self._status.name
         self._states.publish(ModelState(model_name=name, pose=pose_from_array(pose)))
         return Played(True, "")
@@ -182,19 +175,12 @@ class MotionPlayer:
             return
         with self._lock:
             for name, position in positions.items():
-                row = self._joints.index(name)
-                self._wanted.positions[row] = position
-                self._wanted.velocities[row] = 0.0
+                self.wanted.put_at_rest(name, position)
 
     @property
     def joint_names(self) -> list[str]:
         """Names of the robot's movable joints."""
         return self._joints
-
-    @property
-    def wanted(self) -> Setpoint:
-        """What was last wanted of all of them and the base; NaN where nothing was."""
-        return self._wanted
 
     def release(self, joints: Collection[str], base: bool = False) -> None:
         """Leave joints, and perhaps the base, to another command."""
@@ -204,7 +190,7 @@ class MotionPlayer:
             rows = [row for row, name in enumerate(self._joints) if name in joints]
             self._playlist.release(rows, base)
             if base:
-                self._wanted.base_pose[:] = np.nan
+                self.wanted.put_base(np.nan)
         if self._plays_here:
             self._writer.release(joints, base)
 
@@ -221,30 +207,17 @@ class MotionPlayer:
         """
         with self._lock:
             is_sample = bool(self._playlist) and self._advance(stamp, seen)
-            if seen.names is not self._names:
-                self._names = seen.names
-                rows = [self._joints.index(name) for name in seen.names]
-                self._rows = np.array(rows, dtype=int)
-            wanted, rows = self._wanted, self._rows
-            with np.errstate(invalid="ignore"):  # NaN where nothing is wanted
-                position = _rounded(seen.position, wanted.positions[rows])
-                velocity = _rounded(seen.velocity, wanted.velocities[rows])
-                base = seen.base_pose
-                base = None if base is None else _rounded(base, wanted.base_pose)
-        seen = seen._replace(position=position, velocity=velocity, base_pose=base)
+            seen = self.wanted.without_rounding(seen)
         return seen, is_sample
 
     def _advance(self, stamp: int, seen: Observation) -> bool:
         """Compute what the motions want; return whether they reach a sample."""
         if self._playlist.is_waiting:
             self._playlist.begin(stamp, self._present(seen))
-        is_sample, wanted = False, self._wanted
+        is_sample = False
         for playback in self._playlist.moving():
             setpoint = playback.setpoint(stamp)
-            wanted.positions[setpoint.rows] = setpoint.positions
-            wanted.velocities[setpoint.rows] = setpoint.velocities
-            if setpoint.base_pose is not None:
-                wanted.base_pose[:] = setpoint.base_pose
+            self.wanted.put(setpoint)
             is_sample = playback.reaches_sample(stamp) or is_sample
             if self._plays_here:
                 self._writer.put(self._joints, setpoint)
@@ -300,11 +273,6 @@ class MotionPlayer:
             return Played(False, f"the simulator does not answer: {error}")
         details = answer.status_message[len(ANSWERS[answer.success]) :]
         return Played(answer.success, details.lstrip(";, "), answer.start.to_nsec())
-
-
-def _rounded(measured: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """Replace what was measured by what was wanted, where only rounding differs."""
-    return np.where(np.abs(measured - wanted) <= ROUNDING, wanted, measured)
 
 
 def _message(
