@@ -12,9 +12,9 @@ from g1_description.core.errors import DescriptionError
 from g1_description.core.robot.assembly import Assembly
 from g1_description.core.robot.description import Shape
 from g1_description.core.robot.reach import origin_reaches
-from g1_description.core.rotation import rotate, to_axes
+from g1_description.core.rotation import rotate
 from g1_description.core.transform import IDENTITY, compose
-from g1_description.sim.meshes.hulls import cylinder_points, hull_points
+from g1_description.sim.meshes.hulls import outline
 from g1_description.sim.meshes.shapes import Mesh, find_meshes, is_there
 
 from .model import Model
@@ -107,19 +107,9 @@ def _boxes(model: Model) -> Iterator[tuple[str, np.ndarray]]:
 
 def _box(shape: Shape, pose: np.ndarray, meshes: Mapping[str, Mesh]) -> np.ndarray:
     """Bound a shape at a pose in the world by a box, shape (2, 3)."""
-    axes = to_axes(pose[3:])
     if shape.kind == "plane":
         return np.array([[math.inf] * 3, [math.inf] * 3])
-    if shape.kind == "box":
-        half = np.abs(axes) @ np.array(shape.size) / 2.0
-        return pose[:3] + np.array([-half, half])
-    if shape.kind == "sphere":
-        return pose[:3] + np.array([[-shape.size[0]] * 3, [shape.size[0]] * 3])
-    if shape.kind == "cylinder":
-        points = cylinder_points(*shape.size)
-    else:
-        points = np.concatenate(hull_points(meshes[shape.filename]))
-        points = points * np.array(shape.size)
-    turned = pose[:3] + points @ axes.T
-    margin = np.array([[-HULL_MARGIN], [HULL_MARGIN]])
-    return np.array([turned.min(axis=0), turned.max(axis=0)]) + margin
+    points, radius = outline(shape, meshes)
+    turned = pose[:3] + rotate(pose[3:], points)
+    margin = radius if shape.kind in ("box", "sphere") else HULL_MARGIN
+    return np.array([turned.min(axis=0) - margin, turned.max(axis=0) + margin])

@@ -1,11 +1,14 @@
-"""The points whose convex hulls stand for a mesh that moves."""
+"""The points whose convex hulls stand for a mesh, or another shape, that moves."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
+
+from g1_description.core.robot.description import Shape
 
 from .shapes import Mesh
 from .stl import read_stl
@@ -20,6 +23,9 @@ KEY_FACTORS = np.array(
     [0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np.uint64
 )
 """Odd and far apart, so that keys of neighbouring points spread."""
+
+CORNERS = np.array(np.meshgrid(*[(-0.5, 0.5)] * 3)).reshape(3, 8).T
+"""Of a box of size one, shape (8, 3)."""
 
 SIDES = 32
 """Sides of the prism that stands for a cylinder: PyBullet's number."""
@@ -85,3 +91,23 @@ def cylinder_points(radius: float, length: float) -> np.ndarray:
     circle = radius * np.stack([np.sin(angle), np.cos(angle)], axis=-1)
     ends = [np.insert(circle, 2, z, axis=1) for z in (length / 2, -length / 2)]
     return np.concatenate(ends).astype(np.float32)
+
+
+def outline(shape: Shape, meshes: Mapping[str, Mesh]) -> tuple[np.ndarray, float]:
+    """Return points, and a radius about them, whose convex hull is that of a shape.
+
+    Args:
+        shape: No plane: that has no outline.
+        meshes: The meshes by the names of their files, the shape's among them.
+
+    Returns:
+        Points in the frame of the shape, in [m], shape (n, 3), and a radius in [m].
+    """
+    if shape.kind == "sphere":
+        return np.zeros((1, 3)), shape.size[0]
+    if shape.kind == "box":
+        return CORNERS * np.array(shape.size), 0.0
+    if shape.kind == "cylinder":
+        return cylinder_points(*shape.size).astype(float), 0.0
+    points = np.concatenate(hull_points(meshes[shape.filename]))
+    return points * np.array(shape.size), 0.0

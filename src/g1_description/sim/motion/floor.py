@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from g1_description.core.motion.trajectory import Trajectory
 from g1_description.core.robot.assembly import WORLD
-from g1_description.core.robot.description import Description, Link, Shape
+from g1_description.core.robot.description import Description, Link
 from g1_description.core.robot.kinematics import Kinematics
 from g1_description.core.rotation import conjugate, rotate
 from g1_description.core.transform import IDENTITY
-from g1_description.sim.meshes.hulls import cylinder_points, hull_points
-from g1_description.sim.meshes.shapes import Mesh, find_meshes, is_there
+from g1_description.sim.meshes.hulls import outline
+from g1_description.sim.meshes.shapes import find_meshes, is_there
 
 MAX_PRODUCTS = 1_000_000
 """Points times samples that are computed at once: 8 MB."""
@@ -62,27 +60,12 @@ def _points(link: Link) -> list[tuple[np.ndarray, float]]:
     """Return points of a link's shapes, in its frame, and a radius about them."""
     shapes = link.collisions or link.visuals
     meshes, _ = find_meshes(shapes)
-    return [
-        _shape_points(shape, meshes)
-        for shape in shapes
-        if shape.kind != "plane" and is_there(shape, meshes)
-    ]
-
-
-def _shape_points(shape: Shape, meshes: Mapping[str, Mesh]) -> tuple[np.ndarray, float]:
-    """Return points of a shape in its link's frame, shape (n, 3), and a radius."""
-    radius = 0.0
-    if shape.kind == "sphere":
-        points, radius = np.zeros((1, 3)), shape.size[0]
-    elif shape.kind == "box":
-        corners = np.array(np.meshgrid(*[(-0.5, 0.5)] * 3)).reshape(3, 8).T
-        points = corners * np.array(shape.size)
-    elif shape.kind == "cylinder":
-        points = cylinder_points(*shape.size)
-    else:
-        points = np.concatenate(hull_points(meshes[shape.filename]))
-        points = points * np.array(shape.size)
-    return shape.pose[:3] + rotate(shape.pose[3:], points.astype(float)), radius
+    found = []
+    for shape in shapes:
+        if shape.kind != "plane" and is_there(shape, meshes):
+            points, radius = outline(shape, meshes)
+            found.append((shape.pose[:3] + rotate(shape.pose[3:], points), radius))
+    return found
 
 
 def _lowest(poses: np.ndarray, points: np.ndarray, radius: float) -> float:
