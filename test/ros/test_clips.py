@@ -23,7 +23,7 @@ PERIOD = 10_000_000
 """Between two rows of a CSV as they are played, in [ns]."""
 SAMPLES = 3, 25_000_000
 """So many samples of an npz last so long as they are played, in [ns]: whole steps."""
-PART = ("--from", "1", "--to", "4")
+PART = ("--from", "1", "--to", "2.5")
 """What is played of each clip, in [s] of it."""
 TOLERANCE = 2e-6
 """In [m] and [rad]."""
@@ -81,7 +81,7 @@ class TestClips(unittest.TestCase):
                 shown = {
                     m.header.stamp.to_nsec(): m.position for m in self.states.messages
                 }
-                stamps = {n: stamp + (n - number) * PERIOD for n in range(100, 401)}
+                stamps = {n: stamp + (n - number) * PERIOD for n in range(100, 251)}
                 there = [n for n, stamp in stamps.items() if stamp in shown]
                 # A busy machine may lose a state on its way to here, none is wrong.
                 self.assertGreater(len(there), 0.9 * len(stamps))
@@ -101,7 +101,7 @@ class TestClips(unittest.TestCase):
         self.assertEqual(number % SAMPLES[0], 0)
         places, turns = data["body_pos_w"], data["body_quat_w"]
         start = stamp - number // SAMPLES[0] * SAMPLES[1]
-        end = start + 240 // SAMPLES[0] * SAMPLES[1]
+        end = start + 150 // SAMPLES[0] * SAMPLES[1]
         self.tf.wait(
             lambda m: any(t.header.stamp.to_nsec() >= end for t in m.transforms), "TF"
         )
@@ -117,7 +117,7 @@ class TestClips(unittest.TestCase):
                     stamps[edge.child_frame_id].add(edge.header.stamp.to_nsec())
         worst = [0.0, 0.0]
         n_compared = 0
-        for n in range(60, 241, SAMPLES[0]):
+        for n in range(60, 151, SAMPLES[0]):
             time_ns = start + n // SAMPLES[0] * SAMPLES[1]
             # On a busy machine robot_state_publisher leaves some joint states out.
             if not all(time_ns in known for known in stamps.values()):
@@ -133,7 +133,7 @@ class TestClips(unittest.TestCase):
         print(
             f"{file.name}: {n_compared} samples, {worst[0]:.2g} m, {worst[1]:.2g} rad"
         )
-        self.assertGreater(n_compared, 30)
+        self.assertGreater(n_compared, 15)
         self.assertLess(max(worst), TOLERANCE)
 
 
