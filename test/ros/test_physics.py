@@ -102,6 +102,10 @@ class TestPhysics(unittest.TestCase):
         answer = play(motion)
         wanted = "" if self.stands else "nothing drives the joints in limp physics"
         self.assertEqual((answer.success, answer.status_message), (self.stands, wanted))
+        if not self.stands:
+            code, _, errors = run("squat", "--seconds", 3)
+            self.assertEqual(code, 1)
+            self.assertIn(f"The motion is refused: {wanted}", errors)
 
     def test_5_it_squats_and_stands_again_on_its_motors(self):
         """It is not thrown, and the simulator tells how well the motors followed."""

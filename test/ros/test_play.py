@@ -108,6 +108,12 @@ class TestPlay(unittest.TestCase):
         self.assertNotEqual(playing.wait(DEADLINE), 0)
         self.assert_still()
 
+    def test_a_terminal_that_is_closed_leaves_it_there_too(self):
+        playing = Terminal(program("play"), str(self.file), "--speed", "0.5")
+        self.states.wait(lambda m: m.velocity[self.index] > 0.0)
+        playing.close()
+        self.assertTrue(0.0 < self.assert_still() < 0.8)
+
     def test_space_pauses_and_arrows_step(self):
         playing = Terminal(program("play"), str(self.file), "--speed", "0.5")
         playing.wait("sample [5-9] of 41")

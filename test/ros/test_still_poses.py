@@ -7,10 +7,10 @@ import xml.etree.ElementTree as ET
 
 import rospy
 import rostest
+from g1_description.srv import PlayMotion, PlayMotionResponse
 from sensor_msgs.msg import JointState
 from support.pose_command import KNEE, POSES, run, start
 from support.ros_testing import DEADLINE, Listener, Repeated
-from trajectory_msgs.msg import JointTrajectory
 
 PERIOD = 0.02
 """Of joint states in [s]."""
@@ -33,16 +33,17 @@ class Frozen:
             f"/{namespace}/joint_commands", JointState, self._obey if obeys else None
         )
         self._way = None
-        self._motions = rospy.Subscriber(
-            f"/{namespace}/joint_trajectory", JointTrajectory, self._follow
+        self._motions = rospy.Service(
+            f"/{namespace}/play_motion", PlayMotion, self._follow
         )
         self._repeated = Repeated(self._show, PERIOD)
 
     def _obey(self, message):
         self.positions.update(zip(message.name, message.position))
 
-    def _follow(self, message):
-        self._way = message, self._stamp
+    def _follow(self, request):
+        self._way = request.motion.joint_trajectory, self._stamp
+        return PlayMotionResponse(True, "", self._stamp)
 
     def _show(self):
         if self.runs:
@@ -61,7 +62,7 @@ class Frozen:
     def close(self):
         self._repeated.close()
         self._commands.unregister()
-        self._motions.unregister()
+        self._motions.shutdown()
         self._states.unregister()
 
 
@@ -87,11 +88,7 @@ class TestStillPoses(unittest.TestCase):
 
     def test_what_does_not_happen_is_told(self):
         """All at once, as each waits long: no states, no obedience, no bridge."""
-        for topic, kind in (
-            ("joint_commands", JointState),
-            ("joint_trajectory", JointTrajectory),
-        ):
-            self.addCleanup(Listener(f"/silent/{topic}", kind).close)
+        self.addCleanup(Listener("/silent/joint_commands", JointState).close)
         deaf = Frozen("deaf", obeys=False)
         self.addCleanup(deaf.close)
         asked = (

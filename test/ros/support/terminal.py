@@ -48,5 +48,9 @@ class Terminal:
         while self._read():
             pass
         self.settings_left = self.settings()
+        return self.close()
+
+    def close(self):
+        """Close the terminal, and wait for the program's end; return its exit code."""
         os.close(self._terminal)
         return os.WEXITSTATUS(os.waitpid(self._pid, 0)[1])

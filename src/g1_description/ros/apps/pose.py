@@ -28,6 +28,7 @@ from g1_description.core.poses.yaml_text import check_name
 from g1_description.ros.node.lifecycle import own_arguments, start_node
 
 from .posed_robot import PosedRobot
+from .robot_options import add_namespace
 from .robot_view import NoAnswerError
 
 DIGITS = 6
@@ -51,12 +52,7 @@ def parser() -> OneSentenceParser:
         help="duration of a smooth motion in seconds of simulated time; default: 0, "
         "set the joints at once",
     )
-    made.add_argument(
-        "--namespace",
-        type=namespace,
-        default="",
-        help="namespace of the robot's topics",
-    )
+    add_namespace(made)
     made.add_argument(
         "--file", type=Path, help=f"file of your own poses; default: {user_file()}"
     )
@@ -65,14 +61,6 @@ def parser() -> OneSentenceParser:
     )
     made.add_argument("--about", default="", help="description of the saved pose")
     return made
-
-
-def namespace(text: str) -> str:
-    """Read a namespace."""
-    name = text.strip("/")
-    if name and not rosgraph.names.is_legal_name(name):
-        raise argparse.ArgumentTypeError(f"'{text}' is no ROS name")
-    return name
 
 
 def parse(arguments: list[str]) -> argparse.Namespace:

@@ -1,7 +1,7 @@
 """A robot that is moved through the bridge.
 
-Publishes: joint_commands (sensor_msgs/JointState), joint_trajectory
-    (trajectory_msgs/JointTrajectory)
+Publishes: joint_commands (sensor_msgs/JointState)
+Calls: play_motion (g1_description/PlayMotion)
 Subscribes: joint_states (sensor_msgs/JointState)
 All timeouts are wall time: simulated time may stand still.
 """
@@ -14,28 +14,23 @@ from collections.abc import Callable
 import numpy as np
 import rospy
 from sensor_msgs.msg import JointState
-from trajectory_msgs.msg import JointTrajectory
 
 from g1_description.core.poses.minimum_jerk import minimum_jerk_trajectory
 from g1_description.core.text import listed
-from g1_description.ros.motion.messages import message_of_joints
 from g1_description.ros.node.lifecycle import quiet_when_closing
-from g1_description.ros.transport.direct_publisher import DirectPublisher
+from g1_description.ros.wire.conversions import stamp_from_ns
 
+from .motion_client import MotionClient
 from .robot_view import STANDS_STILL, NoAnswerError, RobotView
 
 TIMEOUT = 30.0
 """Longest wait for the bridge, or for its effect, in [s]: machines may be busy."""
 
 QUEUE_SIZE = 10
-"""Commands and motions kept for a slow bridge."""
+"""Commands kept for a slow bridge."""
 
 RESEND_PERIOD = 1.0
 """Time after which a goal is sent again, in [s]."""
-
-SEND_TIMEOUT = 1.0
-"""Longest time in which a bridge may read nothing of a motion, in [s]; while the node
-ends, there is not more."""
 
 TOLERANCE = 0.01
 """Largest distance of a joint from its goal, in [rad] or [m]: motors give way."""
@@ -63,13 +58,9 @@ class PosedRobot(RobotView):
             queue_size=QUEUE_SIZE,
             tcp_nodelay=True,
         )
-        # Sends at once, also what is sent while the node ends. Latched: somebody else
-        # may have connected before the bridge.
-        self._motions = DirectPublisher(
-            f"{self._prefix}joint_trajectory", JointTrajectory, QUEUE_SIZE, latch=True
-        )
-        self._is_moving = False
-        rospy.on_shutdown(self._stop)
+        self._motions = MotionClient(self._prefix)
+        # While the node can still call: afterwards the robot would go on.
+        rospy.core.add_preshutdown_hook(lambda _: self._leave())
 
     def measured_positions(self) -> np.ndarray:
         """Return where the joints are now.
@@ -92,7 +83,7 @@ class PosedRobot(RobotView):
         Raises:
             NoAnswerError: If nobody listens, or it does not happen.
         """
-        self._wait_for_listener(self._commands)
+        self._wait_for_listener()
         self._arrive(goal)
 
     def move(self, goal: np.ndarray, seconds: float) -> None:
@@ -103,32 +94,32 @@ class PosedRobot(RobotView):
             seconds: How long, in [s] of the robot's time.
 
         Raises:
-            NoAnswerError: If nobody listens, time goes back, or it does not happen.
+            NoAnswerError: If that is refused, time goes back, or it does not happen.
         """
-        self._wait_for_listener(self._motions)
         begin = self._next(None)
-        self._is_moving = True
-        start = self._inside(begin)
-        way = minimum_jerk_trajectory(self._names, start, goal, seconds)
-        self._send(message_of_joints(way))
-        end = begin.header.stamp + rospy.Duration.from_sec(seconds)
-        message = begin
-        while message.header.stamp < end:
-            message = self._next(message.header.stamp, timeout=None)
-            if message.header.stamp < begin.header.stamp:
-                raise NoAnswerError("Time went back on the way; the robot was reset.")
+        way = minimum_jerk_trajectory(self._names, self._inside(begin), goal, seconds)
+        start_ns, note = self._motions.play(way)
+        if note:
+            self._notify(f"{note}.")
+        end = stamp_from_ns(start_ns) + rospy.Duration.from_sec(seconds)
+        self._wait_for_time(begin.header.stamp, end)
         self._wait_for_goal(goal)
-        self._is_moving = False
 
-    def _send(self, motion: JointTrajectory) -> None:
-        """Send a motion, and wait until the bridge has it: it is sent only once."""
-        self._motions.publish(motion)
-        self._motions.wait_for_room(SEND_TIMEOUT)
+    def _wait_for_time(self, now: rospy.Time, end: rospy.Time) -> None:
+        """Wait until the end of a motion; it need not be stopped afterwards."""
+        while now < end:
+            before, now = now, self._next(now, timeout=None).header.stamp
+            if now < before:
+                self._motions.may_move = False
+                raise NoAnswerError("Time went back on the way; the robot was reset.")
+        self._motions.may_move = False
 
-    def _stop(self) -> None:
+    def _leave(self) -> None:
         """Stop the robot where it is, if it is on its way."""
-        if self._is_moving:
-            self._send(JointTrajectory(joint_names=self._names))
+        try:
+            self._motions.leave()
+        except NoAnswerError as error:
+            self._notify(f"the robot may go on: {error}")
 
     def _publish(self, positions: np.ndarray) -> None:
         """Send a command."""
@@ -199,10 +190,10 @@ class PosedRobot(RobotView):
             [min(max(shown[j.name], j.lower), j.upper) for j in joints], dtype=float
         )
 
-    def _wait_for_listener(self, publisher: rospy.Publisher | DirectPublisher) -> None:
-        """Wait until the bridge hears what is published."""
-        if not self.wait_until(publisher.get_num_connections, TIMEOUT):
-            name = rospy.resolve_name(publisher.name)
+    def _wait_for_listener(self) -> None:
+        """Wait until the bridge hears commands."""
+        if not self.wait_until(self._commands.get_num_connections, TIMEOUT):
+            name = self._commands.resolved_name
             raise NoAnswerError(f"Nobody listens to {name}; is the bridge running?")
 
     def _next(self, after, timeout: float | None = TIMEOUT) -> JointState:

@@ -8,12 +8,14 @@ import signal
 import socket
 import sys
 import threading
+from collections.abc import Callable
 from contextlib import contextmanager
 
 import rosgraph
 import rospy
 
-SIGNALS = (signal.SIGINT, signal.SIGTERM)
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""What ends a node: Ctrl-C, ``kill``, and a terminal that is closed."""
 
 SHUTDOWN_TIMEOUT = 1.8
 """Longest time from a signal to the end of the program, in [s]."""
@@ -33,8 +35,7 @@ def start_node(name: str, **options) -> None:
     """
     reader, writer = socket.socketpair()
     writer.setblocking(False)
-    for number in SIGNALS:
-        signal.signal(number, lambda *_: None)
+    handle_signals(lambda *_: None)
     signal.set_wakeup_fd(writer.fileno(), warn_on_full_buffer=False)
     ending = threading.Event()
 
@@ -60,6 +61,17 @@ def start_node(name: str, **options) -> None:
         master = rosgraph.get_master_uri()
         message = f"{name}: rospy cannot start, is there a master at {master}? {error}"
         sys.exit(1 if ending.is_set() else message)
+
+
+def handle_signals(handler: Callable) -> None:
+    """Let a handler get the signals that end a node.
+
+    ``nohup`` has its program ignore that the terminal is closed; that stays so.
+    """
+    for number in SIGNALS:
+        is_ignored = signal.getsignal(number) == signal.SIG_IGN
+        if not (number == signal.SIGHUP and is_ignored):
+            signal.signal(number, handler)
 
 
 @contextmanager

@@ -14,7 +14,7 @@ from g1_description.core.errors import G1DescriptionError, InvalidValueError
 from g1_description.core.motion.edit import cut, moved, to_start_at
 from g1_description.core.motion.trajectory import Trajectory
 from g1_description.core.transform import IDENTITY
-from g1_description.ros.apps.pose import namespace
+from g1_description.ros.apps.robot_options import add_namespace
 from g1_description.ros.motion.files.read import read_motion_file
 from g1_description.ros.node.lifecycle import own_arguments, start_node
 from g1_description.sim.motion.floor import lowest_height
@@ -53,6 +53,19 @@ def parser() -> OneSentenceParser:
         default=1.0,
         help="seconds of the motion in a second of simulated time; default: 1",
     )
+    _add_changes(made)
+    add_namespace(made)
+    made.add_argument(
+        "--base-frame",
+        metavar="FRAME",
+        help="base of the robot on TF, for --start-here; default: base_link, "
+        "NAMESPACE/base_link in a namespace",
+    )
+    return made
+
+
+def _add_changes(made: OneSentenceParser) -> None:
+    """Add what is changed of the motion before it is played."""
     made.add_argument(
         "--from", dest="begin", type=number, metavar="TIME", help="begin there, in s"
     )
@@ -72,19 +85,6 @@ def parser() -> OneSentenceParser:
         action="store_true",
         help="lift or lower the whole motion so that its lowest point is at height 0",
     )
-    made.add_argument(
-        "--namespace",
-        type=namespace,
-        default="",
-        help="namespace of the robot's topics",
-    )
-    made.add_argument(
-        "--base-frame",
-        metavar="FRAME",
-        help="base of the robot on TF, for --start-here; default: base_link, "
-        "NAMESPACE/base_link in a namespace",
-    )
-    return made
 
 
 def _positive(text: str) -> float:
@@ -193,17 +193,17 @@ def play(args: argparse.Namespace) -> None:
     session = Session(robot, trajectory, args.speed, notify)
     with closing(Keyboard(terminal())) as keyboard:
         # While the node can still call: afterwards the robot would go on.
-        rospy.core.add_preshutdown_hook(lambda _: _leave(session, keyboard))
+        rospy.core.add_preshutdown_hook(lambda _: _leave(robot, keyboard))
         follow(session, keyboard, args)
     if session.is_over:
         notify(f"{args.file.name}: {session.end - session.begin:.2f} s played.")
 
 
-def _leave(session: Session, keyboard: Keyboard) -> None:
+def _leave(robot: PlayedRobot, keyboard: Keyboard) -> None:
     """Stop the robot where it is when a signal ends the node."""
     keyboard.close()  # first: a bridge that does not answer ends the program here
     try:
-        if session.leave():
+        if robot.motions.leave():
             notify("stopped; the robot stays where it is.")
     except G1DescriptionError as error:
         notify(f"the robot may go on: {error}")

@@ -1,6 +1,5 @@
 """A robot that goes through motions, as its bridge offers it.
 
-Calls: play_motion (g1_description/PlayMotion)
 Subscribes: joint_states (sensor_msgs/JointState)
 """
 
@@ -13,17 +12,12 @@ from contextlib import contextmanager
 import numpy as np
 import rosgraph
 import rospy
-from trajectory_msgs.msg import MultiDOFJointTrajectoryPoint
 
 from g1_description.core.errors import MotionError
-from g1_description.core.motion.trajectory import Trajectory
 from g1_description.core.transform import IDENTITY
-from g1_description.msg import RobotTrajectory
+from g1_description.ros.apps.motion_client import MotionClient
 from g1_description.ros.apps.robot_view import NoAnswerError, RobotView
 from g1_description.ros.motion.map_frame import MapFrame
-from g1_description.ros.motion.messages import durations_of, message_of_joints
-from g1_description.ros.wire.conversions import to_transform
-from g1_description.srv import PlayMotion
 
 TIMEOUT = 30.0
 """Longest wait for the bridge, in [s]: machines may be busy."""
@@ -53,7 +47,8 @@ class PlayedRobot(RobotView):
         self._told = ""
         self._alone: float | None = None
         """Since when nobody publishes its state, on the monotonic clock."""
-        self._service = rospy.ServiceProxy(f"{self._prefix}play_motion", PlayMotion)
+        self.motions = MotionClient(self._prefix)
+        """What lets it move."""
         if not self.wait_until(lambda: self.newest is not None, TIMEOUT):
             raise NoAnswerError(f"The robot's state is unknown: {self.silence}")
 
@@ -102,38 +97,6 @@ class PlayedRobot(RobotView):
                 "its base."
             ) from error
 
-    def play(self, trajectory: Trajectory) -> tuple[int, str]:
-        """Let the robot go through a motion, at once.
-
-        Returns:
-            When its times count from, in [ns], and what was not done as requested.
-
-        Raises:
-            NoAnswerError: If that is refused, or nobody answers.
-        """
-        return self._call(_message(trajectory))
-
-    def stop(self) -> None:
-        """Stop the robot where it is.
-
-        Raises:
-            NoAnswerError: If that is refused, or nobody answers.
-        """
-        self._call(RobotTrajectory())
-
-    def _call(self, message: RobotTrajectory) -> tuple[int, str]:
-        """Call the bridge."""
-        try:
-            answer = self._service(message)
-        except (rospy.ServiceException, OSError) as error:
-            name = self._service.resolved_name
-            raise NoAnswerError(
-                f"{name} does not answer, is the bridge running? {error}"
-            ) from error
-        if not answer.success:
-            raise NoAnswerError(f"The motion is refused: {answer.status_message}")
-        return answer.start.to_nsec(), answer.status_message
-
 
 @contextmanager
 def _told_without_master() -> Iterator[None]:
@@ -142,22 +105,3 @@ def _told_without_master() -> Iterator[None]:
         yield
     except (OSError, rosgraph.MasterException) as error:
         raise NoAnswerError(f"The master is gone: {error}.") from error
-
-
-def _message(trajectory: Trajectory) -> RobotTrajectory:
-    """Write a motion as a message."""
-    message = RobotTrajectory()
-    if trajectory.joint_names:
-        message.joint_trajectory = message_of_joints(trajectory)
-    if trajectory.base_poses is not None:
-        base = message.multi_dof_joint_trajectory
-        base.joint_names = ["base"]
-        base.points = [
-            MultiDOFJointTrajectoryPoint(
-                transforms=[to_transform(pose)], time_from_start=time
-            )
-            for pose, time in zip(
-                trajectory.base_poses.tolist(), durations_of(trajectory)
-            )
-        ]
-    return message

@@ -6,6 +6,7 @@ import argparse
 import signal
 import sys
 import time
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
@@ -15,15 +16,19 @@ import rospy
 from g1_description.core.cli import OneSentenceParser, number
 from g1_description.core.errors import G1DescriptionError, InvalidValueError
 from g1_description.core.robot.description import Description
-from g1_description.ros.apps.pose import namespace
+from g1_description.ros.apps.robot_options import add_namespace
 from g1_description.ros.apps.robot_view import NoAnswerError, wait_for_description
 from g1_description.ros.motion.files.write import ENDINGS, room_of, write_motion_file
-from g1_description.ros.node.lifecycle import own_arguments, start_node
+from g1_description.ros.node.lifecycle import handle_signals, own_arguments, start_node
+from g1_description.ros.node.waiting import wait_until
 
 from .recorder import Recorder
 
 TIMEOUT = 20.0
 """Longest wait for the first state, in [s]: machines may be busy."""
+
+SPAWN_TIMEOUT = 5.0
+"""Longest wait for a robot that the simulator's states do not have, in [s]."""
 
 QUIET = 2.0
 """Time without states after which it is told, in [s]."""
@@ -56,12 +61,7 @@ def parser() -> OneSentenceParser:
         type=number,
         help="duration in seconds of simulated time; default: until Ctrl-C",
     )
-    made.add_argument(
-        "--namespace",
-        type=namespace,
-        default="",
-        help="namespace of the robot's topics",
-    )
+    add_namespace(made)
     made.add_argument(
         "--model",
         default="",
@@ -142,8 +142,7 @@ class _Stop:
         """Answer signals from now on; a second one ends the program."""
         self.is_wanted = False
         signal.set_wakeup_fd(-1)
-        for kind in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(kind, self._take)
+        handle_signals(self._take)
 
     def _take(self, *_: object) -> None:
         """Remember a signal; a lock may not be waited for here."""
@@ -159,35 +158,42 @@ def _wait_for_first(recorder: Recorder) -> None:
         UnknownNameError: If the robot is not in the simulator.
         MotionError: If the file cannot hold its motion.
     """
-    end = time.monotonic() + TIMEOUT
-    while not recorder.n_samples:
-        if rospy.is_shutdown():
-            raise rospy.ROSInterruptException("interrupted")
-        if recorder.refusal:
-            raise recorder.refusal
-        if time.monotonic() > end:
-            raise recorder.problem or NoAnswerError(
+    end = time.monotonic() + SPAWN_TIMEOUT
+
+    def is_known() -> bool:
+        recorder.keep_up()
+        is_missing = recorder.problem and time.monotonic() > end
+        return bool(recorder.n_samples or recorder.refusal or is_missing)
+
+    wait_until(is_known, TIMEOUT, period=POLL_PERIOD)
+    if not recorder.n_samples:
+        raise (
+            recorder.refusal
+            or recorder.problem
+            or NoAnswerError(
                 f"No state of the robot came on {recorder.topic} in {TIMEOUT:g} s; "
                 "does a simulator run, and does time? 'rosbag record /joint_states "
                 "/tf' records a robot without one."
             )
-        recorder.keep_up()
-        time.sleep(POLL_PERIOD)
+        )
 
 
 def _follow(recorder: Recorder, stop: _Stop) -> None:
     """Wait for the end of the recording."""
     told = False
-    while not (recorder.is_over or stop.is_wanted or rospy.is_shutdown()):
+
+    def is_over() -> bool:
+        nonlocal told
         recorder.keep_up()
         is_quiet = time.monotonic() - recorder.heard > QUIET
         if is_quiet and not told:
             notify(f"nothing comes on {recorder.topic}; is time paused?")
         told = is_quiet
-        time.sleep(POLL_PERIOD)
-    end = time.monotonic() + LAST_TIMEOUT
-    while recorder.lacks_joints and time.monotonic() < end:
-        time.sleep(POLL_PERIOD)
+        return recorder.is_over or stop.is_wanted
+
+    with suppress(rospy.ROSInterruptException):  # what was recorded is saved
+        wait_until(is_over, period=POLL_PERIOD)
+        wait_until(lambda: not recorder.lacks_joints, LAST_TIMEOUT, period=POLL_PERIOD)
 
 
 def save(recorder: Recorder, robot: Description, args: argparse.Namespace) -> None:

@@ -36,6 +36,10 @@ from g1_description.ros.wire.link_states import LinkStatesArrays
 EARLY = 1000
 """A state this much before it is due counts, in [ns]: periods are rounded."""
 
+ROUNDING = 1e-6
+"""Largest difference in [rad] or [m] between the same joints measured here and by the
+bridge."""
+
 MAX_RECENT = 5000
 """Joint states kept until the simulator's state with their stamp comes."""
 
@@ -233,14 +237,17 @@ class Recorder:
     def _match(self, message: JointState) -> bool:
         """Put the joints that were published into the sample with their stamp.
 
-        They are those that were measured, or exactly those of a motion that is played.
+        They are those that were measured, or exactly those of a motion that is played;
+        others are of another robot, and left out.
         """
         sample = self._waiting.pop(message.header.stamp.to_nsec(), None)
         if sample is None:
             return False
         if tuple(message.name) == self._names:
-            sample.positions = np.array(message.position)
-            sample.velocities = np.array(message.velocity)
+            positions = np.array(message.position)
+            if np.abs(positions - sample.positions).max(initial=0.0) < ROUNDING:
+                sample.positions = positions
+                sample.velocities = np.array(message.velocity)
         return True
 
     def _find_model(self, links: Sequence[str]) -> str:

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Callable
 
 import numpy as np
-import rospy
 
 from g1_description.core.motion.edit import at_speed, cut
 from g1_description.core.motion.sampling import SNAP
@@ -41,9 +39,6 @@ class Session:
         self._robot, self._speed, self._notify = robot, speed, notify
         self.trajectory = trajectory
         self.is_running = False
-        self._may_move = self._is_left = False
-        """Whether the robot may be on its way; whether no motion may begin any more."""
-        self._lock = threading.Lock()
         self._told = ""
         self._start_ns = self._seen_ns = 0
         self._from = self._time = self.begin
@@ -70,7 +65,7 @@ class Session:
             self._robot.look_after_time()
             now_ns = self._robot.now_ns
             if now_ns < self._seen_ns:
-                self.is_running = self._may_move = False
+                self.is_running = self._robot.motions.may_move = False
                 raise NoAnswerError("Time went back on the way; the robot was reset.")
             self._seen_ns = now_ns
             elapsed = 1e-9 * (now_ns - self._start_ns)
@@ -88,7 +83,7 @@ class Session:
         """Whether it has come to its end."""
         is_over = self.is_running and self.time >= self.end
         if is_over:
-            self._may_move = False
+            self._robot.motions.may_move = False
         return is_over
 
     def start(self, time: float | None = None) -> None:
@@ -98,33 +93,15 @@ class Session:
             self._from = self.begin
         self._seen_ns, self._ended = 0, None
         part = cut(self.trajectory, self._from)
-        self.is_running, self._may_move = False, True
+        self.is_running = False
         self._start_ns = self._play(at_speed(part, self._speed, self._from))
         self.is_running = True
 
     def pause(self) -> None:
         """Stop the robot where it is."""
         if self.is_running:
-            self._stop()
+            self._robot.motions.stop()
             self._time, self.is_running = self.time, False
-
-    def leave(self) -> bool:
-        """Begin no motion any more, and stop the robot unless its end was seen.
-
-        It may be called from any thread. A motion that the bridge has been asked for is
-        stopped as soon as it has answered.
-
-        Returns:
-            Whether the robot was stopped.
-
-        Raises:
-            NoAnswerError: If that is refused, or nobody answers.
-        """
-        self._is_left = True
-        if not self._may_move:
-            return False
-        self._stop()
-        return True
 
     def step(self, n: int) -> None:
         """Pause, and show the sample ``n`` after the present one."""
@@ -148,18 +125,9 @@ class Session:
         if now >= self._ended + REST:
             self.start(self.begin)
 
-    def _stop(self) -> None:
-        """Stop the robot where it is."""
-        with self._lock:
-            self._robot.stop()
-            self._may_move = False
-
     def _play(self, part: Trajectory) -> int:
         """Let the robot play a part; return when it begins, in [ns]."""
-        with self._lock:
-            if self._is_left:
-                raise rospy.ROSInterruptException("interrupted")
-            start_ns, message = self._robot.play(part)
+        start_ns, message = self._robot.motions.play(part)
         if message != self._told:
             self._told = message
             self._notify(f"{message}.")
