@@ -15,7 +15,7 @@ from .outcome import Outcome
 from .parts import QUICK, parts
 from .runner import LIMIT, Runner
 
-AT_A_TIME = 3
+AT_A_TIME = 4
 """Parts that run beside each other: on two cores, as rostests wait most of the time."""
 SLOWEST = 10
 """Cases that are named for the time they take."""
