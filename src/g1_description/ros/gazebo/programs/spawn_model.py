@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import re
 import sys
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -144,6 +145,8 @@ class GazeboServices:
     def __init__(self, namespace: str) -> None:
         """Take the namespace, such as /gazebo."""
         self._namespace = namespace.rstrip("/")
+        self._lock = threading.RLock()
+        self._has_spawned = self._is_over = False
 
     def wait_and_call(self, name: str, kind, *arguments):
         """Wait for a service and call it.
@@ -164,12 +167,33 @@ class GazeboServices:
         """Call a service that is there.
 
         Raises:
+            ROSInterruptException: If the node was shut down meanwhile.
             ServiceException: If it is not, or refuses.
         """
-        response = rospy.ServiceProxy(f"{self._namespace}/{name}", kind)(*arguments)
-        if not getattr(response, "success", True):
-            raise rospy.ServiceException(response.status_message)
+        with self._lock:
+            if self._is_over:
+                raise rospy.ROSInterruptException("interrupted")
+            service = rospy.ServiceProxy(f"{self._namespace}/{name}", kind)
+            response = service(*arguments)
+            if not getattr(response, "success", True):
+                raise rospy.ServiceException(response.status_message)
+            self._has_spawned = self._has_spawned or kind is SpawnModel
         return response
+
+    def delete_spawned(self, name: str) -> None:
+        """Delete a model if it was spawned, and call nothing any more.
+
+        Called from the thread that ends the node, perhaps while the model is spawned.
+        When everything ends at once, Gazebo may be gone first.
+        """
+        with self._lock:
+            try:
+                if self._has_spawned:
+                    response = self.call("delete_model", DeleteModel, name)
+                    rospy.loginfo("%s", response.status_message)
+            except (rospy.ROSException, rospy.ServiceException) as error:
+                rospy.logwarn("The model %s was not deleted: %s", name, error)
+            self._is_over = True
 
     def wait_for_model(self, name: str) -> None:
         """Wait until a model is in the world."""
@@ -218,20 +242,13 @@ def spawn(args: argparse.Namespace, services: GazeboServices) -> None:
         rospy.loginfo("%s", getattr(response, "status_message", f"{call[0]}: done"))
 
 
-def delete(name: str, services: GazeboServices) -> None:
-    """Delete a model. When everything ends at once, Gazebo may be gone first."""
-    try:
-        response = services.call("delete_model", DeleteModel, name)
-        rospy.loginfo("%s", response.status_message)
-    except (rospy.ROSException, rospy.ServiceException) as error:
-        rospy.logwarn("The model %s was not deleted: %s", name, error)
-
-
 def main() -> None:
     """Spawn a model, or say why not."""
     args = parse(own_arguments())
     start_node("spawn_model", anonymous=True)
     services = GazeboServices(args.gazebo_namespace)
+    if args.b:
+        rospy.on_shutdown(lambda: services.delete_spawned(args.model))
     try:
         spawn(args, services)
     except rospy.ROSInterruptException:
@@ -240,5 +257,4 @@ def main() -> None:
         rospy.logerr("%s", error)
         sys.exit(1)
     if args.b:
-        rospy.on_shutdown(lambda: delete(args.model, services))
         rospy.spin()
