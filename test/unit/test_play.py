@@ -13,9 +13,11 @@ pytest.importorskip("rospy", reason="rospy is not installed")
 
 import numpy as np
 import rospy
+from g1_description.srv import PlayMotionResponse
 from waiting import wait_for
 
 from g1_description.core.motion.trajectory import Trajectory
+from g1_description.ros.apps.motion_client import MotionClient
 from g1_description.ros.apps.motions import session as sessions
 from g1_description.ros.apps.motions.keyboard import Keyboard
 from g1_description.ros.apps.motions.session import Session
@@ -93,22 +95,33 @@ def test_without_a_terminal_there_are_no_keys():
     keyboard.close()
 
 
-class Robot:
+class Bridge:
     """Notes what it is asked; may do something before it answers."""
 
-    def __init__(self):
-        self.calls, self.now_ns, self.meanwhile = [], 0, lambda: None
+    resolved_name = "/play_motion"
 
-    def play(self, trajectory):
-        self.calls.append("play")
-        self.meanwhile()
-        return self.now_ns, ""
+    def __init__(self, robot):
+        self.calls, self.meanwhile, self._robot = [], lambda: None, robot
+
+    def __call__(self, motion):
+        moves = bool(motion.joint_trajectory.points)
+        self.calls.append("play" if moves else "stop")
+        if moves:
+            self.meanwhile()
+        start = rospy.Time(nsecs=self._robot.now_ns)
+        return PlayMotionResponse(True, "", start)
+
+
+class Robot:
+    """A robot behind a bridge; its time is set."""
+
+    def __init__(self):
+        self.now_ns = 0
+        self.bridge = Bridge(self)
+        self.motions = MotionClient(self.bridge)
 
     def look_after_time(self):
         pass
-
-    def stop(self):
-        self.calls.append("stop")
 
 
 @pytest.fixture
@@ -124,32 +137,32 @@ def session(robot):
     return Session(robot, motion, 1.0, print)
 
 
-def leave_meanwhile(robot, session):
+def leave_meanwhile(robot):
     """End it from another thread before the robot answers; give the thread."""
-    thread = threading.Thread(target=session.leave)
+    thread = threading.Thread(target=robot.motions.leave)
 
     def begin():
         thread.start()
-        wait_for(lambda: session._is_left, "the other thread")
+        wait_for(lambda: robot.motions.is_left, "the other thread")
 
-    robot.meanwhile = begin
+    robot.bridge.meanwhile = begin
     return thread
 
 
 def test_the_robot_is_stopped_while_the_bridge_is_asked_to_begin(robot, session):
-    thread = leave_meanwhile(robot, session)
+    thread = leave_meanwhile(robot)
     session.start()
     thread.join()
-    assert robot.calls == ["play", "stop"]
+    assert robot.bridge.calls == ["play", "stop"]
 
 
 def test_the_robot_is_stopped_while_it_is_asked_to_go_on(robot, session):
     session.start()
     session.toggle()
-    thread = leave_meanwhile(robot, session)
+    thread = leave_meanwhile(robot)
     session.toggle()
     thread.join()
-    assert robot.calls == ["play", "stop", "play", "stop"]
+    assert robot.bridge.calls == ["play", "stop", "play", "stop"]
 
 
 def test_the_robot_is_stopped_while_it_is_asked_to_begin_again(
@@ -159,25 +172,25 @@ def test_the_robot_is_stopped_while_it_is_asked_to_begin_again(
     session.start()
     robot.now_ns = 3 * 10**9
     assert session.is_over
-    thread = leave_meanwhile(robot, session)
+    thread = leave_meanwhile(robot)
     session.restart_when_rested()
     thread.join()
-    assert robot.calls == ["play", "play", "stop"]
+    assert robot.bridge.calls == ["play", "play", "stop"]
 
 
 def test_nothing_begins_after_the_end(robot, session):
-    assert not session.leave()
+    assert not robot.motions.leave()
     with pytest.raises(rospy.ROSInterruptException):
         session.start()
-    assert robot.calls == []
+    assert robot.bridge.calls == []
 
 
 def test_a_robot_at_its_end_is_not_stopped(robot, session):
     session.start()
     robot.now_ns = 3 * 10**9
     assert session.is_over
-    assert not session.leave()
-    assert robot.calls == ["play"]
+    assert not robot.motions.leave()
+    assert robot.bridge.calls == ["play"]
 
 
 def test_each_end_has_its_rest(robot, session, monkeypatch):
@@ -189,9 +202,11 @@ def test_each_end_has_its_rest(robot, session, monkeypatch):
     session.toggle()
     robot.now_ns = 6 * 10**9
     assert session.is_over
-    calls, end = len(robot.calls), time.monotonic()
+    calls, end = len(robot.bridge.calls), time.monotonic()
     wait_for(lambda: time.monotonic() > end + SOON, "a while")
     monkeypatch.setattr(sessions, "REST", SOON)
     session.restart_when_rested()
-    assert len(robot.calls) == calls
-    wait_for(lambda: session.restart_when_rested() or robot.calls[calls:], "a rest")
+    assert len(robot.bridge.calls) == calls
+    wait_for(
+        lambda: session.restart_when_rested() or robot.bridge.calls[calls:], "a rest"
+    )

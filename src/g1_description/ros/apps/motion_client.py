@@ -14,7 +14,6 @@ from g1_description.core.motion.trajectory import Trajectory
 from g1_description.msg import RobotTrajectory
 from g1_description.ros.motion.messages import durations_of, message_of_joints
 from g1_description.ros.wire.conversions import to_transform
-from g1_description.srv import PlayMotion
 
 from .robot_view import NoAnswerError
 
@@ -22,15 +21,16 @@ from .robot_view import NoAnswerError
 class MotionClient:
     """Asks a robot's bridge for motions, and stops what it has asked for."""
 
-    def __init__(self, prefix: str) -> None:
+    def __init__(self, service: rospy.ServiceProxy) -> None:
         """Prepare; nothing is called yet.
 
         Args:
-            prefix: Of the names of the robot's topics; empty, or ends in a slash.
+            service: The robot's service play_motion.
         """
-        self._service = rospy.ServiceProxy(f"{prefix}play_motion", PlayMotion)
+        self._service = service
         self._lock = threading.Lock()
-        self._is_left = False
+        self.is_left = False
+        """Whether no motion may begin any more."""
         self.may_move = False
         """Whether the robot may be on its way."""
 
@@ -45,7 +45,7 @@ class MotionClient:
             ROSInterruptException: If the robot was left.
         """
         with self._lock:
-            if self._is_left:
+            if self.is_left:
                 raise rospy.ROSInterruptException("interrupted")
             self.may_move = len(trajectory.times) > 1
             return self._call(_message(trajectory))
@@ -72,7 +72,7 @@ class MotionClient:
         Raises:
             NoAnswerError: If that is refused, or nobody answers.
         """
-        self._is_left = True
+        self.is_left = True
         if not self.may_move:
             return False
         self.stop()

@@ -19,6 +19,7 @@ from g1_description.core.poses.minimum_jerk import minimum_jerk_trajectory
 from g1_description.core.text import listed
 from g1_description.ros.node.lifecycle import quiet_when_closing
 from g1_description.ros.wire.conversions import stamp_from_ns
+from g1_description.srv import PlayMotion
 
 from .motion_client import MotionClient
 from .robot_view import STANDS_STILL, NoAnswerError, RobotView
@@ -58,7 +59,8 @@ class PosedRobot(RobotView):
             queue_size=QUEUE_SIZE,
             tcp_nodelay=True,
         )
-        self._motions = MotionClient(self._prefix)
+        service = rospy.ServiceProxy(f"{self._prefix}play_motion", PlayMotion)
+        self._motions = MotionClient(service)
         # While the node can still call: afterwards the robot would go on.
         rospy.core.add_preshutdown_hook(lambda _: self._leave())
 

@@ -18,6 +18,7 @@ from g1_description.core.transform import IDENTITY
 from g1_description.ros.apps.motion_client import MotionClient
 from g1_description.ros.apps.robot_view import NoAnswerError, RobotView
 from g1_description.ros.motion.map_frame import MapFrame
+from g1_description.srv import PlayMotion
 
 TIMEOUT = 30.0
 """Longest wait for the bridge, in [s]: machines may be busy."""
@@ -47,7 +48,8 @@ class PlayedRobot(RobotView):
         self._told = ""
         self._alone: float | None = None
         """Since when nobody publishes its state, on the monotonic clock."""
-        self.motions = MotionClient(self._prefix)
+        service = rospy.ServiceProxy(f"{self._prefix}play_motion", PlayMotion)
+        self.motions = MotionClient(service)
         """What lets it move."""
         if not self.wait_until(lambda: self.newest is not None, TIMEOUT):
             raise NoAnswerError(f"The robot's state is unknown: {self.silence}")
