@@ -346,6 +346,12 @@ class TestMotion(unittest.TestCase):
             lambda m: 0.0 < position_of(m, ELBOW) - upper < 0.0011, "the limit"
         )
 
+    def test_a_streamed_sample_beyond_a_limit_is_told_too(self):
+        log = NodeLog("/gazebo")
+        self.addCleanup(log.close)
+        self.publish("joint_trajectory", elbow((0.05, 9.0)))
+        log.wait(lambda m: f"clamped to the limits: {ELBOW} to" in m.msg, "a warning")
+
     def test_trails_are_where_tf_had_the_links(self):
         trails = Connected("/trails", MarkerArray, queue_size=None)
         self.addCleanup(trails.close)

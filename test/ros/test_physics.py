@@ -15,7 +15,7 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
 from support.pose_command import run
 from support.ros_testing import Listener, wait_for
-from trajectory_msgs.msg import JointTrajectoryPoint
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 
 class TestPhysics(unittest.TestCase):
@@ -128,6 +128,42 @@ class TestPhysics(unittest.TestCase):
             self.assertLess(max(report.rms_errors), 0.02)
             self.assertLess(max(report.limit_shares), 0.1)
             self.assertFalse(report.has_fallen)
+
+    def test_6_that_motors_jump_to_a_motion_is_told(self):
+        if not self.stands:
+            self.skipTest("there are no motors")
+        play = rospy.ServiceProxy("/play_motion", PlayMotion)
+        motion = RobotTrajectory()
+        trajectory = motion.joint_trajectory
+        trajectory.joint_names = ["left_wrist_roll_joint"]
+        for begin, told in ((0.5, ""), (0.0, "left_wrist_roll_joint is 0.50 away")):
+            trajectory.points = [
+                JointTrajectoryPoint(
+                    positions=[position], time_from_start=rospy.Duration(begin + time)
+                )
+                for time, position in ((0.0, 0.5), (1.0, 0.0))
+            ]
+            play(RobotTrajectory(joint_trajectory=at_zero(trajectory)))
+            self.wait_for_wrist(0.0)
+            answer = play(motion)
+            self.assertTrue(answer.success)
+            self.assertEqual("away from it" in answer.status_message, bool(told))
+            self.assertIn(told, answer.status_message)
+
+    def wait_for_wrist(self, wanted):
+        self.states.clear()
+        self.states.wait(
+            lambda m: (
+                abs(m.position[m.name.index("left_wrist_roll_joint")] - wanted) < 0.02
+            )
+        )
+
+
+def at_zero(trajectory):
+    """Give a command that puts the same joints to zero."""
+    zeros = [0.0] * len(trajectory.joint_names)
+    points = [JointTrajectoryPoint(positions=zeros)]
+    return JointTrajectory(joint_names=trajectory.joint_names, points=points)
 
 
 if __name__ == "__main__":

@@ -12,12 +12,15 @@ import numpy as np
 import rospy
 import rostest
 import tf2_ros
+from g1_description.msg import RobotTrajectory
+from g1_description.srv import PlayMotion
 from geometry_msgs.msg import PoseStamped, TransformStamped
 from sensor_msgs.msg import JointState
 from support.joint_limits import limits
 from support.ros_testing import DEADLINE, Connected, program, wait_for
 from support.terminal import Terminal
 from tf2_msgs.msg import TFMessage
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 HEADER = "time,base_x,base_y,base_z,base_qx,base_qy,base_qz,base_qw,left_elbow_joint"
 SPACE, RIGHT, LEFT, CTRL_C = b" ", b"\x1b[C", b"\x1b[D", b"\x03"
@@ -114,6 +117,31 @@ class TestPlay(unittest.TestCase):
         playing.close()
         self.assertTrue(0.0 < self.assert_still() < 0.8)
 
+    def test_it_goes_to_the_beginning_in_its_time(self):
+        self.run_play(self.file, "--from", 3.5, "--speed", 8)
+        self.states.clear()
+        arguments = "--from", 0.5, "--to", 1, "--lead-in", 1, "--speed", 2
+        done = self.run_play(self.file, *arguments)
+        self.assertEqual(done.returncode, 0, done.stdout)
+        moved = [m for m in self.states.messages if m.velocity[self.index]]
+        way = [m for m in moved if m.velocity[self.index] < 0.0]
+        seconds = (way[-1].header.stamp - way[0].header.stamp).to_sec()
+        self.assertAlmostEqual(seconds, 1.0, delta=0.1)
+        self.assertAlmostEqual(way[0].position[self.index], 0.8, delta=0.02)
+        rest = [m.header.stamp for m in moved if m.velocity[self.index] > 0.0]
+        self.assertAlmostEqual((rest[-1] - rest[0]).to_sec(), 0.25, delta=0.1)
+
+    def test_a_robot_that_was_taken_elsewhere_is_told(self):
+        playing = Terminal(program("play"), str(self.file))
+        self.states.wait(lambda m: m.velocity[self.index] > 0.0)
+        other = rospy.ServiceProxy("/play_motion", PlayMotion)
+        motion = RobotTrajectory()
+        point = JointTrajectoryPoint(positions=[0.3])
+        motion.joint_trajectory = JointTrajectory(joint_names=[ELBOW], points=[point])
+        self.assertTrue(other(motion).success)
+        self.assertEqual(playing.end(), 1)
+        self.assertIn(f"elsewhere: {ELBOW} at 0.3 instead of 0.8", playing.text)
+
     def test_space_pauses_and_arrows_step(self):
         playing = Terminal(program("play"), str(self.file), "--speed", "0.5")
         playing.wait("sample [5-9] of 41")
@@ -200,6 +228,8 @@ class TestPlay(unittest.TestCase):
             ((bad,), "bad.csv: Line 3 has 'ten' where a number is expected."),
             ((self.file, "--from", 2, "--to", 9), "lasts from 0 to 4 s; 2 to 9 s is"),
             ((self.file, "--speed", 0), "0 is not positive"),
+            ((self.file, "--speed", 1e9), "--speed 1e+09 is not from"),
+            ((self.file, "--fps", 1e12), "--fps 1e+12 is no number"),
             (
                 (self.file, "--start-here", "--base-frame", "right/base_link"),
                 "there is no frame 'right/base_link'",

@@ -15,11 +15,19 @@ import rospy
 import rostest
 from g1_description.msg import RobotTrajectory
 from g1_description.srv import PlayMotion
+from gazebo_msgs.msg import WorldState
 from gazebo_msgs.srv import DeleteModel, SpawnModel
 from geometry_msgs.msg import Point, Pose, Quaternion
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
-from support.ros_testing import DEADLINE, REPOSITORY, Connected, program, wait_for
+from support.ros_testing import (
+    DEADLINE,
+    REPOSITORY,
+    Connected,
+    Listener,
+    program,
+    wait_for,
+)
 from tf2_msgs.msg import TFMessage
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -171,6 +179,22 @@ class TestRecord(unittest.TestCase):
         self.assertEqual(states, 201)
         self.assertGreater(edges, 30)
 
+    def test_a_recording_ends_with_its_simulator(self):
+        states = rospy.Publisher("/other/world_state", WorldState, queue_size=1)
+        real = Listener("/gazebo/world_state", WorldState)
+        world = real.wait()
+        real.close()
+        run = start("record", self.folder / "a.csv", "--gazebo", "/other")
+        wait_for(states.get_num_connections, "the recorder")
+        states.publish(world)
+        self.assertIn("recording until Ctrl-C", run.stderr.readline())
+        states.unregister()
+        _, err = run.communicate(timeout=DEADLINE)
+        self.assertEqual(run.returncode, 0, err)
+        self.assertIn("the simulator ended after 0.000 s", err)
+        found, _, _ = self.read(self.folder / "a.csv")
+        self.assertEqual(len(found["times"]), 1)
+
     def test_what_was_recorded_plays_again_as_the_same(self):
         stop = self.play(self.wave)
         self.record("first.csv", "--seconds", "3", "--rate", "0")
@@ -294,6 +318,8 @@ class TestRecord(unittest.TestCase):
         self.assert_refused(
             start("record", self.folder / "a.csv", "--model", "nobody"), nobody
         )
+        left = start("record", self.folder / "a.csv", "--namespace", "left")
+        self.assert_refused(left, "Nobody publishes /left/joint_states; is the")
         # Waits for states cost less where none come.
         rospy.ServiceProxy("/gazebo/pause_physics", Empty)()
         self.addCleanup(rospy.ServiceProxy("/gazebo/unpause_physics", Empty))

@@ -18,6 +18,10 @@ from g1_description.ros.wire.conversions import to_transform
 from .robot_view import NoAnswerError
 
 
+class RefusedError(NoAnswerError):
+    """The bridge, or the simulator, does not play a motion."""
+
+
 class MotionClient:
     """Asks a robot's bridge for motions, and stops what it has asked for."""
 
@@ -48,7 +52,11 @@ class MotionClient:
             if self.is_left:
                 raise rospy.ROSInterruptException("interrupted")
             self.may_move = len(trajectory.times) > 1
-            return self._call(_message(trajectory))
+            try:
+                return self._call(_message(trajectory))
+            except RefusedError:
+                self.may_move = False
+                raise
 
     def stop(self) -> None:
         """Stop the robot where it is.
@@ -88,7 +96,7 @@ class MotionClient:
                 f"{name} does not answer, is the bridge running? {error}"
             ) from error
         if not answer.success:
-            raise NoAnswerError(f"The motion is refused: {answer.status_message}")
+            raise RefusedError(f"The motion is refused: {answer.status_message}")
         return answer.start.to_nsec(), answer.status_message
 
 

@@ -172,14 +172,7 @@ class PosedRobot(RobotView):
 
     def _away(self, goal: np.ndarray) -> list[str]:
         """List the joints that are not at the goal, and where they are."""
-        shown = dict(zip(self.newest.name, self.newest.position))
-        return [
-            f"{name} at {shown[name]:g} instead of {position:g}"
-            if name in shown
-            else f"no {name}"
-            for name, position in zip(self._names, goal)
-            if not abs(shown.get(name, np.inf) - position) <= TOLERANCE
-        ]
+        return self.away(dict(zip(self._names, goal)), TOLERANCE)
 
     def _inside(self, message: JointState) -> np.ndarray:
         """Read a message's positions, clamped to the limits."""

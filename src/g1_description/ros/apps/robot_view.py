@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import rospy
 from sensor_msgs.msg import JointState
@@ -88,6 +88,23 @@ class RobotView:
         """Names of the movable joints without a known position."""
         joints = self.description.movable_joints
         return [joint.name for joint in joints if joint.name not in self.positions]
+
+    def away(self, goal: Mapping[str, float], tolerance: float) -> list[str]:
+        """List the joints that were last not at a goal, and where they were.
+
+        Args:
+            goal: Positions in [rad] or [m] by joint name.
+            tolerance: Largest distance that does not count, in [rad] or [m].
+        """
+        newest = self.newest
+        shown = dict(zip(newest.name, newest.position)) if newest else {}
+        return [
+            f"{name} at {shown[name]:g} instead of {position:g}"
+            if name in shown
+            else f"no {name}"
+            for name, position in goal.items()
+            if not abs(shown.get(name, math.inf) - position) <= tolerance
+        ]
 
     def forget_newest(self) -> None:
         """Count only joint states that come from now on."""

@@ -86,7 +86,7 @@ class GazeboNode:
         for topic, kind, act in (
             ("~set_model_state", ModelState, models.apply_state),
             ("~set_link_state", LinkState, links.apply_state),
-            ("~set_model_trajectory", ModelTrajectory, trajectories.apply),
+            ("~set_model_trajectory", ModelTrajectory, self._warn(trajectories.apply)),
         ):
             # Each message counts: they may be of different models.
             rospy.Subscriber(
@@ -149,7 +149,18 @@ class GazeboNode:
             try:
                 act(message)
             except InvalidValueError as error:
-                self._log.warn(topic, f"refused, {error}", SHORT_PERIOD)
+                self._log.warn(topic, f"{topic[1:]}: refused, {error}", SHORT_PERIOD)
+
+        return callback
+
+    def _warn(self, act):
+        """Make a callback that logs what of a message is not done as it says."""
+
+        def callback(message):
+            details = act(message)
+            if details:
+                key = f"{message.model_name} set_model_trajectory"
+                self._log.warn(key, f"{message.model_name}: {details}", SHORT_PERIOD)
 
         return callback
 

@@ -108,8 +108,9 @@ def _headed(rows: Iterator[tuple[int, str]], number: int, names: list[str]) -> M
     wanted = [TIME, *(BASE if base else ()), *(velocities if has_velocities else ())]
     missing = [name for name in wanted if name not in names]
     if missing:
+        hint = "; columns are separated by commas" if len(names) == 1 else ""
         raise MotionError(
-            f"Line {number} names {listed(names)}, but not {listed(missing)}."
+            f"Line {number} names {listed(names)}, but not {listed(missing)}{hint}."
         )
     strange = [n for n in names if n not in (*wanted, *joints)]
     if strange:

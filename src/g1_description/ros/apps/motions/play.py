@@ -13,8 +13,10 @@ from g1_description.core.cli import OneSentenceParser, number
 from g1_description.core.errors import G1DescriptionError, InvalidValueError
 from g1_description.core.motion.edit import cut, moved, to_start_at
 from g1_description.core.motion.trajectory import Trajectory
+from g1_description.core.text import listed
 from g1_description.core.transform import IDENTITY
 from g1_description.ros.apps.robot_options import add_namespace
+from g1_description.ros.apps.robot_view import NoAnswerError
 from g1_description.ros.motion.files.read import read_motion_file
 from g1_description.ros.node.lifecycle import own_arguments, start_node
 from g1_description.sim.motion.floor import lowest_height
@@ -25,6 +27,16 @@ from .session import Session
 
 REFRESH_PERIOD = 0.05
 """Time between two looks at the progress, in [s]."""
+
+MAX_FPS = 1e6
+MAX_SPEED = 1e3
+
+TOLERANCE = 0.1
+"""Largest distance of a joint from the end of its motion, in [rad] or [m]: motors give
+way."""
+
+END_TIMEOUT = 1.0
+"""Longest wait for the robot at the motion's end, in [s]."""
 
 BAR = 24
 """Length of the progress bar, in characters."""
@@ -76,6 +88,13 @@ def _add_changes(made: OneSentenceParser) -> None:
         "--loop", action="store_true", help="begin again a second after the end"
     )
     made.add_argument(
+        "--lead-in",
+        type=_positive,
+        default=0.0,
+        metavar="SECONDS",
+        help="time in which the robot goes to the beginning; default: 0, at once",
+    )
+    made.add_argument(
         "--start-here",
         action="store_true",
         help="begin where the robot is, facing as it does; height and tilt stay",
@@ -85,6 +104,17 @@ def _add_changes(made: OneSentenceParser) -> None:
         action="store_true",
         help="lift or lower the whole motion so that its lowest point is at height 0",
     )
+
+
+def parse(arguments: list[str]) -> argparse.Namespace:
+    """Read a command line; end the program when it is wrong."""
+    reader = parser()
+    args = reader.parse_args(arguments)
+    if args.fps is not None and args.fps > MAX_FPS:
+        reader.error(f"--fps {args.fps:g} is no number of samples per second")
+    if not 1.0 / MAX_SPEED <= args.speed <= MAX_SPEED:
+        reader.error(f"--speed {args.speed:g} is not from 0.001 to 1000")
+    return args
 
 
 def _positive(text: str) -> float:
@@ -190,13 +220,34 @@ def play(args: argparse.Namespace) -> None:
     start_node("play", anonymous=True, disable_rosout=True)
     robot = PlayedRobot(args.namespace, notify)
     trajectory = prepare(args, robot)
-    session = Session(robot, trajectory, args.speed, notify)
+    session = Session(robot, trajectory, args.speed, notify, args.lead_in)
     with closing(Keyboard(terminal())) as keyboard:
         # While the node can still call: afterwards the robot would go on.
         rospy.core.add_preshutdown_hook(lambda _: _leave(robot, keyboard))
         follow(session, keyboard, args)
     if session.is_over:
+        _check_end(robot, trajectory, args.file.name)
         notify(f"{args.file.name}: {session.end - session.begin:.2f} s played.")
+
+
+def _check_end(robot: PlayedRobot, trajectory: Trajectory, name: str) -> None:
+    """Check that the robot ends where the motion does.
+
+    Raises:
+        NoAnswerError: If it does not.
+    """
+    last = dict(zip(trajectory.joint_names, trajectory.positions[-1].tolist()))
+    goal = {
+        joint.name: min(max(last[joint.name], joint.lower), joint.upper)
+        for joint in robot.description.movable_joints
+        if joint.name in last
+    }
+    if not robot.wait_until(lambda: not robot.away(goal, TOLERANCE), END_TIMEOUT):
+        raise NoAnswerError(
+            f"{name} is over, but the robot is elsewhere: "
+            f"{listed(robot.away(goal, TOLERANCE))}. Another motion or command may "
+            "have moved it."
+        )
 
 
 def _leave(robot: PlayedRobot, keyboard: Keyboard) -> None:
@@ -211,7 +262,7 @@ def _leave(robot: PlayedRobot, keyboard: Keyboard) -> None:
 
 def main() -> None:
     """Run the command, or exit with a message."""
-    args = parser().parse_args(own_arguments())
+    args = parse(own_arguments())
     try:
         play(args)
     except G1DescriptionError as error:

@@ -30,6 +30,10 @@ TIMEOUT = 20.0
 SPAWN_TIMEOUT = 5.0
 """Longest wait for a robot that the simulator's states do not have, in [s]."""
 
+GONE = 5.0
+"""Time without a simulator after which the recording ends, in [s]: one that failed may
+be started again."""
+
 QUIET = 2.0
 """Time without states after which it is told, in [s]."""
 
@@ -53,8 +57,8 @@ def parser() -> OneSentenceParser:
     made.add_argument(
         "--rate",
         type=number,
-        default=60.0,
-        help="samples per second of simulated time; 0: every state; default: 60",
+        default=50.0,
+        help="samples per second of simulated time; 0: every state; default: 50",
     )
     made.add_argument(
         "--seconds",
@@ -126,7 +130,7 @@ def record(args: argparse.Namespace) -> None:
     names = args.gazebo, args.model, args.namespace
     find_room = partial(room_of, args.out)
     recorder = Recorder(robot, names, args.rate, args.seconds, find_room)
-    _wait_for_first(recorder)
+    _wait_for_first(recorder, args.namespace)
     stop = _Stop()
     seconds = "" if args.seconds is None else f" {args.seconds:g} s, or"
     notify(f"recording{seconds} until Ctrl-C.")
@@ -150,8 +154,8 @@ class _Stop:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
-def _wait_for_first(recorder: Recorder) -> None:
-    """Wait for the first sample.
+def _wait_for_first(recorder: Recorder, namespace: str) -> None:
+    """Wait for the first sample, and in a namespace for its joint states.
 
     Raises:
         NoAnswerError: If there is none.
@@ -162,29 +166,38 @@ def _wait_for_first(recorder: Recorder) -> None:
 
     def is_known() -> bool:
         recorder.keep_up()
-        is_missing = recorder.problem and time.monotonic() > end
-        return bool(recorder.n_samples or recorder.refusal or is_missing)
+        is_there = recorder.n_samples and (recorder.hears_bridge or not namespace)
+        is_missing = recorder.n_samples or recorder.problem
+        is_late = time.monotonic() > end
+        return bool(recorder.refusal or is_there or (is_missing and is_late))
 
     wait_until(is_known, TIMEOUT, period=POLL_PERIOD)
+    if recorder.refusal:
+        raise recorder.refusal
     if not recorder.n_samples:
-        raise (
-            recorder.refusal
-            or recorder.problem
-            or NoAnswerError(
-                f"No state of the robot came on {recorder.topic} in {TIMEOUT:g} s; "
-                "does a simulator run, and does time? 'rosbag record /joint_states "
-                "/tf' records a robot without one."
-            )
+        raise recorder.problem or NoAnswerError(
+            f"No state of the robot came on {recorder.topic} in {TIMEOUT:g} s; "
+            "does a simulator run, and does time? 'rosbag record /joint_states "
+            "/tf' records a robot without one."
+        )
+    if namespace and not recorder.hears_bridge:
+        raise NoAnswerError(
+            f"Nobody publishes /{namespace}/joint_states; is the namespace right?"
         )
 
 
 def _follow(recorder: Recorder, stop: _Stop) -> None:
     """Wait for the end of the recording."""
     told = False
+    connected = time.monotonic()
 
     def is_over() -> bool:
-        nonlocal told
+        nonlocal told, connected
         recorder.keep_up()
+        if recorder.is_connected:
+            connected = time.monotonic()
+        elif time.monotonic() > connected + GONE:
+            recorder.end("the simulator ended")
         is_quiet = time.monotonic() - recorder.heard > QUIET
         if is_quiet and not told:
             notify(f"nothing comes on {recorder.topic}; is time paused?")

@@ -129,6 +129,16 @@ class Recorder:
         return bool(self._waiting and self._joint_states.get_num_connections())
 
     @property
+    def is_connected(self) -> bool:
+        """Whether there is a simulator."""
+        return self._source.is_connected
+
+    @property
+    def hears_bridge(self) -> bool:
+        """Whether someone publishes joint states in the robot's namespace."""
+        return self._joint_states.get_num_connections() > 0
+
+    @property
     def topic(self) -> str:
         """Name of the topic that the states are from."""
         return self._source.topic
@@ -150,7 +160,7 @@ class Recorder:
             return
         stamp, went_back = rising
         if went_back and self._samples:
-            self._end("time went back")
+            self.end("time went back")
             return
         if self._estimator is None:
             try:
@@ -166,8 +176,8 @@ class Recorder:
         if stamp >= self._due - EARLY:
             self._keep(stamp, seen)
 
-    def _end(self, why: str) -> None:
-        """End the recording before it is wanted."""
+    def end(self, why: str) -> None:
+        """End the recording before it is wanted, and note why."""
         seconds = (self._samples[-1].stamp - self._samples[0].stamp) / 1e9
         self.notes.append(f"{why} after {seconds:.3f} s: it ends there.")
         self.is_over = True
@@ -199,7 +209,7 @@ class Recorder:
                 self._left_out += 1
                 return
             if self._is_full(stamp):
-                self._end("the file can hold no more")
+                self.end("the file can hold no more")
                 return
             base = None if seen.base_pose is None else seen.base_pose.copy()
             sample = _Sample(stamp, seen.position.copy(), seen.velocity.copy(), base)

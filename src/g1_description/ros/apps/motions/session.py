@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -27,6 +28,7 @@ class Session:
         trajectory: Trajectory,
         speed: float,
         notify: Callable[[str], None],
+        lead_in: float = 0.0,
     ) -> None:
         """Prepare; the robot does nothing yet.
 
@@ -35,12 +37,14 @@ class Session:
             trajectory: The motion.
             speed: Seconds of the motion in a second.
             notify: Takes messages about what was not done as requested.
+            lead_in: Time in which the robot goes to the beginning, in [s].
         """
         self._robot, self._speed, self._notify = robot, speed, notify
+        self._lead_in = lead_in
         self.trajectory = trajectory
         self.is_running = False
         self._told = ""
-        self._start_ns = self._seen_ns = 0
+        self._begin_ns = self._seen_ns = 0
         self._from = self._time = self.begin
         self._ended: float | None = None
 
@@ -68,7 +72,7 @@ class Session:
                 self.is_running = self._robot.motions.may_move = False
                 raise NoAnswerError("Time went back on the way; the robot was reset.")
             self._seen_ns = now_ns
-            elapsed = 1e-9 * (now_ns - self._start_ns)
+            elapsed = 1e-9 * (now_ns - self._begin_ns)
             self._time = self._from + self._speed * max(0.0, elapsed)
         return float(np.clip(self._time, self.begin, self.end))
 
@@ -94,7 +98,10 @@ class Session:
         self._seen_ns, self._ended = 0, None
         part = cut(self.trajectory, self._from)
         self.is_running = False
-        self._start_ns = self._play(at_speed(part, self._speed, self._from))
+        lead_in = self._lead_in if self._from == self.begin else 0.0
+        part = at_speed(part, self._speed, self._from)
+        part = replace(part, times=part.times + lead_in)
+        self._begin_ns = self._play(part) + round(1e9 * lead_in)
         self.is_running = True
 
     def pause(self) -> None:

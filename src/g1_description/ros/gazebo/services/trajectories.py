@@ -16,9 +16,13 @@ from g1_description.core.motion.trajectory import Trajectory
 from g1_description.core.text import listed
 from g1_description.msg import ModelTrajectory
 from g1_description.ros.wire.conversions import stamp_from_ns
+from g1_description.sim.model import Model
 from g1_description.srv import SetModelTrajectory, SetModelTrajectoryResponse
 
 from .base import SteppedServices, clamped
+
+FAR = 0.3
+"""Distance to a first sample from which it is told, in [rad] or [m]."""
 
 
 class TrajectoryServices(SteppedServices):
@@ -42,16 +46,17 @@ class TrajectoryServices(SteppedServices):
         response.success = True
         return response
 
-    def apply(self, message: ModelTrajectory) -> None:
-        """Do what a message on the topic wants.
+    def apply(self, message: ModelTrajectory) -> str:
+        """Do what a message on the topic wants; return what was not done exactly so.
 
         Raises:
             InvalidValueError: If that cannot be done; nothing is changed.
         """
         try:
-            self._act(message)
+            _, details = self._act(message)
         except (MotionError, UnknownNameError) as error:
             raise InvalidValueError(str(error)) from error
+        return self._messages.compose("", details)
 
     def _act(self, message: ModelTrajectory) -> tuple[int, list[str]]:
         """Do what a message wants; return when it begins, in [ns], and details."""
@@ -68,8 +73,10 @@ class TrajectoryServices(SteppedServices):
         if report.unknown:
             names = listed(report.unknown)
             details.append(f"ignored, no movable joint of {model.name}: {names}")
-        if trajectory.base_poses is not None and self._world.is_dynamic:
-            details.append("the base is left to physics")
+        if self._world.is_dynamic:
+            if trajectory.base_poses is not None:
+                details.append("the base is left to physics")
+            details.append(_jump(model, trajectory))
         return start, details
 
     @property
@@ -77,6 +84,27 @@ class TrajectoryServices(SteppedServices):
         """The time at which something set now shows, in [ns]."""
         now = self._world.time_ns
         return now if self._stepper.paused else now + self._world.properties.step_ns
+
+
+def _jump(model: Model, trajectory: Trajectory) -> str:
+    """Say which joint the first sample is far from; empty if none, or if that is meant.
+
+    A single configuration is a command; a later first sample leaves time to go there.
+    """
+    if len(trajectory.times) == 1 or trajectory.times[0] > 0.0:
+        return ""
+    jumps = {
+        name: abs(float(position - model.target[model.joint_row(name)]))
+        for name, position in zip(trajectory.joint_names, trajectory.positions[0])
+        if model.joint_row(name) is not None
+    }
+    name = max(jumps, key=lambda n: jumps[n], default="")
+    if not name or jumps[name] <= FAR:
+        return ""
+    return (
+        f"motors take joints to the first sample at once: {name} is {jumps[name]:.2f} "
+        "away from it"
+    )
 
 
 def _trajectory(message: ModelTrajectory) -> Trajectory:
