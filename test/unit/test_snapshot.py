@@ -18,6 +18,7 @@ from g1_description.ros.apps.pictures.picture_files import (  # noqa: E402
     write_film,
     write_picture,
 )
+from g1_description.ros.apps.pictures.snapshot import columns_of  # noqa: E402
 from g1_description.ros.apps.pictures.video import write_video  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -33,6 +34,14 @@ def snapshot(*arguments):
     environment.pop("DISPLAY", None)
     script = ROOT / "scripts" / "snapshot"
     return run_script(script, *arguments, environment=environment)
+
+
+@pytest.mark.parametrize(
+    ("n", "ratio", "columns"),
+    [(1, 1.3, 1), (3, 1.3, 3), (4, 1.3, 2), (6, 1.3, 3), (4, 3.0, 4), (4, 0.2, 1)],
+)
+def test_a_sheet_has_as_little_empty_room_as_fits(n, ratio, columns):
+    assert columns_of(n, ratio) == columns
 
 
 def last_line(run):

@@ -7,6 +7,7 @@ Reads: robot_description; with --model or --motion nothing of ROS at all.
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 from dataclasses import replace
 from typing import Sequence
@@ -154,7 +155,7 @@ def sheet(
 ) -> np.ndarray:
     """Draw moments side by side, each where the robot then is, all at one scale."""
     n, (width, height) = len(moments), args.size
-    columns = min(n, max(1, round((n * width / height / PORTRAIT) ** 0.5)))
+    columns = columns_of(n, width / height)
     n_rows = -(-n // columns)
     size = max(SIDES[0], width // columns), max(SIDES[0], height // n_rows)
     views = [frame(scene, [moment], args.view, size) for moment in moments]
@@ -167,6 +168,22 @@ def sheet(
         return draw(scene, camera, *size, floor)
 
     return side_by_side(list(drawn(len(moments), picture)), columns)
+
+
+def columns_of(n: int, ratio: float) -> int:
+    """Find in how many columns pictures fill a sheet best.
+
+    Args:
+        n: Number of pictures.
+        ratio: Width of the sheet over its height.
+    """
+    ideal = (n * ratio / PORTRAIT) ** 0.5
+
+    def loss(columns: int) -> float:
+        n_empty = -n % columns
+        return abs(math.log(columns / ideal)) + n_empty / n
+
+    return min(range(1, n + 1), key=loss)
 
 
 def draw_file(args: argparse.Namespace) -> None:
