@@ -17,7 +17,7 @@ _g1_description_poses() {
 # Print the options of a command that reads or writes a motion.
 _g1_description_options() {
     case $1 in
-    play) echo "--base-frame --fps --from --help --loop --namespace --on-floor --speed --start-here --to --topic" ;;
+    play) echo "--base-frame --fps --from --help --loop --lead-in --namespace --on-floor --speed --start-here --to --topic" ;;
     record) echo "--force --gazebo --help --model --namespace --rate --seconds" ;;
     esac
 }

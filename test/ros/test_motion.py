@@ -14,7 +14,14 @@ from geometry_msgs.msg import PoseStamped, Transform
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
 from support.joint_limits import limits
-from support.ros_testing import DEADLINE, Connected, NodeLog, position_of, wait_for
+from support.ros_testing import (
+    DEADLINE,
+    Connected,
+    NodeLog,
+    position_of,
+    step_by,
+    wait_for,
+)
 from tf2_msgs.msg import TFMessage
 from trajectory_msgs.msg import (
     JointTrajectory,
@@ -65,6 +72,7 @@ def whole_body(names, rows, poses, period):
 class TestMotion(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
+        step_by(0.005)
         every = {"queue_size": None, "tcp_nodelay": True}
         cls.states = Connected("/joint_states", JointState, **every)
         cls.tf = Connected("/tf", TFMessage, **every)
@@ -235,7 +243,7 @@ class TestMotion(unittest.TestCase):
         self.call["/gazebo/pause_physics"]()
         self.publish("joint_trajectory", elbow((0.0, 0.1), (0.1, 0.3)))
         self.wait_for_position(0.1)
-        for steps, wanted in ((50, 0.2), (20, 0.24), (100, 0.3)):
+        for steps, wanted in ((10, 0.2), (4, 0.24), (20, 0.3)):
             self.assertTrue(self.call["/gazebo/step"](steps).success)
             self.states.wait(
                 lambda m, wanted=wanted: abs(position_of(m, ELBOW) - wanted) < 1e-9

@@ -17,7 +17,7 @@ from g1_description.srv import PlayMotion
 from geometry_msgs.msg import PoseStamped, TransformStamped
 from sensor_msgs.msg import JointState
 from support.joint_limits import limits
-from support.ros_testing import DEADLINE, Connected, program, wait_for
+from support.ros_testing import DEADLINE, Connected, program, step_by, wait_for
 from support.terminal import Terminal
 from tf2_msgs.msg import TFMessage
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -30,6 +30,7 @@ ELBOW = "left_elbow_joint"
 class TestPlay(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
+        step_by(0.005)
         cls.states = Connected("/joint_states", JointState, queue_size=None)
         cls.tf = Connected("/tf", TFMessage, queue_size=None)
         cls.base = rospy.Publisher("/base_command", PoseStamped, queue_size=1)

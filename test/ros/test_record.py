@@ -26,6 +26,7 @@ from support.ros_testing import (
     Connected,
     Listener,
     program,
+    step_by,
     wait_for,
 )
 from tf2_msgs.msg import TFMessage
@@ -93,6 +94,7 @@ def start(name, *arguments):
 class TestRecord(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
+        step_by(0.005)
         cls.states = Connected("/joint_states", JointState, queue_size=None)
         cls.tf = Connected("/tf", TFMessage, queue_size=None)
         cls.states.wait()
@@ -314,12 +316,13 @@ class TestRecord(unittest.TestCase):
             ("--rate -1 is no number", "a.csv", "--rate", "-1"),
             ("No state of the robot came", "a.csv", "--gazebo", "/nowhere"),
         )
-        nobody = "The simulator has no model 'nobody' with"
-        self.assert_refused(
-            start("record", self.folder / "a.csv", "--model", "nobody"), nobody
+        missing = (
+            ("The simulator has no model 'nobody' with", "--model", "nobody"),
+            ("Nobody publishes /left/joint_states; is the", "--namespace", "left"),
         )
-        left = start("record", self.folder / "a.csv", "--namespace", "left")
-        self.assert_refused(left, "Nobody publishes /left/joint_states; is the")
+        runs = [start("record", self.folder / "a.csv", *rest) for _, *rest in missing]
+        for (words, *_), run in zip(missing, runs):
+            self.assert_refused(run, words)
         # Waits for states cost less where none come.
         rospy.ServiceProxy("/gazebo/pause_physics", Empty)()
         self.addCleanup(rospy.ServiceProxy("/gazebo/unpause_physics", Empty))

@@ -156,7 +156,10 @@ class TestReplay(unittest.TestCase):
             ("No motion is given", ()),
             ("Two motions are given", (f"_motion:={MOTION}", f"_bag:={MOTION}")),
             ("elbow.csv is no bag", (f"_bag:={MOTION}", "_topic:=motion")),
-            ("nothing.csv cannot be read: No such file", ("_motion:=nothing.csv",)),
+            (
+                "'nothing.csv' is no full path; $PWD/nothing.csv is one.",
+                ("_motion:=nothing.csv",),
+            ),
             ("~speed is 0.0", (f"_motion:={MOTION}", "_speed:=0")),
             ("none of the motion's joints", (f"_motion:={MOTION}",)),
         ):

@@ -13,6 +13,7 @@ import rosgraph
 import roslib.packages
 import rosnode
 import rospy
+from gazebo_msgs.srv import GetPhysicsProperties, SetPhysicsProperties
 from rosgraph_msgs.msg import Log
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # of all tests
@@ -163,3 +164,12 @@ class Repeated:
     def close(self):
         self._stopped.set()
         self._thread.join()
+
+
+def step_by(seconds):
+    """Let the simulator do few long steps, which a busy machine can follow."""
+    get = rospy.ServiceProxy("/gazebo/get_physics_properties", GetPhysicsProperties)
+    get.wait_for_service(DEADLINE)
+    change = rospy.ServiceProxy("/gazebo/set_physics_properties", SetPhysicsProperties)
+    now = get()
+    assert change(seconds, 1.0 / seconds, now.gravity, now.ode_config).success
