@@ -62,13 +62,13 @@ def rms(errors):
 
 @pytest.mark.slow
 def test_it_squats_and_stands_again_where_it_was(make_world, g1):
-    """In 3 s each, standing free, on motors no stronger than the robot's."""
+    """In a second each, standing free, on motors no stronger than the robot's."""
     world = make_world("hold")
     model = spawned(world, g1, "stand")
     begin = model.pose
-    errors = [go(world, model, "squat", 3.0)]
+    errors = [go(world, model, "squat", 1.0)]
     assert model.pose[2] < 0.7 * begin[2]
-    errors.append(go(world, model, "stand", 3.0))
+    errors.append(go(world, model, "stand", 1.0))
     world.run(WATCH)
     assert np.linalg.norm(model.pose[:3] - begin[:3]) < 0.01
     assert np.abs(model.pose[3:5]).max() < 0.01
