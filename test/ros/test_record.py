@@ -320,7 +320,10 @@ class TestRecord(unittest.TestCase):
             ("The simulator has no model 'nobody' with", "--model", "nobody"),
             ("Nobody publishes /left/joint_states; is the", "--namespace", "left"),
         )
-        runs = [start("record", self.folder / "a.csv", *rest) for _, *rest in missing]
+        runs = [
+            start("record", self.folder / f"{n}.csv", *rest)
+            for n, (_, *rest) in enumerate(missing)
+        ]
         for (words, *_), run in zip(missing, runs):
             self.assert_refused(run, words)
         # Waits for states cost less where none come.

@@ -206,7 +206,7 @@ def of_transforms(count, n_messages, child=b""):
 
 
 def bz2_bomb():
-    """Give 101 MB of zeros as bz2 packs them, in 14 s."""
+    """Give 101 MB of zeros, packed; to pack them takes bz2 14 s."""
     return base64.b64decode(PACKED_ZEROS)
 
 

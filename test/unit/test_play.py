@@ -102,11 +102,18 @@ class Bridge:
 
     def __init__(self, robot):
         self.calls, self.meanwhile, self._robot = [], lambda: None, robot
+        self.motions = []
 
     def __call__(self, motion):
         moves = bool(motion.joint_trajectory.points)
         self.calls.append("play" if moves else "stop")
         if moves:
+            self.motions.append(
+                [
+                    (p.time_from_start.to_sec(), p.positions[0], *p.velocities)
+                    for p in motion.joint_trajectory.points
+                ]
+            )
             self.meanwhile()
         start = rospy.Time(nsecs=self._robot.now_ns)
         return PlayMotionResponse(True, "", start)
@@ -210,3 +217,50 @@ def test_each_end_has_its_rest(robot, session, monkeypatch):
     wait_for(
         lambda: session.restart_when_rested() or robot.bridge.calls[calls:], "a rest"
     )
+
+
+def lead_in(robot, times, seconds):
+    """Give a session of a motion at some times that is led in, from rest."""
+    positions = np.arange(len(times), dtype=float)[:, None]
+    motion = Trajectory(np.array(times), ("knee",), positions, positions + 1.0, None)
+    return Session(robot, motion, 1.0, print, seconds)
+
+
+def test_a_single_sample_is_over_when_the_robot_is_there(robot):
+    session = lead_in(robot, [0.0], 3.0)
+    session.start()
+    assert robot.bridge.motions[-1] == [(3.0, 0.0, 0.0)]
+    assert not session.is_over
+    robot.now_ns = 3 * 10**9
+    assert session.is_over
+    assert not robot.motions.leave()
+
+
+def test_the_robot_is_stopped_on_its_way_to_a_single_sample(robot):
+    lead_in(robot, [0.0], 3.0).start()
+    assert robot.motions.leave()
+    assert robot.bridge.calls == ["play", "stop"]
+
+
+def test_a_motion_is_led_in_to_a_rest_and_then_goes_on_as_it_is(robot):
+    session = lead_in(robot, [0.0, 1.0, 2.0], 0.5)
+    session.start()
+    assert robot.bridge.motions == [[(0.5, 0.0, 0.0), (1.5, 1.0, 2.0), (2.5, 2.0, 3.0)]]
+    robot.now_ns = 10**9
+    assert session.time == 0.5
+    session.toggle()
+    session.toggle()
+    first, *_ = robot.bridge.motions[-1]
+    assert first[0] == 0.0
+    robot.now_ns = 3 * 10**9
+    assert session.is_over
+
+
+def test_steps_on_the_way_to_the_beginning_are_led_in(robot):
+    session = lead_in(robot, [0.0, 1.0, 2.0], 0.5)
+    session.start()
+    session.step(1)
+    assert [time for time, *_ in robot.bridge.motions[-1]] == [0.5]
+    robot.now_ns = 10**9
+    session.step(1)
+    assert [time for time, *_ in robot.bridge.motions[-1]] == [0.0]

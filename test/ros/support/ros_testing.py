@@ -15,6 +15,7 @@ import rosnode
 import rospy
 from gazebo_msgs.srv import GetPhysicsProperties, SetPhysicsProperties
 from rosgraph_msgs.msg import Log
+from std_srvs.srv import Empty
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # of all tests
 from waiting import DEADLINE, wait_for
@@ -167,9 +168,13 @@ class Repeated:
 
 
 def step_by(seconds):
-    """Let the simulator do few long steps, which a busy machine can follow."""
+    """Let the simulator do few long steps, which a busy machine can follow.
+
+    Time begins again, so that it is a whole number of such steps.
+    """
     get = rospy.ServiceProxy("/gazebo/get_physics_properties", GetPhysicsProperties)
     get.wait_for_service(DEADLINE)
     change = rospy.ServiceProxy("/gazebo/set_physics_properties", SetPhysicsProperties)
     now = get()
     assert change(seconds, 1.0 / seconds, now.gravity, now.ode_config).success
+    rospy.ServiceProxy("/gazebo/reset_simulation", Empty)()

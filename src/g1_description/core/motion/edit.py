@@ -70,6 +70,21 @@ def at_speed(trajectory: Trajectory, speed: float, start: float = 0.0) -> Trajec
     )
 
 
+def later(trajectory: Trajectory, lead_in: float) -> Trajectory:
+    """Leave time to come to the first sample, and to be at rest there.
+
+    Args:
+        trajectory: The motion.
+        lead_in: The time in [s]; 0: the motion stays as it is.
+    """
+    if not lead_in:
+        return trajectory
+    velocities = trajectory.velocities
+    if velocities is not None:
+        velocities = np.vstack([np.zeros_like(velocities[:1]), velocities[1:]])
+    return replace(trajectory, times=trajectory.times + lead_in, velocities=velocities)
+
+
 def moved(trajectory: Trajectory, T_map_motion: np.ndarray) -> Trajectory:
     """Move the base of a motion as a whole.
 

@@ -49,9 +49,11 @@ class MotionClient:
             ROSInterruptException: If the robot was left.
         """
         with self._lock:
+            # Before the question: who leaves sets is_left before it looks at may_move.
+            self.may_move = len(trajectory.times) > 1 or trajectory.times[0] > 0.0
             if self.is_left:
+                self.may_move = False
                 raise rospy.ROSInterruptException("interrupted")
-            self.may_move = len(trajectory.times) > 1
             try:
                 return self._call(_message(trajectory))
             except RefusedError:

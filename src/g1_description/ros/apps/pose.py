@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 import rosgraph
@@ -132,7 +133,8 @@ def _connect(args: argparse.Namespace) -> PosedRobot:
     """Start the node and find the robot."""
 
     def notify(line):
-        print(f"pose: {line}", flush=True)
+        with suppress(OSError):  # the terminal may be closed
+            print(f"pose: {line}", flush=True)
 
     try:
         start_node("pose", anonymous=True, disable_rosout=True)

@@ -10,6 +10,7 @@ from g1_description.ros.bridge.parameters import (
     RobotParameters,
     topic_of,
 )
+from g1_description.ros.node.lifecycle import quiet_when_closing
 
 from .ghost import Ghost
 from .player import MotionPlayer
@@ -50,10 +51,11 @@ class Extras:
 
     def show(self, time_ns: int, seen: Observation) -> None:
         """Show what belongs to a state of the robot, at its time in [ns]."""
-        if self._trails:
-            self._trails.add(time_ns, seen)
-        if self._ghost:
-            self._ghost.show(time_ns, seen, self._player)
+        with quiet_when_closing():
+            if self._trails:
+                self._trails.add(time_ns, seen)
+            if self._ghost:
+                self._ghost.show(time_ns, seen, self._player)
 
     def reset(self) -> None:
         """Begin again, as time did."""

@@ -138,7 +138,8 @@ class MotionPlayer:
             self.is_idle = False
         self.release((), base=True)
         if self.keeps_commands:
-            self.wanted.put_base(pose)
+            with self._lock:
+                self.wanted.put_base(pose)
         name = self._status.name
         self._states.publish(ModelState(model_name=name, pose=pose_from_array(pose)))
         return Played(True, "")

@@ -67,9 +67,8 @@ class ReplayParameters:
         if self.motion and self.bag:
             raise InvalidValueError("Two motions are given, motion:= and bag:=.")
         if not Path(self.file).is_absolute():
-            raise InvalidValueError(
-                f"'{self.file}' is no full path; $PWD/{self.file} is one."
-            )
+            hint = "" if self.file.startswith("~") else f"; $PWD/{self.file} is one"
+            raise InvalidValueError(f"'{self.file}' is no full path{hint}.")
         check_range(self, "fps", 0.0, 1e6)
         check_range(self, "speed", 1e-3, 1e3)
         check_range(self, "publish_rate", 0.1, 1e3)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from contextlib import closing
+from contextlib import closing, suppress
 from pathlib import Path
 
 import rospy
@@ -22,7 +22,7 @@ from g1_description.ros.node.lifecycle import own_arguments, start_node
 from g1_description.sim.motion.floor import lowest_height
 
 from .keyboard import END, Keyboard, terminal
-from .played_robot import PlayedRobot
+from .played_robot import TIMEOUT, PlayedRobot
 from .session import Session
 
 REFRESH_PERIOD = 0.05
@@ -30,13 +30,14 @@ REFRESH_PERIOD = 0.05
 
 MAX_FPS = 1e6
 MAX_SPEED = 1e3
+MAX_LEAD_IN = 60.0
 
 TOLERANCE = 0.1
 """Largest distance of a joint from the end of its motion, in [rad] or [m]: motors give
 way."""
 
-END_TIMEOUT = 1.0
-"""Longest wait for the robot at the motion's end, in [s]."""
+END_TIME = 1_000_000_000
+"""Time in which motors must have come to the end of a motion, in [ns]."""
 
 BAR = 24
 """Length of the progress bar, in characters."""
@@ -89,7 +90,7 @@ def _add_changes(made: OneSentenceParser) -> None:
     )
     made.add_argument(
         "--lead-in",
-        type=_positive,
+        type=number,
         default=0.0,
         metavar="SECONDS",
         help="time in which the robot goes to the beginning; default: 0, at once",
@@ -114,6 +115,8 @@ def parse(arguments: list[str]) -> argparse.Namespace:
         reader.error(f"--fps {args.fps:g} is no number of samples per second")
     if not 1.0 / MAX_SPEED <= args.speed <= MAX_SPEED:
         reader.error(f"--speed {args.speed:g} is not from 0.001 to 1000")
+    if not 0.0 <= args.lead_in <= MAX_LEAD_IN:
+        reader.error(f"--lead-in {args.lead_in:g} is not from 0 to {MAX_LEAD_IN:g} s")
     return args
 
 
@@ -128,7 +131,8 @@ def _positive(text: str) -> float:
 def notify(text: str) -> None:
     """Print a message in a line of its own."""
     begin = "\r\x1b[K" if sys.stdout.isatty() else ""
-    print(f"{begin}play: {text}", flush=True)
+    with suppress(OSError):  # the terminal may be closed
+        print(f"{begin}play: {text}", flush=True)
 
 
 def prepare(args: argparse.Namespace, robot: PlayedRobot) -> Trajectory:
@@ -240,13 +244,19 @@ def _check_end(robot: PlayedRobot, trajectory: Trajectory, name: str) -> None:
     goal = {
         joint.name: min(max(last[joint.name], joint.lower), joint.upper)
         for joint in robot.description.movable_joints
-        if joint.name in last
+        if joint.name in last and joint.name in robot.positions
     }
-    if not robot.wait_until(lambda: not robot.away(goal, TOLERANCE), END_TIMEOUT):
+    end_ns = robot.now_ns + END_TIME
+
+    def is_settled() -> bool:
+        return not robot.away(goal, TOLERANCE) or robot.now_ns > end_ns
+
+    robot.wait_until(is_settled, TIMEOUT)
+    away = robot.away(goal, TOLERANCE)
+    if away:
         raise NoAnswerError(
-            f"{name} is over, but the robot is elsewhere: "
-            f"{listed(robot.away(goal, TOLERANCE))}. Another motion or command may "
-            "have moved it."
+            f"{name} is over, but the robot is elsewhere: {listed(away)}. Another "
+            "motion or command moved it, or its motors could not follow."
         )
 
 

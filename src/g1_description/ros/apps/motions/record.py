@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import signal
 import sys
 import time
@@ -107,7 +108,7 @@ def _check_place(out: Path, force: bool) -> None:
     trial = out.with_name(f".{out.name}.trial")
     try:
         trial.touch()
-        trial.unlink()
+        trial.unlink(missing_ok=True)
     except OSError as error:
         raise InvalidValueError(
             f"The file {out} cannot be written: {error.strerror}."
@@ -116,7 +117,8 @@ def _check_place(out: Path, force: bool) -> None:
 
 def notify(text: str) -> None:
     """Print a message."""
-    print(f"record: {text}", file=sys.stderr, flush=True)
+    with suppress(OSError):  # the terminal may be closed
+        print(f"record: {text}", file=sys.stderr, flush=True)
 
 
 def record(args: argparse.Namespace) -> None:
@@ -162,13 +164,16 @@ def _wait_for_first(recorder: Recorder, namespace: str) -> None:
         UnknownNameError: If the robot is not in the simulator.
         MotionError: If the file cannot hold its motion.
     """
-    end = time.monotonic() + SPAWN_TIMEOUT
+    missed = math.inf
 
     def is_known() -> bool:
+        nonlocal missed
         recorder.keep_up()
         is_there = recorder.n_samples and (recorder.hears_bridge or not namespace)
         is_missing = recorder.n_samples or recorder.problem
-        is_late = time.monotonic() > end
+        if is_missing:
+            missed = min(missed, time.monotonic())
+        is_late = time.monotonic() > missed + SPAWN_TIMEOUT
         return bool(recorder.refusal or is_there or (is_missing and is_late))
 
     wait_until(is_known, TIMEOUT, period=POLL_PERIOD)

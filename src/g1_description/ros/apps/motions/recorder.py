@@ -255,7 +255,10 @@ class Recorder:
             return False
         if tuple(message.name) == self._names:
             positions = np.array(message.position)
-            if np.abs(positions - sample.positions).max(initial=0.0) < ROUNDING:
+            # The bridge may have counted turns before.
+            apart = positions - sample.positions
+            apart -= 2.0 * np.pi * np.round(apart / (2.0 * np.pi))
+            if np.abs(apart).max(initial=0.0) < ROUNDING:
                 sample.positions = positions
                 sample.velocities = np.array(message.velocity)
         return True

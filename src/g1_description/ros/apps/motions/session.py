@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
-from g1_description.core.motion.edit import at_speed, cut
+from g1_description.core.motion.edit import at_speed, cut, later
 from g1_description.core.motion.sampling import SNAP
 from g1_description.core.motion.trajectory import Trajectory
 from g1_description.ros.apps.robot_view import NoAnswerError
@@ -44,7 +43,9 @@ class Session:
         self.trajectory = trajectory
         self.is_running = False
         self._told = ""
-        self._begin_ns = self._seen_ns = 0
+        self._begin_ns: int | None = None
+        """When what is played begins, after the lead-in, in [ns]."""
+        self._seen_ns = 0
         self._from = self._time = self.begin
         self._ended: float | None = None
 
@@ -72,7 +73,8 @@ class Session:
                 self.is_running = self._robot.motions.may_move = False
                 raise NoAnswerError("Time went back on the way; the robot was reset.")
             self._seen_ns = now_ns
-            elapsed = 1e-9 * (now_ns - self._begin_ns)
+            begin_ns = now_ns if self._begin_ns is None else self._begin_ns
+            elapsed = 1e-9 * (now_ns - begin_ns)
             self._time = self._from + self._speed * max(0.0, elapsed)
         return float(np.clip(self._time, self.begin, self.end))
 
@@ -83,9 +85,14 @@ class Session:
         return int(np.searchsorted(self.trajectory.times, until, side="right"))
 
     @property
+    def _is_there(self) -> bool:
+        """Whether the robot has come to the beginning of what is played."""
+        return self._begin_ns is not None and self._robot.now_ns >= self._begin_ns
+
+    @property
     def is_over(self) -> bool:
         """Whether it has come to its end."""
-        is_over = self.is_running and self.time >= self.end
+        is_over = self.is_running and self.time >= self.end and self._is_there
         if is_over:
             self._robot.motions.may_move = False
         return is_over
@@ -95,13 +102,11 @@ class Session:
         self._from = self.time if time is None else time
         if self._from >= self.end:
             self._from = self.begin
+            self._begin_ns = None
         self._seen_ns, self._ended = 0, None
         part = cut(self.trajectory, self._from)
         self.is_running = False
-        lead_in = self._lead_in if self._from == self.begin else 0.0
-        part = at_speed(part, self._speed, self._from)
-        part = replace(part, times=part.times + lead_in)
-        self._begin_ns = self._play(part) + round(1e9 * lead_in)
+        self._begin_ns = self._play(at_speed(part, self._speed, self._from))
         self.is_running = True
 
     def pause(self) -> None:
@@ -109,6 +114,8 @@ class Session:
         if self.is_running:
             self._robot.motions.stop()
             self._time, self.is_running = self.time, False
+            if not self._is_there:
+                self._begin_ns = None
 
     def step(self, n: int) -> None:
         """Pause, and show the sample ``n`` after the present one."""
@@ -116,7 +123,10 @@ class Session:
         last = len(self.trajectory.times) - 1
         time = self.trajectory.times[min(max(self.frame - 1 + n, 0), last)]
         self._time = float(time)
-        self._play(at_speed(cut(self.trajectory, time, time), 1.0, time))
+        part = at_speed(cut(self.trajectory, time, time), 1.0, time)
+        begin_ns = self._play(part)
+        if not self._is_there:
+            self._begin_ns = begin_ns
 
     def toggle(self) -> None:
         """Pause, or go on."""
@@ -130,12 +140,14 @@ class Session:
         now = time.monotonic()
         self._ended = self._ended or now
         if now >= self._ended + REST:
+            self._begin_ns = None
             self.start(self.begin)
 
     def _play(self, part: Trajectory) -> int:
         """Let the robot play a part; return when it begins, in [ns]."""
-        start_ns, message = self._robot.motions.play(part)
+        lead_in = 0.0 if self._is_there else self._lead_in
+        start_ns, message = self._robot.motions.play(later(part, lead_in))
         if message != self._told:
             self._told = message
             self._notify(f"{message}.")
-        return start_ns
+        return start_ns + round(1e9 * lead_in)

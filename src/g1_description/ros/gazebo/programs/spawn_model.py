@@ -184,7 +184,8 @@ class GazeboServices:
         """Delete a model if it was spawned, and call nothing any more.
 
         Called from the thread that ends the node, perhaps while the model is spawned.
-        When everything ends at once, Gazebo may be gone first.
+        When everything ends at once, Gazebo may be gone first; and a model whose
+        spawning takes longer than a node has to end is not deleted.
         """
         with self._lock:
             try:

@@ -66,6 +66,7 @@ class TrajectoryServices(SteppedServices):
             return self._world.time_ns, []
         trajectory = _trajectory(message)
         start = message.start.to_nsec() or self._next_ns
+        jump = "" if start < self._world.time_ns else _jump(model, trajectory)
         report = self._world.motions.play(model, trajectory, start)
         if start <= self._world.time_ns:
             self._world.motions.step(self._world.time_ns)
@@ -76,7 +77,7 @@ class TrajectoryServices(SteppedServices):
         if self._world.is_dynamic:
             if trajectory.base_poses is not None:
                 details.append("the base is left to physics")
-            details.append(_jump(model, trajectory))
+            details.append(jump)
         return start, details
 
     @property
@@ -93,11 +94,11 @@ def _jump(model: Model, trajectory: Trajectory) -> str:
     """
     if len(trajectory.times) == 1 or trajectory.times[0] > 0.0:
         return ""
-    jumps = {
-        name: abs(float(position - model.target[model.joint_row(name)]))
-        for name, position in zip(trajectory.joint_names, trajectory.positions[0])
-        if model.joint_row(name) is not None
-    }
+    first = dict(zip(trajectory.joint_names, trajectory.positions[0].tolist()))
+    wanted = np.array([first.get(n, np.nan) for n in model.joint_names])
+    wanted = np.minimum(np.maximum(wanted, model.lower), model.upper)
+    apart = np.abs(wanted - model.target)
+    jumps = {n: d for n, d in zip(model.joint_names, apart.tolist()) if n in first}
     name = max(jumps, key=lambda n: jumps[n], default="")
     if not name or jumps[name] <= FAR:
         return ""
