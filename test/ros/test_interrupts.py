@@ -2,7 +2,6 @@
 """Ctrl-C ends the commands quietly, at whatever moment."""
 
 import contextlib
-import math
 import os
 import resource
 import signal
@@ -15,7 +14,13 @@ from pathlib import Path
 import rospy
 import rostest
 from sensor_msgs.msg import JointState
-from support.ros_testing import REPOSITORY, Connected, program, wait_for
+from support.ros_testing import (
+    REPOSITORY,
+    Connected,
+    processor_time,
+    program,
+    wait_for,
+)
 
 ENDS = (0, 130, -signal.SIGINT)
 """Exit codes: too late, interrupted, and interrupted before Python runs, which shells
@@ -41,15 +46,6 @@ def children_time():
     """Give the processor time of all that was started here and has ended in [s]."""
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     return used.ru_utime + used.ru_stime
-
-
-def processor_time(pid):
-    """Give the processor time of a process and those it waited for in [s]."""
-    try:
-        fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
-    except OSError:
-        return math.inf
-    return sum(map(int, fields[11:15])) / os.sysconf("SC_CLK_TCK")
 
 
 class TestInterrupts(unittest.TestCase):
