@@ -276,10 +276,16 @@ def test_contacts_are_those_of_the_motion(world, model):
     assert "ground_plane::link" in touching
 
 
-def test_in_hold_the_motors_take_the_arm_there(make_world, g1):
+@pytest.fixture
+def hanging(make_world, g1):
+    """Give a world in hold, and a robot that is fixed to it."""
     world = make_world("hold")
     world.spawn_urdf("g1", g1, UPRIGHT, True)
-    model = world.model("g1")
+    return world, world.model("g1")
+
+
+def test_in_hold_the_motors_take_the_arm_there(hanging):
+    world, model = hanging
     world.motions.play(model, elbow(0.0, 0.5, gap=0.5), 0)
     steps(world, 250)
     assert position(model) == pytest.approx(0.25, abs=0.03)
@@ -287,10 +293,8 @@ def test_in_hold_the_motors_take_the_arm_there(make_world, g1):
     assert position(model) == pytest.approx(0.5, abs=0.01)
 
 
-def test_motors_stand_still_after_a_reset_of_the_models(make_world, g1):
-    world = make_world("hold")
-    world.spawn_urdf("g1", g1, UPRIGHT, True)
-    model = world.model("g1")
+def test_motors_stand_still_after_a_reset_of_the_models(hanging):
+    world, model = hanging
     world.motions.play(model, elbow(0.0, 1.0, gap=0.25), 0)
     steps(world, 120)
     world.reset_models()

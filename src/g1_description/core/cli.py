@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Sequence
-from typing import Any
+from contextlib import suppress
+from typing import Any, TextIO
 
 
 class OneSentenceParser(argparse.ArgumentParser):
@@ -31,6 +32,17 @@ class Ignored(argparse.Action):
     ) -> None:
         """Put the option into the list, once."""
         namespace.ignored = [*dict.fromkeys([*namespace.ignored, option_string])]
+
+
+def say(text: str, stream: TextIO | None = None) -> None:
+    """Print a line at once; a terminal that was closed takes none.
+
+    Args:
+        text: The line.
+        stream: Where to; by default the standard output.
+    """
+    with suppress(OSError):
+        print(text, file=stream, flush=True)
 
 
 def number(text: str) -> float:

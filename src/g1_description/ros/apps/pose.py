@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import argparse
 import sys
-from contextlib import suppress
 from pathlib import Path
 
 import rosgraph
 
-from g1_description.core.cli import OneSentenceParser, number
+from g1_description.core.cli import OneSentenceParser, number, say
 from g1_description.core.errors import G1DescriptionError, PoseFileError
 from g1_description.core.poses.pose import (
     ZERO,
@@ -133,8 +132,7 @@ def _connect(args: argparse.Namespace) -> PosedRobot:
     """Start the node and find the robot."""
 
     def notify(line):
-        with suppress(OSError):  # the terminal may be closed
-            print(f"pose: {line}", flush=True)
+        say(f"pose: {line}")
 
     try:
         start_node("pose", anonymous=True, disable_rosout=True)

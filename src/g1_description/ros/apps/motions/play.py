@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import argparse
 import sys
-from contextlib import closing, suppress
+from contextlib import closing
 from pathlib import Path
 
 import rospy
 
-from g1_description.core.cli import OneSentenceParser, number
+from g1_description.core.cli import OneSentenceParser, number, say
 from g1_description.core.errors import G1DescriptionError, InvalidValueError
 from g1_description.core.motion.edit import cut, moved, to_start_at
 from g1_description.core.motion.trajectory import Trajectory
@@ -131,8 +131,7 @@ def _positive(text: str) -> float:
 def notify(text: str) -> None:
     """Print a message in a line of its own."""
     begin = "\r\x1b[K" if sys.stdout.isatty() else ""
-    with suppress(OSError):  # the terminal may be closed
-        print(f"{begin}play: {text}", flush=True)
+    say(f"{begin}play: {text}")
 
 
 def prepare(args: argparse.Namespace, robot: PlayedRobot) -> Trajectory:

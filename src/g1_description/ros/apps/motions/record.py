@@ -14,7 +14,7 @@ from pathlib import Path
 import rosgraph
 import rospy
 
-from g1_description.core.cli import OneSentenceParser, number
+from g1_description.core.cli import OneSentenceParser, number, say
 from g1_description.core.errors import G1DescriptionError, InvalidValueError
 from g1_description.core.robot.description import Description
 from g1_description.ros.apps.robot_options import add_namespace
@@ -117,8 +117,7 @@ def _check_place(out: Path, force: bool) -> None:
 
 def notify(text: str) -> None:
     """Print a message."""
-    with suppress(OSError):  # the terminal may be closed
-        print(f"record: {text}", file=sys.stderr, flush=True)
+    say(f"record: {text}", sys.stderr)
 
 
 def record(args: argparse.Namespace) -> None:

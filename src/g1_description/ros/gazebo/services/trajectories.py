@@ -66,18 +66,17 @@ class TrajectoryServices(SteppedServices):
             return self._world.time_ns, []
         trajectory = _trajectory(message)
         start = message.start.to_nsec() or self._next_ns
-        jump = "" if start < self._world.time_ns else _jump(model, trajectory)
+        is_new = self._world.is_dynamic and start >= self._world.time_ns
+        jump = _jump(model, trajectory) if is_new else ""
         report = self._world.motions.play(model, trajectory, start)
         if start <= self._world.time_ns:
             self._world.motions.step(self._world.time_ns)
-        details = [clamped(report)]
+        details = [clamped(report), jump]
         if report.unknown:
             names = listed(report.unknown)
             details.append(f"ignored, no movable joint of {model.name}: {names}")
-        if self._world.is_dynamic:
-            if trajectory.base_poses is not None:
-                details.append("the base is left to physics")
-            details.append(jump)
+        if trajectory.base_poses is not None and self._world.is_dynamic:
+            details.append("the base is left to physics")
         return start, details
 
     @property
