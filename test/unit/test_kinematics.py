@@ -64,3 +64,19 @@ def test_the_root_stays_to_the_last_bit():
     root_pose = np.array([0.1, 0.2, 0.793, 0.1, 0.7, -0.1, 0.7])
     poses = Kinematics(parse_urdf(text)).link_poses(root_pose, np.array([1.0]))
     assert (poses[0] == root_pose).all()
+
+
+@settings(max_examples=30, deadline=None)
+@given(chains(), world_poses(), st.integers(0, 1000))
+def test_a_batch_is_its_configurations(chain, root_pose, seed):
+    text, _ = chain
+    robot = parse_urdf(text)
+    kinematics = Kinematics(robot)
+    rng = np.random.default_rng(seed)
+    position, velocity = rng.normal(size=(2, 4, len(robot.movable_joints)))
+    roots, twists = np.tile(root_pose, (4, 1)), rng.normal(size=(4, 6))
+    together = kinematics.link_states(roots, position, twists, velocity)
+    for n in range(4):
+        alone = kinematics.link_states(roots[n], position[n], twists[n], velocity[n])
+        for found, wanted in zip(together, alone):
+            np.testing.assert_allclose(found[n], wanted, rtol=0, atol=1e-12)

@@ -1,5 +1,7 @@
 """Forward kinematics: joint positions to link poses and twists, all links at once.
 
+Leading axes of all arrays are those of a batch of configurations.
+
 Exact to the last bits of a double, which the link poses PyBullet reports are
 not (it rounds them to single precision, 6e-7 rad on the G1).
 """
@@ -50,13 +52,12 @@ class Kinematics:
         self._turns = np.array([j.kind != "prismatic" for j in movable], dtype=float)
         self._slides = bool((self._turns == 0.0).any())
         self._has_offsets = bool(self._origin.any())
-        self._half_turn = multiply(
-            self._rest[self._child, 3:], np.pad(axis, ((0, 0), (0, 1)))
-        )
-        self._rest_origin = rotate(self._rest[self._child, 3:], self._origin)
+        self._rest_turn = self._rest[self._child, 3:]
+        self._half_turn = multiply(self._rest_turn, np.pad(axis, ((0, 0), (0, 1))))
+        self._rest_origin = rotate(self._rest_turn, self._origin)
         self._columns = np.zeros((len(links), 3, 2))
         self._columns[:, :, 0] = self._rest[:, :3]
-        self._columns[self._child, :, 1] = rotate(self._rest[self._child, 3:], axis)
+        self._columns[self._child, :, 1] = rotate(self._rest_turn, axis)
         self._rounds = self._doubling()
         self._above = _joints_above(description, node)[: self._n_links]
         self._tree = _trees(description, node)[: self._n_links]
@@ -66,15 +67,15 @@ class Kinematics:
         """Place all links.
 
         Args:
-            T_world_root: Poses of the root links in the world, shape (n_trees, 7), or
-                (7,) of one tree.
+            T_world_root: Poses of the root links in the world, shape
+                (..., n_trees, 7), or (..., 7) of one tree.
             position: Positions of the movable joints in [rad] or [m], shape
-                (n_joints,).
+                (..., n_joints).
 
         Returns:
-            Poses of the link frames in the world, shape (n_links, 7).
+            Poses of the link frames in the world, shape (..., n_links, 7).
         """
-        return self._place(T_world_root, position)[0]
+        return self.place(T_world_root, position)[0]
 
     def link_states(
         self,
@@ -89,79 +90,114 @@ class Kinematics:
         world's origin, to all links below it; moved to each link's own origin.
 
         Args:
-            T_world_root: Poses of the root links in the world, shape (n_trees, 7), or
-                (7,) of one tree.
+            T_world_root: Poses of the root links in the world, shape
+                (..., n_trees, 7), or (..., 7) of one tree.
             position: Positions of the movable joints in [rad] or [m], shape
-                (n_joints,).
+                (..., n_joints).
             root_twist: Linear velocities of the root frames' origins and angular
                 velocities of the root links, along the world's axes, in [m/s] and
-                [rad/s], shape (n_trees, 6), or (6,) of one tree.
+                [rad/s], shape (..., n_trees, 6), or (..., 6) of one tree.
             velocity: Velocities of the movable joints in [rad/s] or [m/s], shape
-                (n_joints,).
+                (..., n_joints).
 
         Returns:
-            Poses of the link frames in the world, shape (n_links, 7), and twists of
-            their origins, linear then angular, along the world's axes, shape
-            (n_links, 6).
+            Poses of the link frames in the world, shape (..., n_links, 7), and twists
+            of their origins, linear then angular, along the world's axes, shape
+            (..., n_links, 6).
         """
-        poses, joint_origin, axis = self._place(T_world_root, position)
-        speed = axis * velocity[:, np.newaxis]
-        turning = speed * self._turns[:, np.newaxis] if self._slides else speed
-        at_origin = np.concatenate([cross(joint_origin, turning), turning], axis=1)
-        if self._slides:
-            at_origin[:, :3] += speed - turning
-        roots, root_twists = T_world_root.reshape(-1, 7), root_twist.reshape(-1, 6)
-        twists = self._above @ at_origin + root_twists[self._tree]
-        root_at_origin = cross(roots[:, :3], root_twists[:, 3:])[self._tree]
-        twists[:, :3] += root_at_origin - cross(poses[:, :3], twists[:, 3:])
+        poses, joint_origin, axis = self.place(T_world_root, position)
+        at_origin = self.joint_screws(joint_origin, axis) * velocity[..., np.newaxis]
+        roots = _per_tree(T_world_root, position)
+        root_twists = _per_tree(root_twist, position)
+        twists = self._above @ at_origin + root_twists[..., self._tree, :]
+        root_at_origin = cross(roots[..., :3], root_twists[..., 3:])
+        twists[..., :3] += root_at_origin[..., self._tree, :]
+        twists[..., :3] -= cross(poses[..., :3], twists[..., 3:])
         return poses, twists
 
-    def _place(
+    def joint_screws(self, joint_origin: np.ndarray, axis: np.ndarray) -> np.ndarray:
+        """Find how all links below a joint move, per unit of its velocity.
+
+        Args:
+            joint_origin: Joint origins in the world, shape (..., n_joints, 3).
+            axis: Joint axes in the world, shape (..., n_joints, 3).
+
+        Returns:
+            Linear velocity of the point of the link that is at the world's origin, then
+            angular velocity, shape (..., n_joints, 6).
+        """
+        turning = axis * self._turns[:, np.newaxis] if self._slides else axis
+        screws = np.concatenate([cross(joint_origin, turning), turning], axis=-1)
+        if self._slides:
+            screws[..., :3] += axis - turning
+        return screws
+
+    def place(
         self, T_world_root: np.ndarray, position: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Place links and joints.
 
+        Args:
+            T_world_root: Poses of the root links in the world, shape
+                (..., n_trees, 7), or (..., 7) of one tree.
+            position: Positions of the movable joints in [rad] or [m], shape
+                (..., n_joints).
+
         Returns:
-            Poses of the link frames, shape (n_links, 7), joint origins and axes
-            of the movable joints, shapes (n_joints, 3), all in the world.
+            Poses of the link frames, shape (..., n_links, 7), joint origins and axes
+            of the movable joints, shapes (..., n_joints, 3), all in the world.
         """
-        rotations = self._rest[:, 3:].copy()
-        half = 0.5 * self._turns * position
-        rotations[self._child] = (
-            np.cos(half)[:, np.newaxis] * rotations[self._child]
-            + np.sin(half)[:, np.newaxis] * self._half_turn
+        roots = _per_tree(T_world_root, position)
+        rotations = np.empty((*position.shape[:-1], len(self._rest), 4))
+        rotations[...] = self._rest[:, 3:]
+        half = (0.5 * self._turns * position)[..., np.newaxis]
+        rotations[..., self._child, :] = (
+            np.cos(half) * self._rest_turn + np.sin(half) * self._half_turn
         )
-        rotations[self._roots] = T_world_root[..., 3:]
+        rotations[..., self._roots, :] = roots[..., 3:]
         for link, ancestor in self._rounds:
-            rotations[link] = multiply(rotations[ancestor], rotations[link])
-        turned = to_axes(rotations[self._parent]) @ self._in_parent(position)
-        offsets, axis = turned[..., 0], turned[self._child, :, 1]
-        offsets[self._roots] = T_world_root[..., :3]
+            rotations[..., link, :] = multiply(
+                rotations.take(ancestor, -2), rotations.take(link, -2)
+            )
+        turned = to_axes(rotations.take(self._parent, -2)) @ self._in_parent(position)
+        offsets, axis = turned[..., 0], turned[..., 1].take(self._child, -2)
+        offsets[..., self._roots, :] = roots[..., :3]
         if self._has_offsets:
-            lever = rotate(rotations[self._child], self._origin)
-            offsets[self._child] -= lever
+            lever = rotate(rotations[..., self._child, :], self._origin)
+            offsets[..., self._child, :] -= lever
         places = self._chain @ offsets
-        origin = places[self._child]
+        origin = places[..., self._child, :]
         if self._has_offsets:
             origin += lever
-        poses = np.concatenate([places, rotations], axis=1)[: self._n_links]
-        return poses, origin, axis
+        poses = np.concatenate([places, rotations], axis=-1)
+        return poses[..., : self._n_links, :], origin, axis
 
     def _in_parent(self, position: np.ndarray) -> np.ndarray:
         """Find where links are in their parents, and their joints' axes.
 
         Returns:
             Two columns per node: the origin of its joint, which is its own where no
-            joint is offset, and the axis of its joint, shape (n_nodes, 3, 2).
+            joint is offset, and the axis of its joint, shape (..., n_nodes, 3, 2).
         """
         if not (self._slides or self._has_offsets):
             return self._columns
-        columns = self._columns.copy()
-        slid = ((1.0 - self._turns) * position)[:, np.newaxis]
-        columns[self._child, :, 0] += (
-            self._rest_origin + slid * columns[self._child, :, 1]
+        columns = np.empty((*position.shape[:-1], *self._columns.shape))
+        columns[...] = self._columns
+        slid = ((1.0 - self._turns) * position)[..., np.newaxis]
+        columns[..., 0][..., self._child, :] += (
+            self._rest_origin + slid * self._columns[self._child, :, 1]
         )
         return columns
+
+    @property
+    def joints_above(self) -> np.ndarray:
+        """1 where a joint is between a link and its root, shape (n_links, n_joints)."""
+        return self._above
+
+    @property
+    def child_rows(self) -> np.ndarray:
+        """Rows of the links that the movable joints carry, shape (n_joints,)."""
+        return self._child
 
     def links_below(self, joints: np.ndarray) -> np.ndarray:
         """Find the links that move with any of some joints.
@@ -184,6 +220,11 @@ class Kinematics:
             rounds.append((link, ancestor[link]))
             ancestor[link] = ancestor[ancestor[link]]
         return rounds
+
+
+def _per_tree(rows: np.ndarray, position: np.ndarray) -> np.ndarray:
+    """Give poses or twists of one tree the axis of trees that those of several have."""
+    return rows[..., np.newaxis, :] if rows.ndim == position.ndim else rows
 
 
 def _links_above(description: Description, node: dict[str, int]) -> np.ndarray:

@@ -1,0 +1,1 @@
+"""Mass in motion: centre of mass, Jacobians, inverse dynamics."""
