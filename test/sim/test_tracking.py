@@ -9,6 +9,7 @@ from worlds import Bench
 
 from g1_description.core.motion.motors import Motor, Motors
 from g1_description.core.motion.sampling import sample
+from g1_description.core.motion.tracking import FallLimits
 from g1_description.core.motion.trajectory import Trajectory
 from g1_description.core.poses.minimum_jerk import minimum_jerk_trajectory
 from g1_description.core.poses.yaml_text import parse_poses
@@ -187,6 +188,19 @@ def test_a_robot_whose_motion_rises_without_it_fell(make_world, g1):
     world.run(1.0 + WATCH + 0.01)
     (tracked,) = world.motions.take_tracked()
     assert tracked.report.fall_time == pytest.approx(0.5, abs=0.02)
+
+
+def test_from_where_on_a_robot_has_fallen_may_be_set(make_world, g1):
+    """Also for what comes after a reset."""
+    world = make_world("hold")
+    model = spawned(world, g1, "stand")
+    world.motions.fall_limits = FallLimits(drop=0.05)
+    world.reset()
+    above = model.pose + 0.1 * np.eye(7)[2]
+    world.motions.play(model, with_base(model, model.pose, above), world.time_ns)
+    world.run(0.6)
+    assert world.motions.tracker(model).has_fallen
+    assert world.motions.tracker(model).tracked().report.fall_time < 0.52
 
 
 @pytest.mark.parametrize("how", ["replaced", "stopped", "reset", "gone", "limbs"])

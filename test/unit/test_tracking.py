@@ -8,20 +8,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from g1_description.core.errors import InvalidValueError
 from g1_description.core.motion.tracking import (
-    MAX_DROP,
-    MAX_LEAN,
     FallDetector,
+    FallLimits,
     TrackingRecorder,
 )
 
+MAX_LEAN, MAX_DROP = FallLimits().lean, FallLimits().drop
 NAMES = ("hip", "knee", "elbow")
 
 
 def recorded(errors, at_limit, time_step=0.01):
     recorder = TrackingRecorder(NAMES)
     every = np.arange(len(NAMES))
-    for step, (error, limited) in enumerate(zip(errors, at_limit)):
+    for step, (error, limited) in enumerate(zip(errors, np.array(at_limit))):
         recorder.add(step * time_step, every, error, limited)
     return recorder
 
@@ -35,6 +36,10 @@ def test_errors_are_those_of_all_steps_together(seed, steps):
     np.testing.assert_allclose(report.rms_errors, np.sqrt((errors**2).mean(axis=0)))
     np.testing.assert_array_equal(report.largest_errors, np.abs(errors).max(axis=0))
     np.testing.assert_allclose(report.limit_shares, at_limit.mean(axis=0))
+    worst = 0.01 * np.abs(errors).argmax(axis=0)
+    np.testing.assert_allclose(report.largest_error_times, worst)
+    first = np.where(at_limit.any(axis=0), 0.01 * at_limit.argmax(axis=0), np.nan)
+    np.testing.assert_allclose(report.first_limit_times, first)
     assert report.duration == pytest.approx((steps - 1) * 0.01)
 
 
@@ -52,6 +57,7 @@ def test_a_report_without_steps_has_no_errors():
     report = TrackingRecorder(NAMES).report(None)
     assert report.duration == 0.0
     assert not report.rms_errors.any()
+    assert np.isnan([report.largest_error_times, report.first_limit_times]).all()
 
 
 def test_the_text_lists_the_worst_joints_first():
@@ -96,3 +102,22 @@ def test_a_base_that_sinks_below_the_motions_has_fallen():
 
 def test_without_a_base_in_the_motion_a_robot_may_squat():
     assert not FallDetector(pose(0.8), None).has_fallen(pose(0.3), None)
+
+
+@given(st.floats(0.1, 3.0), st.floats(-3.0, 3.0))
+def test_limits_of_a_fall_may_be_others(lean, way):
+    detector = FallDetector(pose(), None, FallLimits(lean=lean))
+    assert not detector.has_fallen(pose(lean=lean - 0.01, way=way), None)
+    assert detector.has_fallen(pose(lean=lean + 0.01, way=way), None)
+    low = FallDetector(pose(0.8), pose(0.8), FallLimits(drop=0.4))
+    assert not low.has_fallen(pose(0.41), pose(0.8))
+    assert low.has_fallen(pose(0.39), pose(0.8))
+
+
+@pytest.mark.parametrize(
+    "numbers", [{"lean": -0.1}, {"lean": 4.0}, {"lean": math.nan}, {"drop": -0.1}]
+)
+def test_limits_of_a_fall_that_make_no_sense_are_refused(numbers):
+    (name,) = numbers
+    with pytest.raises(InvalidValueError, match=f"{name} is"):
+        FallLimits(**numbers)

@@ -295,7 +295,7 @@ class World(Contents):
         """
         self.time_ns = 0
         self.forces = ForceSchedule(self.is_dynamic)
-        self.motions = Motions(self._engine)
+        self.motions = Motions(self._engine, self.motions.fall_limits)
         for model in self.models.values():
             model.reset()
         self._engine.rebuild(self.models.values())

@@ -7,15 +7,33 @@ from dataclasses import dataclass
 
 import numpy as np
 
-MAX_LEAN = math.pi / 4.0
-"""A base that leans farther than this from where the motion has it has fallen, in
-[rad]: no humanoid comes back from there."""
-
-MAX_DROP = 0.25
-"""Likewise one that is lower by more than this, in [m]: it is on its knees."""
+from g1_description.core.errors import InvalidValueError
 
 MAX_LISTED = 5
 """How many joints a text lists, the worst ones."""
+
+
+@dataclass(frozen=True)
+class FallLimits:
+    """From where on a base has fallen, beside that of its motion."""
+
+    lean: float = math.pi / 4.0
+    """Greatest angle between the two upward axes in [rad]: no humanoid comes back from
+    farther."""
+
+    drop: float = 0.25
+    """How much lower it may be in [m]: below, it is on its knees."""
+
+    def __post_init__(self) -> None:
+        """Check the numbers.
+
+        Raises:
+            InvalidValueError: If one is out of its range.
+        """
+        if not 0.0 <= self.lean <= math.pi:
+            raise InvalidValueError(f"lean is {self.lean}, it must be from 0 to pi")
+        if not self.drop >= 0.0:
+            raise InvalidValueError(f"drop is {self.drop}, it must be at least 0")
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +50,13 @@ class TrackingReport:
 
     limit_shares: np.ndarray
     """Share of the time in which the motor gave all it can, from 0 to 1, shape (n,)."""
+
+    largest_error_times: np.ndarray
+    """When the error was largest, since the motion's beginning, in [s], shape (n,); NaN
+    where there was none."""
+
+    first_limit_times: np.ndarray
+    """When the motor first gave all it can, in [s], shape (n,); NaN where never."""
 
     duration: float
     """How long the motors followed, in [s]."""
@@ -78,7 +103,9 @@ class TrackingRecorder:
         self._counts = np.zeros(len(joint_names), dtype=int)
         self._squares = np.zeros(len(joint_names))
         self._largest = np.zeros(len(joint_names))
+        self._largest_times = np.full(len(joint_names), np.nan)
         self._at_limit = np.zeros(len(joint_names), dtype=int)
+        self._limit_times = np.full(len(joint_names), np.nan)
         self._begin: float | None = None
         self._end = 0.0
 
@@ -98,8 +125,14 @@ class TrackingRecorder:
         self._end = time
         self._counts[joints] += 1
         self._squares[joints] += errors**2
-        self._largest[joints] = np.maximum(self._largest[joints], np.abs(errors))
-        self._at_limit[joints] += at_limit
+        sizes = np.abs(errors)
+        is_larger = sizes > self._largest[joints]
+        self._largest[joints[is_larger]] = sizes[is_larger]
+        self._largest_times[joints[is_larger]] = time
+        if at_limit.any():
+            limited = joints[at_limit]
+            self._limit_times[limited[self._at_limit[limited] == 0]] = time
+            self._at_limit[limited] += 1
 
     def report(self, fall_time: float | None) -> TrackingReport:
         """Compute what became of the motion.
@@ -111,8 +144,10 @@ class TrackingRecorder:
         return TrackingReport(
             self._names,
             np.sqrt(self._squares / counts),
-            self._largest,
+            self._largest.copy(),
             self._at_limit / counts,
+            self._largest_times.copy(),
+            self._limit_times.copy(),
             0.0 if self._begin is None else self._end - self._begin,
             fall_time,
         )
@@ -121,20 +156,29 @@ class TrackingRecorder:
 class FallDetector:
     """Finds when a base leaves the way of a motion for the floor.
 
-    It has fallen when it leans by more than ``MAX_LEAN`` from the motion's base, in any
-    direction, or has sunk since the beginning by ``MAX_DROP`` more than that. Where the
-    motion has no base, it is to stand as it did at the beginning, at any height.
+    It has fallen when it leans by more than ``FallLimits.lean`` from the motion's base,
+    in any direction, or has sunk since the beginning by ``FallLimits.drop`` more than
+    that. Where the motion has no base, it is to stand as it did at the beginning, at
+    any height.
     """
 
-    def __init__(self, base_pose: np.ndarray, wanted: np.ndarray | None) -> None:
+    def __init__(
+        self,
+        base_pose: np.ndarray,
+        wanted: np.ndarray | None,
+        limits: FallLimits | None = None,
+    ) -> None:
         """Begin.
 
         Args:
             base_pose: T_world_base at the beginning, shape (7,).
             wanted: The motion's at that time, shape (7,); None where it has none.
+            limits: From where on a base has fallen.
         """
         self._up = _up(base_pose)
         self._offset = 0.0 if wanted is None else float(wanted[2] - base_pose[2])
+        limits = limits or FallLimits()
+        self._least_cosine, self._max_drop = math.cos(limits.lean), limits.drop
 
     def has_fallen(self, base_pose: np.ndarray, wanted: np.ndarray | None) -> bool:
         """Return whether the base is where none is that stands.
@@ -144,10 +188,10 @@ class FallDetector:
             wanted: The motion's, shape (7,); None where it has none.
         """
         up = self._up if wanted is None else _up(wanted)
-        if sum(a * b for a, b in zip(_up(base_pose), up)) < math.cos(MAX_LEAN):
+        if sum(a * b for a, b in zip(_up(base_pose), up)) < self._least_cosine:
             return True
         drop = 0.0 if wanted is None else wanted[2] - base_pose[2] - self._offset
-        return bool(drop > MAX_DROP)
+        return bool(drop > self._max_drop)
 
 
 def _up(pose: np.ndarray) -> tuple[float, float, float]:

@@ -19,6 +19,7 @@ from .body import Body
 from .client import BulletClient, connect
 from .contacts import DepenetrationLimiter, find_contacts
 from .create_body import TooManyLinksError, create_body
+from .joints import MAX_EFFORT
 from .moving_models import MovingModels
 
 
@@ -227,6 +228,28 @@ class Engine:
         for body in self._bodies.get(model.name, ()):
             if len(body.joints):
                 found[body.joints.rows] = body.joints.at_effort_limit()
+        return found
+
+    def efforts(self, model: Model) -> np.ndarray:
+        """Read what motors applied in the last step, in [N m] or [N].
+
+        Zeros before the first one, shape (n_joints,).
+        """
+        found = np.zeros(len(model.joint_names))
+        for body in self._bodies.get(model.name, ()):
+            if len(body.joints):
+                found[body.joints.rows] = body.joints.applied_efforts()
+        return found
+
+    def effort_limits(self, model: Model) -> np.ndarray:
+        """Return what motors can give at most, in [N m] or [N], shape (n_joints,).
+
+        Infinite where neither the robot's file nor that of the motors has a limit.
+        """
+        found = np.full(len(model.joint_names), np.inf)
+        for body in self._bodies.get(model.name, ()):
+            is_bounded = body.joints.efforts < MAX_EFFORT
+            found[body.joints.rows[is_bounded]] = body.joints.efforts[is_bounded]
         return found
 
     def contacts(self) -> set[tuple[str, str]]:

@@ -141,8 +141,11 @@ class BodyJoints:
 
     def at_effort_limit(self) -> np.ndarray:
         """Find which motors gave all they can in the last step, shape (n,)."""
-        applied = np.array([state[3] for state in self.states()])
-        return np.abs(applied) >= FULL_SHARE * self.efforts
+        return np.abs(self.applied_efforts()) >= FULL_SHARE * self.efforts
+
+    def applied_efforts(self) -> np.ndarray:
+        """Read what motors applied in the last step, in [N m] or [N], shape (n,)."""
+        return np.array([state[3] for state in self.states()])
 
     def apply_effort(self, name: str, effort: float) -> None:
         """Apply an effort for the next step.

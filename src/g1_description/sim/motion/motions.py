@@ -8,6 +8,7 @@ import numpy as np
 
 from g1_description.core.errors import InvalidValueError, UnknownNameError
 from g1_description.core.motion.playlist import Playback, Playlist, Setpoint
+from g1_description.core.motion.tracking import FallLimits
 from g1_description.core.motion.trajectory import Trajectory
 from g1_description.sim.bullet.engine import Engine
 from g1_description.sim.model import Model, Report
@@ -27,13 +28,16 @@ class Motions:
     is told afterwards.
     """
 
-    def __init__(self, engine: Engine) -> None:
+    def __init__(self, engine: Engine, fall_limits: FallLimits | None = None) -> None:
         """Begin without any.
 
         Args:
             engine: What computes the steps.
+            fall_limits: From where on a base has fallen, in ``hold``.
         """
         self._engine = engine
+        self.fall_limits = fall_limits
+        """From where on a base has fallen, for motions that begin from now on."""
         self._playlists: dict[Model, Playlist] = {}
         self._trackers: dict[Playback, MotionTracker] = {}
         self._tracked: list[TrackedMotion] = []
@@ -129,7 +133,7 @@ class Motions:
     def _track(self, model: Model, playback: Playback, wanted: Setpoint) -> None:
         """Note what the motors are to reach in the next step."""
         if playback not in self._trackers:
-            tracker = MotionTracker(self._engine, model, playback)
+            tracker = MotionTracker(self._engine, model, playback, self.fall_limits)
             self._trackers[playback] = tracker
         self._trackers[playback].expect(wanted)
 
@@ -139,6 +143,26 @@ class Motions:
             if not tracker.measure(time_ns):
                 self._tracked.append(tracker.tracked())
                 del self._trackers[playback]
+
+    def tracker(self, model: Model) -> MotionTracker | None:
+        """Return what watches the newest motion of a model; None where nothing does."""
+        own = [one for one in self._trackers.values() if one.model is model]
+        return own[-1] if own else None
+
+    def efforts(self, model: Model) -> np.ndarray:
+        """Read what a model's motors applied in the last step, in [N m] or [N].
+
+        Zeros before the first one, shape (n_joints,).
+        """
+        return self._engine.efforts(model)
+
+    def effort_limits(self, model: Model) -> np.ndarray:
+        """Return what a model's motors can give at most, in [N m] or [N].
+
+        Infinite where neither the robot's file nor that of the motors has a limit,
+        shape (n_joints,).
+        """
+        return self._engine.effort_limits(model)
 
     def take_tracked(self) -> list[TrackedMotion]:
         """Return what became of the motions that motors followed, since last asked.

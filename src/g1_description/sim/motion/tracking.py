@@ -9,6 +9,7 @@ import numpy as np
 from g1_description.core.motion.playlist import Playback, Setpoint
 from g1_description.core.motion.tracking import (
     FallDetector,
+    FallLimits,
     TrackingRecorder,
     TrackingReport,
 )
@@ -33,13 +34,20 @@ class TrackedMotion(NamedTuple):
 class MotionTracker:
     """Watches one motion of a model, and its base for ``WATCH_TIME`` after the end."""
 
-    def __init__(self, engine: Engine, model: Model, playback: Playback) -> None:
+    def __init__(
+        self,
+        engine: Engine,
+        model: Model,
+        playback: Playback,
+        fall_limits: FallLimits | None = None,
+    ) -> None:
         """Begin before the first step of the motion.
 
         Args:
             engine: What computes the steps.
             model: Whose motors follow.
             playback: The motion.
+            fall_limits: From where on its base has fallen.
         """
         self._engine, self.model = engine, model
         self._start_ns = playback.start_ns
@@ -47,6 +55,7 @@ class MotionTracker:
         self._recorder = TrackingRecorder(tuple(names))
         self._columns = np.zeros(len(model.joint_names), dtype=int)
         self._columns[playback.rows] = np.arange(len(names))
+        self._fall_limits = fall_limits
         self._falls: FallDetector | None = None
         self._fall_ns: int | None = None
         self._wanted: Setpoint | None = None
@@ -56,7 +65,9 @@ class MotionTracker:
     def expect(self, wanted: Setpoint) -> None:
         """Note what the motors are to reach in the next step."""
         if self._falls is None:
-            self._falls = FallDetector(self.model.root_poses[0], wanted.base_pose)
+            self._falls = FallDetector(
+                self.model.root_poses[0], wanted.base_pose, self._fall_limits
+            )
         self._wanted = wanted
 
     def measure(self, time_ns: int) -> bool:
@@ -90,8 +101,13 @@ class MotionTracker:
         if self._falls and self._falls.has_fallen(self.model.root_poses[0], self._base):
             self._fall_ns = time_ns
 
+    @property
+    def has_fallen(self) -> bool:
+        """Whether the base has fallen until now."""
+        return self._fall_ns is not None
+
     def tracked(self) -> TrackedMotion:
-        """Return what became of the motion."""
+        """Return what has become of the motion until now."""
         fall = None
         if self._fall_ns is not None:
             fall = 1e-9 * (self._fall_ns - self._start_ns)
