@@ -8,12 +8,18 @@ from functools import lru_cache
 from pathlib import Path
 from urllib.parse import unquote
 
-import rospkg
 from lxml import etree
+
+try:
+    import rospkg
+except ImportError:  # without ROS there are no other packages than this one
+    rospkg = None
 
 from g1_description.core.errors import DescriptionError, NoSuchModelError
 from g1_description.core.sdf.document import NEWEST, version_number
 from g1_description.core.xml import decoded, parse_xml
+
+from .share import PACKAGE, share_folder
 
 MODEL_PATH = "GAZEBO_MODEL_PATH"
 """Environment variable with the folders that models lie in."""
@@ -31,34 +37,37 @@ def listed_folders(variable: str) -> list[str]:
 
 
 @lru_cache(maxsize=None)
-def _packages() -> rospkg.RosPack:
-    """Keep one list of packages: making it walks through all folders."""
-    return rospkg.RosPack()
+def _packages() -> dict[str, str]:
+    """Give the folders of packages by name; listing them walks through all folders.
+
+    The one that ROS has of this package is what RViz and others see.
+    """
+    own = {PACKAGE: str(share_folder())}
+    if rospkg is None:
+        return own
+    ros = rospkg.RosPack()
+    return {**own, **{name: ros.get_path(name) for name in ros.list()}}
 
 
 def package_names() -> list[str]:
-    """List the ROS packages."""
-    return list(_packages().list())
+    """List the packages."""
+    return list(_packages())
 
 
-@lru_cache(maxsize=None)
-def _exported_folders(packages: rospkg.RosPack, attribute: str) -> tuple[str, ...]:
+def _exported_folders(attribute: str) -> Iterator[str]:
     """List the folders that ROS packages export to gazebo_ros.
 
     Args:
-        packages: Where to look.
         attribute: Of ``<export><gazebo_ros .../></export>`` in a ``package.xml``:
             folders with colons between them; ``${prefix}`` is the package's own.
     """
-    found: list[str] = []
-    for name in packages.list():
-        own = packages.get_path(name)
+    for own in _packages().values():
         for element in _exports_to_gazebo(Path(own, "package.xml")):
             folders = element.get(attribute, "").replace("${prefix}", own)
-            found += filter(None, folders.split(os.pathsep))
-    return tuple(found)
+            yield from filter(None, folders.split(os.pathsep))
 
 
+@lru_cache(maxsize=None)
 def _exports_to_gazebo(manifest: Path) -> list[etree._Element]:
     """Read what a package exports to gazebo_ros; nothing where it cannot be read."""
     try:
@@ -71,21 +80,22 @@ def _exports_to_gazebo(manifest: Path) -> list[etree._Element]:
 def model_folders() -> Iterator[str]:
     """List the folders that models lie in, in the order they are searched."""
     yield from listed_folders(MODEL_PATH)
-    yield from _exported_folders(_packages(), "gazebo_model_path")
+    yield from _exported_folders("gazebo_model_path")
     yield str(Path.home() / ".gazebo" / "models")
 
 
 def resource_folders() -> Iterator[str]:
     """List the folders that worlds and media lie in, in the order they are searched."""
     yield from listed_folders(RESOURCE_PATH)
-    yield from _exported_folders(_packages(), "gazebo_media_path")
+    yield from _exported_folders("gazebo_media_path")
 
 
 def find_folder(name: str) -> str | None:
     """Find the folder of ``package://NAME`` or ``model://NAME``.
 
-    Packages are ROS packages; models lie in the folders of GAZEBO_MODEL_PATH, in those
-    that packages export, and in ``~/.gazebo/models``, as for Gazebo.
+    Packages are this one and those of ROS. Models lie in the folders of
+    GAZEBO_MODEL_PATH, in those that packages export, and in ``~/.gazebo/models``, as
+    for Gazebo.
 
     Args:
         name: The package or model.
@@ -93,14 +103,17 @@ def find_folder(name: str) -> str | None:
     Returns:
         Its folder, or None where there is none.
     """
-    try:
-        return _packages().get_path(name)
-    except rospkg.ResourceNotFound:
-        pass
+    if name in _packages():
+        return _packages()[name]
     for place in model_folders():
         if Path(place, name).is_dir() and os.sep not in name and name != "..":
             return os.path.join(place, name)
     return None
+
+
+def ros_home() -> Path:
+    """Give the folder of the user's own files, which need not exist."""
+    return Path(os.environ.get("ROS_HOME") or Path.home() / ".ros")
 
 
 def searched_folders() -> str:

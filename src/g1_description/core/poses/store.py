@@ -4,25 +4,22 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import rospkg
-
 from g1_description.core.errors import PoseFileError
 from g1_description.core.files.atomic import write_whole
-from g1_description.core.files.model_files import find_folder
+from g1_description.core.files.model_files import ros_home
+from g1_description.core.files.share import PACKAGE, share_folder
 
 from .pose import Pose
-
-PACKAGE = "g1_description"
 
 
 def package_file() -> Path:
     """Give the package's own poses."""
-    return Path(find_folder(PACKAGE) or "", "config", "poses.yaml")
+    return share_folder() / "config" / "poses.yaml"
 
 
 def user_file() -> Path:
     """Give the file of the user's own poses, which need not exist."""
-    return Path(rospkg.get_ros_home(), PACKAGE, "poses.yaml")
+    return ros_home() / PACKAGE / "poses.yaml"
 
 
 def read_poses(file: Path | None = None) -> dict[str, Pose]:

@@ -8,7 +8,8 @@ from pathlib import Path
 import rospy
 
 from g1_description.core.errors import DescriptionError, InvalidValueError
-from g1_description.core.files.model_files import find_folder, find_model
+from g1_description.core.files.model_files import find_model
+from g1_description.core.files.share import share_folder
 from g1_description.core.motion.motors import Motors, read_motors
 from g1_description.core.robot.assembly import Assembly
 from g1_description.core.sdf.world import EMPTY_WORLD, Sdf, read_sdf
@@ -51,7 +52,7 @@ def _motors(parameters: GazeboParameters) -> Motors | None:
     """
     if parameters.physics != "hold":
         return None
-    own = Path(find_folder("g1_description") or "", "config", "motors.yaml")
+    own = share_folder() / "config" / "motors.yaml"
     return read_motors(Path(parameters.motors) if parameters.motors else own)
 
 
