@@ -57,6 +57,11 @@ def _resolves(page, link):
     return not anchor or anchor in anchors(file.read_text(encoding="utf-8"))
 
 
+def blocks(text, language):
+    """List the blocks of code in a language."""
+    return [block for name, block in FENCE.findall(text) if name == language]
+
+
 def commands(text):
     """List the commands that a page shows, in blocks and between backticks.
 

@@ -1,13 +1,53 @@
-"""A stand-in for Gazebo, a link-state bridge and a display for the Unitree G1."""
+"""A stand-in for Gazebo, a link-state bridge and a display for the Unitree G1.
+
+``Robot`` is the interface for Python programs: see docs/python.md. It is imported
+when it is first used, which takes a while.
+"""
 
 from __future__ import annotations
 
+import importlib
 import site
 import sys
 from pkgutil import extend_path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .api.robot import Robot as Robot
 
 # The generated services, g1_description.srv, lie in another folder of this name.
 __path__ = extend_path(__path__, __name__)
+
+PUBLIC = {"Robot": "api.robot"}
+"""Where the public names are."""
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name.
+
+    Raises:
+        ImportError: If this Python lacks what it needs.
+    """
+    if name not in PUBLIC:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    try:
+        module = importlib.import_module(f"{__name__}.{PUBLIC[name]}")
+    except ModuleNotFoundError as error:
+        raise ImportError(_needs(name, error.name)) from error
+    return getattr(module, name)
+
+
+def __dir__() -> list[str]:
+    """List the names of this module."""
+    return sorted({*globals(), *PUBLIC})
+
+
+def _needs(name: str, missing: str | None) -> str:
+    """Say what to do where a module is missing that a public name needs."""
+    return (
+        f"g1_description.{name} needs {missing}, which {sys.executable} lacks. Install "
+        "the package with pip, or use the Python of ROS."
+    )
 
 
 def _find_installed() -> None:

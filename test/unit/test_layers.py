@@ -22,6 +22,7 @@ FOREIGN = {
     "sim": STANDARD
     | {"ctypes", "resource", "signal", "struct", "time", "warnings", "numpy", "PIL"}
     | {"pybullet", "pybullet_utils"},
+    "api": STANDARD | {"numpy"},
     "importer": STANDARD
     | {"signal", "time"}
     | {"fast_simplification", "lxml", "numpy", "scipy", "trimesh"},
@@ -31,7 +32,8 @@ FOREIGN = {
 BELOW = {
     "core": {"core"},
     "sim": {"core", "sim"},
-    "ros": {"core", "sim", "ros"},
+    "api": {"core", "sim", "api"},
+    "ros": {"core", "sim", "api", "ros"},
     "importer": {"core", "sim", "importer"},
 }
 """What layers may import of ours."""
@@ -104,12 +106,15 @@ def write(tmp_path):
         ("core__room__deeper__a", "from ....sim.b import c", "sim.b"),
         ("core__a", "if TYPE_CHECKING:\n    from ..sim.b import c", "sim.b"),
         ("sim__room__a", "from g1_description.ros.b import c", "ros.b"),
+        ("api__a", "from g1_description.ros.b import c", "ros.b"),
+        ("api__a", "import rospy", "rospy"),
+        ("core__a", "from g1_description.api.d import c", "api.d"),
         ("ros__room__a", "import scipy.linalg", "scipy"),
         ("importer__a", "from g1_description.ros.b import c", "ros.b"),
     ],
 )
 def test_a_stranger_is_found(write, module, text, wrong):
-    layers = write(sim__b="", ros__b="", **{module: text})
+    layers = write(sim__b="", ros__b="", api__d="", **{module: text})
     name = module.replace("__", ".")
     assert strangers(layers, module.split("__")[0]) == [(name, wrong)]
 

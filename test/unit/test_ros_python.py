@@ -73,8 +73,8 @@ def test_the_robot_works_with_the_python_of_ros():
         pytest.skip("no workspace is sourced")
     if sys.prefix == sys.base_prefix:
         pytest.skip("these tests run with the Python of ROS themselves")
-    program = "import g1_description.core.urdf.reader; print(1)"
+    program = "from g1_description import Robot; print(Robot().name)"
     run = subprocess.run(
         [Path(sys.executable).resolve(), "-c", program], capture_output=True, text=True
     )
-    assert (run.stdout, run.stderr) == ("1\n", "")
+    assert (run.stdout, run.stderr) == ("g1_29dof\n", "")

@@ -132,6 +132,8 @@ def run_install(runner):
     outcome.add(runner.check(message, built, LINK_STATES_MD5))
     version = ["rosrun", "gazebo_ros", "gzserver", "--version"]
     outcome.add(runner.check(version, built, "stand-in"))
+    robot = "from g1_description import Robot; print(Robot().name)"
+    outcome.add(runner.check(["/usr/bin/python3", "-c", robot], built, "g1_29dof"))
     outcome.add(run_installed_nodes(runner, built, install))
     return outcome
 

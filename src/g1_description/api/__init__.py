@@ -1,0 +1,1 @@
+"""The interface for Python programs: a robot and what can be computed of it."""

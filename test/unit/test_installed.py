@@ -1,0 +1,163 @@
+"""pip installs what programs need that know neither ROS nor catkin.
+
+Nothing is downloaded: the packages that the installed one asks for are links to those
+of this environment, and nothing else is to be found.
+"""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from importlib import metadata, util
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+IMPORTED_AS = {"Pillow": "PIL", "ruamel.yaml": "ruamel", "PyYAML": "yaml"}
+"""What packages are called in programs where that is not nearly their name."""
+
+BUILT_FROM = ("config", "meshes", "src", "urdf")
+BUILT_FROM += ("package.xml", "pyproject.toml", "requirements.txt", "setup.py")
+"""A copy of these is installed: others may build in the clone at this moment."""
+
+FURTHER = ("PyYAML", "pybullet_utils", "pillow.libs")
+"""What packages bring or ask for that the package asks for."""
+
+
+def link(name, folder):
+    """Put a package or module of this environment into a folder."""
+    module = IMPORTED_AS.get(name, name.replace("-", "_"))
+    found = util.find_spec(module) if "." not in module else None
+    if found is None:  # no module, but libraries of one
+        places = [Path(place, module) for place in sys.path]
+        path = next((place for place in places if place.exists()), None)
+    elif found.submodule_search_locations:
+        path = Path(next(iter(found.submodule_search_locations)))
+    else:
+        path = Path(found.origin)
+    if path is not None:
+        (folder / path.name).symlink_to(path)
+
+
+def copy(name, folder):
+    """Copy a file or folder of the clone."""
+    if (ROOT / name).is_file():
+        shutil.copy(ROOT / name, folder)
+    else:
+        shutil.copytree(
+            ROOT / name,
+            folder / name,
+            ignore=shutil.ignore_patterns("__pycache__", "*.egg-info"),
+        )
+
+
+@pytest.fixture(scope="module")
+def python(tmp_path_factory):
+    """Install the package, and give what runs programs with it and what it needs."""
+    clone = tmp_path_factory.mktemp("clone")
+    for name in BUILT_FROM:
+        copy(name, clone)
+    prefix = tmp_path_factory.mktemp("prefix")
+    needed = tmp_path_factory.mktemp("needed")
+    pip = [sys.executable, "-m", "pip", "install", "--disable-pip-version-check"]
+    offline = ["--no-index", "--no-deps", "--no-build-isolation"]
+    run = subprocess.run(
+        [*pip, *offline, "--ignore-installed", f"--prefix={prefix}", str(clone)],
+        capture_output=True,
+        text=True,
+    )
+    assert run.returncode == 0, run.stdout + run.stderr
+    [installed] = prefix.glob("**/g1_description/__init__.py")
+    [package] = metadata.distributions(
+        name="g1_description", path=[str(installed.parents[1])]
+    )
+    names = {re.match(r"[\w.-]+", line).group() for line in package.requires}
+    for name in {*names, *FURTHER}:
+        link(name, needed)
+
+    def run_program(program):
+        path = os.pathsep.join(map(str, (installed.parents[1], needed)))
+        run = subprocess.run(
+            [Path(sys.executable).resolve(), "-S", "-c", program],
+            env={"PYTHONPATH": path, "HOME": str(prefix)},
+            cwd=prefix,
+            capture_output=True,
+            text=True,
+        )
+        assert run.returncode == 0, run.stderr
+        return run.stdout.strip()
+
+    run_program.package = package
+    run_program.prefix, run_program.clone = prefix, clone
+    return run_program
+
+
+pytestmark = pytest.mark.slow
+
+
+def test_neither_ros_nor_catkin_is_there(python):
+    """What the others of this file go without."""
+    for name in ("rospkg", "catkin_pkg", "rospy"):
+        program = f"from importlib import util; print(util.find_spec({name!r}))"
+        assert python(program) == "None"
+
+
+def test_the_version_is_that_of_the_manifest(python):
+    manifest = (ROOT / "package.xml").read_text(encoding="utf-8")
+    assert f"<version>{python.package.version}</version>" in manifest
+
+
+def test_the_robot_is_there_with_its_meshes_and_poses(python):
+    program = (
+        "from g1_description import Robot\n"
+        "from g1_description.core.files.model_files import find_folder\n"
+        "from g1_description.sim.meshes.shapes import find_meshes\n"
+        "robot = Robot()\n"
+        "links = robot.description.links\n"
+        "shapes = [s for link in links for s in (*link.visuals, *link.collisions)]\n"
+        "meshes, problems = find_meshes(shapes)\n"
+        "poses = robot.forward_kinematics(robot.pose('wave'))\n"
+        "print(find_folder('g1_description'), bool(meshes), problems, poses.shape)"
+    )
+    folder = python.prefix / "share" / "g1_description"
+    assert python(program) == f"{folder} True () (40, 7)"
+
+
+@pytest.mark.parametrize("name", ["config", "meshes", "urdf"])
+def test_all_files_are_installed(python, name):
+    def below(folder):
+        return {path.relative_to(folder) for path in folder.rglob("*")}
+
+    share = python.prefix / "share" / "g1_description"
+    assert below(share / name) == below(ROOT / name)
+
+
+def test_a_program_that_imports_the_package_waits_for_nothing(python):
+    """Neither numpy nor PyBullet, before a public name is used."""
+    program = (
+        "import sys, g1_description; print({'numpy', 'pybullet'} & {*sys.modules})"
+    )
+    assert python(program) == "set()"
+
+
+def test_the_robot_does_without_pybullet(python):
+    program = (
+        "import sys\nfrom g1_description import Robot\nRobot()\n"
+        "print('pybullet' in sys.modules)"
+    )
+    assert python(program) == "False"
+
+
+def test_the_simulated_world_runs(python):
+    program = (
+        "from g1_description.sim.world import World\n"
+        "from g1_description.importer.command import parser\n"
+        "print(World.__name__, callable(parser))"
+    )
+    assert python(program) == "World True"
+
+
+def test_nothing_of_a_build_is_left_that_the_next_one_would_take(python):
+    assert {path.name for path in python.clone.iterdir()} == {*BUILT_FROM}
