@@ -21,7 +21,7 @@ FOREIGN = {
     "core": STANDARD | {"lxml", "numpy", "rospkg", "ruamel", "urdf_parser_py", "xacro"},
     "sim": STANDARD
     | {"ctypes", "resource", "signal", "struct", "time", "warnings", "numpy", "PIL"}
-    | {"pybullet", "pybullet_utils"},
+    | {"pybullet", "pybullet_utils", "scipy"},
     "api": STANDARD | {"numpy"},
     "importer": STANDARD
     | {"signal", "time"}
@@ -155,7 +155,8 @@ def test_messages_that_nodes_import_are_dependencies():
         ("urdf_parser_py", "core.urdf.reader"),
         (
             "ruamel",
-            "core.motion.formats.trajectory_yaml core.motion.motors "
+            "core.collisions.pairs_file core.motion.formats.trajectory_yaml "
+            "core.motion.motors "
             "core.poses.yaml_text",
         ),
         ("pybullet", "sim.bullet.client"),

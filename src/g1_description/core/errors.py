@@ -31,6 +31,10 @@ class MotorFileError(G1DescriptionError):
     """A file of motors cannot be read, or holds something else."""
 
 
+class AllowedPairsError(G1DescriptionError):
+    """A file of allowed collisions cannot be read, or is that of another robot."""
+
+
 class UnknownNameError(G1DescriptionError):
     """A model, link, joint, frame or pose was requested that does not exist."""
 

@@ -1,0 +1,1 @@
+"""Pairs of links that may touch by design."""

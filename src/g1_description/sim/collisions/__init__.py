@@ -1,0 +1,1 @@
+"""Collisions of a robot with itself: which pairs of links, how deep and where."""

@@ -1,0 +1,296 @@
+"""Collisions of robots with themselves: against geometry, and against hpp-fcl."""
+
+from dataclasses import fields
+from itertools import combinations
+
+import numpy as np
+import pytest
+from conftest import REPOSITORY
+from robots import link
+from scipy.spatial import ConvexHull
+from scipy.spatial.transform import Rotation
+
+from g1_description.core.collisions.allowed_pairs import USER, AllowedPair, AllowedPairs
+from g1_description.core.errors import AllowedPairsError, InvalidValueError
+from g1_description.core.files.uris import with_absolute_uris
+from g1_description.core.robot.kinematics import Kinematics
+from g1_description.core.robot.rigid import rigid_frames
+from g1_description.core.rotation import rotate
+from g1_description.core.transform import IDENTITY
+from g1_description.core.urdf.reader import parse_urdf
+from g1_description.sim.collisions.find_pairs import adjacent_pairs, random_poses
+from g1_description.sim.collisions.self_collisions import SelfCollisions
+from g1_description.sim.meshes.hulls import outline
+from g1_description.sim.meshes.shapes import find_meshes
+
+OURS = with_absolute_uris(
+    (REPOSITORY / "urdf" / "g1_29dof.urdf").read_text(), REPOSITORY / "urdf"
+)
+LISTED_ERROR = 1e-3  # [m] two engines may differ this much about touching
+SMALL = 2e-5  # [m]: PyBullet's iterations end there
+
+
+def robot(*links, joint="floating"):
+    """Make a robot of links, each on the first."""
+    names = [f"l{number}" for number in range(len(links))]
+    joints = "".join(
+        f'<joint name="j{name}" type="{joint}"><parent link="l0"/>'
+        f'<child link="{name}"/></joint>'
+        for name in names[1:]
+    )
+    bodies = "".join(link(name, inside) for name, inside in zip(names, links))
+    return parse_urdf(f'<robot name="r">{bodies}{joints}</robot>')
+
+
+def shape(geometry, xyz="0 0 0", kind="collision"):
+    """Write a shape of a link."""
+    return (
+        f'<{kind}><origin xyz="{xyz}"/><geometry><{geometry}/></geometry></{kind}>'
+    )
+
+
+def sphere(radius, **kwargs):
+    return shape(f'sphere radius="{radius}"', **kwargs)
+
+
+def box(x, y, z, **kwargs):
+    return shape(f'box size="{x} {y} {z}"', **kwargs)
+
+
+def at(*rows):
+    """Make poses of one configuration, upright where nothing else is said."""
+    return np.array([[[*row, *IDENTITY[len(row) :]] for row in rows]])
+
+
+def only(contacts):
+    """Give the one contact: distance, points of both and normal."""
+    assert len(contacts.frame) == 1
+    parts = (contacts.distance, contacts.points_a, contacts.points_b, contacts.normal)
+    return [part[0] for part in parts]
+
+
+def same(first, second):
+    """Return whether contacts agree to the last bit."""
+    return all(
+        np.array_equal(getattr(first, part.name), getattr(second, part.name))
+        for part in fields(first)
+    )
+
+
+@pytest.mark.parametrize("gap", [-0.15, -0.02, 0.01])
+def test_spheres(gap):
+    spheres = SelfCollisions(robot(sphere(0.2), sphere(0.1)), ())
+    way = np.array([2.0, -1.0, 2.0]) / 3.0
+    center = np.array([5.0, 6.0, 7.0])
+    poses = at(center, center + (0.3 + gap) * way)
+    distance, point_a, point_b, normal = only(spheres.contacts(poses, 0.02))
+    assert distance == pytest.approx(gap, abs=SMALL)
+    assert normal == pytest.approx(way, abs=1e-6)
+    assert point_a == pytest.approx(center + 0.2 * way, abs=SMALL)
+    assert point_b == pytest.approx(center + (0.2 + gap) * way, abs=SMALL)
+    assert len(spheres.contacts(poses, min(gap, 0.0) - 1e-3).frame) == 0
+
+
+def test_boxes():
+    """Least overlap along y, seen in a turned world."""
+    boxes = SelfCollisions(robot(box(1, 1, 1), box(1, 2, 1)), ())
+    turned = Rotation.from_euler("xyz", [0.3, -1.0, 2.0])
+    q = turned.as_quat()
+    offset = turned.apply([0.3, 1.5 - 0.05, -0.4])
+    poses = at([0.0, 0.0, 0.0, *q], [*offset, *q])
+    distance, point_a, point_b, normal = only(boxes.contacts(poses))
+    assert distance == pytest.approx(-0.05, abs=SMALL)
+    assert normal == pytest.approx(turned.apply([0.0, 1.0, 0.0]), abs=1e-4)
+    assert turned.inv().apply(point_a)[1] == pytest.approx(0.5, abs=SMALL)
+    assert turned.inv().apply(point_b)[1] == pytest.approx(0.45, abs=SMALL)
+    x, _, z = turned.inv().apply(point_a)
+    assert -0.2 - SMALL <= x <= 0.5 + SMALL and -0.9 - SMALL <= z <= 0.1 + SMALL
+
+
+def test_a_sphere_in_a_box_and_a_cylinder_beside():
+    cylinder = shape('cylinder radius="0.1" length="0.4"')
+    robots = SelfCollisions(robot(box(1, 1, 1), sphere(0.1), cylinder), ())
+    poses = at([0, 0, 0], [0.45, 0.1, 0.2], [0, 0, 0.69])
+    found = robots.contacts(poses)
+    assert [robots.pairs[pair] for pair in found.pair] == [("l0", "l1"), ("l0", "l2")]
+    assert found.distance == pytest.approx([-0.15, -0.01], abs=SMALL)
+    assert found.normal[0] == pytest.approx([1, 0, 0], abs=1e-4)
+    assert found.normal[1] == pytest.approx([0, 0, 1], abs=1e-4)
+    assert found.points_a[0] == pytest.approx([0.5, 0.1, 0.2], abs=SMALL)
+
+
+def test_of_several_shapes_the_deepest_counts():
+    two = sphere(0.1, xyz="0 0 0") + sphere(0.1, xyz="0.05 0 0")
+    spheres = SelfCollisions(robot(sphere(0.1), two), ())
+    distance, *_ = only(spheres.contacts(at([0, 0, 0], [-0.1, 0, 0])))
+    assert distance == pytest.approx(-0.15, abs=SMALL)
+
+
+def test_fixed_links_and_allowed_pairs_are_not_checked():
+    fixed = robot(sphere(0.1), sphere(0.1), joint="fixed")
+    assert SelfCollisions(fixed, ()).pairs == ()
+    assert len(SelfCollisions(fixed, ()).contacts(at([0, 0, 0], [0, 0, 0])).frame) == 0
+    loose = robot(*[sphere(0.1)] * 3)
+    allowed = [AllowedPair("l2", "l0", USER)]
+    assert SelfCollisions(loose, allowed).pairs == (("l0", "l1"), ("l1", "l2"))
+
+
+def test_links_without_collisions():
+    links = [sphere(0.1), sphere(0.1, kind="visual"), ""]
+    loose = robot(*links)
+    with_visuals = SelfCollisions(loose, ())
+    assert with_visuals.links == ("l0", "l1")
+    assert with_visuals.by_visuals == ("l1",)
+    assert with_visuals.without_shapes == ("l2",)
+    without = SelfCollisions(loose, (), visual_hulls=False)
+    assert without.links == ("l0",)
+    assert without.by_visuals == ()
+    assert without.without_shapes == ("l1", "l2")
+    assert without.pairs == ()
+
+
+def test_wrong_arguments_are_told():
+    spheres = SelfCollisions(robot(sphere(0.1), sphere(0.1)), ())
+    with pytest.raises(InvalidValueError, match=r"\(n, 2, 7\), not \(1, 3, 7\)"):
+        spheres.contacts(np.zeros((1, 3, 7)))
+    with pytest.raises(InvalidValueError, match="not a finite number"):
+        spheres.contacts(np.full((1, 2, 7), np.nan))
+    others = AllowedPairs("other", ("l0",), ())
+    with pytest.raises(AllowedPairsError, match="'other'.*'r': l1"):
+        SelfCollisions(robot(sphere(0.1), sphere(0.1)), others)
+
+
+def test_no_frames_no_contacts():
+    spheres = SelfCollisions(robot(sphere(0.1), sphere(0.1)), ())
+    found = spheres.contacts(np.zeros((0, 2, 7)))
+    assert found.points_a.shape == (0, 3)
+
+
+@pytest.fixture(scope="module")
+def g1_robot(g1):
+    """Give the G1, its collisions but for adjacent links, and random poses."""
+    description = parse_urdf(g1)
+    collisions = SelfCollisions(description, adjacent_pairs(description))
+    return description, collisions, random_poses(
+        description, np.random.RandomState(7), 2000
+    )
+
+
+def test_the_order_of_frames_does_not_matter(g1_robot):
+    """To the last bit: PyBullet keeps nothing, no sum depends on what is beside it."""
+    _, collisions, poses = g1_robot
+    poses = poses[:700]
+    together = collisions.contacts(poses, 0.01)
+    order = np.random.RandomState(0).permutation(len(poses))
+    shuffled = collisions.contacts(poses[order], 0.01)
+    where = np.argsort(order)
+    rows = np.concatenate([np.flatnonzero(shuffled.frame == where[i]) for i in range(700)])
+    again = shuffled[rows]
+    again.frame[:] = order[again.frame]
+    assert same(together, again)
+    for frame in (0, 513, 699):
+        alone = collisions.contacts(poses[frame : frame + 1], 0.01)
+        alone.frame[:] = frame
+        assert same(together[together.frame == frame], alone)
+
+
+def test_where_the_robot_stands_does_not_matter(g1_robot):
+    description, collisions, poses = g1_robot
+    poses = poses[:50]
+    moved = poses.copy()
+    turned = Rotation.from_euler("xyz", [0.5, 1.0, -2.0])
+    moved[..., :3] = turned.apply(poses[..., :3].reshape(-1, 3)).reshape(50, -1, 3) + 9
+    rotations = turned * Rotation.from_quat(poses[..., 3:].reshape(-1, 4))
+    moved[..., 3:] = rotations.as_quat().reshape(50, -1, 4)
+    first, second = collisions.contacts(poses), collisions.contacts(moved)
+    sure = first.distance < -1e-4
+    keys = set(zip(second.frame, second.pair))
+    assert {*zip(first.frame[sure], first.pair[sure])} <= keys
+    assert turned.apply(first.points_a[:1]) + 9 == pytest.approx(
+        second.points_a[:1], abs=1e-3
+    )
+
+
+class Oracle:
+    """hpp-fcl on the hulls of a robot, as they are in the files."""
+
+    def __init__(self, description):
+        self.fcl = pytest.importorskip("hppfcl", reason="hpp-fcl is not there")
+        self.shapes = []
+        links = [*description.links]
+        used = [link.collisions or link.visuals for link in links]
+        meshes, _ = find_meshes(part for parts in used for part in parts)
+        for row, parts in enumerate(used):
+            for part in parts:
+                points, radius = outline(part, meshes)
+                points = part.pose[:3] + rotate(part.pose[3:], points)
+                self.shapes.append((row, radius, *self._convex(points)))
+        self.request = self.fcl.DistanceRequest()
+        self.result = self.fcl.DistanceResult()
+
+    def _convex(self, points):
+        """Make a shape, of a sphere only the centre; and a sphere around it."""
+        if len(points) == 1:
+            return self.fcl.Sphere(1e-9), points[0], 0.0, points[0]
+        hull = ConvexHull(points)
+        number = {old: new for new, old in enumerate(hull.vertices)}
+        vertices = self.fcl.StdVec_Vec3f()
+        triangles = self.fcl.StdVec_Triangle()
+        for vertex in points[hull.vertices]:
+            vertices.append(vertex)
+        for simplex, plane in zip(hull.simplices, hull.equations):
+            a, b, c = points[simplex]
+            turn = 1 if np.cross(b - a, c - a) @ plane[:3] > 0 else -1
+            triangles.append(self.fcl.Triangle(*(number[i] for i in simplex[::turn])))
+        middle = points.mean(axis=0)
+        reach = np.linalg.norm(points - middle, axis=1).max()
+        return self.fcl.Convex(vertices, triangles), np.zeros(3), reach, middle
+
+    def distances(self, poses, pairs, names):
+        """Give the least distance by frame and pair of links, where it may be < 0."""
+        found = {}
+        for (number, first), (other, second) in combinations(enumerate(self.shapes), 2):
+            pair = (names[first[0]], names[second[0]])
+            if pair not in pairs:
+                continue
+            (row_a, *_, reach_a, middle_a), (row_b, *_, reach_b, middle_b) = first, second
+            a, b = poses[:, row_a], poses[:, row_b]
+            apart = a[:, :3] + rotate(a[:, 3:], middle_a)
+            apart = apart - b[:, :3] - rotate(b[:, 3:], middle_b)
+            reach = reach_a + reach_b + first[1] + second[1]
+            for frame in np.flatnonzero(np.linalg.norm(apart, axis=1) < reach).tolist():
+                distance = self._distance(first, a[frame], second, b[frame])
+                key = frame, pair
+                found[key] = min(found.get(key, np.inf), distance)
+        return found
+
+    def _distance(self, first, pose_a, second, pose_b):
+        """Ask for one distance."""
+        self.result.clear()
+        placed = []
+        for (_, _, shape, center, *_), pose in ((first, pose_a), (second, pose_b)):
+            axes = Rotation.from_quat(pose[3:]).as_matrix()
+            place = self.fcl.Transform3f(axes, pose[:3] + axes @ center)
+            placed += [shape, place]
+        distance = self.fcl.distance(*placed, self.request, self.result)
+        return distance - first[1] - second[1]
+
+
+def test_another_engine_agrees(g1_robot):
+    """On 2000 random configurations, but for touching within 1 mm."""
+    description, collisions, poses = g1_robot
+    oracle = Oracle(description)
+    names = description.link_names
+    expected = oracle.distances(poses, {*collisions.pairs}, names)
+    found = collisions.contacts(poses, LISTED_ERROR)
+    ours = {
+        (frame, collisions.pairs[pair]): distance
+        for frame, pair, distance in zip(
+            found.frame.tolist(), found.pair.tolist(), found.distance.tolist()
+        )
+    }
+    deep = {key for key, distance in expected.items() if distance < -LISTED_ERROR}
+    assert len(deep) > 10000
+    assert deep <= {key for key, distance in ours.items() if distance < 0}
+    errors = np.array([ours[key] - expected[key] for key in ours])
+    assert np.abs(errors).max() < LISTED_ERROR
