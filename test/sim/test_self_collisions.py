@@ -13,8 +13,6 @@ from scipy.spatial.transform import Rotation
 from g1_description.core.collisions.allowed_pairs import USER, AllowedPair, AllowedPairs
 from g1_description.core.errors import AllowedPairsError, InvalidValueError
 from g1_description.core.files.uris import with_absolute_uris
-from g1_description.core.robot.kinematics import Kinematics
-from g1_description.core.robot.rigid import rigid_frames
 from g1_description.core.rotation import rotate
 from g1_description.core.transform import IDENTITY
 from g1_description.core.urdf.reader import parse_urdf
@@ -26,7 +24,7 @@ from g1_description.sim.meshes.shapes import find_meshes
 OURS = with_absolute_uris(
     (REPOSITORY / "urdf" / "g1_29dof.urdf").read_text(), REPOSITORY / "urdf"
 )
-LISTED_ERROR = 1e-3  # [m] two engines may differ this much about touching
+TOUCHING = 1e-3  # [m] two engines may differ this much about touching
 SMALL = 2e-5  # [m]: PyBullet's iterations end there
 
 
@@ -44,9 +42,7 @@ def robot(*links, joint="floating"):
 
 def shape(geometry, xyz="0 0 0", kind="collision"):
     """Write a shape of a link."""
-    return (
-        f'<{kind}><origin xyz="{xyz}"/><geometry><{geometry}/></geometry></{kind}>'
-    )
+    return f'<{kind}><origin xyz="{xyz}"/><geometry><{geometry}/></geometry></{kind}>'
 
 
 def sphere(radius, **kwargs):
@@ -156,7 +152,7 @@ def test_wrong_arguments_are_told():
     with pytest.raises(InvalidValueError, match="not a finite number"):
         spheres.contacts(np.full((1, 2, 7), np.nan))
     others = AllowedPairs("other", ("l0",), ())
-    with pytest.raises(AllowedPairsError, match="'other'.*'r': l1"):
+    with pytest.raises(AllowedPairsError, match=r"'other'.*'r': l1"):
         SelfCollisions(robot(sphere(0.1), sphere(0.1)), others)
 
 
@@ -171,8 +167,10 @@ def g1_robot(g1):
     """Give the G1, its collisions but for adjacent links, and random poses."""
     description = parse_urdf(g1)
     collisions = SelfCollisions(description, adjacent_pairs(description))
-    return description, collisions, random_poses(
-        description, np.random.RandomState(7), 2000
+    return (
+        description,
+        collisions,
+        random_poses(description, np.random.RandomState(7), 2000),
     )
 
 
@@ -184,7 +182,9 @@ def test_the_order_of_frames_does_not_matter(g1_robot):
     order = np.random.RandomState(0).permutation(len(poses))
     shuffled = collisions.contacts(poses[order], 0.01)
     where = np.argsort(order)
-    rows = np.concatenate([np.flatnonzero(shuffled.frame == where[i]) for i in range(700)])
+    rows = np.concatenate(
+        [np.flatnonzero(shuffled.frame == where[i]) for i in range(700)]
+    )
     again = shuffled[rows]
     again.frame[:] = order[again.frame]
     assert same(together, again)
@@ -195,7 +195,7 @@ def test_the_order_of_frames_does_not_matter(g1_robot):
 
 
 def test_where_the_robot_stands_does_not_matter(g1_robot):
-    description, collisions, poses = g1_robot
+    _, collisions, poses = g1_robot
     poses = poses[:50]
     moved = poses.copy()
     turned = Rotation.from_euler("xyz", [0.5, 1.0, -2.0])
@@ -249,11 +249,14 @@ class Oracle:
     def distances(self, poses, pairs, names):
         """Give the least distance by frame and pair of links, where it may be < 0."""
         found = {}
-        for (number, first), (other, second) in combinations(enumerate(self.shapes), 2):
+        for first, second in combinations(self.shapes, 2):
             pair = (names[first[0]], names[second[0]])
             if pair not in pairs:
                 continue
-            (row_a, *_, reach_a, middle_a), (row_b, *_, reach_b, middle_b) = first, second
+            (row_a, *_, reach_a, middle_a), (row_b, *_, reach_b, middle_b) = (
+                first,
+                second,
+            )
             a, b = poses[:, row_a], poses[:, row_b]
             apart = a[:, :3] + rotate(a[:, 3:], middle_a)
             apart = apart - b[:, :3] - rotate(b[:, 3:], middle_b)
@@ -282,15 +285,15 @@ def test_another_engine_agrees(g1_robot):
     oracle = Oracle(description)
     names = description.link_names
     expected = oracle.distances(poses, {*collisions.pairs}, names)
-    found = collisions.contacts(poses, LISTED_ERROR)
+    found = collisions.contacts(poses, TOUCHING)
     ours = {
         (frame, collisions.pairs[pair]): distance
         for frame, pair, distance in zip(
             found.frame.tolist(), found.pair.tolist(), found.distance.tolist()
         )
     }
-    deep = {key for key, distance in expected.items() if distance < -LISTED_ERROR}
+    deep = {key for key, distance in expected.items() if distance < -TOUCHING}
     assert len(deep) > 10000
     assert deep <= {key for key, distance in ours.items() if distance < 0}
     errors = np.array([ours[key] - expected[key] for key in ours])
-    assert np.abs(errors).max() < LISTED_ERROR
+    assert np.abs(errors).max() < TOUCHING

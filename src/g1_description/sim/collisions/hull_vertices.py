@@ -31,6 +31,21 @@ def hull_vertices(points: np.ndarray) -> np.ndarray:
         return points
 
 
+def hull_normals(points: np.ndarray) -> np.ndarray:
+    """Give the directions that the faces of a convex hull have outwards.
+
+    Args:
+        points: In any frame, shape (n, 3).
+
+    Returns:
+        Unit vectors, shape (m, 3); none where there is no volume.
+    """
+    try:
+        return ConvexHull(points).equations[:, :3]
+    except (QhullError, ValueError):
+        return np.zeros((0, 3))
+
+
 def thinned(vertices: np.ndarray, tolerance: float) -> np.ndarray:
     """Leave out vertices of a hull that hardly stick out of the hull of the others.
 

@@ -56,7 +56,7 @@ class Placed:
     rotation: np.ndarray
     """The same as ``axes``, as quaternions (x, y, z, w), shape (n, 4)."""
 
-    def __getitem__(self, rows: np.ndarray) -> Placed:
+    def __getitem__(self, rows: np.ndarray | list[int]) -> Placed:
         """Select some of the pairs."""
         parts = (self.a, self.b, self.axes, self.origin, self.rotation)
         return Placed(*(part[rows] for part in parts))

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from .convex_shapes import ConvexShape
+from .hull_vertices import hull_normals
 from .placing import Placed, turn
 
 ROUNDS = 4
@@ -25,6 +26,7 @@ class Separation:
         self._radius = np.array([shape.radius for shape in shapes])
         middles = [(s.points.min(axis=0) + s.points.max(axis=0)) / 2 for s in shapes]
         self._middle = np.array(middles).reshape(-1, 3)
+        self._normals = [hull_normals(shape.points) for shape in shapes]
 
     def apart(self, placed: Placed, gap: float) -> np.ndarray:
         """Find pairs that a plane separates, by their farthest points.
@@ -76,6 +78,16 @@ class Separation:
         """
         middle_b = turn(placed.axes, self._middle[placed.b]) + placed.origin
         return _unit(middle_b - self._middle[placed.a])
+
+    def normals(self, placed: Placed, row: int) -> np.ndarray:
+        """Give the normals of all faces of a pair, those of b turned around.
+
+        Returns:
+            Unit vectors in the frame of a, shape (n, 3).
+        """
+        of_a = self._normals[placed.a[row]]
+        of_b = self._normals[placed.b[row]]
+        return np.concatenate([of_a, -turn(placed.axes[[row] * len(of_b)], of_b)])
 
     def faces(
         self, placed: Placed, direction: np.ndarray

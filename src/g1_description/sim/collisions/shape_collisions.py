@@ -142,38 +142,56 @@ class ShapeCollisions:
         return frame[kept], pair[kept], placed[kept]
 
     def _measure(self, placed: Placed, margin: float) -> _Gaps:
-        """Measure the gaps between pairs.
-
-        A direction found from the other side is mostly right where the first one is
-        not; of two, the one with the wider gap is better.
-        """
-        gaps, doubtful = self._between_planes(placed, margin)
-        rows = np.flatnonzero(doubtful)
-        again = placed[rows].swapped()
-        back = self._between_planes(again, margin)[0].from_the_other(again)
-        is_better = np.isfinite(back.width) & (
-            (back.width > gaps.width[rows]) | ~np.isfinite(gaps.width[rows])
-        )
-        better = rows[is_better]
-        gaps.width[better] = back.width[is_better]
-        gaps.direction[better] = back.direction[is_better]
-        gaps.point_a[better] = back.point_a[is_better]
-        return gaps
-
-    def _between_planes(
-        self, placed: Placed, margin: float
-    ) -> tuple[_Gaps, np.ndarray]:
-        """Measure gaps along PyBullet's directions; tell which to doubt, shape (n,)."""
+        """Measure the gaps between pairs."""
         closest = self._closest.find(placed, margin + SLACK)
         is_near = ~np.isnan(closest.distance)
         direction = np.where(is_near[:, np.newaxis], closest.direction, 0.0)
         middle = np.where(is_near[:, np.newaxis], closest.middle, 0.0)
+        gaps = self._gaps(placed, direction, middle)
+        gaps.width[~is_near] = np.inf
+        is_doubtful = np.abs(gaps.width - closest.distance) > DOUBT
+        for row in np.flatnonzero(is_doubtful & is_near).tolist():
+            self._reconsider(gaps, placed, row, middle[row])
+        return gaps
+
+    def _gaps(self, placed: Placed, direction: np.ndarray, middle: np.ndarray) -> _Gaps:
+        """Measure gaps along directions.
+
+        Args:
+            placed: Pairs of shapes.
+            direction: From a to b, in the frames of a's links, shape (n, 3).
+            middle: Points that gaps are about, likewise, in [m], shape (n, 3).
+        """
         end_a, end_b = self._separation.faces(placed, direction)
-        width = np.where(is_near, end_b - end_a, np.inf)
         x, y, z = (middle * direction).T
         point_a = middle + (end_a - (x + y + z))[:, np.newaxis] * direction
-        is_sure = np.abs(width - closest.distance) <= DOUBT
-        return _Gaps(width, direction, point_a), ~is_sure
+        return _Gaps(end_b - end_a, direction, point_a)
+
+    def _reconsider(
+        self, gaps: _Gaps, placed: Placed, row: int, middle: np.ndarray
+    ) -> None:
+        """Improve a gap whose direction is not the best one.
+
+        Of all directions, that with the widest gap is right. PyBullet often finds it
+        when the two shapes change places; mostly it is the normal of a face.
+
+        Args:
+            gaps: The gaps.
+            placed: Pairs of shapes.
+            row: Which of them.
+            middle: Point that the gap is about, in the frame of a's link, shape (3,).
+        """
+        back = self._closest.find(placed[[row]].swapped(), SLACK)
+        others = -turn(placed.axes[[row]], back.direction)
+        others = others[~np.isnan(back.distance)]
+        tried = np.concatenate([others, self._separation.normals(placed, row)])
+        if len(tried):
+            tries = self._gaps(placed[[row] * len(tried)], tried, middle)
+            best = tries.width.argmax()
+            if tries.width[best] > gaps.width[row]:
+                gaps.width[row] = tries.width[best]
+                gaps.direction[row] = tries.direction[best]
+                gaps.point_a[row] = tries.point_a[best]
 
 
 @dataclass(frozen=True)
@@ -189,17 +207,6 @@ class _Gaps:
 
     point_a: np.ndarray
     """Where the gap begins, in [m], shape (n, 3)."""
-
-    def from_the_other(self, placed: Placed) -> _Gaps:
-        """Return the same gaps for the swapped pairs, in the frames of b's links."""
-        axes = np.swapaxes(placed.axes, 1, 2)
-        is_finite = np.isfinite(self.width)[:, np.newaxis]
-        way = np.where(is_finite, self.width[:, np.newaxis], 0.0) * self.direction
-        return _Gaps(
-            self.width,
-            -turn(axes, self.direction),
-            turn(axes, self.point_a + way - placed.origin),
-        )
 
 
 def _deepest(found: Contacts) -> np.ndarray:
