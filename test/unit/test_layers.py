@@ -155,8 +155,8 @@ def test_messages_that_nodes_import_are_dependencies():
         ("urdf_parser_py", "core.urdf.reader"),
         (
             "ruamel",
-            "core.collisions.pairs_file core.motion.formats.trajectory_yaml "
-            "core.motion.motors "
+            "core.checks.thresholds core.collisions.pairs_file "
+            "core.motion.formats.trajectory_yaml core.motion.motors "
             "core.poses.yaml_text",
         ),
         ("pybullet", "sim.bullet.client"),

@@ -35,6 +35,10 @@ class AllowedPairsError(G1DescriptionError):
     """A file of allowed collisions cannot be read, or is that of another robot."""
 
 
+class ThresholdError(G1DescriptionError):
+    """Thresholds of checks cannot be read, or are none."""
+
+
 class UnknownNameError(G1DescriptionError):
     """A model, link, joint, frame or pose was requested that does not exist."""
 

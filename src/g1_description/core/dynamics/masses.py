@@ -7,7 +7,7 @@ import numpy as np
 from g1_description.core.errors import DescriptionError
 from g1_description.core.robot.assembly import WORLD
 from g1_description.core.robot.description import Description
-from g1_description.core.rotation import rotate
+from g1_description.core.rotation import cross, rotate
 
 GRAVITY = 9.81
 """Of the simulator's default world, in [m/s^2]."""
@@ -63,3 +63,21 @@ class Masses:
                 f"{self._name} has no centre of mass: none of its links has a mass."
             )
         return (self.mass / self.total) @ self.centers(link_poses)
+
+    def robot_velocity(
+        self, link_poses: np.ndarray, link_twists: np.ndarray
+    ) -> np.ndarray:
+        """Compute the velocity of the robot's centre of mass.
+
+        Args:
+            link_poses: Poses of all links in the world, shape (..., n_links, 7).
+            link_twists: Twists of their origins along the world's axes, shape
+                (..., n_links, 6).
+
+        Returns:
+            Along the world's axes, in [m/s], shape (..., 3); NaN without masses.
+        """
+        levers = self.centers(link_poses) - link_poses[..., :3]
+        velocities = link_twists[..., :3] + cross(link_twists[..., 3:], levers)
+        total = self.total if self.total > 0.0 else np.nan
+        return (self.mass / total) @ velocities

@@ -210,6 +210,12 @@ class Kinematics:
         """
         return self._above[:, joints].any(axis=1)
 
+    def end_links(self) -> np.ndarray:
+        """Find the links that carry none that moves against them, shape (n_links,)."""
+        n_above = self._above.sum(axis=1)
+        carries = self._above @ self._above.T == n_above[:, np.newaxis]
+        return ~(carries & (n_above > n_above[:, np.newaxis])).any(axis=1)
+
     def _doubling(self) -> list[tuple[np.ndarray, np.ndarray]]:
         """List, per round, the links not yet placed and the ancestor to use."""
         rounds = []

@@ -1,0 +1,1 @@
+"""Verdicts over configurations and motions: limits, smoothness, ground, balance."""

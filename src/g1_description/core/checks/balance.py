@@ -1,0 +1,155 @@
+"""Balance: the support polygon, and how far inside it the robot's weight acts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from g1_description.core.dynamics.inverse_dynamics import Dynamics
+
+from .verdict import Fault
+
+LEAST_FORCE = 0.1
+"""Share of its weight that the floor must bear for a zero-moment point to mean
+something."""
+
+
+@dataclass(frozen=True, eq=False)
+class Balance:
+    """Where the weight of a robot acts, at each of some samples."""
+
+    center: np.ndarray
+    """Its centre of mass in the map, in [m], shape (n, 3)."""
+
+    center_margin: np.ndarray
+    """How far the centre of mass is inside what bears, in [m], shape (n,)."""
+
+    zmp_margin: np.ndarray
+    """How far the zero-moment point is inside, in [m], shape (n,)."""
+
+    is_still: np.ndarray
+    """Where the robot is still, shape (n,)."""
+
+    @staticmethod
+    def joined(parts: Sequence[Balance]) -> Balance:
+        """Chain successive samples."""
+        return Balance(
+            np.concatenate([part.center for part in parts]),
+            np.concatenate([part.center_margin for part in parts]),
+            np.concatenate([part.zmp_margin for part in parts]),
+            np.concatenate([part.is_still for part in parts]),
+        )
+
+
+def support_polygon(points: np.ndarray) -> np.ndarray:
+    """Find the convex hull of points in a plane.
+
+    Andrew's monotone chain, 1979.
+
+    Args:
+        points: In [m], shape (n, 2), n > 0.
+
+    Returns:
+        Its corners counter-clockwise, in [m], shape (k, 2); one or two where all points
+        are at one place or on one line.
+    """
+    ordered = sorted({(float(x), float(y)) for x, y in points})
+    if len(ordered) < 3:
+        return np.array(ordered)
+    lower, upper = _chain(ordered), _chain(ordered[::-1])
+    return np.array(lower[:-1] + upper[:-1])
+
+
+def _chain(ordered: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Keep the points of one side of a hull."""
+    kept: list[tuple[float, float]] = []
+    for x, y in ordered:
+        while len(kept) > 1:
+            (x0, y0), (x1, y1) = kept[-2:]
+            if (x1 - x0) * (y - y0) - (y1 - y0) * (x - x0) > 0.0:
+                break
+            kept.pop()
+        kept.append((x, y))
+    return kept
+
+
+def support_margin(polygon: np.ndarray, point: np.ndarray) -> float:
+    """Compute how far inside a polygon a point is.
+
+    Args:
+        polygon: Corners of a convex polygon counter-clockwise, in [m], shape (k, 2).
+        point: In [m], shape (2,).
+
+    Returns:
+        Distance to its border in [m], negative outside.
+    """
+    ends = np.roll(polygon, -1, axis=0)
+    edges, offsets = ends - polygon, point - polygon
+    squares = (edges**2).sum(axis=1)
+    along = (offsets * edges).sum(axis=1) / np.where(squares > 0.0, squares, 1.0)
+    nearest = polygon + np.clip(along, 0.0, 1.0)[:, np.newaxis] * edges
+    distance = float(np.sqrt(((point - nearest) ** 2).sum(axis=1).min()))
+    left = edges[:, 0] * offsets[:, 1] - edges[:, 1] * offsets[:, 0]
+    is_inside = len(polygon) > 2 and bool((left >= 0.0).all())
+    return distance if is_inside else -distance
+
+
+def margins(support: Sequence[np.ndarray], points: np.ndarray) -> np.ndarray:
+    """Compute how far inside what bears some points are.
+
+    Args:
+        support: Points that bear, shape (k, 2) per sample.
+        points: In the map, in [m], shape (n, 2); NaN where there is none.
+
+    Returns:
+        In [m], negative outside, shape (n,); NaN where nothing bears.
+    """
+    found = np.full(len(points), np.nan)
+    for number, (bearing, point) in enumerate(zip(support, points)):
+        if len(bearing) and np.isfinite(point).all():
+            found[number] = support_margin(support_polygon(bearing), point)
+    return found
+
+
+def zero_moment_points(dynamics: Dynamics, weight: float, floor: float) -> np.ndarray:
+    """Find where the floor must bear a robot that moves.
+
+    Source: Vukobratovic and Borovac, Zero-Moment Point, 2004: the point of the floor
+    about which the wrench of gravity and inertia has no horizontal moment.
+
+    Args:
+        dynamics: Of the motion.
+        weight: Of the robot in [N].
+        floor: Height of the floor in [m].
+
+    Returns:
+        Along the map's x and y, in [m], shape (..., 2); NaN where the floor bears next
+        to nothing.
+    """
+    force, moment = dynamics.root_wrench[..., :3], dynamics.root_wrench[..., 3:]
+    up = np.where(force[..., 2] > LEAST_FORCE * weight, force[..., 2], np.nan)
+    x = (floor * force[..., 0] - moment[..., 1]) / up
+    y = (floor * force[..., 1] + moment[..., 0]) / up
+    return np.stack([x, y], axis=-1)
+
+
+def balance_faults(balance: Balance, is_known: np.ndarray, floor: float) -> list[Fault]:
+    """Find where a robot would tip over.
+
+    Args:
+        balance: Where its weight acts.
+        is_known: Where accelerations, and so the zero-moment point, are known, shape
+            (n,).
+        floor: Height of the floor in [m].
+    """
+    below = balance.center.copy()
+    below[:, 2] = floor
+    still = np.where(balance.is_still, -balance.center_margin, np.nan)
+    zmp = np.where(is_known, -balance.zmp_margin, np.nan)
+    outside = "{worst:.4g} m outside of what bears at {time:.3f} s"
+    return [
+        Fault("center_of_mass", (), still, "m", f"centre of mass {outside}", below),
+        Fault("zero_moment_point", (), zmp, "m", f"zero-moment point {outside}"),
+    ]

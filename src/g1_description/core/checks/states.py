@@ -1,0 +1,151 @@
+"""A motion of a robot at the times that checks look at."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from g1_description.core.dynamics.inverse_dynamics import RobotMotion
+from g1_description.core.motion.sampling import Sample, sample
+from g1_description.core.motion.trajectory import Trajectory
+from g1_description.core.robot.description import Description, Joint
+from g1_description.core.rotation import relative, rotate
+from g1_description.core.transform import IDENTITY
+
+CHUNK = 512
+"""Samples that are worked on at once: some 20 MB of intermediate results."""
+
+
+@dataclass(frozen=True, eq=False)
+class States:
+    """All movable joints of a robot, and its base, at rising times."""
+
+    trajectory: Trajectory
+    times: np.ndarray
+    """In [s], rising, shape (n,): those of the motion's samples, and times between
+    them where these are far apart."""
+
+    columns: np.ndarray
+    """Rows of the motion's joints among the robot's movable ones, shape (k,)."""
+
+    n_joints: int
+    """How many movable joints the robot has."""
+
+    @property
+    def has_base(self) -> bool:
+        """Whether the motion says where the base is."""
+        return self.trajectory.base_poses is not None
+
+    def joints_of(self, movable: Sequence[Joint]) -> list[Joint]:
+        """Select the motion's joints from all movable ones, in the motion's order."""
+        return [movable[column] for column in self.columns]
+
+    def chunks(self) -> Iterator[slice]:
+        """Cut the times into pieces that fit into memory."""
+        for first in range(0, len(self.times), CHUNK):
+            yield slice(first, min(first + CHUNK, len(self.times)))
+
+    def at(
+        self, times: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Find the whole robot at some times.
+
+        Args:
+            times: In [s], shape (m,).
+
+        Returns:
+            Base poses, shape (m, 7), all joints' positions, shape (m, n_joints), base
+            twists, shape (m, 6), and all joints' velocities, shape (m, n_joints).
+            Joints that the motion does not have are at zero, a base that it does not
+            have is at the map's origin.
+        """
+        found = sample(self.trajectory, times)
+        positions = np.zeros((2, len(times), self.n_joints))
+        positions[0][:, self.columns] = found.positions
+        positions[1][:, self.columns] = found.velocities
+        poses, twists = _base_of(found, len(times))
+        return poses, positions[0], twists, positions[1]
+
+    def dynamics(self, times: np.ndarray, window: float) -> RobotMotion:
+        """Find how the robot moves, by differences over a time before and after.
+
+        Args:
+            times: In [s], shape (m,).
+            window: In [s].
+
+        Returns:
+            Velocities are means over the window on both sides, accelerations are
+            differences between those of both sides.
+        """
+        before, now, after = (self.at(times + shift) for shift in (-window, 0, window))
+        back, ahead = _step(before[0], now[0]), _step(now[0], after[0])
+        joints = [row[1] for row in (before, now, after)]
+        return RobotMotion(
+            now[0],
+            now[1],
+            (back + ahead) / (2.0 * window),
+            (joints[2] - joints[0]) / (2.0 * window),
+            (ahead - back) / window**2,
+            (joints[2] - 2.0 * joints[1] + joints[0]) / window**2,
+        )
+
+
+def states_of(
+    trajectory: Trajectory, robot: Description, longest_interval: float
+) -> States:
+    """Choose the times at which checks look at a motion.
+
+    Args:
+        trajectory: Of joints that the robot has.
+        robot: The robot.
+        longest_interval: At least so often, in [s].
+    """
+    names = [joint.name for joint in robot.movable_joints]
+    columns = [names.index(name) for name in trajectory.joint_names]
+    times = _refined(trajectory.times, longest_interval)
+    return States(trajectory, times, np.array(columns, dtype=int), len(names))
+
+
+def _refined(knots: np.ndarray, longest: float) -> np.ndarray:
+    """Put times between samples that are far apart, at even distances."""
+    gaps = np.diff(knots)
+    parts = np.maximum(1, np.ceil(gaps / longest - 1e-9)).astype(int)
+    if (parts == 1).all():
+        return np.asarray(knots, dtype=float)
+    starts = np.repeat(knots[:-1], parts)
+    number = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
+    between = starts + number * np.repeat(gaps / parts, parts)
+    return np.append(between, knots[-1])
+
+
+def _base_of(found: Sample, n_times: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return poses and twists of the base, at rest at the origin if there is none."""
+    if found.base_poses is None or found.base_twists is None:
+        return np.tile(IDENTITY, (n_times, 1)), np.zeros((n_times, 6))
+    return found.base_poses, found.base_twists
+
+
+def rotation_vectors(begin: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Find the shorter turns from rotations to others.
+
+    Args:
+        begin: Unit quaternions (x, y, z, w) in the map, shape (m, 4).
+        end: Likewise.
+
+    Returns:
+        Axis times angle in the map, in [rad], shape (m, 3).
+    """
+    turn = relative(begin, end)
+    turn = np.where(turn[:, 3:] < 0.0, -turn, turn)
+    sine = np.linalg.norm(turn[:, :3], axis=1, keepdims=True)
+    angle = 2.0 * np.arctan2(sine, turn[:, 3:])
+    scale = np.where(sine > 0.0, angle / np.where(sine > 0.0, sine, 1.0), 2.0)
+    return rotate(begin, scale * turn[:, :3])
+
+
+def _step(before: np.ndarray, after: np.ndarray) -> np.ndarray:
+    """Return the way and the rotation vector from poses to others, shape (m, 6)."""
+    turns = rotation_vectors(before[:, 3:], after[:, 3:])
+    return np.concatenate([after[:, :3] - before[:, :3], turns], axis=1)

@@ -1,0 +1,297 @@
+"""Each fault of a motion is found, at its time and with its size, and nothing else."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pinocchio
+import pytest
+from scipy.spatial import ConvexHull
+
+from g1_description.core.checks.thresholds import Level, Thresholds, with_thresholds
+from g1_description.core.errors import MotionError, UnknownNameError
+from g1_description.core.files.absolute_urdf import absolute_urdf
+from g1_description.core.motion.motion import Motion
+from g1_description.core.motion.trajectory import Trajectory
+from g1_description.core.rotation import from_axis_angle
+from g1_description.core.urdf.reader import parse_urdf
+from g1_description.sim.checks.checker import Checker
+from g1_description.sim.checks.robot_collisions import collisions_of
+from g1_description.sim.motion.floor import lowest_height
+
+MODEL = Path(__file__).parents[2] / "urdf" / "g1_29dof.urdf"
+ROBOT = parse_urdf(absolute_urdf(str(MODEL)))
+JOINTS = tuple(joint.name for joint in ROBOT.movable_joints)
+COLLISIONS, _ = collisions_of(ROBOT)
+RATE = 60.0
+TIMES = np.arange(181) / RATE
+
+
+def column(name):
+    return JOINTS.index(f"{name}_joint")
+
+
+def bump(begin, end):
+    """Rise smoothly from 0 to 1 and back, between two times."""
+    phase = np.clip((TIMES - begin) / (end - begin), 0.0, 1.0)
+    return np.sin(np.pi * phase) ** 4
+
+
+def standing():
+    """Stand with arms away from the body, and swing an arm slowly."""
+    positions = np.zeros((len(TIMES), len(JOINTS)))
+    positions[:, column("left_shoulder_roll")] = 0.4
+    positions[:, column("right_shoulder_roll")] = -0.4
+    positions[:, column("left_elbow")] = 0.3 * bump(0.2, 2.8)
+    return positions
+
+
+def motion(positions, base=None, lift=True):
+    """Put a motion onto the floor."""
+    if base is None:
+        base = np.tile([0.0, 0, 0, 0, 0, 0, 1], (len(TIMES), 1))
+    trajectory = Trajectory(TIMES, JOINTS, positions, base_poses=base)
+    if lift:
+        base = base.copy()
+        base[:, 2] -= lowest_height(ROBOT, trajectory)
+        trajectory = replace(trajectory, base_poses=base)
+    return Motion(trajectory)
+
+
+def beyond_a_limit():
+    positions, elbow = standing(), column("left_elbow")
+    upper = ROBOT.movable_joints[elbow].upper
+    positions[:, elbow] = (upper + 0.01) * bump(0.2, 2.2)
+    return motion(positions)
+
+
+def too_fast():
+    positions, wrist = standing(), column("left_wrist_yaw")
+    limit = ROBOT.movable_joints[wrist].velocity
+    phase = 10 * np.pi * (TIMES - 1.0)
+    swing = np.where((TIMES > 1.0) & (TIMES < 1.2), 1.0 - np.cos(phase), 0.0)
+    positions[:, wrist] = (swing - 1.0) * 1.2 * limit / (10 * np.pi)
+    return motion(positions)
+
+
+def jumping():
+    positions = standing()
+    positions[TIMES >= 1.2, column("right_wrist_roll")] = 0.5
+    return motion(positions)
+
+
+def arm_in_torso():
+    positions = standing()
+    positions[:, column("right_shoulder_roll")] += 0.9 * bump(0.5, 2.5)
+    positions[:, column("right_shoulder_yaw")] += 0.9 * bump(0.5, 2.5)
+    return motion(positions)
+
+
+def sunken():
+    found = motion(standing())
+    base = found.trajectory.base_poses.copy()
+    base[:, 2] -= 0.02
+    return motion(standing(), base, lift=False)
+
+
+def skating():
+    base = np.tile([0.0, 0, 0, 0, 0, 0, 1], (len(TIMES), 1))
+    base[:, 0] = 0.5 * TIMES
+    return motion(standing(), base)
+
+
+def floating():
+    found = motion(standing())
+    base = found.trajectory.base_poses.copy()
+    base[:, 2] += 0.05
+    return motion(standing(), base, lift=False)
+
+
+def base_jumping():
+    base = np.tile([0.0, 0, 0, 0, 0, 0, 1], (len(TIMES), 1))
+    base[TIMES >= 1.2, 1] = 0.3
+    return motion(standing(), base)
+
+
+def leaning(beyond):
+    """Lean back on flat feet until the centre of mass is so far behind the heels."""
+    positions = standing()
+    low, high = -0.4, 0.0
+    for _ in range(50):
+        angle = (low + high) / 2
+        positions[:, column("left_ankle_pitch")] = -angle
+        positions[:, column("right_ankle_pitch")] = -angle
+        base = np.tile([0.0, 0, 0, 0, 0, 0, 1], (len(TIMES), 1))
+        base[:, 3:] = from_axis_angle(np.array([0.0, 1, 0]), np.full(len(TIMES), angle))
+        found = motion(positions, base)
+        if outside(found) > beyond:
+            low = angle
+        else:
+            high = angle
+    return found
+
+
+def outside(found):
+    """Measure with Pinocchio and scipy how far a robot leans behind its soles."""
+    model = pinocchio.buildModelFromUrdf(str(MODEL), pinocchio.JointModelFreeFlyer())
+    data = model.createData()
+    trajectory = found.trajectory
+    q = np.concatenate([trajectory.base_poses[0], trajectory.positions[0]])
+    center = pinocchio.centerOfMass(model, data, q)
+    pinocchio.updateFramePlacements(model, data)
+    soles = []
+    for side in ("left", "right"):
+        name = f"{side}_ankle_roll_link"
+        place = data.oMf[model.getFrameId(name)]
+        link = ROBOT.links[ROBOT.link_names.index(name)]
+        soles += [place.act(shape.pose[:3])[:2] for shape in link.collisions]
+    equations = ConvexHull(np.array(soles)).equations
+    return float((equations[:, :2] @ center[:2] + equations[:, 2]).max())
+
+
+FAULTS = {
+    "position": (beyond_a_limit, ("left_elbow_joint",), 0.01, 1.2),
+    "velocity": (too_fast, ("left_wrist_yaw_joint",), 1.16, None),
+    "jump": (jumping, ("right_wrist_roll_joint",), 0.5, 1.2),
+    "penetration": (sunken, ("left_ankle_roll_link",), 0.02, 0.0),
+    "skating": (skating, ("left_ankle_roll_link",), 0.5, 0.0),
+    "floating": (floating, (), 0.05, 0.0),
+    "base_jump": (base_jumping, ("base",), 0.3, 1.2),
+    "center_of_mass": (lambda: leaning(0.01), (), 0.01, None),
+}
+"""By check: the motion, whose fault it is, its size, and when it is largest."""
+
+
+def check(found, thresholds=None, only=()):
+    return Checker(ROBOT, COLLISIONS, thresholds).check_motion(found, only)
+
+
+def test_a_clean_motion_has_no_findings():
+    verdict = check(motion(standing())).verdict
+    assert verdict.findings == ()
+    assert verdict.passed
+    assert {*verdict.skipped} == {"acceleration", "jerk", "effort"}
+    assert {*verdict.bearing} == {"left_ankle_roll_link", "right_ankle_roll_link"}
+    assert verdict.bearing["left_ankle_roll_link"] == ((0.0, TIMES[-1]),)
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_a_fault_is_found_and_nothing_else(name):
+    make, subject, size, time = FAULTS[name]
+    verdict = check(make()).verdict
+    assert {finding.check for finding in verdict.findings} == {name}
+    finding = next(f for f in verdict.findings if f.subject == subject)
+    assert finding.severity == "failed"
+    assert finding.worst == pytest.approx(size, rel=0.03)
+    if time is not None:
+        assert finding.worst_time == pytest.approx(time, abs=0.5 / RATE + 1e-9)
+    assert not verdict.passed
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_a_threshold_just_beyond_a_fault_hides_it(name):
+    found = FAULTS[name][0]()
+    largest = max(f.worst for f in check(found).verdict.findings)
+    hidden = replace(Thresholds(), **{name: Level(None, largest * 1.001)})
+    assert check(found, hidden, [name]).verdict.findings == ()
+    shown = replace(Thresholds(), **{name: Level(None, largest * 0.999)})
+    assert check(found, shown, [name]).verdict.findings != ()
+
+
+def test_an_arm_in_the_torso_is_found_and_nothing_else():
+    verdict = check(arm_in_torso()).verdict
+    assert {finding.check for finding in verdict.findings} == {"self_collision"}
+    for finding in verdict.findings:
+        assert any("right" in name for name in finding.subject)
+        assert finding.worst_time == pytest.approx(1.5, abs=0.3)
+        assert finding.severity in ("failed", "warning")
+        assert len(finding.points) == 2
+    assert not verdict.passed
+
+
+def test_a_jump_in_the_air_is_no_floating():
+    """A robot may leave the floor, if it falls."""
+    base = np.tile([0.0, 0, 0, 0, 0, 0, 1], (len(TIMES), 1))
+    flight = np.clip(TIMES - 1.0, 0.0, 0.6)
+    found = motion(standing(), base)
+    base = found.trajectory.base_poses.copy()
+    base[:, 2] += 9.81 / 2 * flight * (0.6 - flight)
+    verdict = check(motion(standing(), base, lift=False), only=["floating"]).verdict
+    assert verdict.findings == ()
+    base[:, 2] = found.trajectory.base_poses[:, 2] + 2.0 * flight * (0.6 - flight)
+    verdict = check(motion(standing(), base, lift=False), only=["floating"]).verdict
+    assert [finding.check for finding in verdict.findings] == ["floating"]
+
+
+def test_the_time_between_samples_far_apart_is_checked():
+    """An arm goes through the torso between two way points."""
+    ends = np.zeros((2, len(JOINTS)))
+    roll, yaw = column("left_shoulder_roll"), column("left_shoulder_yaw")
+    ends[0, roll], ends[1, roll] = 0.4, -0.4
+    ends[0, yaw], ends[1, yaw] = 0.3, -2.0
+    found = Motion(Trajectory(np.array([0.0, 2.0]), JOINTS, ends))
+    verdict = check(found, only=["self_collision"]).verdict
+    assert verdict.of("self_collision")
+    assert any(0.0 < finding.first_time < 2.0 for finding in verdict.findings)
+
+
+def test_without_a_base_the_floor_is_not_judged():
+    found = Motion(Trajectory(TIMES, JOINTS, standing()))
+    verdict = check(found).verdict
+    assert verdict.passed
+    assert verdict.skipped["penetration"] == "the motion has no base"
+    assert verdict.skipped["center_of_mass"] == "the motion has no base"
+
+
+def test_efforts_of_a_held_robot_are_pinocchios():
+    positions = standing()
+    positions[:, column("left_hip_roll")] = 1.2 * bump(0.2, 1.2)
+    found = Motion(Trajectory(TIMES, JOINTS, positions))
+    checker = Checker(ROBOT, COLLISIONS, fixed_base=True)
+    judged = checker.check_motion(found, ["effort"])
+    model = pinocchio.buildModelFromUrdf(str(MODEL))
+    data, window = model.createData(), Thresholds().window
+    share = 0.0
+    for now in TIMES:
+        before, here, after = (
+            np.array([np.interp(now + shift, TIMES, column) for column in positions.T])
+            for shift in (-window, 0.0, window)
+        )
+        v = (after - before) / (2 * window)
+        a = (after - 2 * here + before) / window**2
+        efforts = np.abs(pinocchio.rnea(model, data, here, v, a))
+        share = max(share, (efforts / model.effortLimit).max())
+    limit = replace(Thresholds(), effort=Level(None, share - 1e-9))
+    checker = Checker(ROBOT, COLLISIONS, limit, fixed_base=True)
+    (finding,) = checker.check_motion(found, ["effort"]).verdict.findings
+    assert finding.worst == pytest.approx(share, abs=1e-9)
+    assert "effort" not in judged.verdict.skipped
+
+
+def test_accelerations_are_judged_where_bounds_are_given():
+    found = motion(standing())
+    content = {"acceleration_bounds": {"joints": {"left_elbow_joint": 0.5}}}
+    verdict = check(found, with_thresholds(Thresholds(), content)).verdict
+    (finding,) = verdict.findings
+    assert (finding.check, finding.subject) == ("acceleration", ("left_elbow_joint",))
+
+
+def test_a_configuration_is_judged():
+    checker = Checker(ROBOT, COLLISIONS)
+    base = motion(standing()).trajectory.base_poses[0]
+    still = {"left_shoulder_roll_joint": 0.4, "right_shoulder_roll_joint": -0.4}
+    verdict = checker.check_state(still, base)
+    assert verdict.findings == ()
+    assert verdict.skipped["velocity"] == "there is only one configuration"
+    verdict = checker.check_state({**still, "left_knee_joint": 3.0}, base)
+    assert verdict.of("position")[0].subject == ("left_knee_joint",)
+
+
+def test_unknown_names_are_refused():
+    checker = Checker(ROBOT, COLLISIONS)
+    with pytest.raises(UnknownNameError, match="left_elbow_joint"):
+        checker.check_state({"left_elbow": 0.0})
+    with pytest.raises(UnknownNameError, match="There is no check colision"):
+        checker.check_state({}, only=["colision"])
+    with pytest.raises(MotionError):
+        checker.check_state({"left_elbow_joint": float("nan")})

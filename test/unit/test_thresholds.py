@@ -1,0 +1,71 @@
+"""Files of thresholds, and what is wrong with some."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from g1_description.core.checks.thresholds import (
+    Level,
+    Thresholds,
+    read_thresholds,
+)
+from g1_description.core.errors import ThresholdError
+
+SHIPPED = Path(__file__).parents[2] / "config" / "checks.yaml"
+
+
+def test_the_shipped_file_holds_the_defaults():
+    assert read_thresholds(SHIPPED) == Thresholds()
+    text = SHIPPED.read_text()
+    assert all(f"\n{name}:" in text for name in vars(Thresholds()))
+
+
+def test_a_file_changes_what_it_names(tmp_path):
+    file = tmp_path / "checks.yaml"
+    file.write_text("position: {failure: 0.1}\nwindow: 0.2\n")
+    found = read_thresholds(file)
+    assert found.position == Level(1e-6, 0.1)
+    assert found.window == 0.2
+    assert found.velocity == Thresholds().velocity
+
+
+def test_bounds_are_by_joint(tmp_path):
+    file = tmp_path / "checks.yaml"
+    file.write_text("jerk_bounds: {default: 9, joints: {a: 4.0}}\n")
+    bounds = read_thresholds(file).jerk_bounds.of(("a", "b"))
+    np.testing.assert_array_equal(bounds, [4.0, 9.0])
+    np.testing.assert_array_equal(Thresholds().jerk_bounds.of(("a",)), [np.inf])
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "does not hold thresholds by name"),
+        ("- 1", "does not hold thresholds by name"),
+        ("a: [", "is no YAML"),
+        ("positon: {failure: 1}", "There is no threshold positon; there are position"),
+        ("position: 1", "position is 1, not a mapping of warning, failure"),
+        ("position: {fail: 1}", "not a mapping of warning, failure"),
+        ("position: {failure: x}", "position.failure is 'x', not a number or null"),
+        ("position: {failure: .nan}", "not a number or null"),
+        ("window: 0", "window is 0; it must be positive"),
+        ("window: true", "window is True, not a number"),
+        ("contact_height: -1", "it cannot be negative"),
+        ("jerk_bounds: {joints: [a]}", "jerk_bounds.joints is"),
+        ("jerk_bounds: {joints: {a: 0}}", "a bound that is not positive"),
+        ("jerk_bounds: {default: -1}", "a bound that is not positive"),
+    ],
+)
+def test_a_wrong_file_is_refused_in_a_sentence(tmp_path, text, message):
+    file = tmp_path / "checks.yaml"
+    file.write_text(text)
+    with pytest.raises(ThresholdError, match=r"checks\.yaml") as error:
+        read_thresholds(file)
+    assert message in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_a_missing_file_is_told(tmp_path):
+    with pytest.raises(ThresholdError, match="cannot be read: No such file"):
+        read_thresholds(tmp_path / "none.yaml")
