@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from .kinematics import RobotKinematics
-from .motions import RobotMotions
+from .checks import RobotChecks
 
 
-class Robot(RobotKinematics, RobotMotions):
+class Robot(RobotChecks):
     """A robot, and what can be computed of it.
 
     Everywhere, ``positions`` may be arrays or dictionaries by joint (see the method

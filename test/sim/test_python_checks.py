@@ -1,0 +1,84 @@
+"""Checks as Python programs make them."""
+
+import numpy as np
+import pytest
+
+from g1_description import Robot
+from g1_description.core.checks.verdict import Verdict
+from g1_description.core.errors import (
+    InvalidValueError,
+    MotionError,
+    ThresholdError,
+    UnknownNameError,
+)
+
+ROBOT = Robot()
+ELBOW = "left_elbow_joint"
+BASE = [0.0, 0.0, 0.792, 0.0, 0.0, 0.0, 1.0]
+
+
+def test_a_configuration_is_judged_with_and_without_a_base():
+    verdict = ROBOT.check_state({ELBOW: 2.2})
+    (finding,) = verdict.findings
+    assert (finding.check, finding.subject) == ("position", (ELBOW,))
+    assert "penetration" in verdict.skipped
+    deep = [*BASE[:2], 0.6, *BASE[3:]]
+    found = ROBOT.check_state({}, deep, only=["penetration"]).findings
+    assert {finding.check for finding in found} == {"penetration"}
+    assert max(f.worst for f in found) == pytest.approx(0.192, abs=1e-3)
+
+
+def test_a_motion_is_judged_from_file_and_arrays(tmp_path):
+    times = np.linspace(0.0, 1.0, 61)
+    wave = {ELBOW: 2.2 * np.sin(np.pi * times), "left_shoulder_roll_joint": 0.6}
+    motion = ROBOT.trajectory(times, wave)
+    ROBOT.write_motion(tmp_path / "wave.csv", motion)
+    verdict = ROBOT.check(motion)
+    assert not verdict.passed
+    from_file = ROBOT.check(tmp_path / "wave.csv")
+    assert from_file.findings == verdict.findings
+    assert ROBOT.check(motion, thresholds={"position": {"failure": 1.0}}).passed
+    file = tmp_path / "mild.yaml"
+    file.write_text("position: {warning: null, failure: 1.0}\n")
+    assert ROBOT.check(motion, thresholds=file).findings == ()
+
+
+def test_a_held_base_shows_efforts():
+    times = np.array([0.0, 10.0])
+    still = ROBOT.trajectory(times, np.zeros((2, 29)))
+    assert "effort" in ROBOT.check(still).skipped
+    assert "effort" in ROBOT.check(still, fixed_base=True).checked
+
+
+def test_contacts_are_those_of_each_configuration():
+    arm = {"left_shoulder_roll_joint": [0.4, -0.5], "left_shoulder_yaw_joint": -1.0}
+    given = ROBOT.positions(
+        {name: np.broadcast_to(value, 2) for name, value in arm.items()}
+    )
+    contacts = ROBOT.collisions(given)
+    assert 0 not in contacts.frame
+    names = {name for pair in contacts.pair for name in ROBOT.collision_pairs[pair]}
+    assert "torso_link" in names
+    assert (contacts.distance < 0.0).all()
+    alone = ROBOT.collisions(given[1], base=BASE)
+    np.testing.assert_array_equal(alone.pair, contacts.pair)
+    np.testing.assert_allclose(alone.distance, contacts.distance, atol=1e-5)
+    assert len(ROBOT.collisions(given, margin=0.05).pair) > len(contacts.pair)
+
+
+def test_mistakes_are_told():
+    with pytest.raises(UnknownNameError, match="There is no check"):
+        ROBOT.check_state({}, only=["colision"])
+    with pytest.raises(ThresholdError, match="There is no threshold"):
+        ROBOT.check_state({}, thresholds={"colision": 1})
+    with pytest.raises(UnknownNameError, match="left_elbow_joint"):
+        ROBOT.check_state({"left_elbow": 0.0})
+    with pytest.raises(InvalidValueError):
+        ROBOT.check_state({}, base=[0.0, 1.0])
+    with pytest.raises(MotionError):
+        ROBOT.check("nowhere.csv")
+
+
+def test_a_verdict_says_which_checks_there_are():
+    with pytest.raises(KeyError, match="there are position"):
+        Verdict("r", checked=("position",)).of("velocity")
