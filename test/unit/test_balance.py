@@ -26,7 +26,7 @@ def test_the_polygon_is_scipys(points):
         assert len(support_polygon(points)) <= 2
         return
     hull = points[ConvexHull(points).vertices]
-    found = support_polygon(points)
+    found = np.array(support_polygon(points))
     assert {*map(tuple, found)} == {*map(tuple, hull)}
     area = np.cross(found, np.roll(found, -1, axis=0)).sum() / 2.0
     assert area == pytest.approx(ConvexHull(points).volume)
@@ -39,7 +39,7 @@ def test_inside_the_margin_is_the_distance_to_the_nearest_side(points, place):
     point = np.array(place, dtype=float)
     equations = ConvexHull(points).equations
     beyond = (equations[:, :2] @ point + equations[:, 2]).max()
-    margin = support_margin(support_polygon(points), point)
+    margin = support_margin(support_polygon(points), *point)
     if beyond <= 0.0:
         assert margin == pytest.approx(-beyond, abs=1e-9)
     else:
@@ -53,15 +53,15 @@ def test_inside_the_margin_is_the_distance_to_the_nearest_side(points, place):
 
 
 def test_what_bears_on_a_point_or_a_line_has_no_inside():
-    assert support_margin(support_polygon(np.zeros((2, 2))), np.array([3.0, 4.0])) == -5
+    assert support_margin(support_polygon(np.zeros((2, 2))), 3.0, 4.0) == -5
     line = support_polygon(np.array([[0.0, 0], [2, 0], [1, 0]]))
-    assert support_margin(line, np.array([1.0, 0.0])) == 0.0
-    assert support_margin(line, np.array([1.0, 1.0])) == -1.0
+    assert support_margin(line, 1.0, 0.0) == 0.0
+    assert support_margin(line, 1.0, 1.0) == -1.0
 
 
 def test_nothing_is_said_where_nothing_bears():
     square = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
-    found = margins(
+    (found,) = margins(
         [square, np.zeros((0, 2)), square],
         np.array([[0.5, 0.5], [0.5, 0.5], [np.nan, 0.5]]),
     )

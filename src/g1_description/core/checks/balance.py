@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Tuple
 
 import numpy as np
 
@@ -43,7 +45,12 @@ class Balance:
         )
 
 
-def support_polygon(points: np.ndarray) -> np.ndarray:
+Corners = Sequence[Tuple[float, float]]
+"""Of a convex polygon, counter-clockwise, in [m]. Plain numbers: numpy takes five times
+as long for the six corners of two feet."""
+
+
+def support_polygon(points: np.ndarray) -> Corners:
     """Find the convex hull of points in a plane.
 
     Andrew's monotone chain, 1979.
@@ -52,17 +59,16 @@ def support_polygon(points: np.ndarray) -> np.ndarray:
         points: In [m], shape (n, 2), n > 0.
 
     Returns:
-        Its corners counter-clockwise, in [m], shape (k, 2); one or two where all points
-        are at one place or on one line.
+        Its corners; one or two where all points are at one place or on one line.
     """
-    ordered = sorted({(float(x), float(y)) for x, y in points})
+    ordered = sorted({(x, y) for x, y in points.tolist()})
     if len(ordered) < 3:
-        return np.array(ordered)
+        return ordered
     lower, upper = _chain(ordered), _chain(ordered[::-1])
-    return np.array(lower[:-1] + upper[:-1])
+    return lower[:-1] + upper[:-1]
 
 
-def _chain(ordered: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+def _chain(ordered: Corners) -> list[tuple[float, float]]:
     """Keep the points of one side of a hull."""
     kept: list[tuple[float, float]] = []
     for x, y in ordered:
@@ -75,41 +81,52 @@ def _chain(ordered: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
     return kept
 
 
-def support_margin(polygon: np.ndarray, point: np.ndarray) -> float:
+def support_margin(polygon: Corners, x: float, y: float) -> float:
     """Compute how far inside a polygon a point is.
 
     Args:
-        polygon: Corners of a convex polygon counter-clockwise, in [m], shape (k, 2).
-        point: In [m], shape (2,).
+        polygon: Its corners.
+        x: Of the point, in [m].
+        y: Likewise.
 
     Returns:
         Distance to its border in [m], negative outside.
     """
-    ends = np.roll(polygon, -1, axis=0)
-    edges, offsets = ends - polygon, point - polygon
-    squares = (edges**2).sum(axis=1)
-    along = (offsets * edges).sum(axis=1) / np.where(squares > 0.0, squares, 1.0)
-    nearest = polygon + np.clip(along, 0.0, 1.0)[:, np.newaxis] * edges
-    distance = float(np.sqrt(((point - nearest) ** 2).sum(axis=1).min()))
-    left = edges[:, 0] * offsets[:, 1] - edges[:, 1] * offsets[:, 0]
-    is_inside = len(polygon) > 2 and bool((left >= 0.0).all())
-    return distance if is_inside else -distance
+    nearest, is_inside = math.inf, len(polygon) > 2
+    (x0, y0) = polygon[-1]
+    for x1, y1 in polygon:
+        edge_x, edge_y, to_x, to_y = x1 - x0, y1 - y0, x - x0, y - y0
+        square = edge_x * edge_x + edge_y * edge_y
+        along = (to_x * edge_x + to_y * edge_y) / square if square > 0.0 else 0.0
+        along = min(max(along, 0.0), 1.0)
+        distance = math.hypot(to_x - along * edge_x, to_y - along * edge_y)
+        nearest = min(nearest, distance)
+        is_inside = is_inside and edge_x * to_y - edge_y * to_x >= 0.0
+        x0, y0 = x1, y1
+    return nearest if is_inside else -nearest
 
 
-def margins(support: Sequence[np.ndarray], points: np.ndarray) -> np.ndarray:
+def margins(support: Sequence[np.ndarray], *points: np.ndarray) -> list[np.ndarray]:
     """Compute how far inside what bears some points are.
 
     Args:
         support: Points that bear, shape (k, 2) per sample.
-        points: In the map, in [m], shape (n, 2); NaN where there is none.
+        points: In the map, in [m], shapes (n, 2); NaN where there is none.
 
     Returns:
-        In [m], negative outside, shape (n,); NaN where nothing bears.
+        For each array of points: in [m], negative outside, shape (n,); NaN where
+        nothing bears.
     """
-    found = np.full(len(points), np.nan)
-    for number, (bearing, point) in enumerate(zip(support, points)):
-        if len(bearing) and np.isfinite(point).all():
-            found[number] = support_margin(support_polygon(bearing), point)
+    found = [np.full(len(support), np.nan) for _ in points]
+    rows = [array.tolist() for array in points]
+    for number, bearing in enumerate(support):
+        if not len(bearing):
+            continue
+        polygon = support_polygon(bearing)
+        for margin, row in zip(found, rows):
+            x, y = row[number]
+            if math.isfinite(x) and math.isfinite(y):
+                margin[number] = support_margin(polygon, x, y)
     return found
 
 

@@ -111,12 +111,8 @@ def _balance(
     weight = masses.total * GRAVITY
     zmp = zero_moment_points(dynamics, weight, thresholds.floor_height)
     center = dynamics.center_of_mass
-    return Balance(
-        center,
-        margins(ground.support, center[:, :2]),
-        margins(ground.support, zmp),
-        is_slow & is_steady,
-    )
+    of_center, of_zmp = margins(ground.support, center[:, :2], zmp)
+    return Balance(center, of_center, of_zmp, is_slow & is_steady)
 
 
 def _joined_contacts(pieces: list[Frames]) -> Contacts:
