@@ -14,9 +14,10 @@ _g1_description_poses() {
         "${ROS_HOME:-$HOME/.ros}/g1_description/poses.yaml" 2>/dev/null
 }
 
-# Print the options of a command that reads or writes a motion.
+# Print the options of a command whose other arguments are files.
 _g1_description_options() {
     case $1 in
+    collision_pairs) echo "--help --out --samples --seed" ;;
     play) echo "--base-frame --fps --from --help --loop --lead-in --namespace --on-floor --speed --start-here --to --topic" ;;
     record) echo "--force --gazebo --help --model --namespace --rate --seconds" ;;
     esac
@@ -24,8 +25,8 @@ _g1_description_options() {
 
 _g1_description_rosrun() {
     local word=${COMP_WORDS[COMP_CWORD]} before=${COMP_WORDS[COMP_CWORD-1]}
-    if [[ $COMP_CWORD -ge 3 && ${COMP_WORDS[1]} == g1_description && ${COMP_WORDS[2]} =~ ^(play|record)$ ]]; then
-        _g1_description_motion "$word" "$before"
+    if [[ $COMP_CWORD -ge 3 && ${COMP_WORDS[1]} == g1_description && ${COMP_WORDS[2]} =~ ^(collision_pairs|play|record)$ ]]; then
+        _g1_description_file "$word" "$before"
     elif [[ $COMP_CWORD -lt 3 || ${COMP_WORDS[1]} != g1_description || ${COMP_WORDS[2]} != pose ]]; then
         _g1_description_otherwise rosrun "$@"
     elif [[ $before == --file ]]; then
@@ -41,8 +42,8 @@ _g1_description_rosrun() {
     fi
 }
 
-# Complete an option, or a file, of play and record.
-_g1_description_motion() {
+# Complete an option, or a file, of collision_pairs, play and record.
+_g1_description_file() {
     local options flags=" play record --force --loop --on-floor --start-here "
     options=$(_g1_description_options "${COMP_WORDS[2]}")
     if [[ $1 == -* ]]; then

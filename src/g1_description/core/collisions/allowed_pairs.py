@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from g1_description.core.errors import AllowedPairsError
 from g1_description.core.text import listed
@@ -79,3 +79,14 @@ class AllowedPairs:
 def names_of(pairs: Collection[AllowedPair]) -> set[frozenset[str]]:
     """Give the names of the links of pairs."""
     return {pair.links for pair in pairs}
+
+
+def with_pairs(allowed: AllowedPairs, pairs: Iterable[AllowedPair]) -> AllowedPairs:
+    """Add pairs, each in place of the one of the same links if there is one.
+
+    Pairs of links that the robot does not have are left out.
+    """
+    added = [pair for pair in pairs if pair.links <= {*allowed.links}]
+    names = names_of(added)
+    kept = [pair for pair in allowed.pairs if pair.links not in names]
+    return replace(allowed, pairs=(*kept, *added))

@@ -8,7 +8,7 @@ from scipy.spatial import ConvexHull, QhullError
 MAX_WHOLE = 128
 """Most vertices of a hull that is not thinned: PyBullet's time grows with them."""
 
-N_DIRECTIONS = 128
+N_DIRECTIONS = 32
 """Directions whose farthest vertices a thinned hull begins with."""
 
 MAX_ROUNDS = 20

@@ -1,0 +1,306 @@
+"""Pairs that may touch: found for small robots, and as they are for the G1."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from conftest import REPOSITORY
+from robots import link
+
+from g1_description.core.collisions.allowed_pairs import (
+    ADJACENT,
+    ALWAYS,
+    DEFAULT,
+    NEVER,
+)
+from g1_description.core.collisions.pairs_file import read_allowed_pairs
+from g1_description.core.files.uris import with_absolute_uris
+from g1_description.core.poses.pose import pose_positions
+from g1_description.core.poses.yaml_text import parse_poses
+from g1_description.core.robot.kinematics import Kinematics
+from g1_description.core.transform import IDENTITY
+from g1_description.core.urdf.reader import parse_urdf
+from g1_description.sim.collisions.find_pairs import (
+    QUICK_SAMPLES,
+    allowed_pairs_of,
+    find_allowed_pairs,
+    quick_allowed_pairs,
+    random_poses,
+)
+from g1_description.sim.collisions.self_collisions import SelfCollisions
+
+SHIPPED = REPOSITORY / "config" / "collisions_g1.yaml"
+POSES = parse_poses((REPOSITORY / "config" / "poses.yaml").read_text(), "poses.yaml")
+REVISION = REPOSITORY.parent / "shared/data/unitree_g1/g1_29dof_rev_1_0.urdf"
+SCRIPT = REPOSITORY / "scripts" / "collision_pairs"
+
+
+def sphere(x, radius=0.1):
+    """Write a sphere at a place along x."""
+    return (
+        f'<collision><origin xyz="{x} 0 0"/><geometry><sphere radius="{radius}"/>'
+        "</geometry></collision>"
+    )
+
+
+def slider(child, lower, upper, parent="base"):
+    """Write a joint along x."""
+    return (
+        f'<joint name="to_{child}" type="prismatic"><parent link="{parent}"/>'
+        f'<child link="{child}"/><axis xyz="1 0 0"/>'
+        f'<limit lower="{lower}" upper="{upper}" effort="1" velocity="1"/></joint>'
+    )
+
+
+def urdf(*parts):
+    """Write a robot."""
+    return f'<robot name="r">{link("base", "")}{"".join(parts)}</robot>'
+
+
+def reason(allowed, *names):
+    """Give the reason of a pair, None where it is checked."""
+    found = [pair.reason for pair in allowed.pairs if pair.links == {*names}]
+    assert len(found) <= 1
+    return found[0] if found else None
+
+
+SLIDERS = urdf(
+    link("still", sphere(0.0)),
+    '<joint name="fix" type="fixed"><parent link="base"/><child link="still"/></joint>',
+    link("inside", "") + slider("inside", -0.01, 0.01),
+    link("overlaps", sphere(0.05)) + slider("overlaps", -0.01, 0.01, "inside"),
+    link("mostly", "") + slider("mostly", -0.01, 2.0),
+    link("begins", sphere(0.195)) + slider("begins", 0.0, 2.0, "mostly"),
+    link("rail", "") + slider("rail", -0.001, 0.001),
+    link("misses", sphere(-0.21)) + slider("misses", -0.001, 0.001, "rail"),
+    link("beam", "") + slider("beam", -0.001, 0.001),
+    link("far", sphere(-0.5)) + slider("far", -0.001, 0.001, "beam"),
+)
+"""A sphere, and others: one always in it, one only at zero, one near, one far."""
+
+
+def test_reasons():
+    """What hangs on a link without shapes hangs on what carries that."""
+    robot = parse_urdf(SLIDERS)
+    allowed = find_allowed_pairs(robot, 500)
+    assert allowed.robot == "r"
+    assert (allowed.samples, allowed.seed) == (500, 0)
+    assert allowed.links == ("still", "overlaps", "begins", "misses", "far")
+    assert reason(allowed, "still", "far") == ADJACENT
+    assert reason(allowed, "overlaps", "begins") == DEFAULT
+    assert reason(allowed, "overlaps", "misses") == NEVER
+
+
+def test_reasons_of_links_that_are_not_adjacent():
+    """A shape in between keeps the outer links from being adjacent."""
+    tip = '<collision><origin xyz="0 9 0"/><geometry><sphere radius="0.1"/></geometry>'
+    text = SLIDERS
+    for name in ("inside", "mostly", "rail", "beam"):
+        text = text.replace(link(name, ""), link(name, tip + "</collision>"))
+    allowed = find_allowed_pairs(parse_urdf(text), 500)
+    assert reason(allowed, "still", "inside") == ADJACENT
+    assert reason(allowed, "still", "overlaps") == ALWAYS
+    assert reason(allowed, "still", "begins") == DEFAULT
+    assert reason(allowed, "still", "misses") is None
+    assert reason(allowed, "still", "far") == NEVER
+    assert reason(allowed, "inside", "rail") == ALWAYS
+    assert find_allowed_pairs(parse_urdf(text), 500) == allowed
+    quick = quick_allowed_pairs(parse_urdf(text))
+    assert quick.samples == QUICK_SAMPLES
+    assert reason(quick, "still", "far") is None
+    assert reason(quick, "still", "overlaps") == ALWAYS
+
+
+def test_progress_is_told():
+    told = []
+    robot = parse_urdf(SLIDERS)
+    find_allowed_pairs(robot, 4500, progress=lambda *numbers: told.append(numbers))
+    assert told == [(2000, 4500), (4000, 4500), (4500, 4500)]
+
+
+def test_joints_without_limits_move():
+    text = SLIDERS.replace('type="prismatic"', 'type="continuous"')
+    poses = random_poses(parse_urdf(text), np.random.RandomState(0), 100)
+    assert np.abs(poses[..., 3:]).max() > 0.9
+    assert np.isfinite(poses).all()
+
+
+def g1_files():
+    """List the models that the shipped file serves."""
+    vendor = pytest.param("vendor", id="vendor")
+    revision = pytest.param(
+        REVISION,
+        id="revision",
+        marks=pytest.mark.skipif(
+            not REVISION.exists(),
+            reason="the vendor's model is not beside the repository",
+        ),
+    )
+    ours = pytest.param(REPOSITORY / "urdf" / "g1_29dof.urdf", id="ours")
+    before = pytest.param(
+        REVISION.with_name("g1_29dof.urdf"), id=vendor.id, marks=revision.marks
+    )
+    return [ours, before, revision]
+
+
+@pytest.fixture(scope="module", params=g1_files())
+def g1_robot(request):
+    """Give each G1, with its collisions."""
+    text = with_absolute_uris(request.param.read_text(), request.param.parent)
+    robot = parse_urdf(text)
+    return robot, SelfCollisions(robot, read_allowed_pairs(SHIPPED))
+
+
+def contacts(robot, collisions, positions):
+    """Give the distances in one configuration, by the names of links."""
+    names = [joint.name for joint in robot.movable_joints]
+    row = np.array([positions.get(name, 0.0) for name in names])
+    poses = Kinematics(robot).link_poses(np.array(IDENTITY), row)
+    found = collisions.contacts(poses[np.newaxis])
+    return {collisions.pairs[p]: d for p, d in zip(found.pair, found.distance)}
+
+
+@pytest.mark.parametrize("name", POSES)
+def test_the_packages_poses_hit_nothing(g1_robot, name):
+    robot, collisions = g1_robot
+    names = [joint.name for joint in robot.movable_joints]
+    positions = pose_positions(POSES[name], robot)
+    assert contacts(robot, collisions, dict(zip(names, positions.tolist()))) == {}
+
+
+def test_an_arm_through_the_torso_is_found(g1_robot):
+    robot, collisions = g1_robot
+    positions = {"left_shoulder_roll_joint": -1.5, "left_shoulder_yaw_joint": 0.0}
+    found = contacts(robot, collisions, positions)
+    assert found["torso_link", "left_elbow_link"] < -0.02
+    assert not any("right_shoulder" in name for pair in found for name in pair)
+
+
+def test_hands_and_pelvis_have_hulls(g1_robot):
+    _, collisions = g1_robot
+    assert {"pelvis", "left_rubber_hand"} <= {*collisions.by_visuals}
+    assert "imu_in_torso" in collisions.without_shapes
+
+
+def test_the_shipped_file_is_that_of_the_command(g1_robot):
+    """With fewer samples: all that is not "never" is the same."""
+    robot, _ = g1_robot
+    shipped = allowed_pairs_of(robot)
+    assert shipped == replace(read_allowed_pairs(SHIPPED), place=shipped.place)
+    found = find_allowed_pairs(robot, 2000)
+    links = {*found.links}
+    for kind in (ADJACENT, ALWAYS, DEFAULT):
+        ours = {p.links for p in shipped.pairs if p.reason == kind and p.links <= links}
+        assert ours == {pair.links for pair in found.pairs if pair.reason == kind}
+    never = {p.links for p in shipped.pairs if p.reason == NEVER and p.links <= links}
+    assert never <= {pair.links for pair in found.pairs if pair.reason == NEVER}
+
+
+def test_another_robot_does_without_the_shipped_file():
+    robot = parse_urdf(SLIDERS)
+    assert allowed_pairs_of(robot) == quick_allowed_pairs(robot)
+    # Links of the same names, connected otherwise.
+    names = {"still": "pelvis", "far": "head_link", "misses": "torso_link"}
+    text = SLIDERS
+    for old, new in names.items():
+        text = text.replace(f'"{old}"', f'"{new}"')
+    text = text.replace(sphere(0.05), "").replace(sphere(0.195), "")
+    robot = parse_urdf(text)
+    assert allowed_pairs_of(robot).place == ""
+    assert allowed_pairs_of(robot, SHIPPED).place == str(SHIPPED)
+
+
+@pytest.fixture
+def command(tmp_path):
+    """Give what starts the command with a robot of few links."""
+    model = tmp_path / "r.urdf"
+    model.write_text(SLIDERS)
+    path = os.pathsep.join([str(REPOSITORY / "src"), *sys.path])
+
+    def start(*arguments, robot=model):
+        return subprocess.Popen(
+            [sys.executable, str(SCRIPT), str(robot), *arguments],
+            env={**os.environ, "PYTHONPATH": path},
+            cwd=str(tmp_path),
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            universal_newlines=True,
+        )
+
+    return start
+
+
+def test_the_command_writes_a_file_and_keeps_what_is_by_hand(command, tmp_path):
+    file = tmp_path / "pairs.yaml"
+    run = command("--samples", "300", "--seed", "5", "-o", str(file))
+    out, err = run.communicate()
+    assert (run.returncode, err) == (0, "")
+    assert "5 links; pairs that are not checked: 4 adjacent" in out
+    first = read_allowed_pairs(file)
+    assert first == replace(
+        find_allowed_pairs(parse_urdf(SLIDERS), 300, 5), place=str(file)
+    )
+    assert reason(first, "overlaps", "begins") == DEFAULT
+    file.write_text(file.read_text() + "- [overlaps, begins, user]\n")
+    run = command("--samples", "300", "--seed", "5", "-o", str(file))
+    run.communicate()
+    assert reason(read_allowed_pairs(file), "overlaps", "begins") == "user"
+    assert len(read_allowed_pairs(file).pairs) == len(first.pairs)
+    run = command("--samples", "300")
+    out, _ = run.communicate()
+    assert "\nrobot: r\n" in out
+    assert f"collision_pairs {tmp_path}/r.urdf --samples 300 --seed 0\n" in out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["--samples", "-1"], "not a whole number"),
+        (["--seed", str(2**32)], "not a whole number"),
+        (["-o", "r.urdf"], "The file of allowed collisions r.urdf: "),
+        (["--nonsense"], "unrecognized arguments: --nonsense"),
+    ],
+)
+def test_a_wrong_command_line_is_told(command, arguments, sentence):
+    run = command(*arguments)
+    out, err = run.communicate()
+    assert (run.returncode, out) == (1, "")
+    assert err.startswith("collision_pairs: ")
+    assert sentence in err
+    assert err.count("\n") == 1
+
+
+def test_a_missing_model_is_told(command):
+    run = command(robot="none.urdf")
+    _, err = run.communicate()
+    assert run.returncode == 1
+    assert err.startswith("collision_pairs: The model none.urdf cannot be used: ")
+
+
+def test_an_interrupted_command_writes_nothing(command, tmp_path):
+    run = command("--samples", str(2**31), "-o", "pairs.yaml")
+    try:
+        deadline = time.monotonic() + 60.0
+        while run.poll() is None and not _is_sampling(run.pid):
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+        run.send_signal(signal.SIGINT)
+        out, err = run.communicate(timeout=60.0)
+    finally:
+        run.kill()
+    assert run.returncode == 130
+    assert (out, err) == ("", "collision_pairs: interrupted, nothing is written.\n")
+    assert [path.name for path in tmp_path.iterdir()] == ["r.urdf"]
+
+
+def _is_sampling(pid):
+    """Return whether a process has its libraries, and has worked for a second."""
+    with open(f"/proc/{pid}/stat") as file:
+        ticks = int(file.read().rpartition(")")[2].split()[11])
+    return ticks / os.sysconf("SC_CLK_TCK") > 1.5
