@@ -59,7 +59,6 @@ class Checker:
         description: Description,
         collisions: SelfCollisions,
         thresholds: Thresholds | None = None,
-        visual_hulls: bool = True,
         fixed_base: bool = False,
     ) -> None:
         """Prepare all that does not depend on a motion.
@@ -68,8 +67,6 @@ class Checker:
             description: The robot.
             collisions: Its shapes and the pairs of links that may touch.
             thresholds: What is a warning and what a failure.
-            visual_hulls: Whether links without collision shapes stand on the hulls of
-                their visual ones.
             fixed_base: Whether something holds the base, so that efforts are known.
         """
         self.description = description
@@ -80,8 +77,9 @@ class Checker:
         self._is_fixed = fixed_base or description.root == WORLD
         names = [name for name in description.link_names if name != WORLD]
         kinematics = Kinematics(description)
-        outlines = outlines_of(description, visual_hulls)
-        ground = Ground(outlines, kinematics.end_links(), self.thresholds)
+        ground = Ground(
+            outlines_of(collisions.shapes), kinematics.end_links(), self.thresholds
+        )
         self._ground_links = tuple(names[row] for row in ground.rows)
         self._parts = Parts(
             description.movable_joints,
@@ -117,7 +115,7 @@ class Checker:
             AllowedPairsError: If the given file cannot be read, or is another robot's.
         """
         collisions, note = collisions_of(description, pairs, visual_hulls)
-        checker = cls(description, collisions, thresholds, visual_hulls, fixed_base)
+        checker = cls(description, collisions, thresholds, fixed_base)
         checker.notes = (*((note,) if note else ()), *collisions.left_out)
         return checker
 

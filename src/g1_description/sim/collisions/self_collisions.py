@@ -50,6 +50,8 @@ class SelfCollisions:
         if isinstance(allowed, AllowedPairs):
             allowed.check_links(description.name, found.judged)
             allowed = allowed.pairs
+        self.shapes = found.shapes
+        """What stands for the links."""
         self.links = found.judged
         """Names of the links that have shapes, in the order of the description."""
         self.by_visuals = found.by_visuals
