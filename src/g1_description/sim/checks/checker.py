@@ -114,9 +114,9 @@ class Checker:
         Raises:
             AllowedPairsError: If the given file cannot be read, or is another robot's.
         """
-        collisions, note = collisions_of(description, pairs, visual_hulls)
+        collisions, notes = collisions_of(description, pairs, visual_hulls)
         checker = cls(description, collisions, thresholds, fixed_base)
-        checker.notes = (*((note,) if note else ()), *collisions.left_out)
+        checker.notes = notes
         return checker
 
     def check_state(

@@ -1,49 +1,38 @@
-"""The pairs of links of a robot that are checked, wherever the others are named."""
+"""The self-collisions of a robot, with the pairs of links that may touch by design."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from g1_description.core.collisions.allowed_pairs import AllowedPairs
-from g1_description.core.collisions.pairs_file import read_allowed_pairs
-from g1_description.core.errors import AllowedPairsError
-from g1_description.core.files.share import share_folder
 from g1_description.core.robot.description import Description
-from g1_description.sim.collisions.find_pairs import QUICK_SAMPLES, find_allowed_pairs
+from g1_description.sim.collisions.find_pairs import allowed_pairs_of
 from g1_description.sim.collisions.self_collisions import SelfCollisions
-
-G1_PAIRS = "config/collisions_g1.yaml"
-"""The allowed pairs of the G1 and its revisions."""
 
 
 def collisions_of(
     description: Description, file: Path | None = None, visual_hulls: bool = True
-) -> tuple[SelfCollisions, str]:
+) -> tuple[SelfCollisions, tuple[str, ...]]:
     """Prepare a robot's self-collisions.
 
     Args:
         description: The robot.
-        file: Its allowed pairs. By default those of the G1, and for a robot with other
-            links pairs that are found now.
+        file: Its allowed pairs. By default those of the G1, and for another robot pairs
+            that are found now.
         visual_hulls: Whether links without collision shapes have the hulls of their
             visual ones.
 
     Returns:
-        They, and a message on what was assumed; empty where nothing was.
+        They, and messages on what was assumed and what could not be read.
 
     Raises:
         AllowedPairsError: If the given file cannot be read, or is another robot's.
     """
-    if file is not None:
-        given = read_allowed_pairs(file)
-        return SelfCollisions(description, given, visual_hulls), ""
-    try:
-        known = read_allowed_pairs(share_folder() / G1_PAIRS)
-        return SelfCollisions(description, known, visual_hulls), ""
-    except AllowedPairsError:
-        found: AllowedPairs = find_allowed_pairs(description, QUICK_SAMPLES)
-    note = (
-        f"Which links of {description.name} may touch by design was found in "
-        f"{QUICK_SAMPLES} random configurations; collision_pairs makes a file of it."
+    allowed = allowed_pairs_of(description, file)
+    collisions = SelfCollisions(description, allowed, visual_hulls)
+    if allowed.place:
+        return collisions, collisions.left_out
+    found = (
+        f"Which links of {description.name} overlap by design was found in "
+        f"{allowed.samples} random configurations; collision_pairs makes a file of it."
     )
-    return SelfCollisions(description, found, visual_hulls), note
+    return collisions, (found, *collisions.left_out)
