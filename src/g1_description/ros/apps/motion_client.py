@@ -13,9 +13,8 @@ from trajectory_msgs.msg import MultiDOFJointTrajectoryPoint
 from g1_description.core.motion.trajectory import Trajectory
 from g1_description.msg import RobotTrajectory
 from g1_description.ros.motion.messages import durations_of, message_of_joints
+from g1_description.ros.node.waiting import NoAnswerError
 from g1_description.ros.wire.conversions import to_transform
-
-from .robot_view import NoAnswerError
 
 
 class RefusedError(NoAnswerError):

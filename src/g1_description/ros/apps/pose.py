@@ -26,10 +26,10 @@ from g1_description.core.poses.store import (
 )
 from g1_description.core.poses.yaml_text import check_name
 from g1_description.ros.node.lifecycle import own_arguments, start_node
+from g1_description.ros.node.waiting import NoAnswerError
 
 from .posed_robot import PosedRobot
 from .robot_options import add_namespace
-from .robot_view import NoAnswerError
 
 DIGITS = 6
 """Decimals of the positions that are saved."""

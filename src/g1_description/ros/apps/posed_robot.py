@@ -18,11 +18,12 @@ from sensor_msgs.msg import JointState
 from g1_description.core.poses.minimum_jerk import minimum_jerk_trajectory
 from g1_description.core.text import listed
 from g1_description.ros.node.lifecycle import quiet_when_closing
+from g1_description.ros.node.waiting import NoAnswerError
 from g1_description.ros.wire.conversions import stamp_from_ns
 from g1_description.srv import PlayMotion
 
 from .motion_client import MotionClient
-from .robot_view import STANDS_STILL, NoAnswerError, RobotView
+from .robot_view import STANDS_STILL, RobotView
 
 TIMEOUT = 30.0
 """Longest wait for the bridge, or for its effect, in [s]: machines may be busy."""

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 import rospy
 from sensor_msgs.msg import JointState
 
-from g1_description.core.errors import DescriptionError, G1DescriptionError
+from g1_description.core.errors import DescriptionError
 from g1_description.core.robot.description import Description
 from g1_description.core.urdf.reader import parse_urdf
 from g1_description.ros.node.newest import NEWEST
@@ -27,10 +27,6 @@ QUIET = 2.0
 in [s]."""
 
 STANDS_STILL = "simulated time stands still"
-
-
-class NoAnswerError(G1DescriptionError):
-    """A robot, its clock or the master does not answer in time."""
 
 
 class RobotView:

@@ -9,6 +9,8 @@ from typing import Callable, TypeVar
 
 import rospy
 
+from g1_description.core.errors import G1DescriptionError
+
 POLL_PERIOD = 0.02
 """Time between two evaluations of a condition, in [s]."""
 
@@ -16,6 +18,10 @@ MASTER_PERIOD = 0.1
 """The same for a condition that asks the master or a service, in [s]."""
 
 Result = TypeVar("Result")
+
+
+class NoAnswerError(G1DescriptionError):
+    """A robot, its clock, a simulator or the master does not answer in time."""
 
 
 def wait_until(

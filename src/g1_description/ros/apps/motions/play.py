@@ -16,9 +16,9 @@ from g1_description.core.motion.trajectory import Trajectory
 from g1_description.core.text import listed
 from g1_description.core.transform import IDENTITY
 from g1_description.ros.apps.robot_options import add_namespace
-from g1_description.ros.apps.robot_view import NoAnswerError
 from g1_description.ros.motion.files.read import read_motion_file
 from g1_description.ros.node.lifecycle import own_arguments, start_node
+from g1_description.ros.node.waiting import NoAnswerError
 from g1_description.sim.motion.floor import lowest_height
 
 from .keyboard import END, Keyboard, terminal

@@ -16,8 +16,9 @@ import rospy
 from g1_description.core.errors import MotionError
 from g1_description.core.transform import IDENTITY
 from g1_description.ros.apps.motion_client import MotionClient
-from g1_description.ros.apps.robot_view import NoAnswerError, RobotView
+from g1_description.ros.apps.robot_view import RobotView
 from g1_description.ros.motion.map_frame import MapFrame
+from g1_description.ros.node.waiting import NoAnswerError
 from g1_description.srv import PlayMotion
 
 TIMEOUT = 30.0

@@ -18,10 +18,10 @@ from g1_description.core.cli import OneSentenceParser, number, say
 from g1_description.core.errors import G1DescriptionError, InvalidValueError
 from g1_description.core.robot.description import Description
 from g1_description.ros.apps.robot_options import add_namespace
-from g1_description.ros.apps.robot_view import NoAnswerError, wait_for_description
+from g1_description.ros.apps.robot_view import wait_for_description
 from g1_description.ros.motion.files.write import ENDINGS, room_of, write_motion_file
 from g1_description.ros.node.lifecycle import handle_signals, own_arguments, start_node
-from g1_description.ros.node.waiting import wait_until
+from g1_description.ros.node.waiting import NoAnswerError, wait_until
 
 from .recorder import Recorder
 

@@ -10,7 +10,7 @@ import numpy as np
 from g1_description.core.motion.edit import at_speed, cut, later
 from g1_description.core.motion.sampling import SNAP
 from g1_description.core.motion.trajectory import Trajectory
-from g1_description.ros.apps.robot_view import NoAnswerError
+from g1_description.ros.node.waiting import NoAnswerError
 
 from .played_robot import PlayedRobot
 

@@ -10,8 +10,7 @@ import rospy
 from PIL import Image
 
 from g1_description.core.errors import InvalidValueError
-from g1_description.ros.apps.robot_view import NoAnswerError
-from g1_description.ros.node.waiting import wait_until
+from g1_description.ros.node.waiting import NoAnswerError, wait_until
 
 from .picture_files import in_colors, palette_of
 from .robot_watch import Moment, RobotWatch

@@ -12,9 +12,9 @@ from tf2_msgs.msg import TFMessage
 
 from g1_description.core.robot.assembly import base_of
 from g1_description.core.transform import compose, inverse
-from g1_description.ros.apps.robot_view import NoAnswerError, RobotView
+from g1_description.ros.apps.robot_view import RobotView
 from g1_description.ros.node.newest import BUFFER
-from g1_description.ros.node.waiting import wait_until
+from g1_description.ros.node.waiting import NoAnswerError, wait_until
 
 MAP = "map"
 

@@ -27,8 +27,8 @@ from g1_description.core.robot.description import Description
 from g1_description.core.text import listed, similar_first
 from g1_description.core.transform import IDENTITY
 from g1_description.core.urdf.reader import parse_urdf
-from g1_description.ros.apps.robot_view import NoAnswerError
 from g1_description.ros.node.lifecycle import own_arguments, start_node
+from g1_description.ros.node.waiting import NoAnswerError
 from g1_description.sim.render.camera import VIEWS, Camera, framing
 from g1_description.sim.render.picture import draw
 from g1_description.sim.render.scene import Scene
