@@ -1,7 +1,7 @@
 """A stand-in for Gazebo, a link-state bridge and a display for the Unitree G1.
 
-``Robot`` is the interface for Python programs: see docs/python.md. It is imported
-when it is first used, which takes a while.
+``Robot`` and ``Client`` are the interface for Python programs: see docs/python.md.
+They are imported when they are first used, which takes a while.
 """
 
 from __future__ import annotations
@@ -14,11 +14,12 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from .api.robot import Robot as Robot
+    from .ros.client.client import Client as Client
 
 # The generated services, g1_description.srv, lie in another folder of this name.
 __path__ = extend_path(__path__, __name__)
 
-PUBLIC = {"Robot": "api.robot"}
+PUBLIC = {"Client": "ros.client.client", "Robot": "api.robot"}
 """Where the public names are."""
 
 
@@ -44,10 +45,10 @@ def __dir__() -> list[str]:
 
 def _needs(name: str, missing: str | None) -> str:
     """Say what to do where a module is missing that a public name needs."""
-    return (
-        f"g1_description.{name} needs {missing}, which {sys.executable} lacks. Install "
-        "the package with pip, or use the Python of ROS."
-    )
+    lacks = f"g1_description.{name} needs {missing}, which {sys.executable} lacks"
+    if PUBLIC[name].startswith("ros."):
+        return f"{lacks}: it needs ROS. Source the workspace and use /usr/bin/python3."
+    return f"{lacks}. Install the package with pip, or use the Python of ROS."
 
 
 def _find_installed() -> None:

@@ -159,5 +159,17 @@ def test_the_simulated_world_runs(python):
     assert python(program) == "World True"
 
 
+def test_what_needs_ros_says_so(python):
+    program = (
+        "import g1_description\n"
+        "try:\n    g1_description.Client\n"
+        "except ImportError as error:\n    print(error)"
+    )
+    text = python(program)
+    assert text.startswith("g1_description.Client needs ")
+    assert "ROS" in text
+    assert "\n" not in text
+
+
 def test_nothing_of_a_build_is_left_that_the_next_one_would_take(python):
     assert {path.name for path in python.clone.iterdir()} == {*BUILT_FROM}

@@ -360,6 +360,6 @@ def test_what_is_no_motion_is_refused():
 
 
 def test_public_names_are_listed_and_others_refused():
-    assert "Robot" in dir(g1_description)
+    assert {"Client", "Robot"} <= {*dir(g1_description)}
     with pytest.raises(AttributeError, match="no_such"):
         _ = g1_description.no_such

@@ -10,7 +10,7 @@ import numpy as np
 from g1_description.core.errors import InvalidValueError, UnknownNameError
 from g1_description.core.text import listed, similar_first
 
-JointValues = Union[Mapping[str, Any], Sequence[Any], np.ndarray]
+JointValues = Union["Mapping[str, Any]", "Sequence[Any]", np.ndarray]
 """A dictionary by joint, or an array in the order of the joints; see ``as_array``."""
 
 

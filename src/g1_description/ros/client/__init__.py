@@ -1,0 +1,1 @@
+"""The client with which Python programs step the stand-in."""
