@@ -235,6 +235,25 @@ def test_the_time_between_samples_far_apart_is_checked():
     assert any(0.0 < finding.first_time < 2.0 for finding in verdict.findings)
 
 
+def test_a_foot_that_steps_does_not_skate():
+    """A cycloid moves along the floor a little on its first and last millimetres."""
+    share = np.clip((TIMES - 1.0) / 0.5, 0.0, 1.0)
+    forward = share - np.sin(2 * np.pi * share) / (2 * np.pi)
+    base = np.tile([0.0, 0, 0, 0, 0, 0, 1], (len(TIMES), 1))
+    found = motion(standing(), base)
+    base = found.trajectory.base_poses.copy()
+    base[:, 0] = 0.3 * forward
+    base[:, 2] += 0.025 * (1.0 - np.cos(2 * np.pi * share))
+    stepping = motion(standing(), base, lift=False)
+    assert check(stepping, only=["skating"]).verdict.findings == ()
+    base[:, 2] = found.trajectory.base_poses[:, 2]
+    sliding = check(motion(standing(), base, lift=False), only=["skating"]).verdict
+    assert {finding.severity for finding in sliding.findings} == {"failed"}
+    (first, *_) = sliding.findings
+    assert 1.0 < first.first_time < 1.2
+    assert first.worst == pytest.approx(1.2, rel=0.1)
+
+
 def test_without_a_base_the_floor_is_not_judged():
     found = Motion(Trajectory(TIMES, JOINTS, standing()))
     verdict = check(found).verdict

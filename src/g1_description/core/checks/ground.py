@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from g1_description.core.dynamics.masses import GRAVITY
+from g1_description.core.motion.sampling import SNAP
 from g1_description.core.rotation import cross, to_axes
 
 from .thresholds import Thresholds
@@ -209,7 +210,8 @@ def sliding_speeds(
 ) -> np.ndarray:
     """Average how fast links slide, as long as they touch the floor.
 
-    Samples in which one is just lifted, or put down, do not count alone.
+    A foot that is put down or lifted moves a little on its last millimetres, which
+    counts together with the time that it stands.
 
     Args:
         slide: Speeds of lowest points along the floor, in [m/s], shape (n, n_links).
@@ -217,8 +219,8 @@ def sliding_speeds(
         times: Of the samples in [s], shape (n,).
 
     Returns:
-        Means over ``SLIDE_WINDOW`` in [m/s]; NaN where a link does not touch, shape
-        (n, n_links).
+        Means over ``SLIDE_WINDOW``, or the whole time of contact where that is shorter,
+        in [m/s]; NaN where a link does not touch, shape (n, n_links).
     """
     found = np.full(slide.shape, np.nan)
     for column in np.flatnonzero(touches.any(axis=0)):
@@ -226,8 +228,10 @@ def sliding_speeds(
             rows = np.flatnonzero((times >= first) & (times <= last))
             inside = times[rows]
             summed = np.append(0.0, np.cumsum(slide[rows, column]))
-            begin = np.searchsorted(inside, inside - SLIDE_WINDOW / 2.0, side="left")
-            end = np.searchsorted(inside, inside + SLIDE_WINDOW / 2.0, side="right")
+            latest = max(first, last - SLIDE_WINDOW)
+            start = np.clip(inside - SLIDE_WINDOW / 2.0, first, latest)
+            begin = np.searchsorted(inside, start - SNAP, side="left")
+            end = np.searchsorted(inside, start + SLIDE_WINDOW + SNAP, side="right")
             found[rows, column] = (summed[end] - summed[begin]) / (end - begin)
     return found
 

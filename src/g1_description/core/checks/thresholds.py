@@ -102,7 +102,7 @@ class Thresholds:
     floating: Level = Level(0.015, 0.03)
     """Height above the floor of a robot that does not fall, in [m]."""
 
-    skating: Level = Level(0.15, 0.3)
+    skating: Level = Level(0.08, 0.15)
     """Speed along the floor of a point that bears, in [m/s]."""
 
     center_of_mass: Level = Level(None, 0.0)
@@ -129,7 +129,7 @@ class Thresholds:
     floor_height: float = 0.0
     """Of the floor in the map, in [m]."""
 
-    contact_height: float = 0.01
+    contact_height: float = 0.005
     """A link touches the floor if its lowest point is at most so high, in [m]."""
 
     bearing_height: float = 0.025
