@@ -8,6 +8,7 @@ from pathlib import Path
 
 from . import (
     bridge,
+    collisions,
     commands,
     foot,
     growth,
@@ -38,6 +39,7 @@ PARTS = {
     "start_up": start_up,
     "worlds": worlds,
     "tracking": tracking,
+    "collisions": collisions,
     "poses": poses,
     "streaming": streaming,
     "rates": rates,

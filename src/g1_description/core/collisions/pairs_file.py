@@ -7,19 +7,11 @@ from pathlib import Path
 
 from g1_description.core.errors import AllowedPairsError
 from g1_description.core.files.atomic import write_whole
-from g1_description.core.files.model_files import find_folder
 from g1_description.core.text import listed
 
 from .allowed_pairs import REASONS, AllowedPair, AllowedPairs
 
-PACKAGE = "g1_description"
-
 KEYS = ("robot", "samples", "seed", "links", "pairs")
-
-
-def package_file() -> Path:
-    """Give the package's own file, which is for the G1."""
-    return Path(find_folder(PACKAGE) or "", "config", "collisions_g1.yaml")
 
 
 def read_allowed_pairs(file: Path) -> AllowedPairs:

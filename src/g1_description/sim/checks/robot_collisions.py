@@ -1,12 +1,21 @@
-"""The self-collisions of a robot, with the pairs of links that may touch by design."""
+"""The pairs of links of a robot that are checked, wherever the others are named."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+from g1_description.core.collisions.pairs_file import read_allowed_pairs
+from g1_description.core.errors import AllowedPairsError
+from g1_description.core.files.share import share_folder
 from g1_description.core.robot.description import Description
-from g1_description.sim.collisions.find_pairs import allowed_pairs_of
+from g1_description.sim.collisions.find_pairs import (
+    QUICK_SAMPLES,
+    quick_allowed_pairs,
+)
 from g1_description.sim.collisions.self_collisions import SelfCollisions
+
+G1_PAIRS = "config/collisions_g1.yaml"
+"""The allowed pairs of the G1 and its revisions."""
 
 
 def collisions_of(
@@ -16,8 +25,8 @@ def collisions_of(
 
     Args:
         description: The robot.
-        file: Its allowed pairs. By default those of the G1, and for another robot pairs
-            that are found now.
+        file: Its allowed pairs. By default those of the G1, and for a robot with other
+            links pairs that are found now.
         visual_hulls: Whether links without collision shapes have the hulls of their
             visual ones.
 
@@ -27,12 +36,18 @@ def collisions_of(
     Raises:
         AllowedPairsError: If the given file cannot be read, or is another robot's.
     """
-    allowed = allowed_pairs_of(description, file)
-    collisions = SelfCollisions(description, allowed, visual_hulls)
-    if allowed.place:
-        return collisions, collisions.left_out
-    found = (
+    if file is not None:
+        given = SelfCollisions(description, read_allowed_pairs(file), visual_hulls)
+        return given, given.left_out
+    try:
+        known = read_allowed_pairs(share_folder() / G1_PAIRS)
+        own = SelfCollisions(description, known, visual_hulls)
+        return own, own.left_out
+    except AllowedPairsError:
+        found = quick_allowed_pairs(description)
+    other = SelfCollisions(description, found, visual_hulls)
+    note = (
         f"Which links of {description.name} overlap by design was found in "
-        f"{allowed.samples} random configurations; collision_pairs makes a file of it."
+        f"{QUICK_SAMPLES} random configurations; collision_pairs makes a file of it."
     )
-    return collisions, (found, *collisions.left_out)
+    return other, (note, *other.left_out)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
@@ -16,7 +15,6 @@ from g1_description.core.collisions.allowed_pairs import (
     AllowedPair,
     AllowedPairs,
 )
-from g1_description.core.collisions.pairs_file import package_file, read_allowed_pairs
 from g1_description.core.robot.description import Description
 from g1_description.core.robot.kinematics import Kinematics
 from g1_description.core.robot.rigid import rigid_frames
@@ -116,37 +114,6 @@ def _watch(
     return was_near, was_apart
 
 
-def allowed_pairs_of(
-    description: Description, file: Path | None = None
-) -> AllowedPairs:
-    """Give the pairs of a robot that need not be checked.
-
-    Args:
-        description: The robot; names of its meshes can be found from anywhere.
-        file: A file of them; by default the package's own for a G1. For any other robot
-            they are found by ``quick_allowed_pairs``.
-
-    Raises:
-        AllowedPairsError: If the file cannot be read.
-    """
-    if file is not None:
-        return read_allowed_pairs(file)
-    own = package_file()
-    if own.is_file():
-        allowed = read_allowed_pairs(own)
-        if _is_for(allowed, description):
-            return allowed
-    return quick_allowed_pairs(description)
-
-
-def _is_for(allowed: AllowedPairs, description: Description) -> bool:
-    """Return whether a robot has known links only, connected in the known way."""
-    links = {*_links_with_shapes(description)}
-    joined = {pair.links for pair in adjacent_pairs(description)}
-    known = {pair.links for pair in allowed.pairs if pair.reason == ADJACENT}
-    return links <= {*allowed.links} and {p for p in joined if p <= links} <= known
-
-
 def quick_allowed_pairs(description: Description) -> AllowedPairs:
     """Find what a robot without a file of allowed pairs needs, in about a second.
 
@@ -169,7 +136,9 @@ def adjacent_pairs(description: Description) -> tuple[AllowedPair, ...]:
         for link, (body, _) in rigid_frames(tree).items():
             groups.setdefault(body, []).append(link)
     body_of = {link: body for body, links in groups.items() for link in links}
-    shaped = {*_links_with_shapes(description)}
+    shaped = {
+        link.name for link in description.links if link.collisions or link.visuals
+    }
     carrier: dict[str, str] = {}
     pairs = []
     for joint in below(description.roots, description.joints):
@@ -183,12 +152,6 @@ def adjacent_pairs(description: Description) -> tuple[AllowedPair, ...]:
             AllowedPair(a, b, ADJACENT) for a in groups[parent] for b in groups[child]
         ]
     return tuple(pairs)
-
-
-def _links_with_shapes(description: Description) -> list[str]:
-    """Name the links that have any shape."""
-    links = description.links
-    return [link.name for link in links if link.collisions or link.visuals]
 
 
 def random_poses(

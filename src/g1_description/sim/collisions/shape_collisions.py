@@ -85,13 +85,7 @@ class ShapeCollisions:
             pairs: Rows of links.
             margin: In [m].
         """
-        shapes = [
-            (a, b, number)
-            for number, (link_a, link_b) in enumerate(pairs)
-            for a in self._of_link.get(link_a, ())
-            for b in self._of_link.get(link_b, ())
-        ]
-        rows = np.array(shapes, dtype=int).reshape(-1, 3)
+        rows = self.shape_pairs(pairs)
         parts = [
             self._chunk(link_poses[first : first + CHUNK], rows, margin, first)
             for first in range(0, max(len(link_poses), 1), CHUNK)
@@ -103,6 +97,20 @@ class ShapeCollisions:
             )
         )
 
+    def shape_pairs(self, pairs: Sequence[tuple[int, int]]) -> np.ndarray:
+        """List the pairs of shapes of pairs of links.
+
+        Returns:
+            Indices of two shapes and of the pair of links, shape (n, 3).
+        """
+        shapes = [
+            (a, b, number)
+            for number, (link_a, link_b) in enumerate(pairs)
+            for a in self._of_link.get(link_a, ())
+            for b in self._of_link.get(link_b, ())
+        ]
+        return np.array(shapes, dtype=int).reshape(-1, 3)
+
     def _chunk(
         self, link_poses: np.ndarray, rows: np.ndarray, margin: float, first: int
     ) -> Contacts:
@@ -110,11 +118,11 @@ class ShapeCollisions:
 
         Args:
             link_poses: Poses of the links in the world, shape (n, n_links, 7).
-            rows: Two shapes and the number of the pair of links, shape (m, 3).
+            rows: As ``shape_pairs`` returns them.
             margin: In [m].
             first: Index of the first frame.
         """
-        frame, pair, placed = self._candidates(link_poses, rows, margin + SLACK)
+        frame, pair, placed = self.candidates(link_poses, rows, margin + SLACK)
         gaps = self._measure(placed, margin)
         near = np.flatnonzero(gaps.width < margin)
         frame, pair, distance = frame[near], pair[near], gaps.width[near]
@@ -126,10 +134,19 @@ class ShapeCollisions:
         found = Contacts(frame + first, pair, distance, points_a, points_b, normal)
         return found[_deepest(found)]
 
-    def _candidates(
+    def candidates(
         self, link_poses: np.ndarray, rows: np.ndarray, gap: float
     ) -> tuple[np.ndarray, np.ndarray, Placed]:
-        """Find what may be nearer than a gap: frames, pairs of links, and shapes."""
+        """Find what may be nearer than a gap, all frames at once.
+
+        Args:
+            link_poses: Poses of the links in the world, shape (n, n_links, 7).
+            rows: As ``shape_pairs`` returns them.
+            gap: In [m].
+
+        Returns:
+            Frames and pairs of links, shapes (m,), and the shapes.
+        """
         n_frames, n_links = link_poses.shape[:2]
         axes = axes_of(link_poses.reshape(-1, 7)[:, 3:])
         axes = axes.reshape(n_frames, n_links, 3, 3)
