@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
-from typing import Any, Union
+from typing import TYPE_CHECKING, Any, Union
 
 import numpy as np
 
@@ -18,14 +18,16 @@ from g1_description.core.checks.thresholds import (
 from g1_description.core.checks.verdict import Verdict
 from g1_description.core.motion.motion import Motion, fitted
 from g1_description.core.motion.trajectory import Trajectory
-from g1_description.sim.checks.checker import Checker
-from g1_description.sim.collisions.shape_collisions import Contacts
 
 from .joint_values import JointValues
 from .kinematics import RobotKinematics
 from .motions import RobotMotions
 
-ThresholdValues = Union[Mapping[str, Any], str, PathLike, None]
+if TYPE_CHECKING:
+    from g1_description.sim.checks.checker import Checker
+    from g1_description.sim.collisions.shape_collisions import Contacts
+
+ThresholdValues = Union["Mapping[str, Any]", str, "PathLike[str]", None]
 """A YAML file, or what it would hold; None: the defaults."""
 
 
@@ -116,6 +118,9 @@ class RobotChecks(RobotKinematics, RobotMotions):
     @cached_property
     def _usual_checker(self) -> Checker:
         """All checks with the usual thresholds; their preparation takes a second."""
+        # PyBullet and scipy take a while, and most programs check nothing.
+        from g1_description.sim.checks.checker import Checker
+
         return Checker.of(self.description)
 
     def _checker(self, given: ThresholdValues, fixed_base: bool) -> Checker:
@@ -129,6 +134,8 @@ class RobotChecks(RobotKinematics, RobotMotions):
             thresholds = with_thresholds(Thresholds(), given)
         else:
             thresholds = read_thresholds(Path(given).expanduser())
+        from g1_description.sim.checks.checker import Checker
+
         changed = Checker(
             self.description, checker.collisions, thresholds, fixed_base=fixed_base
         )
