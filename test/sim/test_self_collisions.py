@@ -131,6 +131,14 @@ def test_fixed_links_and_allowed_pairs_are_not_checked():
     assert SelfCollisions(loose, allowed).pairs == (("l0", "l1"), ("l1", "l2"))
 
 
+def test_of_some_pairs_only_these_are_found():
+    spheres = SelfCollisions(robot(*[sphere(0.1)] * 3), ())
+    poses = at([0, 0, 0], [0, 0, 0.1], [0, 0.1, 0])
+    assert spheres.contacts(poses).pair.tolist() == [0, 1, 2]
+    assert spheres.contacts(poses, pairs=[1, 2]).pair.tolist() == [1, 2]
+    assert spheres.contacts(poses, pairs=[]).pair.tolist() == []
+
+
 def test_links_without_collisions():
     links = [sphere(0.1), sphere(0.1, kind="visual"), ""]
     loose = robot(*links)
@@ -279,9 +287,13 @@ class Oracle:
         return distance - first[1] - second[1]
 
 
-def test_another_engine_agrees(g1_robot):
-    """On 2000 random configurations, but for touching within 1 mm."""
+def test_another_engine_agrees(g1_robot, g1_file):
+    """On 2000 random configurations, but for touching within 1 mm.
+
+    On 600 with the vendor's meshes, whose many points take hpp-fcl long.
+    """
     description, collisions, poses = g1_robot
+    poses = poses if g1_file.parent.name == "urdf" else poses[:600]
     oracle = Oracle(description)
     names = description.link_names
     expected = oracle.distances(poses, {*collisions.pairs}, names)
@@ -293,7 +305,7 @@ def test_another_engine_agrees(g1_robot):
         )
     }
     deep = {key for key, distance in expected.items() if distance < -TOUCHING}
-    assert len(deep) > 10000
+    assert len(deep) > 5 * len(poses)
     assert deep <= {key for key, distance in ours.items() if distance < 0}
     errors = np.array([ours[key] - expected[key] for key in ours])
     assert np.abs(errors).max() < TOUCHING
