@@ -13,6 +13,10 @@ from .thresholds import Level
 FAILED, WARNING, PASSED = "failed", "warning", "passed"
 
 
+AT_TIME = " at {time:.3f} s"
+"""When it was; left out for a single configuration."""
+
+
 @dataclass(frozen=True)
 class Finding:
     """One fault of one joint, link or pair of links, over the whole motion."""
@@ -150,7 +154,7 @@ class Fault:
 
     unit: str
     text: str
-    """A sentence on the worst of it, with ``{worst}`` and ``{time}``."""
+    """A sentence on the worst of it, with ``{worst}``, and ``AT_TIME`` in it."""
 
     points: np.ndarray | None = None
     """Where it is, in the map, in [m], shape (n_samples, 3) or (n_samples, k, 3)."""
@@ -174,6 +178,7 @@ def judge(fault: Fault, level: Level, times: np.ndarray) -> Finding | None:
     if bound is None:
         return None
     is_beyond = sizes > bound
+    text = fault.text if len(times) > 1 else fault.text.replace(AT_TIME, "")
     points = () if fault.points is None else np.reshape(fault.points[at], (-1, 3))
     return Finding(
         fault.check,
@@ -186,7 +191,7 @@ def judge(fault: Fault, level: Level, times: np.ndarray) -> Finding | None:
         float(times[at]),
         time_share(times, is_beyond),
         intervals(times, is_beyond),
-        fault.text.format(worst=worst, time=float(times[at])),
+        text.format(worst=worst, time=float(times[at])),
         tuple((float(x), float(y), float(z)) for x, y, z in points),
     )
 
