@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from g1_description.core.checks.ground import (
-    Ground,
-)
+from g1_description.core.checks.ground import Ground
+from g1_description.core.checks.ground_at_rest import GroundAtRest
 from g1_description.core.checks.states import States, states_of
-from g1_description.core.checks.thresholds import LEVELS, Thresholds
+from g1_description.core.checks.thresholds import Thresholds
 from g1_description.core.checks.verdict import (
     Verdict,
     judge,
@@ -32,23 +31,12 @@ from .collision_faults import deepest
 from .faults import all_faults
 from .frames import Frames, Parts, measure
 from .outlines import outlines_of
+from .plan import NAMES, Planner
+from .rest import RestChecks
 from .robot_collisions import collisions_of
-from .timeline import Timeline, bearing, figures
+from .timeline import Judged, Timeline, bearing, figures
 
-GROUND = ("penetration", "floating", "skating")
-BALANCE = ("center_of_mass", "zero_moment_point")
-RATES = ("velocity", "acceleration", "jerk", "jump", "base_jump")
-PHYSICS = ("tracking", "saturation", "fall")
-NAMES = tuple(name for name in LEVELS if name not in PHYSICS)
-"""Names of the checks that need no simulation."""
-
-
-@dataclass(frozen=True, eq=False)
-class Judged:
-    """A verdict, and what it was found from."""
-
-    verdict: Verdict
-    timeline: Timeline
+__all__ = ["NAMES", "Checker", "Judged"]
 
 
 class Checker:
@@ -74,12 +62,10 @@ class Checker:
         self.notes: tuple[str, ...] = ()
         """Messages on what was assumed of the robot."""
         self.collisions = collisions
-        self._is_fixed = fixed_base or description.root == WORLD
         names = [name for name in description.link_names if name != WORLD]
         kinematics = Kinematics(description)
-        ground = Ground(
-            outlines_of(collisions.shapes), kinematics.end_links(), self.thresholds
-        )
+        outlines = outlines_of(collisions.shapes), kinematics.end_links()
+        ground = Ground(*outlines, self.thresholds)
         self._ground_links = tuple(names[row] for row in ground.rows)
         self._parts = Parts(
             description.movable_joints,
@@ -90,6 +76,10 @@ class Checker:
             collisions,
             self.thresholds,
         )
+        is_fixed = fixed_base or description.root == WORLD
+        self._planner = Planner(self._parts, is_fixed)
+        at_rest = GroundAtRest(*outlines, self.thresholds)
+        self._rest = RestChecks(description.name, self._parts, at_rest)
 
     @classmethod
     def of(
@@ -140,14 +130,36 @@ class Checker:
             UnknownNameError: If the robot has no such joint, or there is no such check.
             MotionError: If a number is none that a robot can have.
         """
-        self._check_joints(positions)
-        trajectory = Trajectory(
-            np.zeros(1),
-            tuple(positions),
-            np.array([[*positions.values()]], dtype=float),
-            base_poses=None if base is None else np.array([base], dtype=float),
+        return self.judge_state(positions, base, only).verdict
+
+    def judge_state(
+        self,
+        positions: Mapping[str, float],
+        base: np.ndarray | None = None,
+        only: Collection[str] = (),
+        velocities: Mapping[str, float] | None = None,
+    ) -> Judged:
+        """Judge one configuration, and return what was measured of it as well.
+
+        Args:
+            positions: As for ``check_state``.
+            base: Likewise.
+            only: Likewise.
+            velocities: Of the same joints, or none, in [rad/s] or [m/s]: compared with
+                their limits; all else is judged as at rest.
+
+        Raises:
+            UnknownNameError: As for ``check_state``.
+            MotionError: Likewise.
+        """
+        columns = self._columns(positions)
+        trajectory = _single(positions, base, velocities)
+        plan = self._planner.of_configuration(
+            only, base is not None, velocities is not None
         )
-        return self.check_motion(Motion(trajectory), only).verdict
+        if "efforts" in plan.measured:
+            return self.check_motion(Motion(trajectory), only)
+        return self._rest.judge(trajectory, columns, plan, self.notes)
 
     def check_motion(self, motion: Motion, only: Collection[str] = ()) -> Judged:
         """Judge a motion.
@@ -162,65 +174,34 @@ class Checker:
         Raises:
             UnknownNameError: If there is no such check.
         """
-        _check_names(only)
         trajectory = motion.trajectory
+        plan = self._planner.of_motion(
+            trajectory.joint_names,
+            only,
+            trajectory.base_poses is not None,
+            len(trajectory.times) == 1 and trajectory.velocities is None,
+        )
         states = states_of(
             trajectory, self.description, self.thresholds.longest_interval
         )
-        skipped = self._skipped(states)
-        wanted = [name for name in NAMES if not only or name in only]
-        made = [name for name in wanted if name not in skipped]
-        frames = measure(states, self._parts, _measured(made))
+        frames = measure(states, self._parts, plan.measured)
         timeline = self._timeline(states, frames)
         faults = all_faults(self._parts, states, frames, timeline)
         findings = [
             judge(fault, getattr(self.thresholds, fault.check), states.times)
             for fault in faults
-            if fault.check in made
+            if fault.check in plan.made
         ]
         verdict = Verdict(
             self.description.name,
             sorted_findings(findings),
-            tuple(made),
-            {name: skipped[name] for name in wanted if name in skipped},
+            plan.made,
+            plan.skipped,
             figures(states.joints_of(self._parts.joints), timeline),
             bearing(timeline),
             (*self.notes, *motion.notes),
         )
         return Judged(verdict, timeline)
-
-    def _skipped(self, states: States) -> dict[str, str]:
-        """Name the checks that cannot be made of a motion, and why not."""
-        skipped = {}
-        thresholds = self.thresholds
-        for name in NAMES:
-            if not getattr(thresholds, name).is_judged:
-                skipped[name] = "it has no threshold"
-        if len(states.times) == 1 and states.trajectory.velocities is None:
-            skipped.update(dict.fromkeys(RATES, "there is only one configuration"))
-        names = states.trajectory.joint_names
-        for name in ("acceleration", "jerk"):
-            bounds = getattr(thresholds, f"{name}_bounds").of(names)
-            if not np.isfinite(bounds).any():
-                skipped.setdefault(name, "no bounds are given")
-        if not self._is_fixed:
-            skipped["effort"] = "the base is free; only physics tells"
-        if not self.collisions.pairs:
-            skipped["self_collision"] = "the robot has no two shapes that could touch"
-        why = self._no_ground(states)
-        if why:
-            skipped.update(dict.fromkeys((*GROUND, *BALANCE, "base_jump"), why))
-        elif not self._parts.masses.total > 0.0:
-            skipped.update(dict.fromkeys(BALANCE, "the robot has no mass"))
-        return skipped
-
-    def _no_ground(self, states: States) -> str:
-        """Tell why nothing can be said of the floor; empty if something can."""
-        if self._is_fixed:
-            return "the base is fixed"
-        if not states.has_base:
-            return "the motion has no base"
-        return "" if self._ground_links else "the robot has no shapes"
 
     def _timeline(self, states: States, frames: Frames) -> Timeline:
         """Gather what was measured at each sample."""
@@ -243,34 +224,36 @@ class Checker:
             balance=frames.balance,
         )
 
-    def _check_joints(self, names: Collection[str]) -> None:
-        """Check that the robot has all joints."""
-        own = [joint.name for joint in self.description.movable_joints]
-        for name in names:
-            if name not in own:
-                raise UnknownNameError(
-                    f"{self.description.name} has no movable joint {name}; it has "
-                    f"{listed(similar_first(name, own))}."
-                )
+    def _columns(self, names: Collection[str]) -> list[int]:
+        """Find the rows of movable joints.
+
+        Raises:
+            UnknownNameError: If the robot has not all of them.
+        """
+        rows = self._rest.rows
+        try:
+            return [rows[name] for name in names]
+        except KeyError as error:
+            name = error.args[0]
+            raise UnknownNameError(
+                f"{self.description.name} has no movable joint {name}; it has "
+                f"{listed(similar_first(name, rows))}."
+            ) from None
 
 
-def _check_names(only: Collection[str]) -> None:
-    """Check that there are such checks."""
-    for name in only:
-        if name not in NAMES:
-            known = listed(similar_first(name, NAMES))
-            raise UnknownNameError(f"There is no check {name}; there are {known}.")
-
-
-def _measured(made: Collection[str]) -> set[str]:
-    """Name what must be measured for some checks."""
-    wanted = set()
-    if "self_collision" in made:
-        wanted.add("contacts")
-    if {*GROUND, *BALANCE} & {*made}:
-        wanted.add("ground")
-    if {*BALANCE, "floating"} & {*made}:
-        wanted.add("balance")
-    if "effort" in made:
-        wanted.add("efforts")
-    return wanted
+def _single(
+    positions: Mapping[str, float],
+    base: np.ndarray | None,
+    velocities: Mapping[str, float] | None,
+) -> Trajectory:
+    """Make a motion of one configuration."""
+    rates = None
+    if velocities is not None:
+        rates = np.array([[velocities[name] for name in positions]], dtype=float)
+    return Trajectory(
+        np.zeros(1),
+        tuple(positions),
+        np.array([[*positions.values()]], dtype=float),
+        rates,
+        None if base is None else np.array([base], dtype=float),
+    )

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from g1_description.core.checks.balance import Balance
-from g1_description.core.checks.verdict import intervals
+from g1_description.core.checks.verdict import Verdict, intervals
 from g1_description.core.robot.description import Joint
 
 
@@ -46,6 +46,14 @@ class Timeline:
     balance: Balance | None = None
     """Where the weight acts; None where the motion has no base, or the robot no mass.
     """
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """A verdict, and what it was found from."""
+
+    verdict: Verdict
+    timeline: Timeline
 
 
 def least(values: np.ndarray) -> float | None:

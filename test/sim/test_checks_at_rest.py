@@ -1,0 +1,120 @@
+"""A configuration at rest is judged as a motion of one sample, in less time."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from g1_description.core.checks.thresholds import Thresholds, with_thresholds
+from g1_description.core.errors import MotionError, UnknownNameError
+from g1_description.core.files.absolute_urdf import absolute_urdf
+from g1_description.core.motion.motion import Motion
+from g1_description.core.motion.trajectory import Trajectory
+from g1_description.core.rotation import from_rpy
+from g1_description.core.urdf.reader import parse_urdf
+from g1_description.sim.checks.checker import Checker
+
+ROOT = Path(__file__).parents[2]
+ROBOT = parse_urdf(absolute_urdf(str(ROOT / "urdf" / "g1_29dof.urdf")))
+JOINTS = tuple(joint.name for joint in ROBOT.movable_joints)
+STRICT = with_thresholds(
+    Thresholds(),
+    {
+        "center_of_mass": {"failure": -0.05},
+        "penetration": {"warning": None, "failure": -0.001},
+        "floating": {"warning": 0.0005},
+        "position": {"warning": None, "failure": -0.1},
+    },
+)
+"""So that almost everything is found."""
+
+
+@pytest.fixture(scope="module", params=[Thresholds(), STRICT])
+def checker(request):
+    return Checker.of(ROBOT, request.param)
+
+
+def as_motion(checker, positions, base, only=()):
+    trajectory = Trajectory(
+        np.zeros(1),
+        tuple(positions),
+        np.array([[*positions.values()]]),
+        base_poses=None if base is None else np.array([base]),
+    )
+    return checker.check_motion(Motion(trajectory), only).verdict
+
+
+def rounded(value):
+    """Round the numbers in what JSON has."""
+    if isinstance(value, dict):
+        return {key: rounded(entry) for key, entry in value.items()}
+    if isinstance(value, list):
+        return [rounded(entry) for entry in value]
+    return round(value, 9) if isinstance(value, float) else value
+
+
+def random_states(count):
+    """Draw configurations, some beyond limits, around the height of standing."""
+    rng = np.random.default_rng(5)
+    lower = np.array([joint.lower for joint in ROBOT.movable_joints])
+    upper = np.array([joint.upper for joint in ROBOT.movable_joints])
+    for number in range(count):
+        scale = rng.choice([0.05, 0.3, 1.05])
+        q = np.clip(0.0, lower, upper) + scale * (rng.uniform(lower, upper))
+        turn = from_rpy(rng.normal(scale=0.1 * scale, size=3))
+        height = 0.793 + rng.normal(scale=0.05)
+        base = np.concatenate([rng.normal(size=2), [height], turn])
+        names = JOINTS if number % 3 else JOINTS[5:20]
+        yield dict(zip(names, q.tolist())), base if number % 4 else None
+
+
+def test_the_verdict_is_that_of_a_motion_of_one_sample(checker):
+    found = set()
+    for positions, base in random_states(80):
+        verdict = checker.check_state(positions, base)
+        motion = as_motion(checker, positions, base)
+        assert rounded(verdict.as_dict()) == rounded(motion.as_dict())
+        found |= {finding.check for finding in verdict.findings}
+    assert found >= {"position", "self_collision", "penetration", "floating"}
+    assert found >= {"center_of_mass", "zero_moment_point"}
+
+
+def test_only_what_is_wanted_is_made(checker):
+    positions, base = next(random_states(1))
+    for only in (("position",), ("self_collision", "floating"), ("center_of_mass",)):
+        for where in (base, None):
+            verdict = checker.check_state(positions, where, only)
+            motion = as_motion(checker, positions, where, only)
+            assert rounded(verdict.as_dict()) == rounded(motion.as_dict())
+
+
+def test_velocities_are_compared_with_their_limits(checker):
+    knee = ROBOT.movable_joints[JOINTS.index("left_knee_joint")]
+    positions = dict.fromkeys(JOINTS, 0.0)
+    for factor, count in ((0.99, 0), (1.01, 1)):
+        rates = {**positions, knee.name: -factor * knee.velocity}
+        verdict = checker.judge_state(positions, None, ("velocity",), rates).verdict
+        assert [f.subject for f in verdict.findings] == [(knee.name,)] * count
+    assert "velocity" in checker.check_state(positions).skipped
+
+
+@pytest.mark.parametrize(
+    ("positions", "only", "error", "words"),
+    [
+        ({"left_nee_joint": 0.0}, (), UnknownNameError, "it has left_knee_joint"),
+        ({"left_knee_joint": np.nan}, (), MotionError, "nan"),
+        ({}, ("balance",), UnknownNameError, "no check balance"),
+    ],
+)
+def test_what_is_no_configuration_is_refused(checker, positions, only, error, words):
+    with pytest.raises(error, match=words):
+        checker.check_state(positions, only=only)
+
+
+def test_an_effort_is_found_with_a_fixed_base():
+    held = Checker.of(ROBOT, fixed_base=True)
+    positions = {"left_shoulder_pitch_joint": -1.57}
+    assert "effort" in held.check_state(positions).checked
+    assert held.check_state(positions).as_dict() == (
+        as_motion(held, positions, None).as_dict()
+    )
