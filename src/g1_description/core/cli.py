@@ -12,9 +12,12 @@ from typing import Any, TextIO
 class OneSentenceParser(argparse.ArgumentParser):
     """A parser whose errors fit into one line of a launch's output."""
 
+    misuse = 1
+    """Exit code where the command line is wrong."""
+
     def error(self, message: str) -> Any:
         """End with a sentence, without the usage."""
-        self.exit(1, f"{self.prog}: {message}; {self.prog} -h shows more.\n")
+        self.exit(self.misuse, f"{self.prog}: {message}; {self.prog} -h shows more.\n")
 
 
 class Ignored(argparse.Action):

@@ -1,0 +1,1 @@
+"""What many verdicts are told in: tables, JSON, CSV and a page."""

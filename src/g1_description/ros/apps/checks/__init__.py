@@ -1,0 +1,1 @@
+"""The command check: motions in files, and reports of what is wrong with them."""

@@ -1,0 +1,149 @@
+"""A command that judges motions in files.
+
+It needs ROS to read rosbags, but neither a master nor a screen.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Collection, Iterator
+from contextlib import closing
+from pathlib import Path
+
+from g1_description.core.checks.thresholds import Thresholds, read_thresholds
+from g1_description.core.checks.verdict import FAILED
+from g1_description.core.cli import say
+from g1_description.core.errors import G1DescriptionError
+from g1_description.core.files.absolute_urdf import absolute_urdf
+from g1_description.core.files.share import share_folder
+from g1_description.core.motion.motors import read_motors
+from g1_description.core.reports.outcome import NOT_CHECKED, NOT_READ, Outcome
+from g1_description.core.reports.text import summary_text
+from g1_description.ros.apps.command_start import INTERRUPTED
+from g1_description.ros.motion.files.read import read_motion_file
+from g1_description.ros.node.lifecycle import own_arguments
+from g1_description.sim.batch.in_turn import Task, judged_here
+from g1_description.sim.batch.judge import Judge
+from g1_description.sim.batch.processes import Workers
+from g1_description.sim.batch.setup import Setup
+
+from .check_options import MISUSE, STDOUT, parse
+from .motion_paths import MotionFiles, motion_files
+from .reports import Reports
+from .results import Results
+
+G1 = "urdf/g1_29dof.urdf"
+"""The robot where none is given, in the package's folder."""
+
+MOTORS = "config/motors.yaml"
+"""What drives joints in physics, likewise."""
+
+
+def notify(text: str) -> None:
+    """Print a message."""
+    say(f"check: {text}", sys.stderr)
+
+
+def setup_of(args: argparse.Namespace) -> Setup:
+    """Read the robot, and how it is judged.
+
+    Raises:
+        G1DescriptionError: If a file that is named is not what it should be.
+    """
+    share = share_folder()
+    motors = read_motors(share / MOTORS) if args.physics else None
+    return Setup(
+        urdf=absolute_urdf(args.model or str(share / G1)),
+        thresholds=_thresholds(args.thresholds),
+        only=args.only,
+        pairs=args.collisions,
+        visual_hulls=not args.no_visual_hulls,
+        fixed_base=args.fixed_base,
+        physics=args.physics,
+        motors=motors,
+        plot=bool(args.plot or args.html),
+        rate=args.fps,
+        topic=args.topic,
+    )
+
+
+def _thresholds(file: Path | None) -> Thresholds:
+    """Read the file of thresholds; without one there are defaults."""
+    return Thresholds() if file is None else read_thresholds(file)
+
+
+def check(args: argparse.Namespace) -> int:
+    """Check motions; return the exit code.
+
+    Raises:
+        G1DescriptionError: If nothing can be checked.
+        KeyboardInterrupt: If it is interrupted before anything is done.
+    """
+    files = motion_files(args.files)
+    reports = Reports(args, files.tasks)
+    setup = setup_of(args)
+    judge = Judge(setup)  # here, so that its errors are told at once
+    is_free = STDOUT not in (args.json, args.csv)
+    stream = sys.stdout if is_free and not args.quiet else None
+    with closing(Results(len(files.tasks), stream)) as results:
+        try:
+            with closing(_judged(args, judge, setup, files.tasks)) as found:
+                for task, outcome in found:
+                    reports.add(task, outcome)
+                    results.add(task, outcome.without_plot())
+        except KeyboardInterrupt:
+            if not results.outcomes:
+                raise
+    reports.write(results.outcomes, results.n_missing)
+    _summarize(results, files, sys.stdout if is_free else sys.stderr)
+    if results.n_missing:
+        return INTERRUPTED
+    return exit_code(results.outcomes.values(), files.named)
+
+
+def _judged(
+    args: argparse.Namespace, judge: Judge, setup: Setup, tasks: tuple[Task, ...]
+) -> Iterator[tuple[Task, Outcome]]:
+    """Judge files, in one of the ways that there are."""
+    if min(args.jobs, len(tasks)) == 1:
+        yield from judged_here(judge, tasks, read_motion_file)
+        return
+    with closing(Workers(setup, read_motion_file, args.jobs)) as workers:
+        yield from workers.judged(tasks)
+
+
+def _summarize(results: Results, files: MotionFiles, stream) -> None:
+    """Print the last line."""
+    outcomes = [results.outcomes[number] for number in sorted(results.outcomes)]
+    text = summary_text(outcomes, results.n_missing)
+    others = files.n_left_out
+    more = f"; {others} with other endings left out" if others else ""
+    say(f"{text}{more}.", stream)
+
+
+def exit_code(outcomes: Collection[Outcome], named: Collection[str]) -> int:
+    """Decide what the command ends with.
+
+    Args:
+        outcomes: Of all files.
+        named: Names of those that were named one by one: these have to be motions.
+    """
+    if any(outcome.result == FAILED for outcome in outcomes):
+        return 1
+    results = {outcome.result for outcome in outcomes}
+    is_missing = NOT_CHECKED in results or results == {NOT_READ}
+    if is_missing or any(o.result == NOT_READ and o.file in named for o in outcomes):
+        return MISUSE
+    return 0
+
+
+def main() -> None:
+    """Run the command, or exit with a message."""
+    args = parse(own_arguments())
+    try:
+        code = check(args)
+    except (G1DescriptionError, OSError) as error:
+        notify(str(error))
+        code = MISUSE
+    sys.exit(code)

@@ -1,0 +1,128 @@
+"""What check writes: JSON, CSV, pictures and a page."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from g1_description.core.errors import InvalidValueError
+from g1_description.core.files.atomic import whole_file, write_whole
+from g1_description.core.reports.outcome import Outcome
+from g1_description.core.reports.page import write_page
+from g1_description.core.reports.tables import csv_text, json_text
+from g1_description.sim.batch.in_turn import Task
+
+from .check_options import STDOUT
+from .motion_paths import picture_names
+
+PICTURE = ".png"
+
+
+class Reports:
+    """Writes what was asked for; pictures at once, the rest in the end."""
+
+    def __init__(self, args: argparse.Namespace, tasks: Sequence[Task]) -> None:
+        """Check that all can be written.
+
+        Args:
+            args: Of the command line.
+            tasks: The files.
+
+        Raises:
+            InvalidValueError: If something cannot.
+        """
+        self._args = args
+        self._pictures = _pictures(args.plot, tasks)
+        for name in (args.json, args.csv, args.html):
+            if name not in (None, STDOUT):
+                check_place(Path(name))
+        # A page has all pictures in the end; until then they need no memory.
+        self._kept = TemporaryDirectory(prefix="check_") if args.html else None
+
+    def add(self, task: Task, outcome: Outcome) -> None:
+        """Write the picture of a file.
+
+        Raises:
+            InvalidValueError: If it cannot be written.
+        """
+        if outcome.plot and task.number in self._pictures:
+            write_whole(self._pictures[task.number], outcome.plot)
+        if outcome.plot and self._kept:
+            Path(self._kept.name, str(task.number)).write_bytes(outcome.plot)
+
+    def write(self, outcomes: Mapping[int, Outcome], not_done: int) -> None:
+        """Write the rest.
+
+        Args:
+            outcomes: By the number of the file.
+            not_done: Number of files that are not done.
+
+        Raises:
+            InvalidValueError: If it cannot be written.
+        """
+        found = [outcomes[number] for number in sorted(outcomes)]
+        if self._args.json:
+            _write(self._args.json, json_text(found, not_done))
+        if self._args.csv:
+            _write(self._args.csv, csv_text(found))
+        if self._args.html:
+            with whole_file(self._args.html) as part:
+                pictures = [self._picture(number) for number in sorted(outcomes)]
+                write_page(part, found, pictures, not_done)
+
+    def _picture(self, number: int) -> Path | None:
+        """Return where the picture of a file was kept; None if it has none."""
+        assert self._kept is not None
+        path = Path(self._kept.name, str(number))
+        return path if path.exists() else None
+
+
+def _pictures(out: Path | None, tasks: Sequence[Task]) -> dict[int, Path]:
+    """Decide where pictures are written, by the numbers of the files."""
+    if out is None:
+        return {}
+    if out.suffix.lower() == PICTURE and not out.is_dir():
+        if len(tasks) > 1:
+            raise InvalidValueError(
+                f"--plot {out} is one picture; of {len(tasks)} files there are as many: "
+                "name a folder."
+            )
+        check_place(out)
+        return {tasks[0].number: out}
+    if out.exists() and not out.is_dir():
+        raise InvalidValueError(f"--plot {out} is neither a folder nor a .png.")
+    _check_writable(next(place for place in (out, *out.parents) if place.exists()))
+    names = picture_names(tasks)
+    return {task.number: out / name for task, name in zip(tasks, names)}
+
+
+def check_place(path: Path) -> None:
+    """Check that a file can be written, before the work is done.
+
+    Raises:
+        InvalidValueError: If it cannot.
+    """
+    if not path.parent.is_dir():
+        raise InvalidValueError(f"There is no folder {path.parent} for {path.name}.")
+    if path.is_dir():
+        raise InvalidValueError(f"{path} is a folder.")
+    _check_writable(path.parent)
+
+
+def _check_writable(folder: Path) -> None:
+    """Check that something can be written into a folder."""
+    if not os.access(folder, os.W_OK):
+        raise InvalidValueError(f"Nothing can be written into {folder}.")
+
+
+def _write(name: str, text: str) -> None:
+    """Write a text into a file, or on stdout."""
+    if name == STDOUT:
+        sys.stdout.write(text)
+        sys.stdout.flush()
+    else:
+        write_whole(Path(name), text.encode("utf-8"))

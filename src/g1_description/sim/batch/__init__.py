@@ -1,0 +1,1 @@
+"""Many motions judged: one after the other, by processes, or by a cluster."""

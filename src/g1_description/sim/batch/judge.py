@@ -1,0 +1,113 @@
+"""Motions judged, one after the other."""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Optional
+
+from g1_description.core.checks.verdict import Verdict
+from g1_description.core.errors import G1DescriptionError, MotionError, cause
+from g1_description.core.motion.motion import Motion
+from g1_description.core.reports.outcome import Outcome
+from g1_description.core.robot.description import Description
+from g1_description.core.urdf.reader import parse_urdf
+from g1_description.sim.checks.checker import NAMES, Checker
+from g1_description.sim.checks.physics import CHECKS, PhysicsCheck
+from g1_description.sim.checks.timeline import Timeline
+
+from .setup import Setup
+
+Reader = Callable[[Path, Description, Optional[float], Optional[str]], Motion]
+"""Reads a motion of a robot from a file, at a rate, from a topic."""
+
+
+class Judge:
+    """Judges motions of one robot."""
+
+    def __init__(self, setup: Setup) -> None:
+        """Prepare all that does not depend on a motion.
+
+        Args:
+            setup: The robot, and what is judged.
+
+        Raises:
+            G1DescriptionError: If that robot cannot be judged so.
+        """
+        self._setup = setup
+        self.description = parse_urdf(setup.urdf)
+        self._checker = Checker.of(
+            self.description,
+            setup.thresholds,
+            setup.pairs,
+            setup.visual_hulls,
+            setup.fixed_base,
+        )
+        self._physics = PhysicsCheck(
+            self.description, setup.thresholds, setup.motors, setup.fixed_base
+        )
+
+    def outcome(self, name: str, read: Callable[[], Motion]) -> Outcome:
+        """Read a motion and judge it.
+
+        Args:
+            name: Of its file.
+            read: Reads the motion of the robot; may raise MotionError.
+
+        Returns:
+            The verdict, or why there is none; one motion never ends the work on others.
+        """
+        try:
+            motion = read()
+        except MotionError as error:
+            return Outcome(name, problem=str(error), is_motion=False)
+        except Exception as error:  # whatever a library finds in a file
+            return Outcome(name, problem=_mishap(error))
+        try:
+            verdict, timeline = self._judged(motion)
+            plot = self._plot(name, verdict, timeline) if self._setup.plot else b""
+        except G1DescriptionError as error:
+            return Outcome(name, problem=str(error))
+        except Exception as error:
+            return Outcome(name, problem=_mishap(error))
+        return Outcome(name, verdict, plot=plot)
+
+    def read_file(self, path: Path, read: Reader) -> Motion:
+        """Read a motion of the robot.
+
+        Raises:
+            MotionError: If the file holds none.
+        """
+        return read(path, self.description, self._setup.rate, self._setup.topic)
+
+    def _judged(self, motion: Motion) -> tuple[Verdict, Timeline]:
+        """Judge a motion, and return what was measured, too."""
+        only = self._setup.only
+        kinematic = [name for name in only if name not in CHECKS]
+        # Something has to be measured, for figures and pictures.
+        judged = self._checker.check_motion(motion, kinematic or only and NAMES[:1])
+        verdict = judged.verdict
+        if only and not kinematic:
+            verdict = replace(verdict, findings=(), checked=(), skipped={})
+        if self._setup.physics:
+            wanted = [name for name in only if name in CHECKS]
+            if wanted or not only:
+                verdict = self._physics.added(verdict, motion, wanted)
+        return verdict, judged.timeline
+
+    def _plot(self, name: str, verdict: Verdict, timeline: Timeline) -> bytes:
+        """Draw what was measured."""
+        # Only now: matplotlib takes most of a second.
+        from g1_description.sim.plots.motion_plot import motion_plot
+
+        joints = self.description.movable_joints
+        return motion_plot(name, verdict, timeline, joints)
+
+
+def _mishap(error: Exception) -> str:
+    """Describe an error that nobody expected, with its place."""
+    frame = traceback.extract_tb(error.__traceback__)[-1]
+    place = f"{Path(frame.filename).name}:{frame.lineno}"
+    return f"internal error {type(error).__name__}: {cause(error)} ({place})"
