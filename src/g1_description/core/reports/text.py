@@ -63,7 +63,7 @@ def finding_row(finding: Finding) -> tuple[str, ...]:
         finding.name or "the robot",
         f"{finding.worst:.4g} {finding.unit}" if finding.unit else "",
         f"{finding.first_time:.3f} s",
-        f"{100.0 * finding.share:.1f} %",
+        f"{100.0 * finding.share:.1f} %" if finding.unit else "",
     )
 
 

@@ -62,7 +62,8 @@ class Judge:
         try:
             motion = read()
         except MotionError as error:
-            return Outcome(name, problem=str(error), is_motion=False)
+            problem = _without_name(str(error), name)
+            return Outcome(name, problem=problem, is_motion=False)
         except Exception as error:  # whatever a library finds in a file
             return Outcome(name, problem=_mishap(error))
         try:
@@ -87,7 +88,7 @@ class Judge:
         only = self._setup.only
         kinematic = [name for name in only if name not in CHECKS]
         # Something has to be measured, for figures and pictures.
-        judged = self._checker.check_motion(motion, kinematic or only and NAMES[:1])
+        judged = self._checker.check_motion(motion, kinematic or (only and NAMES[:1]))
         verdict = judged.verdict
         if only and not kinematic:
             verdict = replace(verdict, findings=(), checked=(), skipped={})
@@ -104,6 +105,12 @@ class Judge:
 
         joints = self.description.movable_joints
         return motion_plot(name, verdict, timeline, joints)
+
+
+def _without_name(problem: str, name: str) -> str:
+    """Leave out the name of a file at the beginning of a sentence on it."""
+    begin = f"{Path(name).name}: "
+    return problem[len(begin) :] if problem.startswith(begin) else problem
 
 
 def _mishap(error: Exception) -> str:

@@ -27,8 +27,7 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 """How many threads libraries of linear algebra take; one per process is fastest."""
 
 START_METHOD = "spawn"
-"""A process begins with nothing of ours: no open PyBullet, no lock that a thread of ours
-holds."""
+"""A process begins with nothing of ours: no PyBullet, and no lock that is held here."""
 
 
 class Workers:
@@ -146,7 +145,7 @@ _read: Reader
 
 def _prepare(setup: Setup, read: Reader) -> None:
     """Prepare this process."""
-    global _judge, _read  # noqa: PLW0603 - what concurrent.futures has for this
+    global _judge, _read
     threading.Thread(target=_end_with_parent, daemon=True).start()
     _judge, _read = Judge(setup), read
 

@@ -117,9 +117,7 @@ class PhysicsCheck:
         )
 
 
-def _tracking(
-    played: Rollout, number: int, unit: str, level: Level
-) -> Finding | None:
+def _tracking(played: Rollout, number: int, unit: str, level: Level) -> Finding | None:
     """Judge how far a joint is from where it should be.
 
     Args:
