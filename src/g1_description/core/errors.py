@@ -47,6 +47,10 @@ class InvalidValueError(G1DescriptionError):
     """A number was given that no robot can have, such as NaN."""
 
 
+class ClusterError(G1DescriptionError):
+    """Machines that should work together do not answer, or lack what is needed."""
+
+
 class WireFormatError(G1DescriptionError):
     """Bytes that should be a message are not."""
 

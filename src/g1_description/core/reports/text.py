@@ -12,7 +12,7 @@ HEAD = ("", "check", "joint, link or pair", "worst", "first at", "share of time"
 
 
 def outcome_text(outcome: Outcome) -> str:
-    """Describe what was found of a file, in a line or a table without a last newline."""
+    """Describe what was found of a file, in a line or in a table."""
     head = f"{outcome.file}: {outcome.result}"
     verdict = outcome.verdict
     if verdict is None:

@@ -59,13 +59,9 @@ class Judge:
         Returns:
             The verdict, or why there is none; one motion never ends the work on others.
         """
-        try:
-            motion = read()
-        except MotionError as error:
-            problem = _without_name(str(error), name)
-            return Outcome(name, problem=problem, is_motion=False)
-        except Exception as error:  # whatever a library finds in a file
-            return Outcome(name, problem=_mishap(error))
+        motion = self.read(name, read)
+        if isinstance(motion, Outcome):
+            return motion
         try:
             verdict, timeline = self._judged(motion)
             plot = self._plot(name, verdict, timeline) if self._setup.plot else b""
@@ -74,6 +70,16 @@ class Judge:
         except Exception as error:
             return Outcome(name, problem=_mishap(error))
         return Outcome(name, verdict, plot=plot)
+
+    def read(self, name: str, read: Callable[[], Motion]) -> Motion | Outcome:
+        """Read a motion, or tell why there is none."""
+        try:
+            return read()
+        except MotionError as error:
+            problem = _without_name(str(error), name)
+            return Outcome(name, problem=problem, is_motion=False)
+        except Exception as error:  # whatever a library finds in a file
+            return Outcome(name, problem=_mishap(error))
 
     def read_file(self, path: Path, read: Reader) -> Motion:
         """Read a motion of the robot.

@@ -23,9 +23,6 @@ from .setup import Setup
 ATTEMPTS = 3
 """How often a file is begun: whoever dies of it three times dies of it."""
 
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-"""How many threads libraries of linear algebra take; one per process is fastest."""
-
 START_METHOD = "spawn"
 """A process begins with nothing of ours: no PyBullet, and no lock that is held here."""
 
@@ -126,16 +123,9 @@ def _signals_held() -> Iterator[None]:
     """
     held = {signal.SIGINT}
     before = signal.pthread_sigmask(signal.SIG_BLOCK, held)
-    usual = {name: os.environ.get(name) for name in THREADS}
-    os.environ.update(dict.fromkeys(THREADS, "1"))
     try:
         yield
     finally:
-        for name, value in usual.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 

@@ -83,8 +83,9 @@ def _figure(
     name: str, verdict: Verdict, timeline: Timeline, joints: Sequence[Joint]
 ) -> Figure:
     """Lay the panels out, from top to bottom."""
-    n_columns = -(-len(joints) // MAX_STRIPS)
-    n_strips = -(-len(joints) // n_columns) if joints else 0
+    n_strips = -(-len(joints) // max(-(-len(joints) // MAX_STRIPS), 1))
+    firsts = range(0, len(joints), max(n_strips, 1))
+    columns = [joints[first : first + n_strips] for first in firsts]
     below = _panels(verdict, timeline)
     heights = [STRIP * n_strips, *(height for _, height, _ in below)]
     total = HEAD + sum(heights) + GAP * len(heights)
@@ -92,8 +93,8 @@ def _figure(
     FigureCanvasAgg(figure)
     _title(figure, name, verdict, total)
     top = total - HEAD
-    if joints:
-        _joints(figure, (top, total), (n_columns, n_strips), joints, timeline, verdict)
+    if columns:
+        _joints(figure, (top, total), columns, timeline, verdict)
     top -= heights[0] + GAP
     for title, height, draw in below:
         place = (LEFT, (top - height) / total, 0.98 - LEFT, height / total)
@@ -105,20 +106,37 @@ def _figure(
     return figure
 
 
-def _joints(figure, place, shape, joints, timeline, verdict) -> None:
-    """Draw the strips of joints in columns."""
-    (top, total), (n_columns, n_strips) = place, shape
-    width = 1.0 / n_columns
-    for column in range(n_columns):
-        some = joints[column * n_strips : (column + 1) * n_strips]
-        height = STRIP * len(some)
-        left = column * width + 0.1
+def _joints(
+    figure: Figure,
+    place: tuple[float, float],
+    columns: Sequence[Sequence[Joint]],
+    timeline: Timeline,
+    verdict: Verdict,
+) -> None:
+    """Draw the strips of joints.
+
+    Args:
+        figure: Where.
+        place: Upper edge of the strips, and height of the figure, in inches.
+        columns: The joints that stand below each other.
+        timeline: What was measured.
+        verdict: What was found.
+    """
+    top, total = place
+    width = 1.0 / len(columns)
+    for number, joints in enumerate(columns):
+        height = STRIP * len(joints)
         axes = figure.add_axes(
-            (left, (top - height) / total, width - 0.135, height / total)
+            (
+                number * width + 0.1,
+                (top - height) / total,
+                width - 0.135,
+                height / total,
+            )
         )
-        panels.joint_strips(axes, some, timeline, verdict)
+        panels.joint_strips(axes, joints, timeline, verdict)
         _time_axis(axes, timeline.times)
-        if not column:
+        if not number:
             panels.strips_legend(axes)
 
 

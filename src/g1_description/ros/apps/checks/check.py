@@ -14,7 +14,7 @@ from pathlib import Path
 from g1_description.core.checks.thresholds import Thresholds, read_thresholds
 from g1_description.core.checks.verdict import FAILED
 from g1_description.core.cli import say
-from g1_description.core.errors import G1DescriptionError
+from g1_description.core.errors import ClusterError, G1DescriptionError
 from g1_description.core.files.absolute_urdf import absolute_urdf
 from g1_description.core.files.share import share_folder
 from g1_description.core.motion.motors import read_motors
@@ -23,6 +23,7 @@ from g1_description.core.reports.text import summary_text
 from g1_description.ros.apps.command_start import INTERRUPTED
 from g1_description.ros.motion.files.read import read_motion_file
 from g1_description.ros.node.lifecycle import own_arguments
+from g1_description.sim.batch.cluster import Cluster
 from g1_description.sim.batch.in_turn import Task, judged_here
 from g1_description.sim.batch.judge import Judge
 from g1_description.sim.batch.processes import Workers
@@ -86,19 +87,23 @@ def check(args: argparse.Namespace) -> int:
     judge = Judge(setup)  # here, so that its errors are told at once
     is_free = STDOUT not in (args.json, args.csv)
     stream = sys.stdout if is_free and not args.quiet else None
+    code = INTERRUPTED
     with closing(Results(len(files.tasks), stream)) as results:
         try:
             with closing(_judged(args, judge, setup, files.tasks)) as found:
                 for task, outcome in found:
                     reports.add(task, outcome)
                     results.add(task, outcome.without_plot())
-        except KeyboardInterrupt:
+        except (KeyboardInterrupt, ClusterError) as error:
             if not results.outcomes:
                 raise
+            if isinstance(error, ClusterError):
+                notify(str(error))
+                code = MISUSE
     reports.write(results.outcomes, results.n_missing)
     _summarize(results, files, sys.stdout if is_free else sys.stderr)
     if results.n_missing:
-        return INTERRUPTED
+        return code
     return exit_code(results.outcomes.values(), files.named)
 
 
@@ -106,6 +111,10 @@ def _judged(
     args: argparse.Namespace, judge: Judge, setup: Setup, tasks: tuple[Task, ...]
 ) -> Iterator[tuple[Task, Outcome]]:
     """Judge files, in one of the ways that there are."""
+    if args.dask is not None:
+        with closing(Cluster(setup, judge, read_motion_file, args.dask)) as cluster:
+            yield from cluster.judged(tasks)
+        return
     if min(args.jobs, len(tasks)) == 1:
         yield from judged_here(judge, tasks, read_motion_file)
         return

@@ -88,8 +88,7 @@ def _pictures(out: Path | None, tasks: Sequence[Task]) -> dict[int, Path]:
     if out.suffix.lower() == PICTURE and not out.is_dir():
         if len(tasks) > 1:
             raise InvalidValueError(
-                f"--plot {out} is one picture; of {len(tasks)} files there are as many: "
-                "name a folder."
+                f"--plot {out} is one picture for {len(tasks)} files: name a folder."
             )
         check_place(out)
         return {tasks[0].number: out}
