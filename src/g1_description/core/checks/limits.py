@@ -68,21 +68,22 @@ def rate_faults(
         least: A smaller fault is none, as a share of its bound.
     """
     suffix = {"velocity": "/s", "acceleration": "/s^2", "jerk": "/s^3"}.get(check)
-    values = np.abs(rates)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        sizes = np.where(values == 0.0, 0.0, values / bounds)
-        is_large = sizes > least
-    for column in np.flatnonzero(is_large.any(axis=0)):
-        joint = joints[column]
+    for joint, bound, column in zip(joints, bounds, rates.T):
+        values = np.abs(column)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            sizes = np.where(values == 0.0, 0.0, values / bound)
+            is_large = bool((sizes > least).any())
+        if not is_large:
+            continue
         length, effort = units(joint)
         unit = effort if suffix is None else length + suffix
         yield Fault(
             check,
             (joint.name,),
-            sizes[:, column],
+            sizes,
             "of the limit",
-            f"{joint.name} has {np.nanmax(values[:, column]):.4g} {unit} at "
-            f"{{time:.3f}} s, where {bounds[column]:.4g} {unit} is its limit",
+            f"{joint.name} has {np.nanmax(values):.4g} {unit} at {{time:.3f}} s, where "
+            f"{bound:.4g} {unit} is its limit",
         )
 
 
@@ -145,22 +146,16 @@ def jump_faults(
     """
     if len(states.times) == 1:
         return []
-    sizes = jumps(np.diff(positions, axis=0))
-    is_large = sizes > thresholds.jump.least
-    faults = [
-        Fault(
-            "jump",
-            (joints[column].name,),
-            sizes[:, column],
-            units(joints[column])[0],
-            f"{joints[column].name} jumps by {{worst:.4g}} {units(joints[column])[0]} "
-            "at {time:.3f} s",
-        )
-        for column in np.flatnonzero(is_large.any(axis=0))
-    ]
+    faults = []
+    for joint, places in zip(joints, positions.T):
+        sizes = jumps(np.diff(places)[:, np.newaxis])[:, 0]
+        if (sizes > thresholds.jump.least).any():
+            unit = units(joint)[0]
+            text = f"{joint.name} jumps by {{worst:.4g}} {unit} at {{time:.3f}} s"
+            faults.append(Fault("jump", (joint.name,), sizes, unit, text))
     if not states.has_base:
         return faults
-    poses = states.at(states.times)[0]
+    poses = states.base_poses()
     moved = jumps(np.diff(poses[:, :3], axis=0))
     turned = jumps(rotation_vectors(poses[:-1, 3:], poses[1:, 3:]))
     for part, unit, verb in ((moved, "m", "jumps"), (turned, "rad", "turns at once")):

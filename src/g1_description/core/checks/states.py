@@ -68,6 +68,27 @@ class States:
         poses, twists = _base_of(found, len(times))
         return poses, positions[0], twists, positions[1]
 
+    def joint_states(self) -> tuple[np.ndarray, np.ndarray]:
+        """Find the motion's joints at all times, piece by piece to save memory.
+
+        Returns:
+            Positions and velocities in [rad] or [m] and per second, shape (n, k) each.
+        """
+        shape = (len(self.times), len(self.columns))
+        positions, velocities = np.empty(shape), np.empty(shape)
+        for piece in self.chunks():
+            found = sample(self.trajectory, self.times[piece])
+            positions[piece], velocities[piece] = found.positions, found.velocities
+        return positions, velocities
+
+    def base_poses(self) -> np.ndarray:
+        """Find the base at all times, shape (n, 7), likewise."""
+        poses = np.empty((len(self.times), 7))
+        for piece in self.chunks():
+            found = sample(self.trajectory, self.times[piece])
+            poses[piece] = _base_of(found, piece.stop - piece.start)[0]
+        return poses
+
     def dynamics(self, times: np.ndarray, window: float) -> RobotMotion:
         """Find how the robot moves, by differences over a time before and after.
 

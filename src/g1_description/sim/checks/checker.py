@@ -205,12 +205,10 @@ class Checker:
 
     def _timeline(self, states: States, frames: Frames) -> Timeline:
         """Gather what was measured at each sample."""
-        _, positions, _, velocities = states.at(states.times)
         shown = Timeline(
             states.times,
             states.trajectory.joint_names,
-            positions[:, states.columns],
-            velocities[:, states.columns],
+            *states.joint_states(),
             deepest(frames.contacts, len(states.times)),
         )
         if frames.ground is None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from g1_description.sim.collisions.shape_collisions import Contacts
 
 def collision_faults(
     contacts: Contacts, pairs: Sequence[tuple[str, str]], n_samples: int
-) -> list[Fault]:
+) -> Iterator[Fault]:
     """Sort contacts by the pair of links that touch.
 
     Args:
@@ -23,7 +23,6 @@ def collision_faults(
     Returns:
         A fault per pair that touches; its points are those of both links.
     """
-    faults = []
     for pair in np.unique(contacts.pair):
         rows = np.flatnonzero(contacts.pair == pair)
         sizes = np.full(n_samples, -np.inf)
@@ -35,10 +34,7 @@ def collision_faults(
         points[contacts.frame[deep], 1] = contacts.points_b[deep]
         first, second = pairs[pair]
         text = f"{first} is {{worst:.4g}} m deep in {second} at {{time:.3f}} s"
-        faults.append(
-            Fault("self_collision", (first, second), sizes, "m", text, points)
-        )
-    return faults
+        yield Fault("self_collision", (first, second), sizes, "m", text, points)
 
 
 def deepest(contacts: Contacts | None, n_samples: int) -> np.ndarray:

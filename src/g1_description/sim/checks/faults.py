@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
@@ -23,8 +23,10 @@ from .timeline import Timeline
 
 def all_faults(
     parts: Parts, states: States, frames: Frames, timeline: Timeline
-) -> list[Fault]:
-    """List everything that may be wrong; thresholds decide what is.
+) -> Iterator[Fault]:
+    """Find everything that may be wrong; thresholds decide what is.
+
+    One after the other: all faults of a long motion need more memory than it does.
 
     Args:
         parts: The robot.
@@ -35,36 +37,41 @@ def all_faults(
     joints = states.joints_of(parts.joints)
     jumps = limits.jump_faults(states, joints, timeline.positions, parts.thresholds)
     near, around = limits.near_jumps(jumps, states.times, parts.thresholds)
-    return [
-        *jumps,
-        *_joint_faults(parts, states, timeline, near),
-        *_effort_faults(parts, frames.efforts),
-        *_collision_faults(parts, frames, len(states.times)),
-        *_ground_faults(parts, states, frames, near),
-        *_balance_faults(parts, states, frames, around),
-    ]
+    yield from jumps
+    yield from _joint_faults(parts, states, timeline, near)
+    yield from _effort_faults(parts, frames.efforts)
+    yield from _collision_faults(parts, frames, len(states.times))
+    yield from _ground_faults(parts, states, frames, near)
+    yield from _balance_faults(parts, states, frames, around)
 
 
 def _joint_faults(
     parts: Parts, states: States, timeline: Timeline, near_jump: np.ndarray
-) -> list[Fault]:
+) -> Iterator[Fault]:
     """Find what is wrong with single joints, besides jumps."""
     joints, thresholds = states.joints_of(parts.joints), parts.thresholds
     least = thresholds.position.least
-    faults = [*limits.position_faults(joints, timeline.positions, least)]
-    names, hidden = timeline.joint_names, near_jump[:, np.newaxis]
-    acceleration, jerk = limits.derivatives(timeline.times, timeline.positions)
+    yield from limits.position_faults(joints, timeline.positions, least)
+    names = timeline.joint_names
     bounds = {
         "velocity": np.array([joint.velocity for joint in joints]),
         "acceleration": thresholds.acceleration_bounds.of(names),
         "jerk": thresholds.jerk_bounds.of(names),
     }
-    rates = (timeline.velocities, acceleration, jerk)
-    for (check, bound), values in zip(bounds.items(), rates):
-        known = np.where(hidden, np.nan, values)
-        least = getattr(thresholds, check).least
-        faults += limits.rate_faults(check, joints, known, bound, least)
-    return faults
+    for check, bound in bounds.items():
+        if np.isfinite(bound).any():
+            known = _rates(check, timeline)
+            known[near_jump] = np.nan
+            least = getattr(thresholds, check).least
+            yield from limits.rate_faults(check, joints, known, bound, least)
+
+
+def _rates(check: str, timeline: Timeline) -> np.ndarray:
+    """Return what a check compares with bounds, shape (n, n_joints)."""
+    if check == "velocity":
+        return timeline.velocities.copy()
+    acceleration, jerk = limits.derivatives(timeline.times, timeline.positions)
+    return acceleration if check == "acceleration" else jerk
 
 
 def _effort_faults(parts: Parts, efforts: np.ndarray | None) -> Iterable[Fault]:
@@ -76,10 +83,12 @@ def _effort_faults(parts: Parts, efforts: np.ndarray | None) -> Iterable[Fault]:
     return limits.rate_faults("effort", parts.joints, efforts, most, least)
 
 
-def _collision_faults(parts: Parts, frames: Frames, n_samples: int) -> list[Fault]:
+def _collision_faults(
+    parts: Parts, frames: Frames, n_samples: int
+) -> Iterable[Fault]:
     """Find links that touch each other."""
     if frames.contacts is None:
-        return []
+        return ()
     return collision_faults(frames.contacts, parts.collisions.pairs, n_samples)
 
 
@@ -90,8 +99,9 @@ def _ground_faults(
     ground, times, thresholds = frames.ground, states.times, parts.thresholds
     if ground is None:
         return []
-    center = states.at(times)[0][:, :3]
-    if frames.balance is not None:
+    if frames.balance is None:
+        center = states.base_poses()[:, :3]
+    else:
         center = frames.balance.center
     heights = ground.heights.min(axis=1)
     floats = float_heights(heights, center[:, 2], times, thresholds.bearing_height)
