@@ -9,11 +9,15 @@ import pytest
 from scipy.spatial import ConvexHull
 
 from g1_description.core.checks.thresholds import Level, Thresholds, with_thresholds
-from g1_description.core.errors import MotionError, UnknownNameError
+from g1_description.core.errors import (
+    MotionError,
+    ThresholdError,
+    UnknownNameError,
+)
 from g1_description.core.files.absolute_urdf import absolute_urdf
 from g1_description.core.motion.motion import Motion
 from g1_description.core.motion.trajectory import Trajectory
-from g1_description.core.rotation import from_axis_angle
+from g1_description.core.rotation import from_axis_angle, multiply
 from g1_description.core.urdf.reader import parse_urdf
 from g1_description.sim.checks.checker import Checker
 from g1_description.sim.checks.robot_collisions import collisions_of
@@ -252,6 +256,131 @@ def test_a_foot_that_steps_does_not_skate():
     (first, *_) = sliding.findings
     assert 1.0 < first.first_time < 1.2
     assert first.worst == pytest.approx(1.2, rel=0.1)
+
+
+@pytest.mark.parametrize("rate", [20.0, 25.0, 30.0, 50.0, 120.0])
+@pytest.mark.parametrize("make", [jumping, base_jumping])
+def test_a_jump_is_found_at_any_rate(make, rate):
+    """Between samples far apart the motion is judged, too, but nothing jumps there."""
+    times = np.arange(round(3.0 * rate) + 1) / rate
+    positions = np.zeros((len(times), len(JOINTS)))
+    positions[:, column("left_shoulder_roll")] = 0.4
+    positions[:, column("right_shoulder_roll")] = -0.4
+    base = np.tile(motion(standing()).trajectory.base_poses[0], (len(times), 1))
+    if make is jumping:
+        positions[times > 1.19, column("right_wrist_roll")] = 0.5
+    else:
+        base[times > 1.19, 1] = 0.3
+    found = Motion(Trajectory(times, JOINTS, positions, base_poses=base))
+    verdict = check(found).verdict
+    name = "jump" if make is jumping else "base_jump"
+    assert {finding.check for finding in verdict.findings} == {name}
+    assert verdict.findings[0].worst == pytest.approx(0.5 if make is jumping else 0.3)
+
+
+def test_missing_samples_are_no_jump():
+    kept = ~np.isin(np.arange(len(TIMES)), [70, 71])
+    positions = standing()
+    positions[:, column("left_elbow")] = np.clip(5.0 * (TIMES - 1.0), 0.0, 1.5)
+    trajectory = Trajectory(TIMES[kept], JOINTS, positions[kept])
+    assert check(Motion(trajectory), only=["jump"]).verdict.findings == ()
+
+
+@pytest.mark.parametrize("rate", [10.0, 25.0, 60.0])
+@pytest.mark.parametrize("has_velocities", [False, True])
+def test_accelerations_are_those_of_a_sine_at_any_rate(rate, has_velocities):
+    times = np.arange(round(3.0 * rate) + 1) / rate
+    positions, velocities = np.zeros((2, len(times), 1))
+    positions[:, 0], velocities[:, 0] = 0.5 * np.sin(2 * times), np.cos(2 * times)
+    rates = velocities if has_velocities else None
+    found = Motion(Trajectory(times, ("left_elbow_joint",), positions, rates))
+    for name, size in (("acceleration", 2.0), ("jerk", 4.0)):
+        for bound, failures in ((1.15 * size, 0), (0.85 * size, 1)):
+            content = {f"{name}_bounds": {"default": bound}}
+            thresholds = with_thresholds(Thresholds(), content)
+            verdict = check(found, thresholds, [name]).verdict
+            assert len(verdict.findings) == failures, (name, bound)
+
+
+@pytest.mark.parametrize("height", [0.0, 0.004, 0.008, 0.015, 0.024])
+def test_a_robot_that_slides_low_above_the_floor_is_found(height):
+    found = skating()
+    base = found.trajectory.base_poses.copy()
+    base[:, 2] += height
+    verdict = check(motion(standing(), base, lift=False)).verdict
+    assert "skating" in {finding.check for finding in verdict.findings}
+
+
+def test_which_corner_of_a_sole_is_the_lowest_does_not_matter():
+    speeds = []
+    for tilt in (-1e-6, 0.0, 1e-6):
+        base = np.tile([0.0, 0, 0, 0, 0, 0, 1], (len(TIMES), 1))
+        yaw = from_axis_angle(np.array([0.0, 0, 1]), 1.0 * TIMES)
+        pitch = from_axis_angle(np.array([0.0, 1, 0]), np.array(tilt))
+        base[:, 3:] = multiply(yaw, pitch)
+        verdict = check(motion(standing(), base), only=["skating"]).verdict
+        speeds.append(max(finding.worst for finding in verdict.findings))
+    assert max(speeds) - min(speeds) < 1e-3
+
+
+def test_a_moment_without_support_is_no_fall():
+    """A foot that bears moves a little faster for a moment: it still bears."""
+    base = motion(standing()).trajectory.base_poses.copy()
+    base[:, 2] += 0.012
+    base[:, 0] += 0.02 * 0.12 * np.sin(2 * np.pi * TIMES / 0.12) / (2 * np.pi) * 6
+    verdict = check(motion(standing(), base, lift=False)).verdict
+    assert verdict.of("center_of_mass") == ()
+    assert verdict.bearing["left_ankle_roll_link"] == ((0.0, TIMES[-1]),)
+
+
+def test_a_robot_without_masses_floats_and_has_no_efforts():
+    light = replace(ROBOT, links=tuple(replace(x, inertial=None) for x in ROBOT.links))
+    verdict = Checker(light, COLLISIONS).check_motion(floating()).verdict
+    assert "floating" in {finding.check for finding in verdict.findings}
+    assert verdict.skipped["center_of_mass"] == "the robot has no mass"
+    assert verdict.skipped["effort"] == "the robot has no mass"
+
+
+def test_what_is_not_measured_is_not_told():
+    figures = check(motion(standing()), only=["position"]).verdict.figures
+    assert "deepest_self_collision" not in figures
+    ends = Motion(Trajectory(np.array([0.0, 2.0]), JOINTS, np.zeros((2, len(JOINTS)))))
+    assert check(ends).verdict.figures["samples"] == 2
+
+
+def test_efforts_at_the_ends_of_a_motion_are_not_invented():
+    """It may go on before and after."""
+    positions = np.zeros((len(TIMES), len(JOINTS)))
+    positions[:, column("left_hip_pitch")] = 0.8 * TIMES - 1.0
+    found = Motion(Trajectory(TIMES, JOINTS, positions))
+    checker = Checker(ROBOT, COLLISIONS, fixed_base=True)
+    assert checker.check_motion(found, ["effort"]).verdict.findings == ()
+
+
+def test_a_limit_of_zero_is_unknown():
+    elbow = ROBOT.movable_joints[column("left_elbow")]
+    joints = tuple(
+        replace(joint, velocity=0.0) if joint.name == elbow.name else joint
+        for joint in ROBOT.joints
+    )
+    checker = Checker(replace(ROBOT, joints=joints), COLLISIONS)
+    verdict = checker.check_motion(motion(standing())).verdict
+    assert verdict.findings == ()
+    assert "limits the velocity of left_elbow_joint to 0" in verdict.notes[0]
+
+
+def test_bounds_of_joints_that_are_not_there_are_refused():
+    content = {"jerk_bounds": {"joints": {"left_elbow": 1.0}}}
+    thresholds = with_thresholds(Thresholds(), content)
+    with pytest.raises(ThresholdError, match="names left_elbow; g1_29dof has left_el"):
+        Checker(ROBOT, COLLISIONS, thresholds)
+
+
+def test_a_motion_that_is_too_long_is_refused():
+    times = np.array([0.0, 1e8])
+    found = Motion(Trajectory(times, JOINTS, np.zeros((2, len(JOINTS)))))
+    with pytest.raises(MotionError, match="200000 are possible"):
+        check(found)
 
 
 def test_without_a_base_the_floor_is_not_judged():

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from g1_description.sim.checks.checker import Checker
     from g1_description.sim.collisions.shape_collisions import Contacts
 
-ThresholdValues = Union["Mapping[str, Any]", str, "PathLike[str]", None]
+ThresholdValues = Union[Thresholds, "Mapping[str, Any]", str, "PathLike[str]", None]
 """A YAML file, or what it would hold; None: the defaults."""
 
 
@@ -58,9 +58,10 @@ class RobotChecks(RobotKinematics, RobotMotions):
                 check or threshold.
         """
         if isinstance(motion, Trajectory):
-            motion = fitted(Motion(motion), self.description)
+            motion = Motion(motion)
         elif not isinstance(motion, Motion):
             motion = self.read_motion(motion)
+        motion = fitted(motion, self.description)
         checker = self._checker(thresholds, fixed_base)
         return checker.check_motion(motion, only).verdict
 
@@ -130,6 +131,8 @@ class RobotChecks(RobotKinematics, RobotMotions):
             return checker
         if given is None:
             thresholds = Thresholds()
+        elif isinstance(given, Thresholds):
+            thresholds = given
         elif isinstance(given, Mapping):
             thresholds = with_thresholds(Thresholds(), given)
         else:

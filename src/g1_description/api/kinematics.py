@@ -13,6 +13,7 @@ from g1_description.core.dynamics.masses import Masses
 from g1_description.core.errors import DescriptionError, InvalidValueError
 from g1_description.core.robot.assembly import base_of
 from g1_description.core.robot.kinematics import Kinematics
+from g1_description.core.rotation import cross
 from g1_description.core.transform import IDENTITY, compose, inverse
 
 from .joint_values import JointValues
@@ -60,7 +61,14 @@ class RobotKinematics(RobotModel):
         """
         row = self.link_row(link)
         roots, placed = self._placed(positions, base)
-        return link_jacobian(self._kinematics, roots, placed, row)
+        found = link_jacobian(self._kinematics, roots, placed, row)
+        # Its columns are those of the root, which the base carries along.
+        base_row = self.link_names.index(self.base_link)
+        bases = self._kinematics.link_poses(roots, placed)[..., base_row, :3]
+        lever = (roots[..., :3] - bases)[..., np.newaxis, :]
+        shift = cross(np.eye(3), lever)
+        found[..., :3, 3:6] += np.swapaxes(shift, -1, -2)
+        return found
 
     def center_of_mass(self, positions: JointValues, base: Any = None) -> np.ndarray:
         """Compute the centre of mass in the world, in [m], shape (..., 3).

@@ -10,7 +10,11 @@ import numpy as np
 
 from g1_description.core.dynamics.inverse_dynamics import Dynamics
 
+from .runs import without_short
 from .verdict import Fault
+
+STILL_TIME = 0.2
+"""How long a robot must be still for its centre of mass to be judged, in [s]."""
 
 LEAST_FORCE = 0.1
 """Share of its weight that the floor must bear for a zero-moment point to mean
@@ -32,16 +36,6 @@ class Balance:
 
     is_still: np.ndarray
     """Where the robot is still, shape (n,)."""
-
-    @staticmethod
-    def joined(parts: Sequence[Balance]) -> Balance:
-        """Chain successive samples."""
-        return Balance(
-            np.concatenate([part.center for part in parts]),
-            np.concatenate([part.center_margin for part in parts]),
-            np.concatenate([part.zmp_margin for part in parts]),
-            np.concatenate([part.is_still for part in parts]),
-        )
 
 
 Corners = Sequence[Tuple[float, float]]
@@ -149,6 +143,17 @@ def zero_moment_points(dynamics: Dynamics, weight: float, floor: float) -> np.nd
     x = (floor * force[..., 0] - moment[..., 1]) / up
     y = (floor * force[..., 1] + moment[..., 0]) / up
     return np.stack([x, y], axis=-1)
+
+
+def long_still(times: np.ndarray, is_still: np.ndarray) -> np.ndarray:
+    """Leave out moments of standstill, as at the turn of a movement.
+
+    Args:
+        times: Of the samples in [s], shape (n,).
+        is_still: Where the robot is still, shape (n,).
+    """
+    shortest = min(STILL_TIME, float(times[-1] - times[0]))
+    return without_short(times, is_still, shortest)
 
 
 def balance_faults(balance: Balance, is_known: np.ndarray, floor: float) -> list[Fault]:

@@ -11,11 +11,15 @@ from g1_description.core.dynamics.masses import GRAVITY
 from g1_description.core.motion.sampling import SNAP
 from g1_description.core.rotation import cross, to_axes
 
+from .runs import runs, without_short
 from .thresholds import Thresholds
-from .verdict import Fault, intervals
+from .verdict import Fault
 
 FREE_FALL = 0.5
 """Share of gravity from which on a robot in the air falls, instead of floating."""
+
+HYSTERESIS = 2.0
+"""A link that bears does so until it is so many times as fast as one that begins to."""
 
 SLIDE_WINDOW = 0.1
 """Over how long a sliding link's speed is averaged, in [s]."""
@@ -44,6 +48,34 @@ class Outline:
 
 
 @dataclass(frozen=True, eq=False)
+class GroundPiece:
+    """Where links are above the floor, at some successive samples.
+
+    Links are those with an outline, in the order of ``Ground.rows``.
+    """
+
+    heights: np.ndarray
+    """Of the lowest point of each link above the floor, in [m], shape (n, n_links);
+    infinite for a link that is neither the lowest one nor near the floor."""
+
+    lowest: np.ndarray
+    """That point, in the map, in [m], shape (n, n_links, 3)."""
+
+    slide: np.ndarray
+    """How fast the lowest points of a link move along the floor, the mean of those that
+    touch it when the link does, in [m/s], shape (n, n_links)."""
+
+    speed: np.ndarray
+    """How fast the lowest point moves, in [m/s], shape (n, n_links)."""
+
+    low: np.ndarray
+    """Samples and links of points that are low enough to bear, shape (2, k)."""
+
+    low_points: np.ndarray
+    """These points, along the map's x and y, in [m], shape (k, 2)."""
+
+
+@dataclass(frozen=True, eq=False)
 class GroundFrames:
     """How a robot stands, at each of some samples.
 
@@ -51,33 +83,21 @@ class GroundFrames:
     """
 
     heights: np.ndarray
-    """Of the lowest point of each link above the floor, in [m], shape (n, n_links); of
-    a link that is neither the lowest one nor near the floor a lower bound."""
+    """Of the lowest point of each link above the floor, in [m], shape (n, n_links);
+    infinite for a link that is neither the lowest one nor near the floor."""
 
     lowest: np.ndarray
     """That point, in the map, in [m], shape (n, n_links, 3)."""
 
     slide: np.ndarray
-    """How fast that point of the link moves along the floor, in [m/s], shape
+    """How fast the lowest points of a link move along the floor, in [m/s], shape
     (n, n_links)."""
 
     bears: np.ndarray
-    """Whether a link touches the floor, or is slow and almost on it, shape
-    (n, n_links)."""
+    """Whether a link bears, shape (n, n_links)."""
 
     support: list[np.ndarray]
     """Points that bear, along the map's x and y, in [m], shape (k, 2) per sample."""
-
-    @staticmethod
-    def joined(parts: Sequence[GroundFrames]) -> GroundFrames:
-        """Chain the frames of successive samples."""
-        return GroundFrames(
-            np.concatenate([part.heights for part in parts]),
-            np.concatenate([part.lowest for part in parts]),
-            np.concatenate([part.slide for part in parts]),
-            np.concatenate([part.bears for part in parts]),
-            [points for part in parts for points in part.support],
-        )
 
 
 class Ground:
@@ -102,8 +122,8 @@ class Ground:
         self._column = {row: column for column, row in enumerate(self.rows)}
         self._thresholds = thresholds
 
-    def frames(self, link_poses: np.ndarray, link_twists: np.ndarray) -> GroundFrames:
-        """Find how the robot stands.
+    def piece(self, link_poses: np.ndarray, link_twists: np.ndarray) -> GroundPiece:
+        """Find where links are above the floor.
 
         Args:
             link_poses: Poses of all links in the map, shape (n, n_links, 7).
@@ -112,7 +132,7 @@ class Ground:
         """
         shape = (len(link_poses), len(self.rows))
         heights, lowest = np.full(shape, np.inf), np.zeros((*shape, 3))
-        low = [(np.zeros((2, 0), dtype=int), np.zeros((0, 2)))]
+        owners, low = [np.zeros((2, 0), dtype=int)], [np.zeros((0, 3))]
         near = self._near(link_poses)
         for number in np.flatnonzero(near.any(axis=1)):
             outline, at = self._outlines[number], np.flatnonzero(near[number])
@@ -126,19 +146,43 @@ class Ground:
             lowest[changed, column] = lowest_points[is_lower]
             is_low = points[..., 2] <= self._thresholds.bearing_height
             frame = at[np.nonzero(is_low)[0]]
-            owner = np.stack([frame, np.full_like(frame, column)])
-            low.append((owner, points[is_low][:, :2]))
-        velocity = self._velocity(link_poses, link_twists, lowest)
-        bears = self._bears(heights, np.linalg.norm(velocity, axis=-1))
+            owners.append(np.stack([frame, np.full_like(frame, column)]))
+            low.append(points[is_low])
+        owner, points = np.concatenate(owners, axis=1), np.concatenate(low)
+        velocity = self._velocity(link_poses, link_twists, lowest, np.indices(shape))
         slide = np.hypot(velocity[..., 0], velocity[..., 1])
+        moves = self._velocity(link_poses, link_twists, points, owner)
+        self._average(slide, heights, moves, (owner, points))
         lowest[..., 2] += self._thresholds.floor_height
-        return GroundFrames(heights, lowest, slide, bears, _support(low, bears))
+        speed = np.linalg.norm(velocity, axis=-1)
+        return GroundPiece(heights, lowest, slide, speed, owner, points[:, :2])
 
-    def _bears(self, heights: np.ndarray, speed: np.ndarray) -> np.ndarray:
-        """Tell which links bear, from their lowest points."""
-        is_slow = (speed < self._thresholds.bearing_speed) & self._is_end
-        touches = heights <= self._thresholds.contact_height
-        return touches | (is_slow & (heights <= self._thresholds.bearing_height))
+    def _average(
+        self,
+        slide: np.ndarray,
+        heights: np.ndarray,
+        velocity: np.ndarray,
+        low: tuple[np.ndarray, np.ndarray],
+    ) -> None:
+        """Replace the lowest point's sliding by the mean of all that touch as it does.
+
+        Which corner of a flat sole is the lowest one is a matter of rounding.
+
+        Args:
+            slide: Of the lowest points in [m/s], shape (n, n_links); is changed.
+            heights: Of the lowest points in [m], shape (n, n_links).
+            velocity: Of the low points in [m/s], shape (k, 3).
+            low: Their samples and links, shape (2, k), and the points, shape (k, 3).
+        """
+        (frame, column), points = low
+        lowest = heights[frame, column]
+        touches = points[:, 2] <= lowest + self._thresholds.contact_height
+        at = frame[touches] * slide.shape[1] + column[touches]
+        speed = np.hypot(velocity[touches, 0], velocity[touches, 1])
+        count = np.bincount(at, minlength=slide.size)
+        total = np.bincount(at, weights=speed, minlength=slide.size)
+        known = count > 0
+        slide.reshape(-1)[known] = total[known] / count[known]
 
     def _near(self, link_poses: np.ndarray) -> np.ndarray:
         """Mark where outlines may be the lowest, or near the floor.
@@ -163,41 +207,104 @@ class Ground:
         return points
 
     def _velocity(
-        self, poses: np.ndarray, twists: np.ndarray, lowest: np.ndarray
+        self, poses: np.ndarray, twists: np.ndarray, points: np.ndarray, at: np.ndarray
     ) -> np.ndarray:
-        """Compute how the lowest points of the links move, shape (n, n_links, 3)."""
-        origin, twist = poses[:, self.rows, :3].copy(), twists[:, self.rows]
-        origin[..., 2] -= self._thresholds.floor_height
-        return np.asarray(twist[..., :3] + cross(twist[..., 3:], lowest - origin))
-
-    def bearing(self, frames: GroundFrames, times: np.ndarray) -> np.ndarray:
-        """Tell which links bear for long enough, shape (n, n_links).
+        """Compute how points of links move.
 
         Args:
-            frames: At successive samples.
+            poses: Of all links, shape (n, n_links, 7).
+            twists: Of their origins, shape (n, n_links, 6).
+            points: In the map, heights above the floor, shape (..., 3).
+            at: Samples and columns of their links, shape (2, ...).
+        """
+        frame, row = at[0], self.rows[at[1]]
+        origin, twist = poses[frame, row, :3], twists[frame, row]
+        origin[..., 2] -= self._thresholds.floor_height
+        return np.asarray(twist[..., :3] + cross(twist[..., 3:], points - origin))
+
+    def frames(self, pieces: Sequence[GroundPiece], times: np.ndarray) -> GroundFrames:
+        """Find how the robot stands.
+
+        Args:
+            pieces: Of successive samples.
             times: Of the samples in [s], shape (n,).
         """
-        bears = frames.bears.copy()
+        heights = np.concatenate([piece.heights for piece in pieces])
+        speed = np.concatenate([piece.speed for piece in pieces])
+        firsts = np.cumsum([0, *(len(piece.heights) for piece in pieces[:-1])])
+        offsets = [np.array([[first], [0]]) for first in firsts]
+        moved = [piece.low + offset for piece, offset in zip(pieces, offsets)]
+        low = np.concatenate(moved, axis=1)
+        points = np.concatenate([piece.low_points for piece in pieces])
+        bears = self._bearing(heights, speed, times)
+        return GroundFrames(
+            heights,
+            np.concatenate([piece.lowest for piece in pieces]),
+            np.concatenate([piece.slide for piece in pieces]),
+            bears,
+            _support(low, points, bears),
+        )
+
+    def _bearing(
+        self, heights: np.ndarray, speed: np.ndarray, times: np.ndarray
+    ) -> np.ndarray:
+        """Tell which links bear, shape (n, n_links).
+
+        Args:
+            heights: Of the links' lowest points in [m], shape (n, n_links).
+            speed: Of these points in [m/s], shape (n, n_links).
+            times: Of the samples in [s], shape (n,).
+        """
+        limits = self._thresholds
+        touches = heights <= limits.contact_height
+        is_near = (heights <= limits.bearing_height) & self._is_end
         if len(times) == 1:
-            return bears
+            return touches | is_near
+        bears = touches | (is_near & (speed < limits.bearing_speed))
+        may_bear = touches | (is_near & (speed < HYSTERESIS * limits.bearing_speed))
         for column in np.flatnonzero(bears.any(axis=0)):
-            for first, last in intervals(times, bears[:, column]):
-                if last - first < self._thresholds.shortest_contact:
-                    bears[(times >= first) & (times <= last), column] = False
+            stood = bears[:, column]
+            for first, last in runs(may_bear[:, column]):
+                if stood[first : last + 1].any():
+                    stood[first : last + 1] = True
+            for first, last in runs(~stood):
+                is_between = first > 0 and last < len(times) - 1
+                is_short = times[last] - times[first] < limits.shortest_contact
+                if is_between and is_short and is_near[first : last + 1, column].all():
+                    stood[first : last + 1] = True
+            stood[:] = without_short(times, stood, limits.shortest_contact)
         return bears
+
+    def touching(self, frames: GroundFrames, times: np.ndarray) -> np.ndarray:
+        """Tell which links slide if they move, shape (n, n_links).
+
+        Those that bear and touch the floor. Where for long none bears a robot that is
+        almost on the floor, its lowest foot or hand does.
+
+        Args:
+            frames: How the robot stands.
+            times: Of the samples in [s], shape (n,).
+        """
+        heights, limits = frames.heights, self._thresholds
+        touches = frames.bears & (heights <= limits.contact_height)
+        lowest = self._is_end & (heights <= heights.min(axis=1, keepdims=True))
+        lowest &= heights <= limits.bearing_height
+        is_lonely = lowest.any(axis=1) & ~frames.bears.any(axis=1)
+        is_lonely = without_short(times, is_lonely, SLIDE_WINDOW)
+        return np.asarray(touches | (lowest & is_lonely[:, np.newaxis]))
 
 
 def _support(
-    low: Sequence[tuple[np.ndarray, np.ndarray]], bears: np.ndarray
+    low: np.ndarray, points: np.ndarray, bears: np.ndarray
 ) -> list[np.ndarray]:
     """Sort the low points of bearing links by the sample that they belong to.
 
     Args:
-        low: Samples and links of points, shape (2, k), and the points, shape (k, 2).
+        low: Samples and links of points, shape (2, k).
+        points: The points, shape (k, 2).
         bears: Which links bear, shape (n, n_links).
     """
-    frame, column = np.concatenate([owner for owner, _ in low], axis=1)
-    points = np.concatenate([part for _, part in low])
+    frame, column = low
     is_kept = bears[frame, column]
     frame, points = frame[is_kept], points[is_kept]
     order = np.argsort(frame, kind="stable")
@@ -224,12 +331,12 @@ def sliding_speeds(
     """
     found = np.full(slide.shape, np.nan)
     for column in np.flatnonzero(touches.any(axis=0)):
-        for first, last in intervals(times, touches[:, column]):
-            rows = np.flatnonzero((times >= first) & (times <= last))
+        for first, last in runs(touches[:, column]):
+            rows = slice(first, last + 1)
             inside = times[rows]
             summed = np.append(0.0, np.cumsum(slide[rows, column]))
-            latest = max(first, last - SLIDE_WINDOW)
-            start = np.clip(inside - SLIDE_WINDOW / 2.0, first, latest)
+            latest = max(inside[0], inside[-1] - SLIDE_WINDOW)
+            start = np.clip(inside - SLIDE_WINDOW / 2.0, inside[0], latest)
             begin = np.searchsorted(inside, start - SNAP, side="left")
             end = np.searchsorted(inside, start + SLIDE_WINDOW + SNAP, side="right")
             found[rows, column] = (summed[end] - summed[begin]) / (end - begin)
@@ -239,7 +346,6 @@ def sliding_speeds(
 def ground_faults(
     names: Sequence[str],
     frames: GroundFrames,
-    bears: np.ndarray,
     slides: np.ndarray,
     airborne: np.ndarray,
 ) -> list[Fault]:
@@ -248,7 +354,6 @@ def ground_faults(
     Args:
         names: Of the links with outlines.
         frames: How it stands at each sample.
-        bears: Which links bear, shape (n, n_links).
         slides: How fast links slide that touch the floor, shape (n, n_links).
         airborne: What ``float_heights`` returned, shape (n,).
 
@@ -257,14 +362,15 @@ def ground_faults(
         height of a robot that floats.
     """
     faults = []
-    for column in np.flatnonzero(frames.bears.any(axis=0)):
+    is_low = frames.bears | ~np.isnan(slides)
+    for column in np.flatnonzero(is_low.any(axis=0)):
         link, heights = (names[column],), frames.heights[:, column]
         points = frames.lowest[:, column]
         text = f"{link[0]} is {{worst:.4g}} m deep in the floor at {{time:.3f}} s"
         faults.append(Fault("penetration", link, -heights, "m", text, points))
         text = f"{link[0]} slides on the floor with {{worst:.4g}} m/s at {{time:.3f}} s"
         faults.append(Fault("skating", link, slides[:, column], "m/s", text, points))
-        high = np.where(bears[:, column], heights, np.nan)
+        high = np.where(frames.bears[:, column], heights, np.nan)
         text = f"{link[0]} bears {{worst:.4g}} m above the floor at {{time:.3f}} s"
         faults.append(Fault("floating", link, high, "m", text, points))
     text = "the robot floats {worst:.4g} m above the floor at {time:.3f} s"
@@ -295,10 +401,11 @@ def float_heights(
     in_air = heights > bearing_height
     if len(times) == 1:
         return np.where(in_air, heights, np.nan)
-    for first, last in intervals(times, in_air):
-        rows = (times >= first) & (times <= last)
-        if last - first >= SHORTEST_FLIGHT and rows.sum() > 2:
-            curve = np.polyfit(times[rows] - first, center_heights[rows], 2)[0]
+    for first, last in runs(in_air):
+        rows = slice(first, last + 1)
+        if times[last] - times[first] >= SHORTEST_FLIGHT and last - first > 1:
+            elapsed = times[rows] - times[first]
+            curve = np.polyfit(elapsed, center_heights[rows], 2)[0]
             if 2.0 * curve > -FREE_FALL * GRAVITY:
                 floats[rows] = heights[rows]
     return floats

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
+from g1_description.core.motion.trajectory import Trajectory
 from g1_description.core.robot.description import Joint
 
+from .runs import around
 from .states import States, rotation_vectors
 from .thresholds import Thresholds
 from .verdict import Fault
@@ -15,6 +18,10 @@ from .verdict import Fault
 QUIET_SAMPLES = 3
 """How many samples before and after a jump say nothing of speeds: differences of
 third order reach so far."""
+
+LONGEST_STEP = 0.0501
+"""Samples that are farther apart are way points, between which nothing jumps, in [s]:
+20 Hz is the least rate of recorded motions."""
 
 
 def units(joint: Joint) -> tuple[str, str]:
@@ -69,6 +76,8 @@ def rate_faults(
     """
     suffix = {"velocity": "/s", "acceleration": "/s^2", "jerk": "/s^3"}.get(check)
     for joint, bound, column in zip(joints, bounds, rates.T):
+        if not bound > 0.0:
+            continue  # URDF exporters write 0 where they know none
         values = np.abs(column)
         with np.errstate(divide="ignore", invalid="ignore"):
             sizes = np.where(values == 0.0, 0.0, values / bound)
@@ -87,103 +96,132 @@ def rate_faults(
         )
 
 
-def derivatives(
-    times: np.ndarray, positions: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Compute accelerations and jerks by differences of neighbouring samples.
+def derivatives(trajectory: Trajectory) -> tuple[np.ndarray, np.ndarray]:
+    """Compute the accelerations and jerks of a motion's samples.
 
     Args:
-        times: Of the samples in [s], shape (n,).
-        positions: In [rad] or [m], shape (n, n_joints).
+        trajectory: The motion.
 
     Returns:
-        Of second and third order, shape (n, n_joints) each; NaN at the ends, where
-        neighbours are missing.
+        In [rad/s^2] and [rad/s^3], or [m/s^2] and [m/s^3], shape (n, n_joints) each:
+        of the cubic polynomials between samples where the motion has velocities, the
+        larger acceleration of both sides; else differences of neighbouring samples. NaN
+        at the ends, where neighbours are missing.
     """
+    times, positions = trajectory.times, trajectory.positions
     acceleration, jerk = np.full((2, *positions.shape), np.nan)
-    if len(times) > 2:
-        steps = np.diff(times)
-        speed = np.diff(positions, axis=0) / steps[:, np.newaxis]
-        middle = (times[2:] - times[:-2]) / 2.0
-        acceleration[1:-1] = np.diff(speed, axis=0) / middle[:, np.newaxis]
-        jerk[1:-2] = np.diff(acceleration[1:-1], axis=0) / steps[1:-1, np.newaxis]
+    h, step = np.diff(times)[:, np.newaxis], np.diff(positions, axis=0)
+    if len(times) > 2 and trajectory.velocities is None:
+        middle = (times[2:] - times[:-2])[:, np.newaxis] / 2.0
+        acceleration[1:-1] = np.diff(step / h, axis=0) / middle
+        jerk[1:-2] = np.diff(acceleration[1:-1], axis=0) / h[1:-1]
+    elif len(times) > 1 and trajectory.velocities is not None:
+        v0, v1 = h * trajectory.velocities[:-1], h * trajectory.velocities[1:]
+        begin = (6.0 * step - 4.0 * v0 - 2.0 * v1) / h**2
+        end = (2.0 * v0 + 4.0 * v1 - 6.0 * step) / h**2
+        acceleration[:-1] = begin
+        is_larger = ~(np.abs(acceleration[1:]) > np.abs(end))
+        acceleration[1:][is_larger] = end[is_larger]
+        jerk[:-1] = (6.0 * (v0 + v1) - 12.0 * step) / h**3
     return acceleration, jerk
 
 
-def jumps(steps: np.ndarray) -> np.ndarray:
-    """Find how far steps are from both of their neighbours.
+def jumps(times: np.ndarray, steps: np.ndarray) -> np.ndarray:
+    """Find how far steps are from what the steps beside them explain.
 
-    A fast motion has fast steps before or after, and one that speeds up or slows down
-    has a faster step on one side; what jumps differs from both in the same direction.
+    A fast motion is fast before or after, and one that speeds up or slows down is
+    faster on one side; what jumps is faster, or slower, than both. Between way points
+    that are far apart nothing jumps: the motion goes evenly.
 
     Args:
+        times: Of the samples in [s], rising, shape (n,).
         steps: From each sample to the next, shape (n - 1, k).
 
     Returns:
         Sizes at the samples that a jump leads to, shape (n, k).
     """
     still = np.zeros((1, steps.shape[1]))
-    from_last = np.diff(np.concatenate([still, steps]), axis=0)
-    from_next = -np.diff(np.concatenate([steps, still]), axis=0)
+    if len(times) < 3:
+        return np.zeros((len(times), steps.shape[1]))
+    gaps = np.diff(times)[:, np.newaxis]
+    speeds = steps / gaps
+    from_last = np.diff(np.concatenate([still, speeds]), axis=0)
+    from_next = -np.diff(np.concatenate([speeds, still]), axis=0)
     sizes = np.minimum(np.abs(from_last), np.abs(from_next))
-    sizes = np.minimum(sizes, np.abs(steps))
-    return np.concatenate([still, np.where(from_last * from_next > 0.0, sizes, 0.0)])
+    sizes = gaps * np.minimum(sizes, np.abs(speeds))
+    is_jump = (from_last * from_next > 0.0) & (gaps < LONGEST_STEP)
+    return np.concatenate([still, np.where(is_jump, sizes, 0.0)])
 
 
 def jump_faults(
-    states: States,
-    joints: Sequence[Joint],
-    positions: np.ndarray,
-    thresholds: Thresholds,
+    states: States, joints: Sequence[Joint], thresholds: Thresholds
 ) -> list[Fault]:
-    """Find jumps of joints and base.
+    """Find jumps of joints and base between the motion's own samples.
 
     Args:
         states: The motion.
         joints: Its joints.
-        positions: Theirs, shape (n, k).
         thresholds: Smaller jumps are none.
     """
-    if len(states.times) == 1:
-        return []
-    faults = []
-    for joint, places in zip(joints, positions.T):
-        sizes = jumps(np.diff(places)[:, np.newaxis])[:, 0]
+    motion, faults = states.trajectory, []
+    for joint, places in zip(joints, motion.positions.T):
+        sizes = jumps(motion.times, np.diff(places)[:, np.newaxis])[:, 0]
         if (sizes > thresholds.jump.least).any():
             unit = units(joint)[0]
             text = f"{joint.name} jumps by {{worst:.4g}} {unit} at {{time:.3f}} s"
+            sizes = states.spread(sizes, 0.0)
             faults.append(Fault("jump", (joint.name,), sizes, unit, text))
-    if not states.has_base:
+    poses = motion.base_poses
+    if poses is None:
         return faults
-    poses = states.base_poses()
-    moved = jumps(np.diff(poses[:, :3], axis=0))
-    turned = jumps(rotation_vectors(poses[:-1, 3:], poses[1:, 3:]))
+    moved = jumps(motion.times, np.diff(poses[:, :3], axis=0))
+    turns = rotation_vectors(poses[:-1, 3:], poses[1:, 3:])
+    turned = jumps(motion.times, turns)
     for part, unit, verb in ((moved, "m", "jumps"), (turned, "rad", "turns at once")):
         text = f"the base {verb} by {{worst:.4g}} {unit} at {{time:.3f}} s"
-        size = np.linalg.norm(part, axis=1)
+        size = states.spread(np.linalg.norm(part, axis=1), 0.0)
         faults.append(Fault("base_jump", ("base",), size, unit, text))
     return faults
 
 
+@dataclass(frozen=True, eq=False)
+class NearJumps:
+    """Samples whose rates say nothing, as a joint or the base jumps."""
+
+    joints: dict[str, np.ndarray]
+    """Of each joint that jumps: where its rates say nothing, shape (n,)."""
+
+    body: np.ndarray
+    """Where the velocities of links say nothing, shape (n,)."""
+
+    window: np.ndarray
+    """Where accelerations over the window of the thresholds say nothing, shape (n,)."""
+
+
 def near_jumps(
     faults: Sequence[Fault], times: np.ndarray, thresholds: Thresholds
-) -> tuple[np.ndarray, np.ndarray]:
-    """Mark what is near jumps, and says nothing of speeds and accelerations there.
+) -> NearJumps:
+    """Mark what is near jumps.
 
     Args:
         faults: What ``jump_faults`` returned.
-        times: Of the samples in [s], shape (n_samples,).
-        thresholds: The thresholds.
-
-    Returns:
-        The samples whose neighbours are beyond a jump, and those with a jump in the
-        window of their accelerations, shapes (n_samples,).
+        times: Of the samples in [s], shape (n,).
+        thresholds: Jumps that are only warned of hide nothing.
     """
-    near, around = np.zeros((2, len(times)), dtype=bool)
+    joints, rows = {}, [np.zeros(0, dtype=int)]
     for fault in faults:
         level = thresholds.jump if fault.check == "jump" else thresholds.base_jump
-        for at in np.flatnonzero(fault.sizes > level.least):
-            near[max(0, at - QUIET_SAMPLES) : at + QUIET_SAMPLES] = True
-            begin = times[max(0, at - 1)] - thresholds.window
-            around |= (times >= begin) & (times <= times[at] + thresholds.window)
-    return near, around
+        bound = level.least if level.failure is None else level.failure
+        at = np.flatnonzero(fault.sizes > bound)
+        rows.append(at)
+        if fault.check == "jump" and len(at):
+            near = around(len(times), at - QUIET_SAMPLES, at + QUIET_SAMPLES)
+            joints[fault.subject[0]] = near
+    at = np.unique(np.concatenate(rows))
+    begin = times[np.maximum(at - 1, 0)] - thresholds.window
+    end = np.searchsorted(times, times[at] + thresholds.window, side="right")
+    return NearJumps(
+        joints,
+        around(len(times), at - QUIET_SAMPLES, at + QUIET_SAMPLES),
+        around(len(times), np.searchsorted(times, begin), end),
+    )

@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
 from g1_description.core.dynamics.inverse_dynamics import RobotMotion
+from g1_description.core.errors import MotionError
 from g1_description.core.motion.sampling import Sample, sample
 from g1_description.core.motion.trajectory import Trajectory
+from g1_description.core.robot.assembly import base_of
 from g1_description.core.robot.description import Description, Joint
-from g1_description.core.rotation import relative, rotate
-from g1_description.core.transform import IDENTITY
+from g1_description.core.rotation import cross, relative, rotate
+from g1_description.core.transform import IDENTITY, compose, inverse
+
+MAX_TIMES = 200_000
+"""At how many times a motion can be judged: 55 minutes at 60 Hz."""
 
 CHUNK = 512
 """Samples that are worked on at once: some 20 MB of intermediate results."""
@@ -33,10 +39,33 @@ class States:
     n_joints: int
     """How many movable joints the robot has."""
 
+    T_base_root: np.ndarray = field(default_factory=lambda: IDENTITY)
+    """The root link in the base link, which is another one where the root is the world
+    and the robot floats in it, shape (7,)."""
+
     @property
     def has_base(self) -> bool:
         """Whether the motion says where the base is."""
         return self.trajectory.base_poses is not None
+
+    @cached_property
+    def own_rows(self) -> np.ndarray:
+        """Rows of the motion's own samples among the times, shape (n_samples,)."""
+        return np.searchsorted(self.times, self.trajectory.times)
+
+    def spread(self, values: np.ndarray, fill: float) -> np.ndarray:
+        """Put values of the motion's own samples among all times.
+
+        Args:
+            values: Shape (n_samples, ...).
+            fill: The value at other times.
+
+        Returns:
+            Shape (n, ...).
+        """
+        found = np.full((len(self.times), *values.shape[1:]), fill)
+        found[self.own_rows] = values
+        return found
 
     def joints_of(self, movable: Sequence[Joint]) -> list[Joint]:
         """Select the motion's joints from all movable ones, in the motion's order."""
@@ -56,7 +85,7 @@ class States:
             times: In [s], shape (m,).
 
         Returns:
-            Base poses, shape (m, 7), all joints' positions, shape (m, n_joints), base
+            Root poses, shape (m, 7), all joints' positions, shape (m, n_joints), root
             twists, shape (m, 6), and all joints' velocities, shape (m, n_joints).
             Joints that the motion does not have are at zero, a base that it does not
             have is at the map's origin.
@@ -66,6 +95,12 @@ class States:
         positions[0][:, self.columns] = found.positions
         positions[1][:, self.columns] = found.velocities
         poses, twists = _base_of(found, len(times))
+        if self.T_base_root is not IDENTITY:
+            roots = compose(poses, self.T_base_root)
+            lever = roots[:, :3] - poses[:, :3]
+            twists = twists.copy()
+            twists[:, :3] += cross(twists[:, 3:], lever)
+            poses = roots
         return poses, positions[0], twists, positions[1]
 
     def joint_states(self) -> tuple[np.ndarray, np.ndarray]:
@@ -122,19 +157,32 @@ def states_of(
         trajectory: Of joints that the robot has.
         robot: The robot.
         longest_interval: At least so often, in [s].
+
+    Raises:
+        MotionError: If these are more times than fit into memory.
     """
     names = [joint.name for joint in robot.movable_joints]
     columns = [names.index(name) for name in trajectory.joint_names]
     times = _refined(trajectory.times, longest_interval)
-    return States(trajectory, times, np.array(columns, dtype=int), len(names))
+    base, pose = base_of(robot)
+    T_base_root = IDENTITY if base == robot.root else inverse(pose)
+    rows = np.array(columns, dtype=int)
+    return States(trajectory, times, rows, len(names), T_base_root)
 
 
 def _refined(knots: np.ndarray, longest: float) -> np.ndarray:
     """Put times between samples that are far apart, at even distances."""
     gaps = np.diff(knots)
-    parts = np.maximum(1, np.ceil(gaps / longest - 1e-9)).astype(int)
+    parts = np.maximum(1.0, np.ceil(gaps / longest - 1e-9))
+    if parts.sum() >= MAX_TIMES:
+        raise MotionError(
+            f"The motion lasts {knots[-1] - knots[0]:g} s and would be judged at "
+            f"{parts.sum() + 1:.0f} times; {MAX_TIMES} are possible. Judge a part of "
+            "it, or set a larger longest_interval."
+        )
     if (parts == 1).all():
         return np.asarray(knots, dtype=float)
+    parts = parts.astype(int)
     starts = np.repeat(knots[:-1], parts)
     number = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
     between = starts + number * np.repeat(gaps / parts, parts)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
@@ -260,7 +261,10 @@ def _optional(name: str, value: Any) -> float | None:
 
 def _number(name: str, value: Any, more: str | None) -> float:
     """Read a finite number."""
-    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    if not is_number or not np.isfinite(value):
+    try:
+        number = math.nan if isinstance(value, (bool, str)) else float(value)
+    except (TypeError, ValueError, OverflowError):
+        number = math.nan
+    if not math.isfinite(number):
         raise ThresholdError(f"{name} is {value!r}, not a number{more or ''}.")
-    return float(value)
+    return number

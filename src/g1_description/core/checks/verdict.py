@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from .runs import intervals
 from .thresholds import Level
 
 FAILED, WARNING, PASSED = "failed", "warning", "passed"
@@ -203,23 +204,6 @@ def sorted_findings(findings: Iterable[Finding | None]) -> tuple[Finding, ...]:
             (finding for finding in findings if finding is not None),
             key=lambda f: (f.severity != FAILED, f.first_time, f.check, f.subject),
         )
-    )
-
-
-def intervals(times: np.ndarray, mask: np.ndarray) -> tuple[tuple[float, float], ...]:
-    """List the stretches of samples in which something holds.
-
-    Args:
-        times: Of the samples in [s], rising, shape (n_samples,).
-        mask: Where it holds, shape (n_samples,).
-
-    Returns:
-        First and last times of each stretch, in [s].
-    """
-    edges = np.diff(np.concatenate([[0], mask.astype(int), [0]]))
-    firsts, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1
-    return tuple(
-        (float(times[first]), float(times[end])) for first, end in zip(firsts, ends)
     )
 
 

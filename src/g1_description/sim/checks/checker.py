@@ -10,6 +10,7 @@ import numpy as np
 
 from g1_description.core.checks.ground import Ground
 from g1_description.core.checks.ground_at_rest import GroundAtRest
+from g1_description.core.checks.robot_limits import check_bounds, zero_limits
 from g1_description.core.checks.states import States, states_of
 from g1_description.core.checks.thresholds import Thresholds
 from g1_description.core.checks.verdict import (
@@ -21,7 +22,7 @@ from g1_description.core.dynamics.masses import Masses
 from g1_description.core.errors import UnknownNameError
 from g1_description.core.motion.motion import Motion
 from g1_description.core.motion.trajectory import Trajectory
-from g1_description.core.robot.assembly import WORLD
+from g1_description.core.robot.assembly import WORLD, base_of
 from g1_description.core.robot.description import Description
 from g1_description.core.robot.kinematics import Kinematics
 from g1_description.core.text import listed, similar_first
@@ -59,7 +60,8 @@ class Checker:
         """
         self.description = description
         self.thresholds = thresholds or Thresholds()
-        self.notes: tuple[str, ...] = ()
+        check_bounds(self.thresholds, description)
+        self.notes = zero_limits(description)
         """Messages on what was assumed of the robot."""
         self.collisions = collisions
         names = [name for name in description.link_names if name != WORLD]
@@ -76,7 +78,7 @@ class Checker:
             collisions,
             self.thresholds,
         )
-        is_fixed = fixed_base or description.root == WORLD
+        is_fixed = fixed_base or base_of(description)[0] == WORLD
         self._planner = Planner(self._parts, is_fixed)
         at_rest = GroundAtRest(*outlines, self.thresholds)
         self._rest = RestChecks(description.name, self._parts, at_rest)
@@ -106,7 +108,7 @@ class Checker:
         """
         collisions, notes = collisions_of(description, pairs, visual_hulls)
         checker = cls(description, collisions, thresholds, fixed_base)
-        checker.notes = notes
+        checker.notes = (*checker.notes, *notes)
         return checker
 
     def check_state(
@@ -197,7 +199,7 @@ class Checker:
             sorted_findings(findings),
             plan.made,
             plan.skipped,
-            figures(states.joints_of(self._parts.joints), timeline),
+            figures(states.joints_of(self._parts.joints), trajectory, timeline),
             bearing(timeline),
             (*self.notes, *motion.notes),
         )
@@ -217,7 +219,7 @@ class Checker:
             shown,
             ground_links=self._ground_links,
             heights=frames.ground.heights,
-            bearing=self._parts.ground.bearing(frames.ground, states.times),
+            bearing=frames.ground.bears,
             support=tuple(frames.ground.support),
             balance=frames.balance,
         )

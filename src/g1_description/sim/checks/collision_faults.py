@@ -38,8 +38,12 @@ def collision_faults(
 
 
 def deepest(contacts: Contacts | None, n_samples: int) -> np.ndarray:
-    """Return the depth of the deepest contact of each sample in [m], or zero."""
+    """Return the depth of the deepest contact of each sample in [m].
+
+    Zero where there is none; NaN where contacts were not looked for.
+    """
+    if contacts is None:
+        return np.full(n_samples, np.nan)
     depth = np.zeros(n_samples)
-    if contacts is not None:
-        np.maximum.at(depth, contacts.frame, -contacts.distance)
+    np.maximum.at(depth, contacts.frame, -contacts.distance)
     return depth

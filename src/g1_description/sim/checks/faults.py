@@ -13,6 +13,7 @@ from g1_description.core.checks.ground import (
     ground_faults,
     sliding_speeds,
 )
+from g1_description.core.checks.limits import NearJumps
 from g1_description.core.checks.states import States
 from g1_description.core.checks.verdict import Fault
 
@@ -35,18 +36,27 @@ def all_faults(
         timeline: The same, for people.
     """
     joints = states.joints_of(parts.joints)
-    jumps = limits.jump_faults(states, joints, timeline.positions, parts.thresholds)
-    near, around = limits.near_jumps(jumps, states.times, parts.thresholds)
+    jumps = limits.jump_faults(states, joints, parts.thresholds)
+    near = limits.near_jumps(jumps, states.times, parts.thresholds)
+    is_known = ~near.window & ~_at_ends(states.times, parts.thresholds.window)
     yield from jumps
     yield from _joint_faults(parts, states, timeline, near)
-    yield from _effort_faults(parts, frames.efforts)
+    yield from _effort_faults(parts, frames.efforts, is_known)
     yield from _collision_faults(parts, frames, len(states.times))
-    yield from _ground_faults(parts, states, frames, near)
-    yield from _balance_faults(parts, states, frames, around)
+    yield from _ground_faults(parts, states, frames, near.body)
+    if frames.balance is not None:
+        floor = parts.thresholds.floor_height
+        yield from balance_faults(frames.balance, is_known, floor)
+
+
+def _at_ends(times: np.ndarray, window: float) -> np.ndarray:
+    """Mark the samples whose window reaches beyond the motion, which tells nothing."""
+    is_early, is_late = times < times[0] + window, times > times[-1] - window
+    return (is_early | is_late) & (len(times) > 1)
 
 
 def _joint_faults(
-    parts: Parts, states: States, timeline: Timeline, near_jump: np.ndarray
+    parts: Parts, states: States, timeline: Timeline, near: NearJumps
 ) -> Iterator[Fault]:
     """Find what is wrong with single joints, besides jumps."""
     joints, thresholds = states.joints_of(parts.joints), parts.thresholds
@@ -60,32 +70,34 @@ def _joint_faults(
     }
     for check, bound in bounds.items():
         if np.isfinite(bound).any():
-            known = _rates(check, timeline)
-            known[near_jump] = np.nan
+            known = _rates(check, states, timeline)
+            for name, rows in near.joints.items():
+                known[rows, names.index(name)] = np.nan
             least = getattr(thresholds, check).least
             yield from limits.rate_faults(check, joints, known, bound, least)
 
 
-def _rates(check: str, timeline: Timeline) -> np.ndarray:
+def _rates(check: str, states: States, timeline: Timeline) -> np.ndarray:
     """Return what a check compares with bounds, shape (n, n_joints)."""
     if check == "velocity":
         return timeline.velocities.copy()
-    acceleration, jerk = limits.derivatives(timeline.times, timeline.positions)
-    return acceleration if check == "acceleration" else jerk
+    acceleration, jerk = limits.derivatives(states.trajectory)
+    return states.spread(acceleration if check == "acceleration" else jerk, np.nan)
 
 
-def _effort_faults(parts: Parts, efforts: np.ndarray | None) -> Iterable[Fault]:
+def _effort_faults(
+    parts: Parts, efforts: np.ndarray | None, is_known: np.ndarray
+) -> Iterable[Fault]:
     """Find efforts beyond their limits."""
     if efforts is None:
         return ()
     most = np.array([joint.effort for joint in parts.joints])
+    known = np.where(is_known[:, np.newaxis], efforts, np.nan)
     least = parts.thresholds.effort.least
-    return limits.rate_faults("effort", parts.joints, efforts, most, least)
+    return limits.rate_faults("effort", parts.joints, known, most, least)
 
 
-def _collision_faults(
-    parts: Parts, frames: Frames, n_samples: int
-) -> Iterable[Fault]:
+def _collision_faults(parts: Parts, frames: Frames, n_samples: int) -> Iterable[Fault]:
     """Find links that touch each other."""
     if frames.contacts is None:
         return ()
@@ -105,20 +117,6 @@ def _ground_faults(
         center = frames.balance.center
     heights = ground.heights.min(axis=1)
     floats = float_heights(heights, center[:, 2], times, thresholds.bearing_height)
-    bears = parts.ground.bearing(ground, times)
-    touches = ground.heights <= thresholds.contact_height
-    touches &= bears & ~near_jump[:, np.newaxis]
+    touches = parts.ground.touching(ground, times) & ~near_jump[:, np.newaxis]
     slides = sliding_speeds(ground.slide, touches, times)
-    return ground_faults(parts.ground_links, ground, bears, slides, floats)
-
-
-def _balance_faults(
-    parts: Parts, states: States, frames: Frames, around_jump: np.ndarray
-) -> list[Fault]:
-    """Find where the robot would tip over."""
-    if frames.balance is None:
-        return []
-    window, times = parts.thresholds.window, states.times
-    at_end = (times < times[0] + window) | (times > times[-1] - window)
-    is_known = ~around_jump & ~(at_end & (len(times) > 1))
-    return balance_faults(frames.balance, is_known, parts.thresholds.floor_height)
+    return ground_faults(parts.ground_links, ground, slides, floats)

@@ -7,8 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from g1_description.core.checks.balance import Balance, margins, zero_moment_points
-from g1_description.core.checks.ground import Ground, GroundFrames
+from g1_description.core.checks.balance import (
+    Balance,
+    long_still,
+    margins,
+    zero_moment_points,
+)
+from g1_description.core.checks.ground import Ground, GroundFrames, GroundPiece
 from g1_description.core.checks.states import States
 from g1_description.core.checks.thresholds import Thresholds
 from g1_description.core.dynamics.inverse_dynamics import Dynamics, inverse_dynamics
@@ -47,6 +52,18 @@ class Frames:
     """Of the joints of a robot that is fixed, in [N m] or [N], shape (n, n_joints)."""
 
 
+@dataclass(frozen=True, eq=False)
+class _Piece:
+    """Measurements at some successive samples; None where they are not wanted."""
+
+    contacts: Contacts | None = None
+    ground: GroundPiece | None = None
+    center: np.ndarray | None = None
+    zmp: np.ndarray | None = None
+    is_still: np.ndarray | None = None
+    efforts: np.ndarray | None = None
+
+
 def measure(states: States, parts: Parts, wanted: Collection[str]) -> Frames:
     """Measure a motion.
 
@@ -57,19 +74,18 @@ def measure(states: States, parts: Parts, wanted: Collection[str]) -> Frames:
     """
     pieces = [_piece(states, piece, parts, wanted) for piece in states.chunks()]
     grounds = [piece.ground for piece in pieces if piece.ground is not None]
-    balances = [piece.balance for piece in pieces if piece.balance is not None]
-    efforts = [piece.efforts for piece in pieces if piece.efforts is not None]
+    ground = parts.ground.frames(grounds, states.times) if grounds else None
     return Frames(
         _joined_contacts(pieces) if "contacts" in wanted else None,
-        GroundFrames.joined(grounds) if grounds else None,
-        Balance.joined(balances) if balances else None,
-        np.concatenate(efforts) if efforts else None,
+        ground,
+        None if ground is None else _balance(pieces, ground, states.times),
+        _joined([piece.efforts for piece in pieces]),
     )
 
 
 def _piece(
     states: States, piece: slice, parts: Parts, wanted: Collection[str]
-) -> Frames:
+) -> _Piece:
     """Measure some samples."""
     times = states.times[piece]
     base, positions, twists, velocities = states.at(times)
@@ -79,43 +95,61 @@ def _piece(
         contacts = parts.collisions.contacts(poses)
         contacts.frame[:] += piece.start
     if "ground" in wanted:
-        ground = parts.ground.frames(poses, moves)
-    if not {"balance", "efforts"} & set(wanted):
-        return Frames(contacts, ground)
+        ground = parts.ground.piece(poses, moves)
+    has_mass = parts.masses.total > 0.0
+    if not (has_mass and {"balance", "efforts"} & set(wanted)):
+        return _Piece(contacts, ground)
     motion = states.dynamics(times, parts.thresholds.window)
     dynamics = inverse_dynamics(parts.kinematics, parts.masses, motion)
     efforts = dynamics.efforts if "efforts" in wanted else None
-    if ground is None or "balance" not in wanted:
-        return Frames(contacts, ground, efforts=efforts)
-    velocity = parts.masses.robot_velocity(poses, moves)
-    balance = _balance(dynamics, velocity, ground, parts)
-    return Frames(contacts, ground, balance, efforts)
+    if "balance" not in wanted:
+        return _Piece(contacts, ground, efforts=efforts)
+    weight, floor = parts.masses.total * GRAVITY, parts.thresholds.floor_height
+    return _Piece(
+        contacts,
+        ground,
+        dynamics.center_of_mass,
+        zero_moment_points(dynamics, weight, floor),
+        _is_still(dynamics, parts.masses.robot_velocity(poses, moves), parts),
+        efforts,
+    )
 
 
-def _balance(
-    dynamics: Dynamics, velocity: np.ndarray, ground: GroundFrames, parts: Parts
-) -> Balance:
-    """Find where the weight acts, and whether the robot is still.
+def _is_still(dynamics: Dynamics, velocity: np.ndarray, parts: Parts) -> np.ndarray:
+    """Tell where the centre of mass is still.
 
     Args:
         dynamics: Of the motion.
         velocity: Of the centre of mass in [m/s], shape (n, 3).
-        ground: How the robot stands.
         parts: The robot.
     """
-    thresholds, masses = parts.thresholds, parts.masses
-    acceleration = dynamics.root_wrench[:, :3] / masses.total
+    acceleration = dynamics.root_wrench[:, :3] / parts.masses.total
     acceleration[:, 2] -= GRAVITY
-    is_slow = np.linalg.norm(velocity, axis=1) < thresholds.still_speed
-    is_steady = np.linalg.norm(acceleration, axis=1) < thresholds.still_acceleration
-    weight = masses.total * GRAVITY
-    zmp = zero_moment_points(dynamics, weight, thresholds.floor_height)
-    center = dynamics.center_of_mass
+    is_slow = np.linalg.norm(velocity, axis=1) < parts.thresholds.still_speed
+    most = parts.thresholds.still_acceleration
+    return is_slow & (np.linalg.norm(acceleration, axis=1) < most)
+
+
+def _balance(
+    pieces: list[_Piece], ground: GroundFrames, times: np.ndarray
+) -> Balance | None:
+    """Find how far inside what bears the weight acts; None where that is unknown."""
+    center = _joined([piece.center for piece in pieces])
+    zmp = _joined([piece.zmp for piece in pieces])
+    is_still = _joined([piece.is_still for piece in pieces])
+    if center is None or zmp is None or is_still is None:
+        return None
     of_center, of_zmp = margins(ground.support, center[:, :2], zmp)
-    return Balance(center, of_center, of_zmp, is_slow & is_steady)
+    return Balance(center, of_center, of_zmp, long_still(times, is_still))
 
 
-def _joined_contacts(pieces: list[Frames]) -> Contacts:
+def _joined(arrays: list[np.ndarray | None]) -> np.ndarray | None:
+    """Chain arrays of successive samples; None where there are none."""
+    known = [array for array in arrays if array is not None]
+    return np.concatenate(known) if known else None
+
+
+def _joined_contacts(pieces: list[_Piece]) -> Contacts:
     """Chain contacts of successive samples."""
     found = [piece.contacts for piece in pieces if piece.contacts is not None]
     names = ("frame", "pair", "distance", "points_a", "points_b", "normal")

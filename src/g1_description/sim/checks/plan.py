@@ -110,14 +110,17 @@ class Planner:
             if not getattr(parts.thresholds, name).is_judged
         }
         skipped.update(rates)
-        if not self._is_fixed:
+        has_mass = parts.masses.total > 0.0
+        if not has_mass:
+            skipped["effort"] = "the robot has no mass"
+        elif not self._is_fixed:
             skipped["effort"] = "the base is free; only physics tells"
         if not parts.collisions.pairs:
             skipped["self_collision"] = "the robot has no two shapes that could touch"
         why = self._no_ground(has_base)
         if why:
             skipped.update(dict.fromkeys((*GROUND, *BALANCE, "base_jump"), why))
-        elif not parts.masses.total > 0.0:
+        elif not has_mass:
             skipped.update(dict.fromkeys(BALANCE, "the robot has no mass"))
         return skipped
 

@@ -168,7 +168,7 @@ class RestChecks:
         touches = ground.bears & (heights <= thresholds.contact_height)
         slides = np.where(touches, 0.0, np.nan)
         links = self._parts.ground_links
-        return ground_faults(links, ground, ground.bears, slides, airborne)
+        return ground_faults(links, ground, slides, airborne)
 
     def _timeline(self, trajectory: Trajectory, rest: Rest) -> Timeline:
         """Gather what was measured."""
@@ -204,7 +204,8 @@ class RestChecks:
         speeds = np.abs(timeline.velocities[0, self._turns[columns]])
         if speeds.size:
             found["largest_joint_speed"] = float(speeds.max())
-        found["deepest_self_collision"] = float(timeline.depth[0])
+        if np.isfinite(timeline.depth[0]):
+            found["deepest_self_collision"] = float(timeline.depth[0])
         if timeline.heights is not None:
             found["lowest_height"] = float(timeline.heights.min())
         if timeline.balance is not None:

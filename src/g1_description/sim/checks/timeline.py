@@ -8,7 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from g1_description.core.checks.balance import Balance
-from g1_description.core.checks.verdict import Verdict, intervals
+from g1_description.core.checks.runs import intervals
+from g1_description.core.checks.verdict import Verdict
+from g1_description.core.motion.trajectory import Trajectory
 from g1_description.core.robot.description import Joint
 
 
@@ -29,13 +31,15 @@ class Timeline:
     """In [rad/s] or [m/s], shape (n, n_joints)."""
 
     depth: np.ndarray
-    """Of the deepest self-collision in [m], zero where there is none, shape (n,)."""
+    """Of the deepest self-collision in [m], zero where there is none, shape (n,); NaN
+    where collisions were not looked for."""
 
     ground_links: tuple[str, ...] = ()
     """Links with an outline; empty where the motion has no base."""
 
     heights: np.ndarray | None = None
-    """Of their lowest points above the floor, in [m], shape (n, n_ground_links)."""
+    """Of their lowest points above the floor, in [m], shape (n, n_ground_links);
+    infinite for a link that is neither the lowest one nor near the floor."""
 
     bearing: np.ndarray | None = None
     """Which of them bear, shape (n, n_ground_links)."""
@@ -56,14 +60,27 @@ class Judged:
     timeline: Timeline
 
 
+def _most(values: np.ndarray) -> float | None:
+    """Return the greatest number; None if none is known."""
+    return float(np.nanmax(values)) if np.isfinite(values).any() else None
+
+
 def least(values: np.ndarray) -> float | None:
     """Return the least number; None if none is known."""
     return float(np.nanmin(values)) if np.isfinite(values).any() else None
 
 
-def figures(joints: Sequence[Joint], timeline: Timeline) -> dict[str, float]:
-    """Compute the figures of a motion."""
-    positions = timeline.positions
+def figures(
+    joints: Sequence[Joint], trajectory: Trajectory, timeline: Timeline
+) -> dict[str, float]:
+    """Compute the figures of a motion.
+
+    Args:
+        joints: Its joints.
+        trajectory: The motion: samples are its own.
+        timeline: What was measured.
+    """
+    positions = trajectory.positions
     lower = np.array([joint.lower for joint in joints])
     upper = np.array([joint.upper for joint in joints])
     beyond = ((positions < lower) | (positions > upper)).any(axis=1)
@@ -71,10 +88,10 @@ def figures(joints: Sequence[Joint], timeline: Timeline) -> dict[str, float]:
     speeds = np.abs(timeline.velocities[:, turns])
     found: dict[str, float | None] = {
         "duration": float(timeline.times[-1] - timeline.times[0]),
-        "samples": len(timeline.times),
+        "samples": len(trajectory.times),
         "samples_beyond_limits": int(beyond.sum()),
         "largest_joint_speed": float(speeds.max()) if speeds.size else None,
-        "deepest_self_collision": float(timeline.depth.max()),
+        "deepest_self_collision": _most(timeline.depth),
     }
     if timeline.heights is not None:
         found["lowest_height"] = float(timeline.heights.min())

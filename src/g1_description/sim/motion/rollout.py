@@ -177,7 +177,8 @@ class _Player:
         motion_steps = -((world.time_ns - end_ns) // step_ns)
         self._n_steps = max(motion_steps, 1) + -(-WATCH_TIME // step_ns)
         stride = round(1e9 / (conditions.rate * step_ns))
-        self._stride = max(stride, 1, -(-self._n_steps // MAX_ROWS))
+        stride = max(stride, 1, -(-self._n_steps // MAX_ROWS))
+        self._stride = min(stride, self._n_steps)
         n_numbers = 1 + 4 * len(model.joint_names) + 7
         self._rows = np.zeros((self._n_steps // self._stride + 1, n_numbers))
         self._n_rows = 0
