@@ -17,6 +17,7 @@ _g1_description_poses() {
 # Print the options of a command whose other arguments are files.
 _g1_description_options() {
     case $1 in
+    check) echo "--collisions --csv --dask --fixed-base --fps --help --html --jobs --json --model --no-visual-hulls --only --physics --plot --quiet --thresholds --topic" ;;
     collision_pairs) echo "--help --out --samples --seed" ;;
     play) echo "--base-frame --fps --from --help --loop --lead-in --namespace --on-floor --speed --start-here --to --topic" ;;
     record) echo "--force --gazebo --help --model --namespace --rate --seconds" ;;
@@ -25,7 +26,7 @@ _g1_description_options() {
 
 _g1_description_rosrun() {
     local word=${COMP_WORDS[COMP_CWORD]} before=${COMP_WORDS[COMP_CWORD-1]}
-    if [[ $COMP_CWORD -ge 3 && ${COMP_WORDS[1]} == g1_description && ${COMP_WORDS[2]} =~ ^(collision_pairs|play|record)$ ]]; then
+    if [[ $COMP_CWORD -ge 3 && ${COMP_WORDS[1]} == g1_description && ${COMP_WORDS[2]} =~ ^(check|collision_pairs|play|record)$ ]]; then
         _g1_description_file "$word" "$before"
     elif [[ $COMP_CWORD -lt 3 || ${COMP_WORDS[1]} != g1_description || ${COMP_WORDS[2]} != pose ]]; then
         _g1_description_otherwise rosrun "$@"
@@ -42,13 +43,14 @@ _g1_description_rosrun() {
     fi
 }
 
-# Complete an option, or a file, of collision_pairs, play and record.
+# Complete an option, or a file, of a command whose other arguments are files.
 _g1_description_file() {
-    local options flags=" play record --force --loop --on-floor --start-here "
+    local options flags=" check play record --fixed-base --force --loop --no-visual-hulls --on-floor --physics --quiet --start-here "
+    local files=" --collisions --csv --html --json --plot --thresholds "
     options=$(_g1_description_options "${COMP_WORDS[2]}")
     if [[ $1 == -* ]]; then
         mapfile -t COMPREPLY < <(compgen -W "$options" -- "$1")
-    elif [[ $2 == --* && $flags != *" $2 "* ]]; then
+    elif [[ $2 == --* && "$flags$files" != *" $2 "* ]]; then
         COMPREPLY=()
     else
         compopt -o filenames 2>/dev/null

@@ -67,6 +67,9 @@ DISPLAY = ("roslaunch", "g1_description", "display.launch")
         ([*RUN, "record", "--r"], ["--rate"]),
         ([*RUN, "record", "a.csv", "--rate", ""], []),
         ([*RUN, "record", "--force", str(REPOSITORY / "READ")], [README]),
+        ([*RUN, "check", "--c"], ["--collisions", "--csv"]),
+        ([*RUN, "check", "a.csv", "--json", str(REPOSITORY / "READ")], [README]),
+        ([*RUN, "check", "a.csv", "--jobs", ""], []),
         ([*RUN, "collision_pairs", "--s"], ["--samples", "--seed"]),
         ([*RUN, "play", "--s"], ["--speed", "--start-here"]),
         ([*RUN, "play", str(REPOSITORY / "READ")], [README]),
@@ -84,7 +87,7 @@ def test_names_are_completed_where_they_belong(words, expected):
     assert complete(*words) == expected
 
 
-@pytest.mark.parametrize("command", ["collision_pairs", "pose", "play", "record"])
+@pytest.mark.parametrize("command", ["check", "collision_pairs", "pose", "play", "record"])
 def test_all_options_are_completed(command):
     run = [sys.executable, REPOSITORY / "scripts" / command, "--help"]
     path = os.pathsep.join([str(REPOSITORY / "src"), *sys.path])

@@ -12,6 +12,7 @@ from layers import MOST_IN_A_ROOM, Layers
 SOURCE = Path(__file__).parents[2] / "src" / "g1_description"
 LAYERS = Layers(SOURCE)
 STANDARD = {"__future__", "argparse", "array", "collections", "contextlib", "copy"}
+STANDARD |= {"base64", "csv", "html", "json"}
 STANDARD |= {"dataclasses", "difflib", "enum", "functools", "io", "itertools", "math"}
 STANDARD |= {"logging", "os", "pathlib", "pickle", "pickletools", "re", "shutil"}
 STANDARD |= {"stat", "zipfile", "zlib"}
@@ -21,7 +22,8 @@ FOREIGN = {
     "core": STANDARD | {"lxml", "numpy", "rospkg", "ruamel", "urdf_parser_py", "xacro"},
     "sim": STANDARD
     | {"ctypes", "resource", "signal", "struct", "time", "warnings", "numpy", "PIL"}
-    | {"pybullet", "pybullet_utils", "scipy"},
+    | {"concurrent", "hashlib", "multiprocessing", "threading", "traceback", "uuid"}
+    | {"distributed", "matplotlib", "pybullet", "pybullet_utils", "scipy"},
     "api": STANDARD | {"numpy"},
     "importer": STANDARD
     | {"signal", "time"}
@@ -162,6 +164,8 @@ def test_messages_that_nodes_import_are_dependencies():
         ("pybullet", "sim.bullet.client"),
         ("pybullet_utils", "sim.bullet.client"),
         ("resource", "sim.meshes.read_meshes"),
+        ("distributed", "sim.batch.cluster"),
+        ("tqdm", "ros.apps.checks.results"),
     ],
 )
 def test_only_one_module_imports_it(package, module):

@@ -45,7 +45,8 @@ def say(text: str, stream: TextIO | None = None) -> None:
         stream: Where to; by default the standard output.
     """
     with suppress(OSError):
-        print(text, file=stream, flush=True)
+        # In one piece: a signal may come between the text and the end of the line.
+        print(f"{text}\n", end="", file=stream, flush=True)
 
 
 def number(text: str) -> float:

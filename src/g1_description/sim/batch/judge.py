@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import traceback
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Optional
+from typing import Callable, Optional
 
 from g1_description.core.checks.verdict import Verdict
 from g1_description.core.errors import G1DescriptionError, MotionError, cause
