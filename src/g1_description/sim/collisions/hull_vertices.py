@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial import ConvexHull
 
 MAX_WHOLE = 128
 """Most vertices of a hull that is not thinned: PyBullet's time grows with them."""
@@ -13,6 +13,10 @@ N_DIRECTIONS = 32
 
 MAX_ROUNDS = 20
 """Most times that vertices are added to a thinned hull."""
+
+HULL_ERRORS = (RuntimeError, ValueError)
+"""What ConvexHull raises for flat or few points. Its own error is a RuntimeError, whose
+name is not public in scipy 1.3."""
 
 
 def hull_vertices(points: np.ndarray) -> np.ndarray:
@@ -27,7 +31,7 @@ def hull_vertices(points: np.ndarray) -> np.ndarray:
     points = np.unique(np.asarray(points, float), axis=0)
     try:
         return points[np.sort(ConvexHull(points).vertices)]
-    except (QhullError, ValueError):
+    except HULL_ERRORS:
         return points
 
 
@@ -42,7 +46,7 @@ def hull_normals(points: np.ndarray) -> np.ndarray:
     """
     try:
         return ConvexHull(points).equations[:, :3]
-    except (QhullError, ValueError):
+    except HULL_ERRORS:
         return np.zeros((0, 3))
 
 
@@ -68,7 +72,7 @@ def thinned(vertices: np.ndarray, tolerance: float) -> np.ndarray:
             if not far.any():
                 return vertices[chosen]
             chosen = np.union1d(chosen, outside[:, far].argmax(axis=0))
-    except (QhullError, ValueError):
+    except HULL_ERRORS:
         pass
     return vertices
 
