@@ -31,10 +31,9 @@ from g1_description.sim.collisions.self_collisions import SelfCollisions
 from .collision_faults import deepest
 from .faults import all_faults
 from .frames import Frames, Parts, measure
-from .outlines import outlines_of
 from .plan import NAMES, Planner
 from .rest import RestChecks
-from .robot_collisions import collisions_of
+from .robot_collisions import collisions_of, outlines_of
 from .timeline import Judged, Timeline, bearing, figures
 
 __all__ = ["NAMES", "Checker", "Judged"]

@@ -1,13 +1,19 @@
-"""The pairs of links of a robot that are checked, wherever the others are named."""
+"""What of a robot collides, with itself and with the floor."""
 
 from __future__ import annotations
 
+from collections import defaultdict
+from collections.abc import Iterable
 from pathlib import Path
 
+import numpy as np
+
+from g1_description.core.checks.ground import Outline
 from g1_description.core.collisions.pairs_file import read_allowed_pairs
 from g1_description.core.errors import AllowedPairsError
 from g1_description.core.files.share import share_folder
 from g1_description.core.robot.description import Description
+from g1_description.sim.collisions.convex_shapes import ConvexShape
 from g1_description.sim.collisions.find_pairs import (
     QUICK_SAMPLES,
     quick_allowed_pairs,
@@ -51,3 +57,18 @@ def collisions_of(
         f"{QUICK_SAMPLES} random configurations; collision_pairs makes a file of it."
     )
     return other, (note, *other.left_out)
+
+
+def outlines_of(shapes: Iterable[ConvexShape]) -> list[Outline]:
+    """Outline the shapes that collide: one outline per link and radius.
+
+    Args:
+        shapes: Of all links.
+    """
+    points = defaultdict(list)
+    for shape in shapes:
+        points[shape.link, shape.radius].append(shape.points)
+    return [
+        Outline(row, np.concatenate(parts), radius)
+        for (row, radius), parts in points.items()
+    ]
