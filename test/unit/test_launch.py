@@ -44,6 +44,7 @@ def test_the_stand_in_is_the_default_and_rviz_needs_a_screen():
     nodes = roslaunch("--nodes", DISPLAY="").stdout.split()
     assert nodes == ["/gazebo", "/link_states_bridge", "/robot_state_publisher"]
     assert "/rviz" in roslaunch("--nodes", DISPLAY=":99").stdout.split()
+    assert "/checker" in roslaunch("--nodes", "checks:=true").stdout.split()
 
 
 def test_gazebo_is_started_with_its_own_spawn_model():
@@ -178,6 +179,7 @@ def test_a_view_has_no_simulator_and_only_what_is_wanted():
     assert nodes() == ["/robot_state_publisher"]
     assert nodes("robot_state_publisher:=false", "rviz:=true") == ["/rviz"]
     assert nodes("base:=0 0 0.8 0 0 0") == ["/robot_state_publisher", "/base"]
+    assert nodes("checks:=true") == ["/robot_state_publisher", "/checker"]
     wanted = ("rviz:=true", "fixed_frame:=odom")
     rviz = roslaunch("--args /rviz", *wanted, file="view.launch").stdout
     assert "view.rviz -f odom" in rviz

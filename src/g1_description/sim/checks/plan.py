@@ -20,6 +20,9 @@ PHYSICS = ("tracking", "saturation", "fall")
 NAMES = tuple(name for name in LEVELS if name not in PHYSICS)
 """Names of the checks that need no simulation."""
 
+NO_BASE = "the motion has no base"
+"""Why the floor is not judged."""
+
 MOST_PLANS = 64
 """Plans that are kept: as many ways to ask for checks of configurations."""
 
@@ -129,7 +132,7 @@ class Planner:
         if self._is_fixed:
             return "the base is fixed"
         if not has_base:
-            return "the motion has no base"
+            return NO_BASE
         return "" if self._parts.ground_links else "the robot has no shapes"
 
 

@@ -24,7 +24,7 @@ from g1_description.core.motion.trajectory import Trajectory
 from g1_description.core.transform import IDENTITY
 from g1_description.sim.collisions.shape_collisions import Contacts
 
-from .collision_faults import collision_faults, deepest
+from .collision_faults import collisions_at_rest, deepest
 from .frames import Parts
 from .plan import Plan
 from .timeline import Judged, Timeline
@@ -141,7 +141,7 @@ class RestChecks:
             least = thresholds.velocity.least
             yield from limits.rate_faults("velocity", joints, rates, bounds, least)
         if rest.contacts is not None and len(rest.contacts.pair):
-            yield from collision_faults(rest.contacts, self._parts.collisions.pairs, 1)
+            yield from collisions_at_rest(rest.contacts, self._parts.collisions.pairs)
         if rest.ground is not None:
             yield from self._ground_faults(rest.ground)
         if rest.balance is not None:

@@ -1,0 +1,1 @@
+"""Checks on ROS: the node ``checker``."""

@@ -1,0 +1,72 @@
+"""Shows in RViz what was found of the robot as it is now.
+
+Publishes: ~markers (visualization_msgs/MarkerArray), while somebody subscribes
+"""
+
+from __future__ import annotations
+
+from g1_description.core.checks.verdict import Verdict
+from g1_description.ros.checks.markers.maker import Place
+from g1_description.ros.checks.markers.publisher import MarkerPublisher
+from g1_description.ros.checks.markers.robot_markers import RobotMarkers
+from g1_description.ros.wire.conversions import stamp_from_ns
+from g1_description.sim.checks.checker import Checker
+from g1_description.sim.checks.timeline import Judged
+
+from .live_states import LiveState
+from .parameters import CheckerParameters, root_frame
+
+
+class LiveMarkers:
+    """Makes markers of what is new while somebody wants them."""
+
+    def __init__(self, checker: Checker, parameters: CheckerParameters) -> None:
+        """Advertise the topic.
+
+        Args:
+            checker: What judges the robot.
+            parameters: The node's parameters.
+        """
+        robot = checker.description
+        self._prefix, self._map = parameters.frame_prefix, parameters.map_frame
+        self._root = root_frame(robot, parameters)
+        self._markers = RobotMarkers(
+            robot,
+            checker.thresholds.floor_height,
+            parameters.limit_margin,
+        )
+        self._publisher = MarkerPublisher("~markers")
+        self._shown: tuple | None = None
+
+    def show(self, state: LiveState, judged: Judged, verdict: Verdict) -> None:
+        """Show a state, if it differs from the last one.
+
+        Args:
+            state: The state.
+            judged: What was measured of it.
+            verdict: What was found.
+        """
+        if not self._publisher.is_wanted:
+            self._shown = None
+            return
+        timeline, base = judged.timeline, state.base
+        place = None if base is None else base.tobytes()
+        content = timeline.positions.tobytes(), place, verdict.checked
+        if content == self._shown:
+            return
+        self._shown = content
+        colliding = dict.fromkeys(
+            link for finding in verdict.of("self_collision") for link in finding.subject
+        )
+        frame = self._root if base is None else self._map
+        self._publisher.update(
+            self._markers.links([*colliding], self._prefix),
+            self._markers.others(
+                Place(frame, stamp_from_ns(state.stamp)), timeline, verdict, base
+            ),
+        )
+
+    def keep_up(self) -> None:
+        """Send newcomers what is shown."""
+        if self._publisher.is_wanted:
+            self._publisher.keep_up()

@@ -1,0 +1,231 @@
+"""Where the robot is now: joints and base of one time.
+
+Subscribes: joint_states (sensor_msgs/JointState), /tf, /tf_static (tf2_msgs/TFMessage)
+"""
+
+from __future__ import annotations
+
+import struct
+import threading
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import genpy
+import numpy as np
+import rospy
+import tf2_ros
+from sensor_msgs.msg import JointState
+
+from g1_description.core.errors import WireFormatError
+from g1_description.ros.node.newest import BUFFER
+from g1_description.ros.node.throttled_log import ThrottledLog
+from g1_description.ros.wire.conversions import (
+    stamp_from_ns,
+    transform,
+    vector_to_array,
+)
+from g1_description.ros.wire.transforms import Edge, read_edges
+
+MAX_STATES = 300
+"""Joint states that wait for the base of their time: 0.3 s at 1000 Hz."""
+
+MAX_BASE_AGE = 1_000_000_000
+"""A base that is older than the joints by more than this is unknown, in [ns]."""
+
+RESET = 100_000_000
+"""Time that went back by more than this began again, in [ns]."""
+
+_STAMP = struct.Struct("<II")
+_STAMP_AT = 4
+"""Where a message with a header has its stamp."""
+
+
+@dataclass(frozen=True, eq=False)
+class LiveState:
+    """Joints and base of one time."""
+
+    stamp: int
+    """In [ns]."""
+
+    message: JointState
+    base: np.ndarray | None
+    """T_map_base, shape (7,); None where TF does not know it."""
+
+
+@dataclass(frozen=True)
+class _Received:
+    """Joint states that came, and how many came before."""
+
+    stamp: int
+    data: bytes
+    number: int
+
+
+class LiveStates:
+    """Listens to joint states and to the edges of TF between the map and the robot.
+
+    Messages are kept as they came: only those that are judged are read.
+    """
+
+    def __init__(self, map_frame: str, root_frame: str, log: ThrottledLog) -> None:
+        """Subscribe.
+
+        Args:
+            map_frame: Frame whose floor the robot stands on.
+            root_frame: Frame of the robot's root link.
+            log: Where to log messages that cannot be read.
+        """
+        self.changed = threading.Event()
+        """Set when something new has come; whoever waits for it clears it."""
+        self.began_again = False
+        """Whether time went back since this was set to False."""
+        self._map, self._root, self._log = map_frame, root_frame, log
+        self._lock = threading.Lock()
+        self._states: deque[_Received] = deque(maxlen=MAX_STATES)
+        self._count = 0
+        self._taken: tuple[int, bool] | None = None
+        self._parents: dict[str, str] = {}
+        self._wanted = {root_frame.encode()}
+        self._newest_edge = 0
+        self._tf = tf2_ros.Buffer(debug=False)
+        self._subscribe("joint_states", self._on_joint_states, 100)
+        self._subscribe("/tf", self._on_tf, 100)
+        self._subscribe("/tf_static", self._on_static_tf, None)
+
+    @staticmethod
+    def _subscribe(
+        topic: str, act: Callable[[bytes], None], queue_size: int | None
+    ) -> None:
+        """Take the bytes of a topic."""
+        rospy.Subscriber(
+            topic,
+            rospy.AnyMsg,
+            lambda message: act(message._buff),
+            queue_size=queue_size,
+            buff_size=BUFFER,
+            tcp_nodelay=True,
+        )
+
+    def _on_joint_states(self, data: bytes) -> None:
+        """Keep joint states."""
+        if len(data) < _STAMP_AT + _STAMP.size:
+            return
+        stamp = _nanoseconds(data, _STAMP_AT)
+        with self._lock:
+            if self._states and stamp < self._states[-1].stamp - RESET:
+                self._begin_again()
+            self._count += 1
+            self._states.append(_Received(stamp, data, self._count))
+        self.changed.set()
+
+    def _begin_again(self) -> None:
+        """Forget all that moves: time went back."""
+        self._states.clear()
+        self._tf.clear()
+        self._taken, self._newest_edge = None, 0
+        self.began_again = True
+
+    def _on_tf(self, data: bytes) -> None:
+        """Keep edges between the map and the robot."""
+        edges = self._read(data, self._wanted)
+        if edges:
+            with self._lock:
+                newest = max(stamp for stamp, *_ in edges)
+                if newest < self._newest_edge - RESET:
+                    self._begin_again()
+                self._newest_edge = max(newest, self._newest_edge)
+                self._keep(edges, self._tf.set_transform)
+            self.changed.set()
+
+    def _on_static_tf(self, data: bytes) -> None:
+        """Keep edges that do not move."""
+        edges = self._read(data, None)
+        with self._lock:
+            self._keep(edges, self._tf.set_transform_static)
+        self.changed.set()
+
+    def _read(self, data: bytes, children: set[bytes] | None) -> list[Edge]:
+        """Read some edges of a message, all by default."""
+        try:
+            return read_edges(data, children)
+        except WireFormatError as error:
+            self._log.warn("tf", str(error))
+            return []
+
+    def _keep(self, edges: Sequence[Edge], keep: Callable) -> None:
+        """Keep edges, and learn which others are above the robot."""
+        for stamp, parent, child, pose in edges:
+            keep(transform(stamp_from_ns(stamp), parent, child, pose), "tf")
+            if self._parents.get(child) != parent:
+                self._parents[child] = parent
+                self._wanted = self._chain()
+
+    def _chain(self) -> set[bytes]:
+        """Name the frames from the robot up to the map."""
+        frame, names = self._root, [self._root]
+        while frame in self._parents:
+            frame = self._parents[frame]
+            if frame in (self._map, *names):
+                break
+            names.append(frame)
+        return {name.encode() for name in names}
+
+    @property
+    def no_base(self) -> str:
+        """Why a state has no base."""
+        return f"TF does not tell where {self._root} is in {self._map}"
+
+    def newest(self) -> LiveState | None:
+        """Find the newest joint states whose base is known, too.
+
+        Returns:
+            They, without a base where TF does not know one; None where there is nothing
+            that was not returned before.
+        """
+        with self._lock:
+            found = self._pair()
+            if found is None:
+                return None
+            received, base = found
+            if self._taken == (received.number, base is not None):
+                return None
+            self._taken = received.number, base is not None
+        message = JointState()
+        try:
+            message.deserialize(received.data)
+        except genpy.DeserializationError as error:
+            self._log.warn("joints", f"A message is no joint states: {error}.")
+            return None
+        return LiveState(received.stamp, message, base)
+
+    def _pair(self) -> tuple[_Received, np.ndarray | None] | None:
+        """Choose joint states, and the base of their time."""
+        if not self._states:
+            return None
+        newest = self._states[-1]
+        try:
+            time = self._tf.get_latest_common_time(self._map, self._root).to_nsec()
+            if time == 0:  # nothing moves between map and robot
+                return newest, self._base(0)
+            if newest.stamp - time > MAX_BASE_AGE:
+                return newest, None
+            known = [state for state in self._states if state.stamp <= time]
+            return (known[-1], self._base(known[-1].stamp)) if known else None
+        except tf2_ros.TransformException:
+            return newest, None
+
+    def _base(self, stamp: int) -> np.ndarray:
+        """Look the root link up, shape (7,)."""
+        found = self._tf.lookup_transform_core(
+            self._map, self._root, stamp_from_ns(stamp)
+        ).transform
+        q = found.rotation
+        turn = np.array([q.x, q.y, q.z, q.w])
+        return np.concatenate([vector_to_array(found.translation), turn])
+
+
+def _nanoseconds(data: bytes, place: int) -> int:
+    """Read a time in [ns]."""
+    seconds, nanoseconds = _STAMP.unpack_from(data, place)
+    return seconds * 1_000_000_000 + nanoseconds

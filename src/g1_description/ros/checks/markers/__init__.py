@@ -1,0 +1,1 @@
+"""What checks find, as markers for RViz."""

@@ -1,0 +1,80 @@
+"""The node that judges configurations and motions, and the robot as it is now.
+
+Services: ~check_state (g1_description/CheckState), ~check_trajectory
+    (g1_description/CheckTrajectory)
+Subscribes, with a ~rate: joint_states (sensor_msgs/JointState), /tf, /tf_static
+    (tf2_msgs/TFMessage)
+Publishes, with a ~rate: /diagnostics (diagnostic_msgs/DiagnosticArray), ~markers
+    (visualization_msgs/MarkerArray)
+Parameters: those of parameters.CheckerParameters
+"""
+
+from __future__ import annotations
+
+import sys
+import threading
+from functools import partial
+from pathlib import Path
+
+import rospy
+
+from g1_description.core.errors import G1DescriptionError
+from g1_description.core.robot.description import Description
+from g1_description.ros.motion.map_frame import MapFrame
+from g1_description.ros.node.lifecycle import start_node
+from g1_description.ros.node.parameters import read_parameters
+from g1_description.ros.node.throttled_log import ThrottledLog
+from g1_description.ros.transport.tcpros import serve_as_roscpp
+from g1_description.sim.checks.checker import Checker
+
+from .live import LiveChecks
+from .live_markers import LiveMarkers
+from .live_states import LiveStates
+from .parameters import CheckerParameters, root_frame, wait_for_robot
+from .services import CheckServices
+
+
+def make_checker(robot: Description, parameters: CheckerParameters) -> Checker:
+    """Prepare the checks of the robot.
+
+    Raises:
+        G1DescriptionError: If a file cannot be read.
+    """
+    pairs = Path(parameters.pairs) if parameters.pairs else None
+    return Checker.of(
+        robot, parameters.read_thresholds(), pairs, parameters.visual_hulls
+    )
+
+
+def start(robot: Description, parameters: CheckerParameters) -> None:
+    """Advertise services and topics.
+
+    Raises:
+        G1DescriptionError: If a file cannot be read.
+    """
+    checker, lock = make_checker(robot, parameters), threading.Lock()
+    for note in checker.notes:
+        rospy.loginfo("%s", note)
+    make_another = partial(make_checker, robot, parameters)
+    map_frame = parameters.map_frame
+    CheckServices(checker, lock, make_another, MapFrame((map_frame, "world")))
+    if parameters.rate:
+        markers = LiveMarkers(checker, parameters)
+        root = root_frame(robot, parameters)
+        states = LiveStates(map_frame, root, ThrottledLog())
+        LiveChecks(checker, lock, states, markers, parameters.rate)
+
+
+def main() -> None:
+    """Run the node ``checker``."""
+    serve_as_roscpp()
+    start_node("checker")
+    try:
+        parameters = read_parameters(CheckerParameters)
+        start(wait_for_robot(parameters), parameters)
+    except G1DescriptionError as error:
+        rospy.logfatal("%s", error)
+        sys.exit(1)
+    except rospy.ROSInterruptException:  # before the robot was there
+        return
+    rospy.spin()

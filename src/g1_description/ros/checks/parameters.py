@@ -1,0 +1,96 @@
+"""Parameters of the node that judges configurations: names, defaults, ranges."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import rospy
+
+from g1_description.core.checks.thresholds import Thresholds, read_thresholds
+from g1_description.core.errors import InvalidValueError
+from g1_description.core.robot.assembly import WORLD
+from g1_description.core.robot.description import Description
+from g1_description.core.urdf.reader import parse_urdf
+from g1_description.ros.node.parameters import check_range, wait_for_parameter
+
+
+@dataclass(frozen=True)
+class CheckerParameters:
+    """Parameters of the node ``checker``."""
+
+    robot_description: str = "robot_description"
+    """Parameter that holds the robot's URDF; searched for upward from the namespace."""
+
+    frame_prefix: str = ""
+    """What stands before the names of the robot's frames."""
+
+    map_frame: str = "map"
+    """Frame whose floor the robot stands on."""
+
+    thresholds: str = ""
+    """File of thresholds; empty: config/checks.yaml."""
+
+    pairs: str = ""
+    """File of the pairs of links that may touch by design; empty: that of the G1, and
+    for a robot with other links pairs that are found at the start."""
+
+    visual_hulls: bool = True
+    """Whether links without collision shapes have the hulls of their visual ones."""
+
+    rate: float = 30.0
+    """How often the robot is judged at most, in [Hz] of wall time; 0: never, there are
+    only services."""
+
+    limit_margin: float = 0.05
+    """A joint this near to a limit is marked, in [rad] or [m]; of a joint with a small
+    range a tenth of the range."""
+
+    def __post_init__(self) -> None:
+        """Check ranges."""
+        check_range(self, "rate", 0.0, 1000.0)
+        check_range(self, "limit_margin", 0.0, 10.0)
+        prefix = self.frame_prefix
+        if prefix and (prefix.startswith("/") or not prefix.endswith("/")):
+            raise InvalidValueError(
+                f"~frame_prefix is '{prefix}', it must end with a slash, not begin "
+                "with one."
+            )
+        for name in ("thresholds", "pairs"):
+            file = getattr(self, name)
+            if file and not Path(file).is_absolute():
+                raise InvalidValueError(f"~{name} is '{file}', which is no full path.")
+
+    def read_thresholds(self) -> Thresholds:
+        """Read the file of thresholds.
+
+        Raises:
+            ThresholdError: If it cannot be read.
+        """
+        if not self.thresholds:
+            return Thresholds()
+        return read_thresholds(Path(self.thresholds))
+
+
+def root_frame(robot: Description, parameters: CheckerParameters) -> str:
+    """Name the frame of the robot's root link; a root that is the world is the map."""
+    if robot.root == WORLD:
+        return parameters.map_frame
+    return parameters.frame_prefix + robot.root
+
+
+def wait_for_robot(parameters: CheckerParameters) -> Description:
+    """Wait until the robot's description is on the parameter server.
+
+    Raises:
+        DescriptionError: If the parameter holds no robot.
+        ROSInterruptException: If the node is shut down.
+    """
+    name = parameters.robot_description
+
+    def log() -> None:
+        space = rospy.get_namespace()
+        rospy.loginfo("Waiting for the parameter %s, from %s upward.", name, space)
+
+    found = wait_for_parameter(name, rospy.get_namespace().strip("/"), log)
+    return parse_urdf(str(rospy.get_param(found)))

@@ -1,0 +1,112 @@
+"""The services that judge configurations and motions.
+
+Services: ~check_state (g1_description/CheckState),
+    ~check_trajectory (g1_description/CheckTrajectory)
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+
+import rospy
+
+from g1_description.core.checks.verdict import Verdict
+from g1_description.core.errors import G1DescriptionError, MotionError
+from g1_description.core.motion.motion import Motion
+from g1_description.ros.motion.map_frame import MapFrame
+from g1_description.ros.motion.messages import (
+    pose_from_numbers,
+    whole_body_from_message,
+)
+from g1_description.ros.wire.conversions import pose_to_array
+from g1_description.sim.checks.checker import Checker
+from g1_description.srv import (
+    CheckState,
+    CheckStateRequest,
+    CheckStateResponse,
+    CheckTrajectory,
+    CheckTrajectoryRequest,
+    CheckTrajectoryResponse,
+)
+
+from .messages import finding_message, positions_of, skipped_lines, velocities_of
+
+
+class CheckServices:
+    """Answers the services, each in a thread of its caller's connection."""
+
+    def __init__(
+        self,
+        checker: Checker,
+        lock: threading.Lock,
+        make_checker: Callable[[], Checker],
+        frame: MapFrame,
+    ) -> None:
+        """Advertise the services.
+
+        Args:
+            checker: Judges single configurations.
+            lock: Held while it does.
+            make_checker: Makes another one: a motion may take seconds, in which
+                configurations are judged as before.
+            frame: Transforms bases to the map.
+        """
+        self._checker, self._lock = checker, lock
+        self._make_checker = make_checker
+        self._motion_checker: Checker | None = None
+        self._motion_lock = threading.Lock()
+        self._frame = frame
+        self._joints = dict.fromkeys(
+            joint.name for joint in checker.description.movable_joints
+        )
+        rospy.Service("~check_state", CheckState, self._check_state)
+        rospy.Service("~check_trajectory", CheckTrajectory, self._check_trajectory)
+
+    def _check_state(self, request: CheckStateRequest) -> CheckStateResponse:
+        """Judge a configuration."""
+        try:
+            joints, base = request.joint_state, None
+            positions, velocities = positions_of(joints), velocities_of(joints)
+            if request.has_base:
+                base = pose_from_numbers(pose_to_array(request.base_pose))
+            with self._lock:
+                verdict = self._checker.judge_state(
+                    positions, base, request.only, velocities or None
+                ).verdict
+        except G1DescriptionError as error:
+            return CheckStateResponse(status_message=str(error))
+        return _answer(CheckStateResponse, verdict)
+
+    def _check_trajectory(
+        self, request: CheckTrajectoryRequest
+    ) -> CheckTrajectoryResponse:
+        """Judge a motion."""
+        try:
+            trajectory = whole_body_from_message(
+                request.trajectory, self._joints, self._frame
+            )
+            if trajectory is None:
+                raise MotionError("The trajectory has no points.")
+            with self._motion_lock:
+                if self._motion_checker is None:
+                    self._motion_checker = self._make_checker()
+                judged = self._motion_checker.check_motion(
+                    Motion(trajectory), request.only
+                )
+        except G1DescriptionError as error:
+            return CheckTrajectoryResponse(status_message=str(error))
+        return _answer(CheckTrajectoryResponse, judged.verdict)
+
+
+def _answer(kind, verdict: Verdict):
+    """Put a verdict into the response of either service."""
+    return kind(
+        True,
+        verdict.passed,
+        verdict.severity,
+        [finding_message(finding) for finding in verdict.findings],
+        list(verdict.checked),
+        skipped_lines(verdict),
+        " ".join(verdict.notes),
+    )

@@ -1,0 +1,321 @@
+#!/usr/bin/env python3
+"""The node that judges: its services, and what it tells of a robot that is there."""
+
+import math
+import sys
+import unittest
+
+import numpy as np
+import rosgraph
+import rospy
+import rostest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from g1_description.msg import RobotTrajectory
+from g1_description.srv import CheckState, CheckTrajectory
+from geometry_msgs.msg import Point, Pose, Quaternion, Transform, Vector3
+from sensor_msgs.msg import JointState
+from support.ros_testing import DEADLINE, Connected, wait_for
+from tf2_msgs.msg import TFMessage
+from trajectory_msgs.msg import (
+    JointTrajectory,
+    JointTrajectoryPoint,
+    MultiDOFJointTrajectory,
+    MultiDOFJointTrajectoryPoint,
+)
+from visualization_msgs.msg import Marker, MarkerArray
+
+from g1_description.core.urdf.reader import parse_urdf
+from g1_description.ros.wire.conversions import transform
+
+OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+
+STANDING = 0.7918
+"""[m] The pelvis above the floor."""
+ARM_IN_TORSO = {"right_shoulder_roll_joint": 0.4, "right_shoulder_yaw_joint": 0.8}
+KNEE = "left_knee_joint"
+
+
+def pose(height=STANDING):
+    return Pose(Point(0.0, 0.0, height), Quaternion(0.0, 0.0, 0.0, 1.0))
+
+
+class TestChecks(unittest.TestCase):
+    time = 100.0
+    """[s] Of the last state."""
+
+    @classmethod
+    def setUpClass(cls):
+        cls.robot = parse_urdf(rospy.get_param("/robot_description"))
+        cls.joints = {joint.name: joint for joint in cls.robot.movable_joints}
+        cls.states = rospy.Publisher("/left/joint_states", JointState, queue_size=10)
+        cls.tf = rospy.Publisher("/tf", TFMessage, queue_size=10)
+        cls.static = rospy.Publisher("/tf_static", TFMessage, queue_size=1, latch=True)
+        cls.check_state = rospy.ServiceProxy(
+            "/left/checker/check_state", CheckState, persistent=True
+        )
+        cls.check_trajectory = rospy.ServiceProxy(
+            "/left/checker/check_trajectory", CheckTrajectory
+        )
+        cls.check_state.wait_for_service(DEADLINE)
+        for topic in (cls.states, cls.tf, cls.static):
+            wait_for(topic.get_num_connections, f"a reader of {topic.name}")
+        cls.diagnostics = Connected("/diagnostics", DiagnosticArray)
+        cls.markers = Connected("/left/checker/markers", MarkerArray)
+
+    # The services
+
+    def request(self, height=STANDING, **positions):
+        joints = JointState(name=[*positions], position=[*positions.values()])
+        return self.check_state(joints, height is not None, pose(height or 0.0), [])
+
+    def test_a_robot_that_stands_passes(self):
+        answer = self.request()
+        self.assertEqual((answer.success, answer.valid), (True, True))
+        self.assertEqual((answer.severity, answer.findings), ("passed", []))
+        for check in ("position", "self_collision", "penetration", "center_of_mass"):
+            self.assertIn(check, answer.checked)
+
+    def test_contacts_are_told_with_both_points(self):
+        answer = self.request(**ARM_IN_TORSO)
+        self.assertEqual((answer.success, answer.valid), (True, False))
+        found = [f for f in answer.findings if "torso_link" in f.subject]
+        self.assertTrue(found)
+        for finding in found:
+            a, b = (np.array([p.x, p.y, p.z]) for p in finding.points)
+            self.assertAlmostEqual(np.linalg.norm(a - b), finding.worst, places=6)
+            self.assertGreater(finding.worst, finding.bound)
+            self.assertNotIn(" s", finding.text.split(" m deep")[1])
+
+    def test_a_limit_is_told_with_its_size(self):
+        lower = self.joints[KNEE].lower
+        answer = self.request(None, **{KNEE: lower - 0.25})
+        (finding,) = answer.findings
+        self.assertEqual((finding.check, finding.subject), ("position", [KNEE]))
+        self.assertEqual((finding.severity, finding.unit), ("failed", "rad"))
+        self.assertAlmostEqual(finding.worst, 0.25)
+        self.assertNotIn("penetration", answer.checked)
+        self.assertIn("penetration: the motion has no base", answer.skipped)
+
+    def test_velocities_are_judged_where_they_are_given(self):
+        limit = self.joints[KNEE].velocity
+        joints = JointState(name=[KNEE], position=[0.1], velocity=[1.1 * limit])
+        answer = self.check_state(joints, False, Pose(), ["velocity"])
+        self.assertEqual([f.check for f in answer.findings], ["velocity"])
+        self.assertEqual(answer.checked, ["velocity"])
+
+    def test_bad_input_is_told_in_a_sentence(self):
+        far, turned = pose(), pose()
+        far.position.x, turned.orientation.x = math.inf, 3.0
+        for names, positions, where, only, words in (
+            (["left_nee_joint"], [0.0], None, [], "left_knee_joint"),
+            ([KNEE], [math.nan], None, [], "nan"),
+            ([KNEE], [], None, [], "1 names, and its position 0"),
+            ([KNEE, KNEE], [0.0, 0.0], None, [], "twice"),
+            ([], [], far, [], "inf"),
+            ([], [], turned, [], "quaternion"),
+            ([], [], None, ["balance"], "no check balance"),
+        ):
+            joints = JointState(name=names, position=positions)
+            answer = self.check_state(joints, where is not None, where or pose(), only)
+            self.assertEqual((answer.success, answer.valid), (False, False), words)
+            self.assertIn(words, answer.status_message)
+            self.assertEqual((answer.severity, answer.findings), ("", []))
+
+    def trajectory(self, positions, joint=KNEE):
+        """Make a motion of one joint of a robot that stands; 10 samples a second."""
+        message = RobotTrajectory()
+        base = Transform(Vector3(0.0, 0.0, STANDING), pose().orientation)
+        times = [rospy.Duration.from_sec(0.1 * n) for n in range(len(positions))]
+        message.joint_trajectory = JointTrajectory(
+            joint_names=[joint],
+            points=[
+                JointTrajectoryPoint(positions=[p], time_from_start=time)
+                for p, time in zip(positions, times)
+            ],
+        )
+        message.multi_dof_joint_trajectory = MultiDOFJointTrajectory(
+            joint_names=["base"],
+            points=[
+                MultiDOFJointTrajectoryPoint(transforms=[base], time_from_start=time)
+                for time in times
+            ],
+        )
+        return message
+
+    def test_a_fault_of_a_motion_is_told_with_its_time(self):
+        joint = "left_wrist_roll_joint"
+        swing = self.joints[joint].upper * np.sin(np.linspace(0.0, np.pi, 31)) ** 2
+        answer = self.check_trajectory(self.trajectory(0.99 * swing, joint), [])
+        self.assertEqual((answer.success, answer.valid), (True, True), answer.findings)
+
+        answer = self.check_trajectory(self.trajectory(1.02 * swing, joint), [])
+        self.assertEqual((answer.success, answer.valid), (True, False))
+        (finding,) = answer.findings
+        self.assertEqual((finding.check, finding.subject), ("position", [joint]))
+        self.assertAlmostEqual(finding.worst_time, 1.5)
+        self.assertAlmostEqual(finding.worst, 0.02 * swing.max())
+        self.assertTrue(1.3 < finding.first_time < 1.5)
+        self.assertTrue(0.0 < finding.share < 0.2)
+
+    def test_what_is_no_motion_is_refused(self):
+        wrong = self.trajectory([0.0, 0.1])
+        wrong.joint_trajectory.joint_names = ["left_nee_joint"]
+        for motion, words in ((RobotTrajectory(), "no points"), (wrong, KNEE)):
+            answer = self.check_trajectory(motion, [])
+            self.assertFalse(answer.success)
+            self.assertIn(words, answer.status_message)
+
+    # The robot that is there
+
+    def show(self, height=STANDING, **positions):
+        """Publish a state of the robot, with its base where it has a height."""
+        TestChecks.time += 0.1
+        stamp = rospy.Time.from_sec(self.time)
+        everywhere = {**dict.fromkeys(self.joints, 0.0), **positions}
+        joints = JointState(name=[*everywhere], position=[*everywhere.values()])
+        joints.header.stamp = stamp
+        if height is not None:
+            edge = transform(stamp, "map", "left/base_link", [0, 0, height, 0, 0, 0, 1])
+            self.tf.publish(TFMessage([edge]))
+        self.states.publish(joints)
+        return stamp
+
+    def shown_until(self, listener, accept, what, *args, **positions):
+        """Show a state again and again until a message is accepted; return both."""
+        listener.clear()
+        found, stamps = [], []
+
+        def came():
+            stamps.append(self.show(*args, **positions))
+            found.extend(m for m in list(listener.messages) if accept(m))
+            return found
+
+        wait_for(came, what)
+        return found[0], stamps
+
+    def wait_for_status(self, level, *words, height=STANDING, **positions):
+        """Show a state until /diagnostics tells this of it; return the values."""
+        name = "left/checker: checks"
+
+        def statuses(message):
+            return [
+                status
+                for status in message.status
+                if status.name == name
+                and status.level == level
+                and all(word in status.message for word in words)
+            ]
+
+        what = f"{name} {level} {words}"
+        message, _ = self.shown_until(
+            self.diagnostics, statuses, what, height, **positions
+        )
+        return {value.key: value.value for value in statuses(message)[0].values}
+
+    def wait_for_markers(self, accept, what, *args, **positions):
+        """Show a state until there are markers of it; return those by namespace."""
+
+        def sorted_markers(message):
+            found = {}
+            for marker in message.markers:
+                found.setdefault((marker.ns, marker.action), []).append(marker)
+            return found
+
+        message, stamps = self.shown_until(
+            self.markers, lambda m: accept(sorted_markers(m)), what, *args, **positions
+        )
+        return sorted_markers(message), stamps
+
+    def test_live_1_without_a_base_the_floor_is_not_judged(self):
+        values = self.wait_for_status(OK, "nothing is wrong", height=None)
+        reason = values["penetration is not judged"]
+        self.assertIn("left/pelvis", reason)
+        values = self.wait_for_status(ERROR, "torso_link", height=None, **ARM_IN_TORSO)
+        self.assertTrue(any("self_collision" in key for key in values))
+        edge = transform(rospy.Time(), "left/base_link", "left/pelvis", [0] * 6 + [1])
+        self.static.publish(TFMessage([edge]))
+        values = self.wait_for_status(OK, "nothing is wrong")
+        self.assertNotIn("penetration is not judged", values)
+        self.assertIn("left_ankle_roll_link", values["bears"])
+
+    def test_live_2_what_is_wrong_is_on_diagnostics(self):
+        lower = self.joints[KNEE].lower
+        self.wait_for_status(ERROR, "0.25 rad beyond", KNEE, **{KNEE: lower - 0.25})
+        self.wait_for_status(ERROR, "in the floor", height=STANDING - 0.03)
+        self.wait_for_status(WARN, "above the floor", height=STANDING + 0.03)
+        self.wait_for_status(OK, "nothing is wrong")
+
+    def test_live_3_balance_is_seen_below_the_robot(self):
+        support, center = (
+            ("support polygon", Marker.ADD),
+            ("centre of mass", Marker.ADD),
+        )
+        found, stamps = self.wait_for_markers(
+            lambda markers: support in markers, "a support polygon"
+        )
+        outline = next(m for m in found[support] if m.type == Marker.LINE_STRIP)
+        self.assertEqual(outline.header.frame_id, "map")
+        self.assertIn(outline.header.stamp, stamps)
+        self.assertEqual(outline.points[0], outline.points[-1])
+        corners = np.array([(p.x, p.y, p.z) for p in outline.points])
+        self.assertTrue((np.abs(corners[:, 2]) < 0.01).all())
+        ball = next(m for m in found[center] if m.type == Marker.SPHERE)
+        middle = np.array([ball.pose.position.x, ball.pose.position.y])
+        self.assertTrue((corners[:, :2].min(axis=0) < middle).all())
+        self.assertTrue((corners[:, :2].max(axis=0) > middle).all())
+        self.assertGreater(outline.color.g, outline.color.r)
+
+    def test_live_4_links_that_collide_are_red_until_they_do_not(self):
+        red, contact = ("colliding links", Marker.ADD), ("contacts", Marker.ADD)
+        found, _ = self.wait_for_markers(
+            lambda markers: red in markers, "a red link", **ARM_IN_TORSO
+        )
+        frames = {marker.header.frame_id for marker in found[red]}
+        self.assertIn("left/torso_link", frames)
+        self.assertTrue(all(marker.frame_locked for marker in found[red]))
+        self.assertTrue(all(marker.color.r > 0.8 for marker in found[red]))
+        self.assertIn(contact, found)
+
+        late = Connected("/left/checker/markers", MarkerArray)
+        message = late.wait(what="all markers for a newcomer")
+        late.close()
+        self.assertIn("colliding links", {marker.ns for marker in message.markers})
+
+        gone = ("colliding links", Marker.DELETE)
+        found, _ = self.wait_for_markers(lambda m: gone in m, "red links to go")
+        self.assertNotIn(contact, found)
+
+    def test_live_5_joints_near_their_limits_are_marked(self):
+        lower, limits = self.joints[KNEE].lower, ("joint limits", Marker.ADD)
+        for position, word in ((lower + 0.01, "to lower"), (lower - 0.2, "beyond")):
+            found, _ = self.wait_for_markers(
+                lambda markers, word=word: any(
+                    "left_knee" in marker.text and word in marker.text
+                    for marker in markers.get(("labels", Marker.ADD), ())
+                ),
+                f"a label with {word}",
+                **{KNEE: position},
+            )
+            self.assertEqual(len(found[limits]), 1)
+        self.wait_for_markers(lambda m: limits not in m, "no joint near its limit")
+
+    def test_live_6_time_may_begin_again(self):
+        self.wait_for_status(OK, "nothing is wrong")
+        TestChecks.time = 10.0
+        self.wait_for_status(ERROR, "torso_link", **ARM_IN_TORSO)
+        values = self.wait_for_status(OK, "nothing is wrong")
+        self.assertIn("left_ankle_roll_link", values["bears"])
+
+    def test_without_a_rate_there_are_only_services(self):
+        rospy.wait_for_service("/quiet_checker/check_state", DEADLINE)
+        published, subscribed, served = rosgraph.Master("/test").getSystemState()
+        node = "/quiet_checker"
+        topics = {topic for topic, nodes in published + subscribed if node in nodes}
+        self.assertLessEqual(topics, {"/rosout", "/clock"})
+        services = {name for name, nodes in served if node in nodes}
+        self.assertIn("/quiet_checker/check_trajectory", services)
+
+
+if __name__ == "__main__":
+    rospy.init_node("checks_test")
+    rostest.rosrun("g1_description", "checks", TestChecks, sys.argv)
