@@ -8,6 +8,7 @@ from pathlib import Path
 
 from . import (
     bridge,
+    checks,
     collisions,
     commands,
     foot,
@@ -40,6 +41,7 @@ PARTS = {
     "worlds": worlds,
     "tracking": tracking,
     "collisions": collisions,
+    "checks": checks,
     "poses": poses,
     "streaming": streaming,
     "rates": rates,
@@ -48,7 +50,7 @@ PARTS = {
     "soak": soak,
 }
 NAMED = [name for name in PARTS if name != "soak"]
-BUSY = ("poses", "rates", "foot", "tf")
+BUSY = ("checks", "poses", "rates", "foot", "tf")
 USUAL = [name for name in NAMED if name not in BUSY]
 
 
