@@ -87,10 +87,9 @@ def test_names_are_completed_where_they_belong(words, expected):
     assert complete(*words) == expected
 
 
-COMMANDS = ["check", "collision_pairs", "pose", "play", "record"]
-
-
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize(
+    "command", ["check", "collision_pairs", "pose", "play", "record"]
+)
 def test_all_options_are_completed(command):
     run = [sys.executable, REPOSITORY / "scripts" / command, "--help"]
     path = os.pathsep.join([str(REPOSITORY / "src"), *sys.path])

@@ -71,13 +71,17 @@ def _finite(value: Any) -> Any:
 
 
 def csv_text(outcomes: Sequence[Outcome]) -> str:
-    """Write outcomes as CSV; what is not known is empty."""
+    """Write outcomes as CSV; what is not known is empty.
+
+    Lines end as Unix has it. A carriage return in a name, which would end one, too,
+    becomes a space.
+    """
     text = io.StringIO()
     writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
     writer.writeheader()
     for outcome in outcomes:
         writer.writerow(_row(outcome))
-    return text.getvalue()
+    return text.getvalue().replace("\r", " ")
 
 
 def _row(outcome: Outcome) -> dict[str, Any]:

@@ -1,0 +1,39 @@
+"""A small robot and motions of it, which tests of checks share."""
+
+import numpy as np
+
+from g1_description.core.motion.formats.table import table_text
+from g1_description.core.motion.trajectory import Trajectory
+
+ARM = "arm_joint"
+
+POST = """<robot name="post">
+  <link name="base"><inertial><mass value="10"/>
+    <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>
+    <collision><geometry><box size="0.4 0.4 0.1"/></geometry></collision></link>
+  <link name="arm"><inertial><origin xyz="0 0 0.15"/><mass value="0.5"/>
+    <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>
+    <collision><origin xyz="0 0 0.25"/><geometry><box size="0.04 0.04 0.3"/></geometry>
+    </collision></link>
+  <joint name="arm_joint" type="revolute"><parent link="base"/><child link="arm"/>
+    <axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="0.5" velocity="3"/></joint>
+</robot>"""
+"""An arm on a flat box, and a weak motor."""
+
+
+def post_motion(reach=0.5, seconds=1.0, rate=50.0):
+    """Swing the arm to one side and back, while the box lies on the floor."""
+    times = np.arange(int(seconds * rate) + 1) / rate
+    arm = reach * np.sin(np.pi * times / seconds) ** 2
+    base = np.tile([0.0, 0.0, 0.05, 0.0, 0.0, 0.0, 1.0], (len(times), 1))
+    return Trajectory(times, (ARM,), arm[:, np.newaxis], base_poses=base)
+
+
+def write_motions(folder, *reaches):
+    """Write a CSV for each reach of the arm; return the files."""
+    files = []
+    for number, reach in enumerate(reaches):
+        file = folder / f"motion{number}.csv"
+        file.write_text(table_text(post_motion(reach)))
+        files.append(file)
+    return files

@@ -1,0 +1,205 @@
+"""Many motions: processes and a Dask cluster find what one process does, and lose nothing.
+
+The robot is small, so that little but the start of processes takes time.
+"""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import distributed
+import pytest
+from checked import POST, write_motions
+from conftest import REPOSITORY
+from waiting import wait_for
+
+from g1_description.core.errors import ClusterError
+from g1_description.core.files.absolute_urdf import absolute_urdf
+from g1_description.core.motion.formats.read import read_motion
+from g1_description.core.motion.motion import Motion
+from g1_description.core.reports.tables import json_text
+from g1_description.sim.batch.cluster import Cluster
+from g1_description.sim.batch.in_turn import Task, judged_here
+from g1_description.sim.batch.judge import Judge
+from g1_description.sim.batch.package import packed, unpacked
+from g1_description.sim.batch.processes import ATTEMPTS, Workers
+from g1_description.sim.batch.setup import Setup
+
+SETUP = Setup(POST, plot=True)
+REACHES = (0.3, 0.9, 1.2, 0.5, 1.5, 0.1)
+
+
+def read(path, robot, rate, topic):
+    """Read a motion; some names are those of files that end whoever reads them."""
+    if path.name.startswith("deadly"):
+        os.kill(os.getpid(), signal.SIGKILL)
+    if path.name.startswith("once"):
+        marker = path.with_suffix(".begun")
+        if not marker.exists():
+            marker.touch()
+            os.kill(os.getpid(), signal.SIGKILL)
+    return read_motion(path, robot, rate)
+
+
+def tasks_of(files):
+    return [Task(number, file.name, file) for number, file in enumerate(files)]
+
+
+def in_order(found):
+    return [outcome for _, outcome in sorted(found, key=lambda item: item[0].number)]
+
+
+@pytest.fixture
+def files(tmp_path):
+    """Give motions, and a file that is none."""
+    junk = tmp_path / "junk.csv"
+    junk.write_text("a,b\n1,2\n")
+    return [*write_motions(tmp_path, *REACHES), junk]
+
+
+@pytest.fixture(scope="module")
+def judge():
+    return Judge(SETUP)
+
+
+@pytest.fixture
+def alone(judge, files):
+    """Give what this process finds."""
+    return in_order(judged_here(judge, tasks_of(files), read_motion_of))
+
+
+def read_motion_of(path, robot, rate, topic):
+    return read_motion(path, robot, rate)
+
+
+def test_one_process_judges_all(alone):
+    results = [outcome.result for outcome in alone]
+    assert results == [
+        *2 * ["passed"],
+        "failed",
+        "passed",
+        "failed",
+        "passed",
+        "not read",
+    ]
+    assert alone[-1].problem == "Line 1 names a, b, but not time."
+    assert all(outcome.plot for outcome in alone[:-1])
+
+
+def test_processes_find_the_same_and_lose_no_file(files, alone, tmp_path):
+    """One file kills its process once, another one each time."""
+    once, deadly = tmp_path / "once.csv", tmp_path / "deadly.csv"
+    for file in (once, deadly):
+        file.write_bytes(files[0].read_bytes())
+    workers = Workers(SETUP, read, 2)
+    try:
+        found = in_order(workers.judged(tasks_of([*files, once, deadly])))
+    finally:
+        workers.close()
+    assert json_text(found[:-2]) == json_text(alone)
+    assert [outcome.plot for outcome in found[:-2]] == [o.plot for o in alone]
+    assert found[-2].verdict.as_dict() == alone[0].verdict.as_dict()
+    assert found[-1].result == "not checked"
+    assert found[-1].problem == f"the process that checked it died, {ATTEMPTS} times"
+
+
+WAITING = """
+import os, sys
+sys.path[:0] = {path!r}
+from pathlib import Path
+from g1_description.sim.batch.in_turn import Task
+from g1_description.sim.batch.processes import Workers
+from g1_description.sim.batch.setup import Setup
+from test_batch import SETUP, stay
+
+if __name__ == "__main__":
+    next(iter(Workers(SETUP, stay, 1).judged([Task(0, "a", Path("a"))])))
+"""
+
+
+def stay(path, robot, rate, topic):
+    """Tell who reads, and never end."""
+    path.with_name("pid").write_text(str(os.getpid()))
+    while True:
+        time.sleep(60.0)
+
+
+def test_processes_end_with_the_one_that_started_them(tmp_path):
+    script = tmp_path / "waits.py"
+    script.write_text(WAITING.format(path=sys.path))
+    parent = subprocess.Popen([sys.executable, script], cwd=tmp_path)
+    try:
+        pid = int(wait_for(lambda: text_of(tmp_path / "pid"), "the process"))
+    finally:
+        parent.kill()
+        parent.wait()
+    wait_for(lambda: not Path(f"/proc/{pid}").exists(), "the end of the process")
+
+
+def text_of(file):
+    return file.read_text() if file.exists() else ""
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    """Give a scheduler with two workers, each a process."""
+    path = os.pathsep.join([str(REPOSITORY / "src"), *sys.path])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PYTHONPATH", path)
+        with distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, dashboard_address=None
+        ) as made:
+            yield made
+
+
+def test_a_cluster_finds_the_same_though_a_worker_dies(cluster, files, alone, judge):
+    """It has no disk of ours: bags, as files of a topic, are read here."""
+    connected = Cluster(SETUP, judge, read_motion_of, cluster.scheduler_address)
+    try:
+        found, workers = [], cluster.workers.values()
+        for item in connected.judged(tasks_of(files)):
+            if not found:
+                os.kill(next(iter(workers)).process.pid, signal.SIGKILL)
+            found.append(item)
+    finally:
+        connected.close()
+    assert json_text(in_order(found)) == json_text(alone)
+    assert [o.plot for o in in_order(found)] == [o.plot for o in alone]
+
+
+def test_a_cluster_judges_what_only_we_can_read(cluster, files, alone, judge):
+    """Such as bags: then motions are sent, with all that is noted of them."""
+
+    def read_here(path, robot, rate, topic):
+        assert topic == "states"
+        motion = read_motion(path, robot, rate)
+        return Motion(motion.trajectory, (*motion.notes, "read here"))
+
+    setup = Setup(POST, topic="states")
+    connected = Cluster(setup, Judge(setup), read_here, cluster.scheduler_address)
+    try:
+        (found,) = in_order(connected.judged(tasks_of(files[2:3])))
+    finally:
+        connected.close()
+    assert found.verdict.notes[-1] == "read here"
+    assert found.verdict.findings == alone[2].verdict.findings
+
+
+def test_no_cluster_is_told(judge):
+    with pytest.raises(ClusterError, match="There is no Dask scheduler at tcp://"):
+        Cluster(SETUP, judge, read_motion_of, "127.0.0.1:9")
+
+
+def test_a_package_holds_all_that_a_robot_needs(tmp_path):
+    """Pairs of links, which shapes need meshes for, are those of the robot at home."""
+    setup = Setup(absolute_urdf("package://g1_description/urdf/g1_29dof.urdf"))
+    package = packed(setup)
+    assert len(package.meshes) > 20
+    found = unpacked(package, tmp_path)
+    assert "package://" not in found.urdf
+    assert found.urdf.count(f"file://{tmp_path}") == setup.urdf.count("package://")
+    contents = sorted(file.read_bytes() for file in tmp_path.iterdir())
+    assert contents == sorted(package.meshes.values())

@@ -1,0 +1,212 @@
+"""Reports hold what verdicts do: JSON and CSV are read again, the page is parsed."""
+
+import csv
+import io
+import json
+import math
+from html.parser import HTMLParser
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from g1_description.core.checks.thresholds import LEVELS
+from g1_description.core.checks.verdict import Finding, Verdict, sorted_findings
+from g1_description.core.reports.outcome import Outcome, counted
+from g1_description.core.reports.page import write_page
+from g1_description.core.reports.tables import FIGURES, csv_text, json_text
+from g1_description.core.reports.text import outcome_text, summary_text, table
+
+NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
+TIMES = st.floats(0.0, 1e4)
+WORDS = st.text(min_size=1, max_size=12)
+INTERVALS = st.lists(st.tuples(TIMES, TIMES), max_size=3).map(tuple)
+
+
+def findings(checks):
+    return st.builds(
+        Finding,
+        check=st.sampled_from(checks),
+        severity=st.sampled_from(["failed", "warning"]),
+        subject=st.lists(WORDS, max_size=2).map(tuple),
+        worst=NUMBERS,
+        bound=NUMBERS,
+        unit=WORDS,
+        first_time=TIMES,
+        worst_time=TIMES,
+        share=st.floats(0.0, 1.0),
+        intervals=INTERVALS,
+        text=WORDS,
+        points=st.lists(st.tuples(NUMBERS, NUMBERS, NUMBERS), max_size=2).map(tuple),
+    )
+
+
+@st.composite
+def verdicts(draw):
+    """Draw a verdict of any checks."""
+    checked = draw(st.sets(st.sampled_from(LEVELS), min_size=1))
+    skipped = {name: draw(WORDS) for name in LEVELS if name not in checked}
+    found = draw(st.lists(findings(sorted(checked)), max_size=5))
+    return Verdict(
+        draw(WORDS),
+        sorted_findings(found),
+        tuple(sorted(checked)),
+        skipped,
+        draw(st.dictionaries(st.sampled_from(FIGURES), NUMBERS)),
+        draw(st.dictionaries(WORDS, INTERVALS, max_size=2)),
+        draw(st.lists(WORDS, max_size=2).map(tuple)),
+    )
+
+
+OUTCOMES = st.builds(Outcome, WORDS, verdicts()) | st.builds(
+    Outcome, WORDS, st.none(), WORDS, st.booleans()
+)
+
+
+def finding(**changes):
+    values = {
+        **{"check": "position", "severity": "failed", "subject": ("elbow",)},
+        **{"worst": 0.5, "bound": 0.1, "unit": "rad", "first_time": 1.25},
+        **{"worst_time": 2.0, "share": 0.5, "intervals": ((1.25, 2.0),), "text": "far"},
+    }
+    return Finding(**{**values, **changes})
+
+
+@given(st.lists(OUTCOMES, max_size=4), st.integers(0, 3))
+def test_json_holds_what_verdicts_do(outcomes, not_done):
+    read = json.loads(json_text(outcomes, not_done))
+    assert read["not_done"] == not_done
+    assert read["interrupted"] == (not_done > 0)
+    assert read["counts"] == counted(outcome.result for outcome in outcomes)
+    for outcome, found in zip(outcomes, read["files"]):
+        assert found.pop("file") == outcome.file
+        assert found.pop("result") == outcome.result
+        if outcome.verdict is None:
+            assert found == {"problem": outcome.problem}
+        else:
+            assert found == outcome.verdict.as_dict()
+    assert len(read["files"]) == len(outcomes)
+
+
+@given(st.lists(OUTCOMES, max_size=4))
+def test_csv_has_a_row_for_each_file(outcomes):
+    rows = list(csv.DictReader(io.StringIO(csv_text(outcomes), newline="")))
+    files = [outcome.file.replace("\r", " ") for outcome in outcomes]
+    assert [row["file"] for row in rows] == files
+    for outcome, row in zip(outcomes, rows):
+        verdict = outcome.verdict
+        assert row["result"] == outcome.result
+        if verdict is None:
+            assert row["problem"] == outcome.problem.replace("\r", " ")
+            assert {row[name] for name in (*FIGURES, *LEVELS, "failed")} == {""}
+            continue
+        known = {name: float(row[name]) for name in FIGURES if row[name]}
+        assert known == verdict.figures
+        for name in LEVELS:
+            worst = [f.worst for f in verdict.findings if f.check == name]
+            assert row[f"{name}_worst"] == (repr(max(worst)) if worst else "")
+            assert (row[name] == "skipped") == (name in verdict.skipped)
+            assert (row[name] == "passed") == (name in verdict.checked and not worst)
+
+
+def test_what_json_has_no_number_for_is_null():
+    outcome = Outcome("a", Verdict("r", (finding(worst=math.inf),), ("position",)))
+    assert json.loads(json_text([outcome]))["files"][0]["findings"][0]["worst"] is None
+
+
+class Page(HTMLParser):
+    """Collects what a page refers to, and checks that its elements are closed."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.links, self.ids, self.open, self.tags = [], [], [], []
+        self.text = ""
+        self.feed(text)
+        self.close()
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        if tag not in {"meta", "img"}:
+            self.open.append(tag)
+        for name, value in attrs:
+            if name in {"src", "href", "srcset", "action", "data"}:
+                self.links.append(value)
+            if name == "id":
+                self.ids.append(value)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.text += data
+
+
+@given(st.lists(OUTCOMES, max_size=3))
+def test_the_page_needs_nothing_from_elsewhere(tmp_path_factory, outcomes):
+    folder = tmp_path_factory.mktemp("page")
+    picture = folder / "picture.png"
+    picture.write_bytes(b"\x89PNG")
+    pictures = [picture if outcome.verdict else None for outcome in outcomes]
+    write_page(folder / "page.html", outcomes, pictures)
+    text = (folder / "page.html").read_text(encoding="utf-8")
+    page = Page(text)
+    assert page.open == []
+    assert not {"script", "link", "iframe"} & set(page.tags)
+    assert "url(" not in text and "@import" not in text
+    inside = [link for link in page.links if link.startswith("#")]
+    data = [link for link in page.links if link not in inside]
+    assert [link[1:] for link in inside] == page.ids
+    assert len(inside) == len(outcomes)
+    assert data == ["data:image/png;base64,iVBORw=="] * sum(map(bool, pictures))
+
+
+def test_names_on_the_page_are_text(tmp_path):
+    name = '<b>&amp;"x"</b>'
+    verdict = Verdict(name, (finding(subject=(name,)),), ("position",), notes=(name,))
+    write_page(tmp_path / "page.html", [Outcome(name, verdict)], [None])
+    page = Page((tmp_path / "page.html").read_text(encoding="utf-8"))
+    assert "b" not in page.tags
+    assert page.text.count(name) == 5
+
+
+def test_the_table_says_what_was_found():
+    verdict = Verdict(
+        "r",
+        (finding(), finding(severity="warning", check="fall", subject=(), unit="")),
+        ("position", "fall"),
+        {"jerk": "no bounds are given", "acceleration": "no bounds are given"},
+        {"duration": 3.0, "samples": 91},
+        notes=("30 Hz assumed.",),
+    )
+    lines = outcome_text(Outcome("a.csv", verdict)).splitlines()
+    assert lines[0] == "a.csv: failed, 3.00 s, 91 samples"
+    words = [" ".join(line.split()) for line in lines]
+    assert words[2] == "failed position elbow 0.5 rad 1.250 s 50.0 %"
+    assert words[3] == "warning fall the robot 1.250 s"
+    assert lines[4:] == [
+        "  note: 30 Hz assumed.",
+        "  skipped: jerk, acceleration (no bounds are given)",
+    ]
+
+
+def test_columns_are_aligned():
+    lines = table([("a", "bbb"), ("aaa", "b")], 1)
+    assert lines == ["  a    bbb", "  aaa    b"]
+
+
+@pytest.mark.parametrize(
+    ("results", "not_done", "text"),
+    [
+        ([], 0, "0 files: nothing done"),
+        (["p"], 0, "1 file: 1 passed"),
+        (["p", "p", "f", "n"], 0, "4 files: 2 passed, 1 failed, 1 not read"),
+        (["f"], 2, "1 file: 1 failed; interrupted, 2 not done"),
+    ],
+)
+def test_the_last_line_counts(results, not_done, text):
+    kinds = {
+        "p": Outcome("a", Verdict("r")),
+        "f": Outcome("a", Verdict("r", (finding(),), ("position",))),
+        "n": Outcome("a", problem="empty", is_motion=False),
+    }
+    assert summary_text([kinds[result] for result in results], not_done) == text
