@@ -41,7 +41,8 @@ def pose(height=STANDING):
 
 class TestChecks(unittest.TestCase):
     time = 100.0
-    """[s] Of the last state."""
+    place = 0.0
+    """[s], [m] Of the last state."""
 
     @classmethod
     def setUpClass(cls):
@@ -168,16 +169,18 @@ class TestChecks(unittest.TestCase):
 
     # The robot that is there
 
-    def show(self, height=STANDING, **positions):
+    def show(self, height=STANDING, speed=0.0, **positions):
         """Publish a state of the robot, with its base where it has a height."""
         TestChecks.time += 0.1
+        TestChecks.place += 0.1 * speed
         stamp = rospy.Time.from_sec(self.time)
         self.shown.add(stamp)
         everywhere = {**dict.fromkeys(self.joints, 0.0), **positions}
         joints = JointState(name=[*everywhere], position=[*everywhere.values()])
         joints.header.stamp = stamp
         if height is not None:
-            edge = transform(stamp, "map", "left/base_link", [0, 0, height, 0, 0, 0, 1])
+            place = [self.place, 0, height, 0, 0, 0, 1]
+            edge = transform(stamp, "map", "left/base_link", place)
             self.tf.publish(TFMessage([edge]))
         self.states.publish(joints)
         return stamp
@@ -195,7 +198,7 @@ class TestChecks(unittest.TestCase):
         wait_for(came, what)
         return found[0], stamps
 
-    def wait_for_status(self, level, *words, height=STANDING, **positions):
+    def wait_for_status(self, level, *words, height=STANDING, speed=0.0, **positions):
         """Show a state until /diagnostics tells this of it; return the values."""
         name = "left/checker: checks"
 
@@ -210,7 +213,7 @@ class TestChecks(unittest.TestCase):
 
         what = f"{name} {level} {words}"
         message, _ = self.shown_until(
-            self.diagnostics, statuses, what, height, **positions
+            self.diagnostics, statuses, what, height, speed, **positions
         )
         return {value.key: value.value for value in statuses(message)[0].values}
 
@@ -302,12 +305,26 @@ class TestChecks(unittest.TestCase):
             self.assertEqual(len(found[limits]), 1)
         self.wait_for_markers(lambda m: limits not in m, "no joint near its limit")
 
-    def test_live_6_time_may_begin_again(self):
+    def test_live_6_only_a_robot_at_rest_floats_or_falls_over(self):
+        self.wait_for_status(ERROR, "above the floor", height=STANDING + 0.05)
+        values = self.wait_for_status(
+            OK, "nothing is wrong", height=STANDING + 0.05, speed=1.0
+        )
+        self.assertEqual(values["center_of_mass is not judged"], "the robot moves")
+
+    def test_live_7_time_may_begin_again(self):
         self.wait_for_status(OK, "nothing is wrong")
         TestChecks.time = 10.0
         self.wait_for_status(ERROR, "torso_link", **ARM_IN_TORSO)
         values = self.wait_for_status(OK, "nothing is wrong")
         self.assertIn("left_ankle_roll_link", values["bears"])
+
+    def test_live_8_who_comes_late_sees_a_robot_that_stands_still(self):
+        self.markers.close()
+        self.wait_for_status(ERROR, "torso_link", **ARM_IN_TORSO)
+        late = Connected("/left/checker/markers", MarkerArray)
+        message = late.wait(what="the markers of the last state")
+        self.assertIn("colliding links", {marker.ns for marker in message.markers})
 
     def test_without_a_rate_there_are_only_services(self):
         rospy.wait_for_service("/quiet_checker/check_state", DEADLINE)

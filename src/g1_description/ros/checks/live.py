@@ -63,6 +63,7 @@ class LiveChecks:
         self._joints = frozenset(joint.name for joint in joints)
         self._health = CheckHealth()
         self._last: tuple[int, np.ndarray] | None = None
+        self._newest: tuple[tuple, Judged] | None = None
         self._stopped = threading.Event()
         rospy.on_shutdown(self._stopped.set)
         for target in (self._judge_forever, self._report_forever):
@@ -93,12 +94,7 @@ class LiveChecks:
     def _judge(self, state: LiveState) -> None:
         """Judge one state, and show what was found."""
         try:
-            positions = self._own(positions_of(state.message))
-            velocities = self._own(velocities_of(state.message))
-            with self._lock:
-                judged = self._checker.judge_state(
-                    positions, state.base, LIVE, velocities or None
-                )
+            judged = self._judged(state)
         except G1DescriptionError as error:
             self._health.refuse(str(error))
             return
@@ -109,6 +105,19 @@ class LiveChecks:
             verdict = _renamed(verdict, NO_BASE, self._states.no_base)
         self._health.add(verdict)
         self._markers.show(state, judged, verdict)
+
+    def _judged(self, state: LiveState) -> Judged:
+        """Judge one state, if it differs from the last one."""
+        message, base = state.message, state.base
+        place = None if base is None else base.tobytes()
+        content = message.name, message.position, message.velocity, place
+        if self._newest is None or content != self._newest[0]:
+            positions = self._own(positions_of(message))
+            velocities = self._own(velocities_of(message)) or None
+            with self._lock:
+                judged = self._checker.judge_state(positions, base, LIVE, velocities)
+            self._newest = content, judged
+        return self._newest[1]
 
     def _own(self, values: dict[str, float]) -> dict[str, float]:
         """Leave out joints of others, such as hands.

@@ -36,37 +36,41 @@ class LiveMarkers:
             parameters.limit_margin,
         )
         self._publisher = MarkerPublisher("~markers")
+        self._newest: tuple[LiveState, Judged, Verdict] | None = None
         self._shown: tuple | None = None
 
     def show(self, state: LiveState, judged: Judged, verdict: Verdict) -> None:
-        """Show a state, if it differs from the last one.
+        """Show a state.
 
         Args:
             state: The state.
             judged: What was measured of it.
             verdict: What was found.
         """
-        if not self._publisher.is_wanted:
+        self._newest = state, judged, verdict
+
+    def keep_up(self) -> None:
+        """Send what is new, and newcomers all that is shown."""
+        if self._newest is None or not self._publisher.is_wanted:
             self._shown = None
+            self._publisher.forget()
             return
-        timeline, base = judged.timeline, state.base
-        place = None if base is None else base.tobytes()
-        content = timeline.positions.tobytes(), place, verdict.checked
-        if content == self._shown:
-            return
-        self._shown = content
+        state, judged, verdict = self._newest
+        place = None if state.base is None else state.base.tobytes()
+        content = judged.timeline.positions.tobytes(), place, verdict.checked
+        if content != self._shown:
+            self._shown = content
+            self._update(state, judged, verdict)
+        self._publisher.keep_up(stamp_from_ns(state.stamp))
+
+    def _update(self, state: LiveState, judged: Judged, verdict: Verdict) -> None:
+        """Make the markers of a state."""
         colliding = dict.fromkeys(
             link for finding in verdict.of("self_collision") for link in finding.subject
         )
-        frame = self._root if base is None else self._map
+        frame = self._root if state.base is None else self._map
+        place = Place(frame, stamp_from_ns(state.stamp))
         self._publisher.update(
             self._markers.links([*colliding], self._prefix),
-            self._markers.others(
-                Place(frame, stamp_from_ns(state.stamp)), timeline, verdict, base
-            ),
+            self._markers.others(place, judged.timeline, verdict, state.base),
         )
-
-    def keep_up(self) -> None:
-        """Send newcomers what is shown."""
-        if self._publisher.is_wanted:
-            self._publisher.keep_up()

@@ -9,6 +9,7 @@ import threading
 import time
 from collections.abc import Sequence
 
+import genpy
 import rospy
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -58,15 +59,26 @@ class MarkerPublisher:
         if gone or new or moving:
             self._topic.publish(MarkerArray([*gone, *new, *moving]))
 
-    def keep_up(self) -> None:
-        """Send all again where that is due, and what waited for a slow reader."""
+    def keep_up(self, stamp: genpy.Time) -> None:
+        """Send all again where that is due, and what waited for a slow reader.
+
+        Args:
+            stamp: Until when the markers are valid: the newest time that TF knows.
+        """
         self._topic.flush()
         is_due = time.monotonic() - self._refreshed > REFRESH_PERIOD
         if self._newcomer.is_set() or is_due:
             self._newcomer.clear()
             self._refreshed = time.monotonic()
+            for marker in self._shown.values():
+                if not marker.frame_locked:
+                    marker.header.stamp = stamp
             if self._shown:
                 self._topic.publish(MarkerArray([*self._shown.values()]))
+
+    def forget(self) -> None:
+        """Begin again, as nobody has seen anything."""
+        self._shown = {}
 
     def clear(self) -> None:
         """Show nothing any more."""
