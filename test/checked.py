@@ -1,7 +1,12 @@
 """A small robot and motions of it, which tests of checks share."""
 
+import os
+import signal
+import time
+
 import numpy as np
 
+from g1_description.core.motion.formats.read import read_motion
 from g1_description.core.motion.formats.table import table_text
 from g1_description.core.motion.trajectory import Trajectory
 
@@ -37,3 +42,26 @@ def write_motions(folder, *reaches):
         file.write_text(table_text(post_motion(reach)))
         files.append(file)
     return files
+
+
+def read(path, robot, rate, topic):
+    """Read a motion, where there are no bags."""
+    return read_motion(path, robot, rate)
+
+
+def read_or_die(path, robot, rate, topic):
+    """Read a motion; files with some names end the process that reads them."""
+    marker = path.with_suffix(".begun")
+    if path.name.startswith("once") and not marker.exists():
+        marker.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    if path.name.startswith("deadly"):
+        os.kill(os.getpid(), signal.SIGKILL)
+    return read_motion(path, robot, rate)
+
+
+def stay(path, robot, rate, topic):
+    """Tell who reads, and never end."""
+    path.with_name("pid").write_text(str(os.getpid()))
+    while True:
+        time.sleep(60.0)

@@ -7,12 +7,11 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import distributed
 import pytest
-from checked import POST, write_motions
+from checked import POST, read, read_or_die, write_motions
 from conftest import REPOSITORY
 from waiting import wait_for
 
@@ -31,18 +30,6 @@ from g1_description.sim.batch.setup import Setup
 
 SETUP = Setup(POST, plot=True)
 REACHES = (0.3, 1.2, 0.5)
-
-
-def read(path, robot, rate, topic):
-    """Read a motion; some names are those of files that end whoever reads them."""
-    if path.name.startswith("deadly"):
-        os.kill(os.getpid(), signal.SIGKILL)
-    if path.name.startswith("once"):
-        marker = path.with_suffix(".begun")
-        if not marker.exists():
-            marker.touch()
-            os.kill(os.getpid(), signal.SIGKILL)
-    return read_motion(path, robot, rate)
 
 
 def tasks_of(files):
@@ -70,11 +57,7 @@ def judge():
 @pytest.fixture(scope="module")
 def alone(judge, files):
     """Give what this process finds."""
-    return in_order(judged_here(judge, tasks_of(files), read_motion_of))
-
-
-def read_motion_of(path, robot, rate, topic):
-    return read_motion(path, robot, rate)
+    return in_order(judged_here(judge, tasks_of(files), read))
 
 
 def test_one_process_judges_all(alone):
@@ -89,7 +72,7 @@ def test_processes_find_the_same_and_lose_no_file(files, alone, tmp_path):
     once, deadly = tmp_path / "once.csv", tmp_path / "deadly.csv"
     for file in (once, deadly):
         file.write_bytes(files[0].read_bytes())
-    workers = Workers(SETUP, read, 2)
+    workers = Workers(SETUP, read_or_die, 2)
     try:
         found = in_order(workers.judged(tasks_of([*files, once, deadly])))
     finally:
@@ -108,18 +91,11 @@ from pathlib import Path
 from g1_description.sim.batch.in_turn import Task
 from g1_description.sim.batch.processes import Workers
 from g1_description.sim.batch.setup import Setup
-from test_batch import SETUP, stay
+from checked import POST, stay
 
 if __name__ == "__main__":
-    next(iter(Workers(SETUP, stay, 1).judged([Task(0, "a", Path("a"))])))
+    next(iter(Workers(Setup(POST), stay, 1).judged([Task(0, "a", Path("a"))])))
 """
-
-
-def stay(path, robot, rate, topic):
-    """Tell who reads, and never end."""
-    path.with_name("pid").write_text(str(os.getpid()))
-    while True:
-        time.sleep(60.0)
 
 
 def test_processes_end_with_the_one_that_started_them(tmp_path):
@@ -152,7 +128,7 @@ def cluster():
 
 def test_a_cluster_finds_the_same_though_a_worker_dies(cluster, files, alone, judge):
     """It has no disk of ours: bags, as files of a topic, are read here."""
-    connected = Cluster(SETUP, judge, read_motion_of, cluster.scheduler_address)
+    connected = Cluster(SETUP, judge, read, cluster.scheduler_address)
     try:
         found, workers = [], cluster.workers.values()
         for item in connected.judged(tasks_of(files)):
@@ -186,7 +162,7 @@ def test_a_cluster_judges_what_only_we_can_read(cluster, files, alone, judge):
 def test_no_cluster_is_told(judge, monkeypatch):
     monkeypatch.setattr(clusters, "TIMEOUT", 0.3)
     with pytest.raises(ClusterError, match="There is no Dask scheduler at tcp://"):
-        Cluster(SETUP, judge, read_motion_of, "127.0.0.1:9")
+        Cluster(SETUP, judge, read, "127.0.0.1:9")
 
 
 def test_a_package_holds_all_that_a_robot_needs(tmp_path):

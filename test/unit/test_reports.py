@@ -7,7 +7,7 @@ import math
 from html.parser import HTMLParser
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from g1_description.core.checks.thresholds import LEVELS
@@ -141,6 +141,7 @@ class Page(HTMLParser):
         self.text += data
 
 
+@settings(max_examples=15)
 @given(st.lists(OUTCOMES, max_size=3))
 def test_the_page_needs_nothing_from_elsewhere(tmp_path_factory, outcomes):
     folder = tmp_path_factory.mktemp("page")

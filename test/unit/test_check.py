@@ -1,0 +1,196 @@
+"""The command check: what it refuses, prints and writes, and what it ends with."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("rospy", reason="rospy is not installed")
+
+from checked import POST, write_motions
+from conftest import REPOSITORY
+from waiting import wait_for
+
+from g1_description.ros.apps.checks import check
+from g1_description.ros.apps.checks.check_options import MISUSE, parse
+from g1_description.ros.apps.checks.motion_paths import motion_files, picture_names
+
+PASSES, FAILS = 0.3, 1.5
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """Give a folder to work in, with a robot."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "post.urdf").write_text(POST)
+    return tmp_path
+
+
+def run(*arguments):
+    """Run the command in this process; return what it ends with."""
+    return check.check(parse(["--model", "post.urdf", *map(str, arguments)]))
+
+
+def refused(capsys, monkeypatch, *arguments):
+    """Run the command where it is refused; return the sentence."""
+    given = ["--model", "post.urdf", *arguments]
+    monkeypatch.setattr(check, "own_arguments", lambda: given)
+    with pytest.raises(SystemExit) as end:
+        check.main()
+    assert end.value.code == MISUSE
+    output = capsys.readouterr()
+    assert output.out == ""
+    (line,) = output.err.splitlines()
+    return line
+
+
+@pytest.mark.parametrize(
+    ("reaches", "code"), [([PASSES], 0), ([PASSES, FAILS], 1), ([FAILS], 1)]
+)
+def test_the_exit_code_says_whether_a_motion_failed(folder, capsys, reaches, code):
+    assert run(*write_motions(folder, *reaches)) == code
+    output = capsys.readouterr().out
+    assert output.count("passed, 1.00 s, 51 samples") == reaches.count(PASSES)
+    assert output.count("failed, 1.00 s, 51 samples") == reaches.count(FAILS)
+
+
+def test_junk_in_a_folder_is_told_and_changes_nothing(folder, capsys):
+    motions = folder / "motions"
+    (motions / "deeper").mkdir(parents=True)
+    write_motions(motions / "deeper", PASSES)
+    (motions / "junk.csv").write_text("a,b\n1,2\n")
+    (motions / "notes.txt").write_text("a motion")
+    (motions / ".hidden.csv").write_text("a,b\n1,2\n")
+    assert run("motions") == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == ("motions/junk.csv: not read: Line 1 names a, b, but not time.")
+    assert lines[-1] == (
+        "2 files: 1 passed, 1 not read; 1 with other endings left out."
+    )
+
+
+@pytest.mark.parametrize("name", ["junk.csv", "."])
+def test_what_was_meant_and_is_no_motion_is_an_error(folder, capsys, name):
+    """A file that was named, or a folder without any motion."""
+    (folder / "junk.csv").write_text("a,b\n1,2\n")
+    assert run(name) == MISUSE
+    assert "junk.csv: not read" in capsys.readouterr().out
+
+
+def test_a_failure_counts_more_than_a_file_that_is_not_read(folder, capsys):
+    (folder / "junk.csv").write_text("a,b\n1,2\n")
+    assert run(*write_motions(folder, FAILS), "junk.csv") == 1
+    capsys.readouterr()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["a.csv"], "check: a.csv does not exist."),
+        (["/dev/null"], "check: /dev/null is no file."),
+        (["empty"], "check: The folder empty has no file that ends in .bag, .csv, "),
+        (["motion0.csv", "--json", "no/a.json"], "check: There is no folder no for "),
+        (["motion0.csv", "--json", "a.txt"], "check: --json a.txt does not end in "),
+        (["motion0.csv", "--html", "empty"], "check: --html empty does not end in "),
+        (["motion0.csv", "--json", "-", "--csv", "-"], "check: --json and --csv "),
+        (["motion0.csv", "--jobs", "0"], "check: --jobs 0 is not from 1 to 256; "),
+        (["motion0.csv", "--jobs", "2", "--dask", "a:1"], "check: --jobs is for "),
+        (["motion0.csv", "--only", "fall"], "check: fall goes with --physics; "),
+        (["motion0.csv", "--only", "colision"], "check: argument --only: there is no "),
+        (["motion0.csv", "--fps", "0"], "check: --fps 0 is no number of samples "),
+        (["motion0.csv", "--model", "no.urdf"], "check: The model no.urdf cannot be "),
+        (["motion0.csv", "--thresholds", "post.urdf"], "check: post.urdf "),
+        (["motion0.csv", "--collisions", "no.yaml"], "check: The file of allowed "),
+        (["motion0.csv", "motion1.csv", "--plot", "a.png"], "check: --plot a.png is "),
+        (["motion0.csv", "--plot", "post.urdf"], "check: --plot post.urdf is neither "),
+    ],
+)
+def test_bad_input_is_refused_in_a_sentence(
+    folder, capsys, monkeypatch, arguments, sentence
+):
+    (folder / "empty").mkdir()
+    write_motions(folder, PASSES, PASSES)
+    before = sorted(folder.iterdir())
+    assert refused(capsys, monkeypatch, *arguments).startswith(sentence)
+    assert sorted(folder.iterdir()) == before
+
+
+def test_reports_are_written_and_stdout_is_theirs(folder, capsys):
+    write_motions(folder, PASSES, FAILS)
+    reports = ["--csv", "a.csv.csv", "--html", "a.html", "--plot", "plots"]
+    files = ["motion0.csv", "motion1.csv"]
+    assert run(*files, "--json", "-", *reports) == 1
+    output = capsys.readouterr()
+    found = json.loads(output.out)
+    assert [entry["file"] for entry in found["files"]] == files
+    assert [entry["result"] for entry in found["files"]] == ["passed", "failed"]
+    assert found["files"][1]["findings"][0]["subject"] == ["arm_joint"]
+    assert output.err == "2 files: 1 passed, 1 failed.\n"
+    assert len((folder / "a.csv.csv").read_text().splitlines()) == 3
+    pictures = sorted(path.name for path in (folder / "plots").iterdir())
+    assert pictures == ["motion0.csv.png", "motion1.csv.png"]
+    assert (folder / "a.html").read_text().count("data:image/png;base64,iVBOR") == 2
+
+
+def test_quiet_prints_the_last_line_only(folder, capsys):
+    assert run(*write_motions(folder, FAILS), "--quiet") == 1
+    assert capsys.readouterr().out == "1 file: 1 failed.\n"
+
+
+def test_thresholds_and_only_decide_what_is_judged(folder, capsys):
+    (file,) = write_motions(folder, FAILS)
+    assert run(file, "--only", "self_collision,floating") == 0
+    (folder / "mine.yaml").write_text("position: {failure: 10.0}\n")
+    assert run(file, "--only", "position", "--thresholds", "mine.yaml") == 0
+    assert "warning" in capsys.readouterr().out
+
+
+def test_each_file_is_checked_once_and_pictures_have_names_of_their_own(folder):
+    for name in ("a", "b"):
+        (folder / name).mkdir()
+        write_motions(folder / name, PASSES)
+    files = motion_files([Path("a"), Path("a/motion0.csv"), Path("b")])
+    assert [task.name for task in files.tasks] == ["a/motion0.csv", "b/motion0.csv"]
+    assert files.named == {"a/motion0.csv"}
+    names = [str(name) for name in picture_names(files.tasks)]
+    assert names == ["a/motion0.csv.png", "b/motion0.csv.png"]
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_ctrl_c_writes_what_is_done(folder, jobs):
+    write_motions(folder, *200 * [PASSES])
+    command = [sys.executable, REPOSITORY / "scripts" / "check", ".", "--jobs", jobs]
+    command += ["--model", "post.urdf", "--json", "out.json", "--csv", "out.csv"]
+    path = os.pathsep.join([str(REPOSITORY / "src"), *sys.path])
+    process = subprocess.Popen(
+        [*map(str, command)],
+        env={**os.environ, "PYTHONPATH": path},
+        stdout=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    first = process.stdout.readline()
+    os.killpg(process.pid, signal.SIGINT)
+    rest = process.communicate()[0]
+    assert process.returncode == 130
+    assert first.endswith("passed, 1.00 s, 51 samples\n")
+    found = json.loads((folder / "out.json").read_text())
+    n_done = len(found["files"])
+    assert found["interrupted"]
+    assert 0 < n_done < 200 == n_done + found["not_done"]
+    assert f"interrupted, {200 - n_done} not done" in rest.splitlines()[-1]
+    assert len((folder / "out.csv").read_text().splitlines()) == n_done + 1
+    wait_for(lambda: not is_running(process.pid), "the end of all processes")
+
+
+def is_running(group):
+    """Tell whether any process of a group is there."""
+    try:
+        os.killpg(group, 0)
+    except ProcessLookupError:
+        return False
+    return True
