@@ -198,6 +198,11 @@ class TestChecks(unittest.TestCase):
         wait_for(came, what)
         return found[0], stamps
 
+    def levels(self):
+        """Return the levels of all statuses that came."""
+        statuses = [s for message in self.diagnostics.messages for s in message.status]
+        return [s.level for s in statuses if s.name == "left/checker: checks"]
+
     def wait_for_status(self, level, *words, height=STANDING, speed=0.0, **positions):
         """Show a state until /diagnostics tells this of it; return the values."""
         name = "left/checker: checks"
@@ -312,14 +317,27 @@ class TestChecks(unittest.TestCase):
         )
         self.assertEqual(values["center_of_mass is not judged"], "the robot moves")
 
-    def test_live_7_time_may_begin_again(self):
+    def test_live_7_joints_wait_for_the_base_of_their_time(self):
+        """States whose base is not known yet collide; none of them is judged."""
+        self.wait_for_status(OK, "nothing is wrong")
+        self.diagnostics.clear()
+
+        def two_reports():
+            self.show()
+            self.show(height=None, **ARM_IN_TORSO)
+            return self.levels()[2:]
+
+        wait_for(two_reports, "three reports")
+        self.assertEqual(set(self.levels()), {OK})
+
+    def test_live_8_time_may_begin_again(self):
         self.wait_for_status(OK, "nothing is wrong")
         TestChecks.time = 10.0
         self.wait_for_status(ERROR, "torso_link", **ARM_IN_TORSO)
         values = self.wait_for_status(OK, "nothing is wrong")
         self.assertIn("left_ankle_roll_link", values["bears"])
 
-    def test_live_8_who_comes_late_sees_a_robot_that_stands_still(self):
+    def test_live_9_who_comes_late_sees_a_robot_that_stands_still(self):
         self.markers.close()
         self.wait_for_status(ERROR, "torso_link", **ARM_IN_TORSO)
         late = Connected("/left/checker/markers", MarkerArray)

@@ -87,7 +87,8 @@ class LiveStates:
         self._taken: tuple[int, bool] | None = None
         self._parents: dict[str, str] = {}
         self._wanted = {root_frame.encode()}
-        self._newest_edge = 0
+        self._newest: dict[str, int] = {}
+        self._times: deque[int] = deque(maxlen=MAX_STATES)
         self._tf = tf2_ros.Buffer(debug=False)
         self._subscribe("joint_states", self._on_joint_states, 100)
         self._subscribe("/tf", self._on_tf, 100)
@@ -113,8 +114,6 @@ class LiveStates:
             return
         stamp = _nanoseconds(data, _STAMP_AT)
         with self._lock:
-            if self._states and stamp < self._states[-1].stamp - RESET:
-                self._begin_again()
             self._count += 1
             self._states.append(_Received(stamp, data, self._count))
         self.changed.set()
@@ -123,7 +122,9 @@ class LiveStates:
         """Forget all that moves: time went back."""
         self._states.clear()
         self._tf.clear()
-        self._taken, self._newest_edge = None, 0
+        self._newest.clear()
+        self._times.clear()
+        self._taken = None
         self.began_again = True
 
     def _on_tf(self, data: bytes) -> None:
@@ -131,10 +132,11 @@ class LiveStates:
         edges = self._read(data, self._wanted)
         if edges:
             with self._lock:
-                newest = max(stamp for stamp, *_ in edges)
-                if newest < self._newest_edge - RESET:
-                    self._begin_again()
-                self._newest_edge = max(newest, self._newest_edge)
+                for stamp, _, child, _ in edges:
+                    if stamp < self._newest.get(child, 0) - RESET:
+                        self._begin_again()
+                    self._newest[child] = stamp
+                    self._times.append(stamp)
                 self._keep(edges, self._tf.set_transform)
             self.changed.set()
 
@@ -211,7 +213,11 @@ class LiveStates:
             if newest.stamp - time > MAX_BASE_AGE:
                 return newest, None
             known = [state for state in self._states if state.stamp <= time]
-            return (known[-1], self._base(known[-1].stamp)) if known else None
+            # Between two bases is a place where a robot that jumps has never been.
+            times = set(self._times)
+            exact = [state for state in known if state.stamp in times]
+            chosen = (exact or known)[-1:]
+            return (chosen[0], self._base(chosen[0].stamp)) if chosen else None
         except tf2_ros.TransformException:
             return newest, None
 
