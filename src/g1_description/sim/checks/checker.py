@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from g1_description.core.checks.ground import Ground
-from g1_description.core.checks.ground_at_rest import GroundAtRest
+from g1_description.core.checks.ground.at_rest import GroundAtRest
+from g1_description.core.checks.ground.ground import Ground
 from g1_description.core.checks.robot_limits import check_bounds, zero_limits
 from g1_description.core.checks.states import States, states_of
 from g1_description.core.checks.thresholds import Thresholds

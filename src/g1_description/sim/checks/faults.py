@@ -8,11 +8,8 @@ import numpy as np
 
 from g1_description.core.checks import limits
 from g1_description.core.checks.balance import balance_faults
-from g1_description.core.checks.ground import (
-    float_heights,
-    ground_faults,
-    sliding_speeds,
-)
+from g1_description.core.checks.ground.faults import float_heights, ground_faults
+from g1_description.core.checks.ground.sliding import sliding_speeds
 from g1_description.core.checks.limits import NearJumps
 from g1_description.core.checks.states import States
 from g1_description.core.checks.verdict import Fault

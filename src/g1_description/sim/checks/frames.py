@@ -13,7 +13,8 @@ from g1_description.core.checks.balance import (
     margins,
     zero_moment_points,
 )
-from g1_description.core.checks.ground import Ground, GroundFrames, GroundPiece
+from g1_description.core.checks.ground.frames import GroundFrames, GroundPiece
+from g1_description.core.checks.ground.ground import Ground
 from g1_description.core.checks.states import States
 from g1_description.core.checks.thresholds import Thresholds
 from g1_description.core.dynamics.inverse_dynamics import Dynamics, inverse_dynamics

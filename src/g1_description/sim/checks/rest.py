@@ -12,8 +12,9 @@ import numpy as np
 
 from g1_description.core.checks import limits
 from g1_description.core.checks.balance import Balance, balance_faults, margins
-from g1_description.core.checks.ground import GroundFrames, ground_faults
-from g1_description.core.checks.ground_at_rest import GroundAtRest
+from g1_description.core.checks.ground.at_rest import GroundAtRest
+from g1_description.core.checks.ground.faults import ground_faults
+from g1_description.core.checks.ground.frames import GroundFrames
 from g1_description.core.checks.verdict import (
     Fault,
     Verdict,

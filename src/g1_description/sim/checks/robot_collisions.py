@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from g1_description.core.checks.ground import Outline
+from g1_description.core.checks.ground.frames import Outline
 from g1_description.core.collisions.pairs_file import read_allowed_pairs
 from g1_description.core.errors import AllowedPairsError
 from g1_description.core.files.share import share_folder

@@ -9,10 +9,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from g1_description.core.checks.thresholds import Thresholds
 from g1_description.core.rotation import to_axes
 
-from .ground import GroundFrames, Outline
-from .thresholds import Thresholds
+from .frames import GroundFrames, Outline
 
 
 class GroundAtRest:

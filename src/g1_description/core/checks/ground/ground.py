@@ -1,103 +1,20 @@
-"""The robot and the floor: what bears, sinks in, floats or slides."""
+"""A robot's outlines above a floor, sample by sample."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from g1_description.core.dynamics.masses import GRAVITY
-from g1_description.core.motion.sampling import SNAP
+from g1_description.core.checks.runs import runs, without_short
+from g1_description.core.checks.thresholds import Thresholds
 from g1_description.core.rotation import cross, to_axes
 
-from .runs import runs, without_short
-from .thresholds import Thresholds
-from .verdict import Fault
-
-FREE_FALL = 0.5
-"""Share of gravity from which on a robot in the air falls, instead of floating."""
+from .frames import GroundFrames, GroundPiece, Outline
+from .sliding import SLIDE_WINDOW
 
 HYSTERESIS = 2.0
 """A link that bears does so until it is so many times as fast as one that begins to."""
-
-SLIDE_WINDOW = 0.1
-"""Over how long a sliding link's speed is averaged, in [s]."""
-
-SHORTEST_FLIGHT = 0.1
-"""A robot in the air for a shorter time is not judged, in [s]: its acceleration cannot
-be told from noise."""
-
-
-@dataclass(frozen=True, eq=False)
-class Outline:
-    """Points, and a radius about them, whose convex hull is a part of a link."""
-
-    row: int
-    """Of the link."""
-
-    points: np.ndarray
-    """In the link frame, in [m], shape (k, 3)."""
-
-    radius: float
-
-    @property
-    def reach(self) -> float:
-        """How far it is from the link's origin at most, in [m]."""
-        return float(np.linalg.norm(self.points, axis=1).max()) + self.radius
-
-
-@dataclass(frozen=True, eq=False)
-class GroundPiece:
-    """Where links are above the floor, at some successive samples.
-
-    Links are those with an outline, in the order of ``Ground.rows``.
-    """
-
-    heights: np.ndarray
-    """Of the lowest point of each link above the floor, in [m], shape (n, n_links);
-    infinite for a link that is neither the lowest one nor near the floor."""
-
-    lowest: np.ndarray
-    """That point, in the map, in [m], shape (n, n_links, 3)."""
-
-    slide: np.ndarray
-    """How fast the lowest points of a link move along the floor, the mean of those that
-    touch it when the link does, in [m/s], shape (n, n_links)."""
-
-    speed: np.ndarray
-    """How fast the lowest point moves, in [m/s], shape (n, n_links)."""
-
-    low: np.ndarray
-    """Samples and links of points that are low enough to bear, shape (2, k)."""
-
-    low_points: np.ndarray
-    """These points, along the map's x and y, in [m], shape (k, 2)."""
-
-
-@dataclass(frozen=True, eq=False)
-class GroundFrames:
-    """How a robot stands, at each of some samples.
-
-    Links are those with an outline, in the order of ``Ground.rows``.
-    """
-
-    heights: np.ndarray
-    """Of the lowest point of each link above the floor, in [m], shape (n, n_links);
-    infinite for a link that is neither the lowest one nor near the floor."""
-
-    lowest: np.ndarray
-    """That point, in the map, in [m], shape (n, n_links, 3)."""
-
-    slide: np.ndarray
-    """How fast the lowest points of a link move along the floor, in [m/s], shape
-    (n, n_links)."""
-
-    bears: np.ndarray
-    """Whether a link bears, shape (n, n_links)."""
-
-    support: list[np.ndarray]
-    """Points that bear, along the map's x and y, in [m], shape (k, 2) per sample."""
 
 
 class Ground:
@@ -310,102 +227,3 @@ def _support(
     order = np.argsort(frame, kind="stable")
     ends = np.searchsorted(frame[order], np.arange(1, len(bears)))
     return np.split(points[order], ends)
-
-
-def sliding_speeds(
-    slide: np.ndarray, touches: np.ndarray, times: np.ndarray
-) -> np.ndarray:
-    """Average how fast links slide, as long as they touch the floor.
-
-    A foot that is put down or lifted moves a little on its last millimetres, which
-    counts together with the time that it stands.
-
-    Args:
-        slide: Speeds of lowest points along the floor, in [m/s], shape (n, n_links).
-        touches: Where they touch the floor, shape (n, n_links).
-        times: Of the samples in [s], shape (n,).
-
-    Returns:
-        Means over ``SLIDE_WINDOW``, or the whole time of contact where that is shorter,
-        in [m/s]; NaN where a link does not touch, shape (n, n_links).
-    """
-    found = np.full(slide.shape, np.nan)
-    for column in np.flatnonzero(touches.any(axis=0)):
-        for first, last in runs(touches[:, column]):
-            rows = slice(first, last + 1)
-            inside = times[rows]
-            summed = np.append(0.0, np.cumsum(slide[rows, column]))
-            latest = max(inside[0], inside[-1] - SLIDE_WINDOW)
-            start = np.clip(inside - SLIDE_WINDOW / 2.0, inside[0], latest)
-            begin = np.searchsorted(inside, start - SNAP, side="left")
-            end = np.searchsorted(inside, start + SLIDE_WINDOW + SNAP, side="right")
-            found[rows, column] = (summed[end] - summed[begin]) / (end - begin)
-    return found
-
-
-def ground_faults(
-    names: Sequence[str],
-    frames: GroundFrames,
-    slides: np.ndarray,
-    airborne: np.ndarray,
-) -> list[Fault]:
-    """Find what is wrong with a robot on its floor.
-
-    Args:
-        names: Of the links with outlines.
-        frames: How it stands at each sample.
-        slides: How fast links slide that touch the floor, shape (n, n_links).
-        airborne: What ``float_heights`` returned, shape (n,).
-
-    Returns:
-        Depths of links in the floor, heights and speeds of those that bear, and the
-        height of a robot that floats.
-    """
-    faults = []
-    is_low = frames.bears | ~np.isnan(slides)
-    for column in np.flatnonzero(is_low.any(axis=0)):
-        link, heights = (names[column],), frames.heights[:, column]
-        points = frames.lowest[:, column]
-        text = f"{link[0]} is {{worst:.4g}} m deep in the floor at {{time:.3f}} s"
-        faults.append(Fault("penetration", link, -heights, "m", text, points))
-        text = f"{link[0]} slides on the floor with {{worst:.4g}} m/s at {{time:.3f}} s"
-        faults.append(Fault("skating", link, slides[:, column], "m/s", text, points))
-        high = np.where(frames.bears[:, column], heights, np.nan)
-        text = f"{link[0]} bears {{worst:.4g}} m above the floor at {{time:.3f}} s"
-        faults.append(Fault("floating", link, high, "m", text, points))
-    text = "the robot floats {worst:.4g} m above the floor at {time:.3f} s"
-    lowest = np.argmin(frames.heights, axis=1)
-    points = frames.lowest[np.arange(len(lowest)), lowest]
-    faults.append(Fault("floating", (), airborne, "m", text, points))
-    return faults
-
-
-def float_heights(
-    heights: np.ndarray,
-    center_heights: np.ndarray,
-    times: np.ndarray,
-    bearing_height: float,
-) -> np.ndarray:
-    """Find how high a robot floats, which is in the air and does not fall.
-
-    Args:
-        heights: Of its lowest point above the floor in [m], shape (n,).
-        center_heights: Of its centre of mass in [m], shape (n,).
-        times: Of the samples in [s], shape (n,).
-        bearing_height: Up to which it bears, in [m].
-
-    Returns:
-        The heights; NaN where it bears or falls, shape (n,).
-    """
-    floats = np.full(len(times), np.nan)
-    in_air = heights > bearing_height
-    if len(times) == 1:
-        return np.where(in_air, heights, np.nan)
-    for first, last in runs(in_air):
-        rows = slice(first, last + 1)
-        if times[last] - times[first] >= SHORTEST_FLIGHT and last - first > 1:
-            elapsed = times[rows] - times[first]
-            curve = np.polyfit(elapsed, center_heights[rows], 2)[0]
-            if 2.0 * curve > -FREE_FALL * GRAVITY:
-                floats[rows] = heights[rows]
-    return floats

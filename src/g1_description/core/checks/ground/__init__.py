@@ -1,0 +1,1 @@
+"""The robot and the floor: what bears, sinks in, floats or slides."""
