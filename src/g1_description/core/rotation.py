@@ -215,6 +215,24 @@ def angle_between(q_a: np.ndarray, q_b: np.ndarray) -> np.ndarray:
     return 2.0 * np.arctan2(vector, np.abs(difference[..., 3]))
 
 
+def shorter_turn(q_a_b: np.ndarray, q_a_c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Find the shorter turn from one frame to another.
+
+    Args:
+        q_a_b: Unit quaternions (x, y, z, w), shape (..., 4).
+        q_a_c: Unit quaternions (x, y, z, w), shape (..., 4).
+
+    Returns:
+        Its axis in b, zero where there is no turn, shape (..., 3), and half its angle
+        in [rad], from 0 to pi / 2, shape (..., 1).
+    """
+    turn = relative(q_a_b, q_a_c)
+    turn = np.where(turn[..., 3:] < 0.0, -turn, turn)
+    sine = np.linalg.norm(turn[..., :3], axis=-1, keepdims=True)
+    half = np.arctan2(sine, turn[..., 3:])
+    return turn[..., :3] / np.where(sine > 0.0, sine, 1.0), half
+
+
 def normalized(q: np.ndarray) -> np.ndarray:
     """Scale quaternions to unit length; a zero quaternion becomes the identity.
 

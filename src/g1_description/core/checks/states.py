@@ -14,7 +14,7 @@ from g1_description.core.motion.sampling import Sample, sample
 from g1_description.core.motion.trajectory import Trajectory
 from g1_description.core.robot.assembly import base_of
 from g1_description.core.robot.description import Description, Joint
-from g1_description.core.rotation import cross, relative, rotate
+from g1_description.core.rotation import cross, rotate, shorter_turn
 from g1_description.core.transform import IDENTITY, compose, inverse
 
 MAX_TIMES = 200_000
@@ -206,12 +206,8 @@ def rotation_vectors(begin: np.ndarray, end: np.ndarray) -> np.ndarray:
     Returns:
         Axis times angle in the map, in [rad], shape (m, 3).
     """
-    turn = relative(begin, end)
-    turn = np.where(turn[:, 3:] < 0.0, -turn, turn)
-    sine = np.linalg.norm(turn[:, :3], axis=1, keepdims=True)
-    angle = 2.0 * np.arctan2(sine, turn[:, 3:])
-    scale = np.where(sine > 0.0, angle / np.where(sine > 0.0, sine, 1.0), 2.0)
-    return rotate(begin, scale * turn[:, :3])
+    axis, half = shorter_turn(begin, end)
+    return rotate(begin, 2.0 * half * axis)
 
 
 def _step(before: np.ndarray, after: np.ndarray) -> np.ndarray:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from g1_description.core.rotation import multiply, relative, rotate
+from g1_description.core.rotation import multiply, rotate, shorter_turn
 
 from .trajectory import Trajectory
 
@@ -124,11 +124,7 @@ def _base(
     """Interpolate the base's pose; return poses and twists."""
     s, h = share[..., np.newaxis], gaps[..., np.newaxis]
     offset = end[..., :3] - begin[..., :3]
-    turn = relative(begin[..., 3:], end[..., 3:])
-    turn = np.where(turn[..., 3:] < 0.0, -turn, turn)  # the shorter way round
-    sine = np.linalg.norm(turn[..., :3], axis=-1, keepdims=True)
-    half = np.arctan2(sine, turn[..., 3:])
-    axis = turn[..., :3] / np.where(sine > 0.0, sine, 1.0)
+    axis, half = shorter_turn(begin[..., 3:], end[..., 3:])
     part = np.concatenate([np.sin(s * half) * axis, np.cos(s * half)], axis=-1)
     poses = np.concatenate(
         [begin[..., :3] + s * offset, multiply(begin[..., 3:], part)], axis=-1
