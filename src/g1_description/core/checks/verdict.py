@@ -172,8 +172,6 @@ def judge(fault: Fault, level: Level, times: np.ndarray) -> Finding | None:
     Returns:
         What is found; None if it stays below both thresholds.
     """
-    if len(times) == 1:
-        return _judge_single(fault, level, float(times[0]))
     sizes = np.where(np.isnan(fault.sizes), -np.inf, fault.sizes)
     at = int(np.argmax(sizes))
     worst = float(sizes[at])
@@ -182,6 +180,7 @@ def judge(fault: Fault, level: Level, times: np.ndarray) -> Finding | None:
         return None
     is_beyond = sizes > bound
     points = () if fault.points is None else np.reshape(fault.points[at], (-1, 3))
+    text = fault.text if len(times) > 1 else fault.text.replace(AT_TIME, "")
     return Finding(
         fault.check,
         severity,
@@ -193,31 +192,8 @@ def judge(fault: Fault, level: Level, times: np.ndarray) -> Finding | None:
         float(times[at]),
         time_share(times, is_beyond),
         intervals(times, is_beyond),
-        fault.text.format(worst=worst, time=float(times[at])),
+        text.format(worst=worst, time=float(times[at])),
         tuple((float(x), float(y), float(z)) for x, y, z in points),
-    )
-
-
-def _judge_single(fault: Fault, level: Level, time: float) -> Finding | None:
-    """Compare a fault of one configuration, at a time in [s], with its thresholds."""
-    worst = float(fault.sizes[0])
-    severity, bound = level.severity(worst)
-    if bound is None:
-        return None
-    points = () if fault.points is None else np.reshape(fault.points, (-1, 3)).tolist()
-    return Finding(
-        fault.check,
-        severity,
-        fault.subject,
-        worst,
-        bound,
-        fault.unit,
-        time,
-        time,
-        1.0,
-        ((time, time),),
-        fault.text.replace(AT_TIME, "").format(worst=worst),
-        tuple((x, y, z) for x, y, z in points),
     )
 
 
