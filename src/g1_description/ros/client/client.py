@@ -17,9 +17,9 @@ from std_srvs.srv import Empty
 
 from g1_description.api.joint_values import JointValues, check_names
 from g1_description.core.motion.trajectory import Trajectory
-from g1_description.msg import ModelTrajectory
 from g1_description.ros.node.waiting import MASTER_PERIOD, NoAnswerError, wait_until
 from g1_description.ros.wire.conversions import pose_from_array
+from g1_description.ros.wire.model_trajectory import model_trajectory
 from g1_description.srv import SetModelTrajectory, StepModel
 
 from .connection import Connection, RefusedError
@@ -171,16 +171,7 @@ class Client:
             G1DescriptionError: If that cannot be done.
         """
         check_names(trajectory.joint_names, self.joint_names)
-        message = ModelTrajectory(
-            model_name=self._model,
-            joint_names=list(trajectory.joint_names),
-            times=trajectory.times.tolist(),
-            positions=trajectory.positions.ravel().tolist(),
-        )
-        for field in ("velocities", "base_poses"):
-            rows = getattr(trajectory, field)
-            if rows is not None:
-                setattr(message, field, rows.ravel().tolist())
+        message = model_trajectory(self._model, trajectory)
         answer = self._services.checked(
             "set_model_trajectory", SetModelTrajectory, trajectory=message
         )

@@ -23,7 +23,8 @@ from g1_description.ros.bridge.status import RobotStatus
 from g1_description.ros.node.slave_api import SLAVE_API_ERRORS
 from g1_description.ros.node.throttled_log import ThrottledLog
 from g1_description.ros.transport.direct_publisher import DirectPublisher
-from g1_description.ros.wire.conversions import pose_from_array, stamp_from_ns
+from g1_description.ros.wire.conversions import pose_from_array
+from g1_description.ros.wire.model_trajectory import model_trajectory
 from g1_description.srv import SetModelTrajectory
 
 from .gazebo_writer import GazeboWriter
@@ -103,7 +104,7 @@ class MotionPlayer:
         """
         if not self._is_stand_in():
             return self._play_here(trajectory, start_ns)
-        message = _message(self._status.name, trajectory, start_ns)
+        message = model_trajectory(self._status.name, trajectory, start_ns)
         self.is_idle = self._plays_here = False
         with self._lock:  # the first states of the motion come before the answer
             played = self._call(message)
@@ -123,7 +124,7 @@ class MotionPlayer:
         self._plays_here = False
         # Known before it shows, so that the first state that shows it finds it.
         self._add(trajectory, start_ns or self._status.stamp)
-        self._topic.publish(_message(self._status.name, trajectory, start_ns))
+        self._topic.publish(model_trajectory(self._status.name, trajectory, start_ns))
         return Played(True, "")
 
     def place_base(self, pose: np.ndarray) -> Played:
@@ -274,19 +275,3 @@ class MotionPlayer:
             return Played(False, f"the simulator does not answer: {error}")
         details = answer.status_message[len(ANSWERS[answer.success]) :]
         return Played(answer.success, details.lstrip(";, "), answer.start.to_nsec())
-
-
-def _message(
-    model: str, trajectory: Trajectory, start_ns: int | None
-) -> ModelTrajectory:
-    """Write a motion as a message."""
-    velocities, bases = trajectory.velocities, trajectory.base_poses
-    return ModelTrajectory(
-        model,
-        stamp_from_ns(start_ns or 0),
-        list(trajectory.joint_names),
-        trajectory.times.tolist(),
-        trajectory.positions.ravel().tolist(),
-        [] if velocities is None else velocities.ravel().tolist(),
-        [] if bases is None else bases.ravel().tolist(),
-    )
