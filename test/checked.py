@@ -2,7 +2,6 @@
 
 import os
 import signal
-import time
 
 import numpy as np
 
@@ -64,4 +63,4 @@ def stay(path, robot, rate, topic):
     """Tell who reads, and never end."""
     path.with_name("pid").write_text(str(os.getpid()))
     while True:
-        time.sleep(60.0)
+        signal.pause()

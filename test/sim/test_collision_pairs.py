@@ -4,13 +4,13 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from conftest import REPOSITORY
 from robots import link
+from waiting import wait_for
 
 from g1_description.core.collisions.allowed_pairs import (
     ADJACENT,
@@ -270,10 +270,7 @@ def test_a_missing_model_is_told(command):
 def test_an_interrupted_command_writes_nothing(command, tmp_path):
     run = command("--samples", str(2**31), "-o", "pairs.yaml")
     try:
-        deadline = time.monotonic() + 60.0
-        while run.poll() is None and not _is_sampling(run.pid):
-            assert time.monotonic() < deadline
-            time.sleep(0.05)
+        wait_for(lambda: run.poll() is not None or _is_sampling(run.pid), "samples")
         run.send_signal(signal.SIGINT)
         out, err = run.communicate(timeout=60.0)
     finally:
