@@ -10,7 +10,7 @@ from g1_description.core.robot.description import Description
 from g1_description.core.rotation import cross, rotate
 
 GRAVITY = 9.81
-"""Of the simulator's default world, in [m/s^2]."""
+"""In [m/s^2], as Pinocchio has it; Gazebo's default world has 9.8."""
 
 
 class Masses:
