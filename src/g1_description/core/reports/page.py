@@ -21,6 +21,7 @@ th, td { text-align: left; padding: .22em .9em .22em 0; border-bottom: 1px solid
   vertical-align: top; }
 th { color: #666; font-weight: 600; }
 td { font-variant-numeric: tabular-nums; }
+td + td:not(:last-child) { white-space: nowrap; }
 .result { padding: .05em .5em; border-radius: .3em; white-space: nowrap; }
 .passed { background: #bfe5d8; } .warning { background: #f7e9a0; }
 .failed { background: #f0bf99; } .not { background: #ddd; }
