@@ -216,7 +216,9 @@ class Checker:
             return shown
         return replace(
             shown,
-            ground_links=self._ground_links,
+            ground_links=tuple(
+                self._ground_links[column] for column in frames.ground.columns
+            ),
             heights=frames.ground.heights,
             bearing=frames.ground.bears,
             support=tuple(frames.ground.support),

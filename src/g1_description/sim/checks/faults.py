@@ -116,4 +116,5 @@ def _ground_faults(
     floats = float_heights(heights, center[:, 2], times, thresholds.bearing_height)
     touches = parts.ground.touching(ground, times) & ~near_jump[:, np.newaxis]
     slides = sliding_speeds(ground.slide, touches, times)
-    return ground_faults(parts.ground_links, ground, slides, floats)
+    names = [parts.ground_links[column] for column in ground.columns]
+    return ground_faults(names, ground, slides, floats)

@@ -35,7 +35,8 @@ class Timeline:
     where collisions were not looked for."""
 
     ground_links: tuple[str, ...] = ()
-    """Links with an outline; empty where the motion has no base."""
+    """Links that are ever low enough to bear, or lower than all others; empty where the
+    motion has no base."""
 
     heights: np.ndarray | None = None
     """Of their lowest points above the floor, in [m], shape (n, n_ground_links);

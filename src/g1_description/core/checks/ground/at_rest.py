@@ -69,7 +69,8 @@ class GroundAtRest:
         low = np.flatnonzero(height <= limits.bearing_height)
         low = low[bears[0, self._column[self._outline[low]]]]
         support = self._place(axes, poses, low)
-        return GroundFrames(heights, lowest, np.zeros(shape), bears, [support])
+        columns = np.arange(shape[1])
+        return GroundFrames(columns, heights, lowest, np.zeros(shape), bears, [support])
 
     def _place(
         self, axes: np.ndarray, poses: np.ndarray, points: np.ndarray

@@ -29,41 +29,55 @@ class Outline:
 class LinkHeights:
     """Where links are above the floor, at each of some successive samples.
 
-    Links are those with an outline, in the order of ``Ground.rows``.
+    Of links that stay away from the floor only heights are kept: of a long motion, more
+    would need much memory.
     """
+
+    columns: np.ndarray
+    """Links that are ever low enough to bear, or lower than all others: places in
+    ``Ground.rows``, shape (k,)."""
 
     heights: np.ndarray
     """Of the lowest point of each link above the floor, in [m], shape (n, n_links);
     infinite for a link that is neither the lowest one nor near the floor."""
 
     lowest: np.ndarray
-    """That point, in the map, in [m], shape (n, n_links, 3)."""
+    """The lowest points of the links of ``columns``, in the map, in [m], shape
+    (n, k, 3)."""
 
     slide: np.ndarray
-    """How fast the lowest points of a link move along the floor, the mean of those that
-    touch it when the link does, in [m/s], shape (n, n_links)."""
+    """How fast their lowest points move along the floor, the mean of those that touch
+    it when the link does, in [m/s], shape (n, k)."""
 
 
 @dataclass(frozen=True, eq=False)
 class GroundPiece(LinkHeights):
-    """What is known of some of a motion's samples alone."""
+    """What is known of some of a motion's samples alone.
+
+    Its heights are those of all links with an outline.
+    """
 
     speed: np.ndarray
-    """How fast the lowest point moves, in [m/s], shape (n, n_links)."""
+    """How fast the lowest point moves, in [m/s], shape (n, k)."""
 
     low: np.ndarray
-    """Samples and links of points that are low enough to bear, shape (2, k)."""
+    """Samples of points that are low enough to bear, and places of their links in
+    ``Ground.rows``, shape (2, n_points)."""
 
     low_points: np.ndarray
-    """These points, along the map's x and y, in [m], shape (k, 2)."""
+    """These points, along the map's x and y, in [m], shape (n_points, 2)."""
 
 
 @dataclass(frozen=True, eq=False)
 class GroundFrames(LinkHeights):
-    """How a robot stands, at each sample of a motion."""
+    """How a robot stands, at each sample of a motion.
+
+    Its heights are those of the links of ``columns``.
+    """
 
     bears: np.ndarray
-    """Whether a link bears, shape (n, n_links)."""
+    """Whether a link bears, shape (n, k)."""
 
     support: list[np.ndarray]
-    """Points that bear, along the map's x and y, in [m], shape (k, 2) per sample."""
+    """Points that bear, along the map's x and y, in [m], shape (n_points, 2) per
+    sample."""

@@ -72,7 +72,11 @@ class Ground:
         self._average(slide, heights, moves, (owner, points))
         lowest[..., 2] += self._thresholds.floor_height
         speed = np.linalg.norm(velocity, axis=-1)
-        return GroundPiece(heights, lowest, slide, speed, owner, points[:, :2])
+        is_used = heights <= self._thresholds.bearing_height
+        is_used[np.arange(len(heights)), heights.argmin(axis=1)] = True
+        used = np.flatnonzero(is_used.any(axis=0))
+        parts = lowest[:, used], slide[:, used], speed[:, used]
+        return GroundPiece(used, heights, *parts, owner, points[:, :2])
 
     def _average(
         self,
@@ -146,24 +150,27 @@ class Ground:
             pieces: Of successive samples.
             times: Of the samples in [s], shape (n,).
         """
-        heights = np.concatenate([piece.heights for piece in pieces])
-        speed = np.concatenate([piece.speed for piece in pieces])
+        columns = np.unique(np.concatenate([piece.columns for piece in pieces]))
+        heights = np.concatenate([piece.heights[:, columns] for piece in pieces])
         firsts = np.cumsum([0, *(len(piece.heights) for piece in pieces[:-1])])
         offsets = [np.array([[first], [0]]) for first in firsts]
         moved = [piece.low + offset for piece, offset in zip(pieces, offsets)]
         low = np.concatenate(moved, axis=1)
+        low[1] = np.searchsorted(columns, low[1])
         points = np.concatenate([piece.low_points for piece in pieces])
-        bears = self._bearing(heights, speed, times)
-        return GroundFrames(
-            heights,
-            np.concatenate([piece.lowest for piece in pieces]),
-            np.concatenate([piece.slide for piece in pieces]),
-            bears,
-            _support(low, points, bears),
+        lowest, slide, speed = (
+            _spread(pieces, name, columns) for name in ("lowest", "slide", "speed")
         )
+        bears = self._bearing(heights, speed, times, self._is_end[columns])
+        support = _support(low, points, bears)
+        return GroundFrames(columns, heights, lowest, slide, bears, support)
 
     def _bearing(
-        self, heights: np.ndarray, speed: np.ndarray, times: np.ndarray
+        self,
+        heights: np.ndarray,
+        speed: np.ndarray,
+        times: np.ndarray,
+        is_end: np.ndarray,
     ) -> np.ndarray:
         """Tell which links bear, shape (n, n_links).
 
@@ -171,10 +178,11 @@ class Ground:
             heights: Of the links' lowest points in [m], shape (n, n_links).
             speed: Of these points in [m/s], shape (n, n_links).
             times: Of the samples in [s], shape (n,).
+            is_end: Which links carry none that moves against them, shape (n_links,).
         """
         limits = self._thresholds
         touches = heights <= limits.contact_height
-        is_near = (heights <= limits.bearing_height) & self._is_end
+        is_near = (heights <= limits.bearing_height) & is_end
         if len(times) == 1:
             return touches | is_near
         bears = touches | (is_near & (speed < limits.bearing_speed))
@@ -204,11 +212,36 @@ class Ground:
         """
         heights, limits = frames.heights, self._thresholds
         touches = frames.bears & (heights <= limits.contact_height)
-        lowest = self._is_end & (heights <= heights.min(axis=1, keepdims=True))
+        lowest = heights <= heights.min(axis=1, keepdims=True)
+        lowest &= self._is_end[frames.columns]
         lowest &= heights <= limits.bearing_height
         is_lonely = lowest.any(axis=1) & ~frames.bears.any(axis=1)
         is_lonely = without_short(times, is_lonely, SLIDE_WINDOW)
         return np.asarray(touches | (lowest & is_lonely[:, np.newaxis]))
+
+
+def _spread(
+    pieces: Sequence[GroundPiece], name: str, columns: np.ndarray
+) -> np.ndarray:
+    """Chain what pieces say of some links.
+
+    Args:
+        pieces: Of successive samples.
+        name: Of an attribute with an entry for each of a piece's columns.
+        columns: All links that are wanted, shape (n_links,).
+
+    Returns:
+        Zero where a piece says nothing, as of links that are far from the floor, shape
+        (n, n_links, ...).
+    """
+    values = [getattr(piece, name) for piece in pieces]
+    count = sum(map(len, values))
+    found = np.zeros((count, len(columns), *values[0].shape[2:]))
+    first = 0
+    for piece, part in zip(pieces, values):
+        found[first : first + len(part), np.searchsorted(columns, piece.columns)] = part
+        first += len(part)
+    return found
 
 
 def _support(
