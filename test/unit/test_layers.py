@@ -164,7 +164,7 @@ def test_messages_that_nodes_import_are_dependencies():
         ("pybullet", "sim.bullet.client"),
         ("pybullet_utils", "sim.bullet.client"),
         ("resource", "sim.meshes.read_meshes"),
-        ("distributed", "sim.batch.cluster"),
+        ("distributed", "sim.batch.cluster sim.batch.worker"),
         ("tqdm", "ros.apps.checks.results"),
     ],
 )

@@ -36,7 +36,7 @@ def judged_content(package: Package, name: str, content: bytes | Motion) -> Outc
         if isinstance(content, Motion):
             motion = content
             return judge.outcome(name, lambda: motion)
-        with TemporaryDirectory(prefix="check_") as folder:
+        with _folder() as folder:
             path = Path(folder, Path(name).name)
             path.write_bytes(content)
             rate = package.setup.rate
@@ -48,10 +48,17 @@ def judged_content(package: Package, name: str, content: bytes | Motion) -> Outc
 def _judge(package: Package) -> Judge:
     """Return what judges, made anew only for another package."""
     if package.key not in _judges:
-        folder = TemporaryDirectory(prefix="check_")
+        folder = _folder()
         judge = Judge(unpacked(package, Path(folder.name)))
         _judges[package.key] = judge, folder
         while len(_judges) > MAX_JUDGES:
             _, (_, old) = _judges.popitem(last=False)
             old.cleanup()
     return _judges[package.key][0]
+
+
+def _folder() -> TemporaryDirectory[str]:
+    """Make a folder, which Dask removes where this worker cannot any more."""
+    from distributed import get_worker
+
+    return TemporaryDirectory(dir=get_worker().local_directory)
