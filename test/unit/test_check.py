@@ -81,6 +81,12 @@ def test_what_was_meant_and_is_no_motion_is_an_error(folder, capsys, name):
     assert "junk.csv: not read" in capsys.readouterr().out
 
 
+def test_a_file_that_was_named_has_to_be_a_motion(folder, capsys):
+    (folder / "junk.csv").write_text("a,b\n1,2\n")
+    assert run(*write_motions(folder, PASSES), "junk.csv") == MISUSE
+    assert "1 passed, 1 not read" in capsys.readouterr().out
+
+
 def test_a_failure_counts_more_than_a_file_that_is_not_read(folder, capsys):
     (folder / "junk.csv").write_text("a,b\n1,2\n")
     assert run(*write_motions(folder, FAILS), "junk.csv") == 1
