@@ -107,7 +107,11 @@ def test_processes_end_with_the_one_that_started_them(tmp_path):
     finally:
         parent.kill()
         parent.wait()
-    wait_for(lambda: not Path(f"/proc/{pid}").exists(), "the end of the process")
+    try:
+        wait_for(lambda: not Path(f"/proc/{pid}").exists(), "the end of the process")
+    except AssertionError:
+        os.kill(pid, signal.SIGKILL)
+        raise
 
 
 def text_of(file):
