@@ -212,14 +212,24 @@ class LiveStates:
                 return newest, self._base(0)
             if newest.stamp - time > MAX_BASE_AGE:
                 return newest, None
-            known = [state for state in self._states if state.stamp <= time]
-            # Between two bases is a place where a robot that jumps has never been.
-            times = set(self._times)
-            exact = [state for state in known if state.stamp in times]
-            chosen = (exact or known)[-1:]
-            return (chosen[0], self._base(chosen[0].stamp)) if chosen else None
+            chosen = self._chosen(time)
+            return chosen and (chosen, self._base(chosen.stamp))
         except tf2_ros.TransformException:
             return newest, None
+
+    def _chosen(self, time: int) -> _Received | None:
+        """Choose the newest joint states up to a time in [ns].
+
+        Between two bases is a place where a robot that jumps has never been, so the
+        newest ones are taken that have the stamp of a base, if there are any.
+        """
+        times, newest = set(self._times), None
+        for state in reversed(self._states):
+            if state.stamp <= time:
+                newest = newest or state
+                if state.stamp in times:
+                    return state
+        return newest
 
     def _base(self, stamp: int) -> np.ndarray:
         """Look the root link up, shape (7,)."""
