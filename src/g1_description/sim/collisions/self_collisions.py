@@ -64,6 +64,8 @@ class SelfCollisions:
         """The pairs of links that are checked."""
         self._rows = {name: row for row, name in enumerate(found.links)}
         self._collisions = ShapeCollisions(found.shapes)
+        # Listing them takes as long as finding the contacts of one configuration.
+        self._all = self._shape_pairs(np.arange(len(self.pairs)))
 
     def contacts(
         self,
@@ -94,12 +96,18 @@ class SelfCollisions:
             )
         if not np.isfinite(link_poses).all():
             raise InvalidValueError("A pose of a link is not a finite number.")
-        indices = np.array(range(len(self.pairs)) if pairs is None else [*pairs], int)
+        rows = self._all
+        if pairs is not None:
+            rows = self._shape_pairs(np.array([*pairs], dtype=int))
+        return self._collisions.between(link_poses, rows, margin)
+
+    def _shape_pairs(self, indices: np.ndarray) -> np.ndarray:
+        """List the pairs of shapes of some pairs of links, and the pairs' indices."""
         chosen = (self.pairs[index] for index in indices.tolist())
-        rows = [(self._rows[a], self._rows[b]) for a, b in chosen]
-        found = self._collisions.contacts(link_poses, rows, margin)
-        found.pair[:] = indices[found.pair]
-        return found
+        links = [(self._rows[a], self._rows[b]) for a, b in chosen]
+        rows = self._collisions.shape_pairs(links)
+        rows[:, 2] = indices[rows[:, 2]]
+        return rows
 
 
 def _checked_pairs(

@@ -44,6 +44,8 @@ class Separation:
         found = np.zeros(len(placed.a), dtype=bool)
         rows, direction = np.arange(len(placed.a)), self.between_middles(placed)
         for _ in range(ROUNDS):
+            if not len(rows):
+                break
             way = self._way(placed, direction)
             radii = self._radius[placed.a] + self._radius[placed.b]
             is_apart = (direction * way).sum(axis=1) - radii > gap

@@ -85,7 +85,18 @@ class ShapeCollisions:
             pairs: Rows of links.
             margin: In [m].
         """
-        rows = self.shape_pairs(pairs)
+        return self.between(link_poses, self.shape_pairs(pairs), margin)
+
+    def between(
+        self, link_poses: np.ndarray, rows: np.ndarray, margin: float = 0.0
+    ) -> Contacts:
+        """Find the pairs of links that are nearer than a margin.
+
+        Args:
+            link_poses: Poses of the links in the world, shape (n, n_links, 7).
+            rows: Shapes, as ``shape_pairs`` returns them.
+            margin: In [m].
+        """
         parts = [
             self._chunk(link_poses[first : first + CHUNK], rows, margin, first)
             for first in range(0, max(len(link_poses), 1), CHUNK)
@@ -160,6 +171,8 @@ class ShapeCollisions:
 
     def _measure(self, placed: Placed, margin: float) -> _Gaps:
         """Measure the gaps between pairs."""
+        if not len(placed.a):
+            return _Gaps(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
         closest = self._closest.find(placed, margin + SLACK)
         is_near = ~np.isnan(closest.distance)
         direction = np.where(is_near[:, np.newaxis], closest.direction, 0.0)
