@@ -13,6 +13,9 @@ from .placing import Placed, turn
 ROUNDS = 4
 """How often a direction is improved: what is not separated then mostly collides."""
 
+FEW = 32
+"""Up to so many directions are asked for together: it costs more memory, not time."""
+
 TINY = 1e-12
 """Shortest vector that has a direction, in [m]."""
 
@@ -26,6 +29,7 @@ class Separation:
         self._radius = np.array([shape.radius for shape in shapes])
         middles = [(s.points.min(axis=0) + s.points.max(axis=0)) / 2 for s in shapes]
         self._middle = np.array(middles).reshape(-1, 3)
+        self._padded = _padded([shape.points for shape in shapes])
         self._normals = [hull_normals(shape.points) for shape in shapes]
 
     def apart(self, placed: Placed, gap: float) -> np.ndarray:
@@ -121,6 +125,8 @@ class Separation:
         function: Callable[[ConvexShape, np.ndarray], np.ndarray],
     ) -> np.ndarray:
         """Ask each shape for all of its directions at once, shape (n, 3) or (n, 1)."""
+        if len(which) <= FEW:
+            return self._per_row(which, directions, function is _farthest)
         order = np.argsort(which, kind="stable")
         shapes, first = np.unique(which[order], return_index=True)
         result = np.zeros((len(which), 3 if function is _farthest else 1))
@@ -128,10 +134,28 @@ class Separation:
             result[rows] = function(self._shapes[shape], directions[rows])
         return result
 
+    def _per_row(
+        self, which: np.ndarray, directions: np.ndarray, is_farthest: bool
+    ) -> np.ndarray:
+        """Do the same for few directions: one array of all their shapes' points."""
+        points = self._padded[which]
+        x, y, z = directions.T[:, :, np.newaxis]
+        along = x * points[..., 0] + y * points[..., 1] + z * points[..., 2]
+        if is_farthest:
+            return np.asarray(points[np.arange(len(which)), along.argmax(axis=1)])
+        return np.asarray(along.max(axis=1, keepdims=True))
+
 
 def _farthest(shape: ConvexShape, directions: np.ndarray) -> np.ndarray:
     """Find the farthest of the points of a shape, shape (n, 3)."""
     return shape.points[(directions @ shape.points.T).argmax(axis=1)]
+
+
+def _padded(points: Sequence[np.ndarray]) -> np.ndarray:
+    """Repeat the first of each shape's points until all have as many, (n, k, 3)."""
+    most = max((len(rows) for rows in points), default=0)
+    parts = [np.concatenate([r, np.repeat(r[:1], most - len(r), 0)]) for r in points]
+    return np.array(parts).reshape(len(points), most, 3)
 
 
 def _reach(shape: ConvexShape, directions: np.ndarray) -> np.ndarray:
