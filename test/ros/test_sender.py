@@ -49,6 +49,7 @@ class Relay:
     def _accept(self):
         while True:
             near, _ = self._listener.accept()
+            near.settimeout(None)  # as in raw_service.Simulator
             far = socket.create_connection((self._target.hostname, self._target.port))
             self.wires.append(near)
             for pair in ((near, far), (far, near)):

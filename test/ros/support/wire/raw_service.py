@@ -47,6 +47,9 @@ class Simulator:
         with contextlib.suppress(OSError):  # closed
             while True:
                 sock, _ = self._listener.accept()
+                # With a timeout, as rosunit sets, Python polls first, and a poll that
+                # is woken late may find the next socket of the same number.
+                sock.settimeout(None)
                 self._sockets.append(sock)
                 threading.Thread(target=self._serve, args=[sock], daemon=True).start()
 
