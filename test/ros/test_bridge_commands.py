@@ -14,6 +14,8 @@ from support.joint_limits import limits
 from support.ros_testing import NodeLog, wait_for
 from support.wire.raw_service import SUCCESS, Gate, Simulator, refusal
 
+LOG_PERIOD = 10.0
+"""A warning about the service comes once in so many seconds."""
 SLOW = 0.3
 """[s]"""
 MANY = 8000
@@ -64,15 +66,30 @@ class TestBridgeCommands(unittest.TestCase):
 
     def wait_for_newest(self):
         """Wait until every joint has the newest position."""
-        wait_for(
-            lambda: self.simulator.state.get(MODEL) == self.newest,
-            "every joint's newest command",
-        )
+
+        def late():
+            state = self.simulator.state.get(MODEL, {})
+            joints = state.keys() | self.newest.keys()
+            return {
+                joint: (state.get(joint), self.newest.get(joint))
+                for joint in joints
+                if state.get(joint) != self.newest.get(joint)
+            }
+
+        try:
+            wait_for(lambda: not late(), "every joint's newest command")
+        except AssertionError as error:
+            requests = len(self.simulator.requests)
+            told = [m.msg for m in list(self.log.messages)]
+            raise AssertionError(
+                f"{error}: {requests} requests, late {late()}; log {told}"
+            ) from None
 
     def warnings(self, words):
         return [m.msg for m in list(self.log.messages) if words in m.msg]
 
     def test_what_came_before_there_was_a_simulator_comes_in_one_call(self):
+        begin = time.monotonic()
         self.stream(200, 1000.0)
         self.log.wait(
             lambda m: "waits for the simulator" in m.msg, "a line about the service"
@@ -81,7 +98,8 @@ class TestBridgeCommands(unittest.TestCase):
         self.serve()
         self.wait_for_newest()
         self.assertEqual(len(self.simulator.requests), 1)
-        self.assertEqual(len(self.warnings("waits for the simulator")), 1)
+        told = len(self.warnings("waits for the simulator"))
+        self.assertLessEqual(told, 1 + (time.monotonic() - begin) / LOG_PERIOD)
 
     def test_a_slow_simulator_gets_the_newest_in_few_calls(self):
         pause = threading.Event()
