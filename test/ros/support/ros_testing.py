@@ -132,6 +132,11 @@ class Launch:
         self._process.send_signal(signal.SIGINT)
         self._process.wait(DEADLINE)
 
+    def programs(self):
+        """Give the names of the programs that run as its nodes."""
+        command = ["ps", "-o", "comm=", "--ppid", str(self._process.pid)]
+        return subprocess.run(command, stdout=subprocess.PIPE).stdout.decode().split()
+
     @property
     def exit_code(self):
         """None while it runs."""

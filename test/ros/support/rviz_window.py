@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import sys
 import tempfile
 import threading
 from pathlib import Path
@@ -15,6 +16,7 @@ from .ros_testing import REPOSITORY, Launch, wait_for
 from .virtual_screen import VirtualScreen, write_png
 
 DEADLINE = 120.0
+STARTS = 3
 FRAME_RATE = "Frame Rate: 30"
 """In our configurations of RViz."""
 BACKGROUND = (232, 236, 240)
@@ -55,16 +57,27 @@ def complaints_in(picture):
     return sum((picture == colour).all(axis=2).sum() for colour in COMPLAINTS)
 
 
+def seen_in(picture):
+    """Put into words what may be wrong with a picture."""
+    rows, columns = view_of(picture)
+    size = f"a view of {length(columns)} x {length(rows)} pixels"
+    return f"{size}, {complaints_in(picture)} pixels of complaints"
+
+
 def dark(picture):
     """Mark the pixels of a robot's dark parts, such as head and feet."""
     return picture.max(axis=2) < 70
 
 
+def has_view(picture):
+    """Whether the window is there, with a large view."""
+    rows, columns = view_of(picture)
+    return length(rows) > 500 and length(columns) > 500
+
+
 def is_calm(picture):
     """Whether the window is there, with a large view and no complaint."""
-    rows, columns = view_of(picture)
-    large = length(rows) > 500 and length(columns) > 500
-    return large and not complaints_in(picture)
+    return has_view(picture) and not complaints_in(picture)
 
 
 def write_slower(config, folder):
@@ -103,12 +116,44 @@ class RvizWindow:
                 "ROS_LOG_DIR": rospkg.get_log_dir(),
                 "XDG_RUNTIME_DIR": home,
             }
+            file, *arguments = launch
+            slower = f"rvizconfig:={write_slower(config, home)}"
             with mock.patch.dict(os.environ, environment):
-                file, *arguments = launch
-                slower = f"rvizconfig:={write_slower(config, home)}"
-                stack.callback(Launch(file, slower, *arguments).stop)
+                self._launch = self._start(file, slower, *arguments)
+            stack.callback(self._launch.stop)
             self.view = None
             self._stack = stack.pop_all()
+
+    def _start(self, *launch):
+        """Launch RViz until it draws; on a busy machine it sometimes crashes before.
+
+        Returns:
+            The launch file that runs.
+        """
+        for _ in range(STARTS):
+            running = Launch(*launch)
+            try:
+                if self._draws(running):
+                    return running
+            except AssertionError:
+                running.stop()
+                raise
+            running.stop()
+            print("RViz ended by itself before it drew anything.", file=sys.stderr)
+        raise AssertionError(f"RViz ended by itself {STARTS} times")
+
+    def _draws(self, launch):
+        """Wait until RViz shows a view; tell whether it did not end before."""
+        was_there = False
+
+        def drawn_or_gone():
+            nonlocal was_there
+            is_there = "rviz" in launch.programs()
+            is_gone, was_there = was_there and not is_there, is_there
+            return is_gone or has_view(self.screen.picture())
+
+        wait_for(drawn_or_gone, "RViz to draw a view", DEADLINE)
+        return has_view(self.screen.picture())
 
     def close(self):
         """End it, and remove its files."""
@@ -132,7 +177,10 @@ class RvizWindow:
             wait_for(fulfilled, f"a picture of {what}", DEADLINE)
             folder, name = rospy.get_param("~pictures", ""), what.replace(" ", "_")
         except AssertionError as error:
-            raise AssertionError(f"{error}; see {name}.png in {folder}") from None
+            text = f"{error}; it shows {seen_in(last)}; see {name}.png in {folder}"
+            if "rviz" not in self._launch.programs():
+                text += "; RViz ended by itself"
+            raise AssertionError(text) from None
         finally:
             if folder:
                 write_png(Path(folder) / f"{name}.png", last)
