@@ -107,6 +107,14 @@ class TestDisplay(unittest.TestCase):
         self.addCleanup(
             commands.publish, JointState(name=[*wanted], position=[0.0] * len(wanted))
         )
+
+        def is_there(message):
+            found = dict(zip(message.name, message.position))
+            return all(abs(found[name] - wanted[name]) < 1e-9 for name in wanted)
+
+        listener = Listener("/joint_states", JointState)
+        listener.wait(is_there, "the joints where they were told to be")
+        listener.close()
         upright = np.array([0.0, 0.0, 0.793, 0.0, 0.0, 0.0, 1.0])
         buffer = tf2_ros.Buffer()
         tf2_ros.TransformListener(buffer)
