@@ -9,7 +9,6 @@ the cores of a machine may share one.
 
 from __future__ import annotations
 
-import os
 import resource
 import subprocess
 import sys
@@ -76,7 +75,7 @@ def run(bench):
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
     bench.add("memory of this process at most", memory, "MB", "< 500")
     with bench.attempt("two processes"):
-        jobs(bench, clips)
+        jobs(bench, robot, clips)
 
 
 def samples_per_second(checker, clips, names):
@@ -87,11 +86,11 @@ def samples_per_second(checker, clips, names):
     return sum(len(motion.times) for motion in clips) / (time.process_time() - begin)
 
 
-def jobs(bench, clips):
+def jobs(bench, robot, clips):
     """Compare one process with two, by the clock."""
     with tempfile.TemporaryDirectory() as folder:
         for number, motion in enumerate(clips):
-            write_motion(Path(folder) / f"clip_{number:02}.csv", motion)
+            write_motion(Path(folder) / f"clip_{number:02}.csv", motion, robot)
         seconds = {}
         for n_jobs in (1, 2):
             bench.say(f"--jobs {n_jobs}")
@@ -107,13 +106,7 @@ def check(folder, n_jobs):
     """Run the command on a folder; findings are no failure here."""
     command = [Path(__file__).parents[2] / "scripts" / "check", folder]
     command = [sys.executable, *command, "--jobs", str(n_jobs)]
-    one_thread = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")}
-    subprocess.run(
-        command,
-        check=False,
-        stdout=subprocess.DEVNULL,
-        env={**os.environ, **one_thread},
-    )
+    subprocess.run(command, check=False, stdout=subprocess.DEVNULL)
 
 
 def ceiling():
