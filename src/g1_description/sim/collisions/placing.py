@@ -11,6 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+# Entries of a rotation matrix, row by row: each has two products of the quaternion's
+# parts, of which the second is added or subtracted.
+_FIRST = np.array([[1, 0, 0, 0, 0, 1, 0, 1, 0], [1, 1, 2, 1, 0, 2, 2, 2, 0]])
+_SECOND = np.array([[2, 3, 3, 3, 2, 3, 3, 3, 1], [2, 2, 1, 2, 2, 0, 1, 0, 1]])
+_SIGN = np.array([1.0, -1.0, 1.0, 1.0, 1.0, -1.0, -1.0, 1.0, 1.0])
+_DIAGONAL = [0, 4, 8]
+
 
 def axes_of(q: np.ndarray) -> np.ndarray:
     """Convert quaternions to rotation matrices.
@@ -21,13 +28,11 @@ def axes_of(q: np.ndarray) -> np.ndarray:
     Returns:
         Matrices, shape (n, 3, 3).
     """
-    x, y, z, w = q.T
-    rows = [
-        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
-        [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
-        [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
-    ]
-    return np.moveaxis(np.array(rows), 2, 0)
+    first = q[:, _FIRST[0]] * q[:, _FIRST[1]]
+    second = q[:, _SECOND[0]] * q[:, _SECOND[1]]
+    entries = 2.0 * (first + _SIGN * second)
+    entries[:, _DIAGONAL] = 1.0 - entries[:, _DIAGONAL]
+    return entries.reshape(-1, 3, 3)
 
 
 def turn(axes: np.ndarray, vectors: np.ndarray) -> np.ndarray:
@@ -68,8 +73,19 @@ class Placed:
         return Placed(self.b, self.a, axes, -turn(axes, self.origin), conjugate)
 
 
+# Parts of a product of a conjugate and a quaternion, x, y, z, w: besides that with the
+# first one's w, each is a sum of three products.
+_LEFT = np.array([[0, 1, 2, 0], [1, 2, 0, 1], [2, 0, 1, 2]])
+_RIGHT = np.array([[3, 3, 3, 0], [2, 0, 1, 1], [1, 2, 0, 2]])
+_SIGNS = np.array([[-1.0, -1.0, -1.0, 1.0], [-1.0, -1.0, -1.0, 1.0], [1.0] * 4])
+
+
 def place(
-    a: np.ndarray, b: np.ndarray, poses_a: np.ndarray, poses_b: np.ndarray
+    a: np.ndarray,
+    b: np.ndarray,
+    poses_a: np.ndarray,
+    poses_b: np.ndarray,
+    axes_a: np.ndarray,
 ) -> Placed:
     """Place shapes relative to others.
 
@@ -78,17 +94,11 @@ def place(
         b: Likewise.
         poses_a: Poses of the links of the first in the world, shape (n, 7).
         poses_b: Poses of the links of the second, shape (n, 7).
+        axes_a: Rotations of the links of the first as matrices, shape (n, 3, 3).
     """
-    ax, ay, az, aw = (poses_a[:, 3:] * np.array([-1.0, -1.0, -1.0, 1.0])).T
-    bx, by, bz, bw = poses_b[:, 3:].T
-    rotation = np.array(
-        [
-            aw * bx + ax * bw + ay * bz - az * by,
-            aw * by + ay * bw + az * bx - ax * bz,
-            aw * bz + az * bw + ax * by - ay * bx,
-            aw * bw - ax * bx - ay * by - az * bz,
-        ]
-    ).T
-    to_a = np.swapaxes(axes_of(poses_a[:, 3:]), 1, 2)
-    origin = turn(to_a, poses_b[:, :3] - poses_a[:, :3])
+    q_a, q_b = poses_a[:, 3:], poses_b[:, 3:]
+    rotation = q_a[:, 3:] * q_b
+    for left, right, signs in zip(_LEFT, _RIGHT, _SIGNS):
+        rotation += signs * (q_a[:, left] * q_b[:, right])
+    origin = turn(np.swapaxes(axes_a, 1, 2), poses_b[:, :3] - poses_a[:, :3])
     return Placed(a, b, axes_of(rotation), origin, rotation)

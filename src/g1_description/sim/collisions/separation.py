@@ -167,7 +167,7 @@ def _reach(shape: ConvexShape, directions: np.ndarray) -> np.ndarray:
 
 def _unit(vectors: np.ndarray) -> np.ndarray:
     """Give the directions of vectors; x where they have none, shape (n, 3)."""
-    x, y, z = vectors.T
-    length = np.sqrt(x * x + y * y + z * z)[:, np.newaxis]
-    unit = vectors / np.where(length > TINY, length, 1.0)
-    return np.where(length > TINY, unit, np.array([1.0, 0.0, 0.0]))
+    squared = np.einsum("ij,ij->i", vectors, vectors)[:, np.newaxis]
+    unit = vectors / np.sqrt(np.maximum(squared, TINY * TINY))
+    unit[squared[:, 0] <= TINY * TINY] = 1.0, 0.0, 0.0
+    return np.asarray(unit)

@@ -20,7 +20,7 @@ from .convex_shapes import ConvexShape
 from .placing import Placed, axes_of, place, turn
 from .separation import Separation
 
-CHUNK = 512
+CHUNK = 256
 """Configurations that are checked at once: bounds memory, no result depends on it."""
 
 SLACK = 5e-4
@@ -163,8 +163,9 @@ class ShapeCollisions:
         axes = axes.reshape(n_frames, n_links, 3, 3)
         frame, row = self._bounds.near(link_poses, axes, rows[:, :2], gap)
         a, b, pair = rows[row].T
-        poses = (link_poses[frame, self._link[shape]] for shape in (a, b))
-        placed = place(a, b, *poses)
+        link_a, link_b = self._link[a], self._link[b]
+        poses = link_poses[frame, link_a], link_poses[frame, link_b]
+        placed = place(a, b, *poses, axes[frame, link_a])
         kept = self._bounds.overlap(placed, gap)
         kept = kept[~self._separation.apart(placed[kept], gap)]
         return frame[kept], pair[kept], placed[kept]

@@ -56,21 +56,24 @@ class GroundAtRest:
         up, offset = axes[:, 2].take(self._outline, 0), z - self._radius
         height = np.einsum("ij,ij->i", self._points, up) + offset.take(self._outline)
         nearest = max((z + self._reach).min(initial=np.inf), limits.bearing_height)
+        found: dict[int, int] = {}
         for number in np.flatnonzero(z - self._reach <= nearest).tolist():
             begin, end = self._begin[number], self._begin[number + 1]
             at = begin + int(height[begin:end].argmin())
             column = self._column[number]
             if height[at] < heights[0, column]:
                 heights[0, column] = height[at]
-                lowest[0, column, :2] = self._place(axes, poses, np.array([at]))[0]
-                lowest[0, column, 2] = height[at] + limits.floor_height
+                found[column] = at
+        columns, points = [*found], np.array([*found.values()], dtype=int)
+        lowest[0, columns, :2] = self._place(axes, poses, points)
+        lowest[0, columns, 2] = height[points] + limits.floor_height
         bears = heights <= limits.contact_height
         bears |= self._is_end & (heights <= limits.bearing_height)
         low = np.flatnonzero(height <= limits.bearing_height)
         low = low[bears[0, self._column[self._outline[low]]]]
         support = self._place(axes, poses, low)
-        columns = np.arange(shape[1])
-        return GroundFrames(columns, heights, lowest, np.zeros(shape), bears, [support])
+        every = np.arange(shape[1])
+        return GroundFrames(every, heights, lowest, np.zeros(shape), bears, [support])
 
     def _place(
         self, axes: np.ndarray, poses: np.ndarray, points: np.ndarray
