@@ -75,23 +75,22 @@ def rate_faults(
         least: A smaller fault is none, as a share of its bound.
     """
     suffix = {"velocity": "/s", "acceleration": "/s^2", "jerk": "/s^3"}.get(check)
-    for joint, bound, column in zip(joints, bounds, rates.T):
-        if not bound > 0.0:
-            continue  # URDF exporters write 0 where they know none
-        values = np.abs(column)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            sizes = np.where(values == 0.0, 0.0, values / bound)
-            is_large = bool((sizes > least).any())
-        if not is_large:
-            continue
+    is_bounded = bounds > 0.0  # URDF exporters write 0 where they know none
+    values = np.abs(rates)
+    with np.errstate(invalid="ignore"):
+        shares = values / np.where(is_bounded, bounds, np.inf)
+        is_large = (shares > least).any(axis=0) & is_bounded
+    for column in np.flatnonzero(is_large):
+        joint, bound = joints[column], bounds[column]
+        largest = np.nanmax(values[:, column])
         length, effort = units(joint)
         unit = effort if suffix is None else length + suffix
         yield Fault(
             check,
             (joint.name,),
-            sizes,
+            shares[:, column],
             "of the limit",
-            f"{joint.name} has {np.nanmax(values):.4g} {unit} at {{time:.3f}} s, where "
+            f"{joint.name} has {largest:.4g} {unit} at {{time:.3f}} s, where "
             f"{bound:.4g} {unit} is its limit",
         )
 
