@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import struct
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -35,6 +36,9 @@ MAX_BASE_AGE = 1_000_000_000
 
 RESET = 100_000_000
 """Time that went back by more than this began again, in [ns]."""
+
+PAUSE = 5e-4
+"""Messages with longer than this between them, in [s], did not come together."""
 
 _STAMP = struct.Struct("<II")
 _STAMP_AT = 4
@@ -68,12 +72,15 @@ class LiveStates:
     Messages are kept as they came: only those that are judged are read.
     """
 
-    def __init__(self, map_frame: str, root_frame: str, log: ThrottledLog) -> None:
+    def __init__(
+        self, map_frame: str, root_frame: str, period: float, log: ThrottledLog
+    ) -> None:
         """Subscribe.
 
         Args:
             map_frame: Frame whose floor the robot stands on.
             root_frame: Frame of the robot's root link.
+            period: How long messages may gather before they are read, in [s].
             log: Where to log messages that cannot be read.
         """
         self.changed = threading.Event()
@@ -90,8 +97,8 @@ class LiveStates:
         self._newest: dict[str, int] = {}
         self._times: deque[int] = deque(maxlen=MAX_STATES)
         self._tf = tf2_ros.Buffer(debug=False)
-        self._subscribe("joint_states", self._on_joint_states, 100)
-        self._subscribe("/tf", self._on_tf, 100)
+        self._subscribe("joint_states", gathered(self._on_joint_states, period), 100)
+        self._subscribe("/tf", gathered(self._on_tf, period), 100)
         self._subscribe("/tf_static", self._on_static_tf, None)
 
     @staticmethod
@@ -239,6 +246,31 @@ class LiveStates:
         q = found.rotation
         turn = np.array([q.x, q.y, q.z, q.w])
         return np.concatenate([vector_to_array(found.translation), turn])
+
+
+def gathered(act: Callable[[bytes], None], period: float) -> Callable[[bytes], None]:
+    """Let messages gather while nobody needs them.
+
+    To wait for a message costs more than to take it, so after one that was waited for
+    its connection is left alone for a while; the system keeps what comes meanwhile.
+
+    Args:
+        act: Takes a message.
+        period: How long the connection is left alone, in [s].
+
+    Returns:
+        Does the same, and returns late.
+    """
+    ends = threading.local()  # each connection has a thread
+
+    def take(data: bytes) -> None:
+        waited = time.monotonic() - getattr(ends, "last", 0.0)
+        act(data)
+        if waited > PAUSE:
+            time.sleep(period)
+        ends.last = time.monotonic()
+
+    return take
 
 
 def _nanoseconds(data: bytes, place: int) -> int:

@@ -61,7 +61,7 @@ def start(robot: Description, parameters: CheckerParameters) -> None:
     if parameters.rate:
         markers = LiveMarkers(checker, parameters)
         root = root_frame(robot, parameters)
-        states = LiveStates(map_frame, root, ThrottledLog())
+        states = LiveStates(map_frame, root, 1.0 / parameters.rate, ThrottledLog())
         LiveChecks(checker, lock, states, markers, parameters.rate)
 
 
