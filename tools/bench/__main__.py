@@ -8,6 +8,7 @@ from pathlib import Path
 
 from . import (
     bridge,
+    checker,
     checks,
     collisions,
     commands,
@@ -42,6 +43,7 @@ PARTS = {
     "tracking": tracking,
     "collisions": collisions,
     "checks": checks,
+    "checker": checker,
     "poses": poses,
     "streaming": streaming,
     "rates": rates,
