@@ -75,6 +75,9 @@ def test_mistakes_are_told():
         ROBOT.check_state({"left_elbow": 0.0})
     with pytest.raises(InvalidValueError):
         ROBOT.check_state({}, base=[0.0, 1.0])
+    two = np.zeros((2, len(ROBOT.joint_names)))
+    with pytest.raises(InvalidValueError, match=r"positions of shape \(29,\)"):
+        ROBOT.check_state(two)
     with pytest.raises(MotionError):
         ROBOT.check("nowhere.csv")
 

@@ -8,20 +8,20 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Union
 
-import numpy as np
-
 from g1_description.core.checks.thresholds import (
     Thresholds,
     read_thresholds,
     with_thresholds,
 )
 from g1_description.core.checks.verdict import Verdict
+from g1_description.core.errors import InvalidValueError
 from g1_description.core.motion.motion import Motion, fitted
 from g1_description.core.motion.trajectory import Trajectory
 
 from .joint_values import JointValues
 from .kinematics import RobotKinematics
 from .motions import RobotMotions
+from .poses import as_poses
 
 if TYPE_CHECKING:
     from g1_description.sim.checks.checker import Checker
@@ -85,9 +85,17 @@ class RobotChecks(RobotKinematics, RobotMotions):
             G1DescriptionError: If that is no configuration of this robot, or there is
                 no such check or threshold.
         """
-        bases = None if base is None else np.array([base], dtype=float)
-        placed = self.positions(positions)[np.newaxis]
-        return self.check(self.trajectory([0.0], placed, base=bases), only, thresholds)
+        placed = self.positions(positions)
+        pose = None if base is None else as_poses(base)
+        for array, shape in ((placed, (len(self.joint_names),)), (pose, (7,))):
+            if array is not None and array.shape != shape:
+                raise InvalidValueError(
+                    f"An array of shape {array.shape} is given; a configuration has "
+                    f"positions of shape ({len(self.joint_names)},) and a base of (7,)."
+                )
+        checker = self._checker(thresholds, fixed_base=False)
+        by_name = dict(zip(self.joint_names, placed.tolist()))
+        return checker.check_state(by_name, pose, only)
 
     def collisions(
         self, positions: JointValues, base: Any = None, margin: float = 0.0
