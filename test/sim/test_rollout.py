@@ -348,6 +348,13 @@ def test_times_are_those_of_the_motion():
     assert first == pytest.approx(early.report.first_limit_times[0] + 5.0)
 
 
+@pytest.mark.parametrize("shift", [-3.0, -0.001])
+def test_what_begins_before_zero_is_refused(shift):
+    early = replace(crane_motion(), times=crane_motion().times + shift)
+    with pytest.raises(InvalidValueError, match=f"begins at {shift:g} s"):
+        rollout(CRANE, early)
+
+
 def test_weak_motors_are_those_that_are_given():
     weak = Conditions(Motors({LIFT: Motor(effort=5.0)}))
     result = rollout(CRANE, motion([0.0, 0.0], [LIFT]), weak)

@@ -140,9 +140,15 @@ def rollout(
         on_progress: Called for each row with the share that is done, from 0 to 1.
 
     Raises:
-        InvalidValueError: If the robot cannot do any of the motion.
+        InvalidValueError: If the robot cannot do any of the motion, or the motion
+            begins before 0 s.
         DescriptionError: If the robot cannot be simulated.
     """
+    if motion.times[0] < 0.0:
+        raise InvalidValueError(
+            f"The motion begins at {motion.times[0]:.6g} s; motors follow a motion "
+            "from 0 s on."
+        )
     under = conditions or Conditions()
     assembly = at_beginning(lump_fixed_joints(robot), motion)
     pose, lift = place(assembly, motion, under.on_floor, under.fixed_base)
