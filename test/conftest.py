@@ -2,8 +2,12 @@
 
 from pathlib import Path
 
-import pytest
-from hypothesis import settings
+from g1_description.sim.batch.threads import one_thread
+
+one_thread()  # as our programs do, before anything imports numpy
+
+import pytest  # noqa: E402
+from hypothesis import settings  # noqa: E402
 
 settings.register_profile(
     "repeatable", derandomize=True, deadline=None, max_examples=40

@@ -9,5 +9,8 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 def one_thread() -> None:
-    """Let them take one in this process and in those that it starts."""
+    """Let them take one in this process and in those that it starts.
+
+    With another number, the last bits of their results differ.
+    """
     os.environ.update(dict.fromkeys(THREADS, "1"))

@@ -1,7 +1,1 @@
 """The command check: motions in files, and reports of what is wrong with them."""
-
-from g1_description.sim.batch.threads import one_thread
-
-# Before anything imports numpy, which reads this once. The arrays are small: threads
-# would spend their time waiting for each other.
-one_thread()
