@@ -104,3 +104,15 @@ def test_a_zero_quaternion_means_identity_and_a_long_one_is_normalised():
     np.testing.assert_array_equal(
         rotation.normalized(given_ones), [rotation.IDENTITY] * 2
     )
+
+
+def test_the_same_turns_have_the_same_bits_wherever_they_lie_in_memory():
+    rng = np.random.default_rng(0)
+    a = rotation.normalized(rng.normal(size=(256, 4)))
+    b = rotation.normalized(a + 1e-2 * rng.normal(size=a.shape))
+    first, kept = rotation.shorter_turn(a, b), []
+    for _ in range(100):
+        kept.append(np.zeros(rng.integers(1, 3000)))
+        again = rotation.shorter_turn(a, b)
+        kept.append(again)
+        np.testing.assert_array_equal(again[1], first[1])

@@ -229,7 +229,9 @@ def shorter_turn(q_a_b: np.ndarray, q_a_c: np.ndarray) -> tuple[np.ndarray, np.n
     turn = relative(q_a_b, q_a_c)
     turn = np.where(turn[..., 3:] < 0.0, -turn, turn)
     sine = np.linalg.norm(turn[..., :3], axis=-1, keepdims=True)
-    half = np.arctan2(sine, turn[..., 3:])
+    # A copy: numpy computes other last bits of what does not lie together in memory,
+    # depending on where the result happens to lie.
+    half = np.arctan2(sine, turn[..., 3:].copy())
     return turn[..., :3] / np.where(sine > 0.0, sine, 1.0), half
 
 
