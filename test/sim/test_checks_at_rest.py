@@ -8,6 +8,7 @@ import pytest
 from g1_description.core.checks.thresholds import Thresholds, with_thresholds
 from g1_description.core.errors import MotionError, UnknownNameError
 from g1_description.core.files.absolute_urdf import absolute_urdf
+from g1_description.core.files.uris import with_absolute_uris
 from g1_description.core.motion.motion import Motion
 from g1_description.core.motion.trajectory import Trajectory
 from g1_description.core.rotation import from_rpy
@@ -77,6 +78,30 @@ def test_the_verdict_is_that_of_a_motion_of_one_sample(checker):
         found |= {finding.check for finding in verdict.findings}
     assert found >= {"position", "self_collision", "penetration", "floating"}
     assert found >= {"center_of_mass", "zero_moment_point"}
+
+
+def floating(origin):
+    """Let the G1 float in a world, whose joint has an origin."""
+    text = (ROOT / "urdf" / "g1_29dof.urdf").read_text()
+    x, y, z, roll, pitch, yaw = origin
+    joint = f"""<link name="world"/><joint name="float" type="floating">
+        <parent link="world"/><child link="pelvis"/>
+        <origin xyz="{x} {y} {z}" rpy="{roll} {pitch} {yaw}"/></joint></robot>"""
+    where = ROOT / "urdf"
+    text = with_absolute_uris(text.replace("</robot>", joint), where)
+    return parse_urdf(text)
+
+
+@pytest.mark.parametrize("origin", [(0, 0, 1, 0, 0, 0), (0.5, -1, 2, 0.3, -0.2, 1)])
+def test_a_robot_that_floats_in_a_world_stands_where_its_base_is(checker, origin):
+    """Whatever the origin of its joint."""
+    other = Checker.of(floating(origin), checker.thresholds)
+    for positions, base in random_states(8):
+        plain = checker.check_state(positions, base)
+        found = other.check_state(positions, base)
+        assert [f.text for f in found.findings] == [f.text for f in plain.findings]
+        motion = as_motion(other, positions, base)
+        assert rounded(found.as_dict()) == rounded(motion.as_dict())
 
 
 def test_only_what_is_wanted_is_made(checker):

@@ -12,10 +12,10 @@ from g1_description.core.dynamics.inverse_dynamics import RobotMotion
 from g1_description.core.errors import MotionError
 from g1_description.core.motion.sampling import Sample, sample
 from g1_description.core.motion.trajectory import Trajectory
-from g1_description.core.robot.assembly import base_of
+from g1_description.core.robot.assembly import root_in_base
 from g1_description.core.robot.description import Description, Joint
 from g1_description.core.rotation import cross, rotate, shorter_turn
-from g1_description.core.transform import IDENTITY, compose, inverse
+from g1_description.core.transform import IDENTITY, compose
 
 MAX_TIMES = 200_000
 """At how many times a motion can be judged: 55 minutes at 60 Hz."""
@@ -164,10 +164,8 @@ def states_of(
     names = [joint.name for joint in robot.movable_joints]
     columns = [names.index(name) for name in trajectory.joint_names]
     times = _refined(trajectory.times, longest_interval)
-    base, pose = base_of(robot)
-    T_base_root = IDENTITY if base == robot.root else inverse(pose)
     rows = np.array(columns, dtype=int)
-    return States(trajectory, times, rows, len(names), T_base_root)
+    return States(trajectory, times, rows, len(names), root_in_base(robot))
 
 
 def _refined(knots: np.ndarray, longest: float) -> np.ndarray:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from g1_description.core.text import listed
-from g1_description.core.transform import IDENTITY
+from g1_description.core.transform import IDENTITY, inverse
 
 from .description import FREE, Description, Link
 
@@ -33,6 +33,12 @@ def base_of(description: Description) -> tuple[str, np.ndarray]:
             if joint.parent == WORLD and joint.kind in FREE:
                 return joint.child, joint.pose
     return description.root, IDENTITY
+
+
+def root_in_base(description: Description) -> np.ndarray:
+    """Find where the root link is in the base: T_base_root, shape (7,)."""
+    base, pose = base_of(description)
+    return IDENTITY if base == description.root else inverse(pose)
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from g1_description.sim.checks.checker import Checker
 from g1_description.sim.checks.timeline import Judged
 
 from .live_states import LiveState
-from .parameters import CheckerParameters, root_frame
+from .parameters import CheckerParameters, base_frame
 
 
 class LiveMarkers:
@@ -29,7 +29,7 @@ class LiveMarkers:
         """
         robot = checker.description
         self._prefix, self._map = parameters.frame_prefix, parameters.map_frame
-        self._root = root_frame(robot, parameters)
+        self._root = base_frame(robot, parameters)
         self._markers = RobotMarkers(
             robot,
             checker.thresholds.floor_height,

@@ -73,13 +73,13 @@ class LiveStates:
     """
 
     def __init__(
-        self, map_frame: str, root_frame: str, period: float, log: ThrottledLog
+        self, map_frame: str, base_frame: str, period: float, log: ThrottledLog
     ) -> None:
         """Subscribe.
 
         Args:
             map_frame: Frame whose floor the robot stands on.
-            root_frame: Frame of the robot's root link.
+            base_frame: Frame of the robot's base.
             period: How long messages may gather before they are read, in [s].
             log: Where to log messages that cannot be read.
         """
@@ -87,13 +87,13 @@ class LiveStates:
         """Set when something new has come; whoever waits for it clears it."""
         self.began_again = False
         """Whether time went back since this was set to False."""
-        self._map, self._root, self._log = map_frame, root_frame, log
+        self._map, self._root, self._log = map_frame, base_frame, log
         self._lock = threading.Lock()
         self._states: deque[_Received] = deque(maxlen=MAX_STATES)
         self._count = 0
         self._taken: tuple[int, bool] | None = None
         self._parents: dict[str, str] = {}
-        self._wanted = {root_frame.encode()}
+        self._wanted = {base_frame.encode()}
         self._newest: dict[str, int] = {}
         self._times: deque[int] = deque(maxlen=MAX_STATES)
         self._tf = tf2_ros.Buffer(debug=False)
@@ -239,7 +239,7 @@ class LiveStates:
         return newest
 
     def _base(self, stamp: int) -> np.ndarray:
-        """Look the root link up, shape (7,)."""
+        """Look the base up, shape (7,)."""
         found = self._tf.lookup_transform_core(
             self._map, self._root, stamp_from_ns(stamp)
         ).transform

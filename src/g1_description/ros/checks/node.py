@@ -30,7 +30,7 @@ from g1_description.sim.checks.checker import Checker
 from .live import LiveChecks
 from .live_markers import LiveMarkers
 from .live_states import LiveStates
-from .parameters import CheckerParameters, root_frame, wait_for_robot
+from .parameters import CheckerParameters, base_frame, wait_for_robot
 from .services import CheckServices
 
 
@@ -60,7 +60,7 @@ def start(robot: Description, parameters: CheckerParameters) -> None:
     CheckServices(checker, lock, make_another, MapFrame((map_frame, "world")))
     if parameters.rate:
         markers = LiveMarkers(checker, parameters)
-        root = root_frame(robot, parameters)
+        root = base_frame(robot, parameters)
         states = LiveStates(map_frame, root, 1.0 / parameters.rate, ThrottledLog())
         LiveChecks(checker, lock, states, markers, parameters.rate)
 

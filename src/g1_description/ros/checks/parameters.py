@@ -9,7 +9,7 @@ import rospy
 
 from g1_description.core.checks.thresholds import Thresholds, read_thresholds
 from g1_description.core.errors import InvalidValueError
-from g1_description.core.robot.assembly import WORLD
+from g1_description.core.robot.assembly import WORLD, base_of
 from g1_description.core.robot.description import Description
 from g1_description.core.urdf.reader import parse_urdf
 from g1_description.ros.node.parameters import check_range, wait_for_parameter
@@ -72,11 +72,10 @@ class CheckerParameters:
         return read_thresholds(Path(self.thresholds))
 
 
-def root_frame(robot: Description, parameters: CheckerParameters) -> str:
-    """Name the frame of the robot's root link; a root that is the world is the map."""
-    if robot.root == WORLD:
-        return parameters.map_frame
-    return parameters.frame_prefix + robot.root
+def base_frame(robot: Description, parameters: CheckerParameters) -> str:
+    """Name the frame of the robot's base; one that is the world is the map."""
+    base = base_of(robot)[0]
+    return parameters.map_frame if base == WORLD else parameters.frame_prefix + base
 
 
 def wait_for_robot(parameters: CheckerParameters) -> Description:

@@ -22,7 +22,7 @@ from g1_description.core.dynamics.masses import Masses
 from g1_description.core.errors import UnknownNameError
 from g1_description.core.motion.motion import Motion
 from g1_description.core.motion.trajectory import Trajectory
-from g1_description.core.robot.assembly import WORLD, base_of
+from g1_description.core.robot.assembly import WORLD, base_of, root_in_base
 from g1_description.core.robot.description import Description
 from g1_description.core.robot.kinematics import Kinematics
 from g1_description.core.text import listed, similar_first
@@ -80,7 +80,9 @@ class Checker:
         is_fixed = fixed_base or base_of(description)[0] == WORLD
         self._planner = Planner(self._parts, is_fixed)
         at_rest = GroundAtRest(*outlines, self.thresholds)
-        self._rest = RestChecks(description.name, self._parts, at_rest)
+        self._rest = RestChecks(
+            description.name, self._parts, at_rest, root_in_base(description)
+        )
 
     @classmethod
     def of(

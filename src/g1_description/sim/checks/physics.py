@@ -19,7 +19,7 @@ from g1_description.core.checks.verdict import (
 from g1_description.core.errors import G1DescriptionError
 from g1_description.core.motion.motion import Motion
 from g1_description.core.motion.motors import Motors
-from g1_description.core.robot.assembly import WORLD
+from g1_description.core.robot.assembly import WORLD, base_of
 from g1_description.core.robot.description import Description
 from g1_description.sim.motion.rollout import Conditions, Rollout, rollout
 
@@ -51,7 +51,7 @@ class PhysicsCheck:
         """
         self._robot, self._thresholds = description, thresholds
         self._joints = {joint.name: joint for joint in description.movable_joints}
-        self._is_fixed = fixed_base or description.root == WORLD
+        self._is_fixed = fixed_base or base_of(description)[0] == WORLD
         self._conditions = Conditions(
             motors=motors, fixed_base=fixed_base, stops_at_fall=True
         )

@@ -22,7 +22,7 @@ from g1_description.core.checks.verdict import (
     sorted_findings,
 )
 from g1_description.core.motion.trajectory import Trajectory
-from g1_description.core.transform import IDENTITY
+from g1_description.core.transform import IDENTITY, compose
 from g1_description.sim.collisions.shape_collisions import Contacts
 
 from .collision_faults import collisions_at_rest, deepest
@@ -48,15 +48,19 @@ class Rest:
 class RestChecks:
     """The checks of one robot at rest, with all that is the same each time."""
 
-    def __init__(self, name: str, parts: Parts, ground: GroundAtRest) -> None:
+    def __init__(
+        self, name: str, parts: Parts, ground: GroundAtRest, T_base_root: np.ndarray
+    ) -> None:
         """Gather limits.
 
         Args:
             name: The robot's.
             parts: The robot.
             ground: Its outlines.
+            T_base_root: Where its root link is in its base, shape (7,).
         """
         self._name, self._parts, self._ground = name, parts, ground
+        self._T_base_root = T_base_root
         joints = parts.joints
         self.rows = {joint.name: row for row, joint in enumerate(joints)}
         """Rows of the movable joints by name."""
@@ -112,8 +116,9 @@ class RestChecks:
         positions = np.zeros((1, len(self.rows)))
         positions[0, columns] = trajectory.positions[0]
         base = trajectory.base_poses
-        root = IDENTITY[np.newaxis] if base is None else base
-        poses = parts.kinematics.link_poses(root, positions)
+        bases = IDENTITY[np.newaxis] if base is None else base
+        roots = compose(bases, self._T_base_root)
+        poses = parts.kinematics.link_poses(roots, positions)
         contacts = ground = balance = None
         if "contacts" in wanted:
             contacts = parts.collisions.contacts(poses)
