@@ -3,10 +3,12 @@
 The robot is small, so that little but the start of processes takes time.
 """
 
+import multiprocessing
 import os
 import signal
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import distributed
@@ -82,6 +84,22 @@ def test_processes_find_the_same_and_lose_no_file(files, alone, tmp_path):
     assert found[-2].verdict.as_dict() == alone[0].verdict.as_dict()
     assert found[-1].result == "not checked"
     assert found[-1].problem == f"the process that checked it died, {ATTEMPTS} times"
+
+
+def test_a_process_that_dies_with_nothing_to_do_is_replaced(files, alone):
+    n_threads = threading.active_count()
+    workers = Workers(SETUP, read, 1)
+    try:
+        found = []
+        for task, outcome in workers.judged(tasks_of(files)):
+            found.append((task, outcome))
+            for process in multiprocessing.active_children():
+                process.kill()
+                process.join()
+            wait_for(lambda: threading.active_count() == n_threads, "it to be seen")
+    finally:
+        workers.close()
+    assert json_text(in_order(found)) == json_text(alone)
 
 
 WAITING = """

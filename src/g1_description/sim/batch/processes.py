@@ -61,7 +61,12 @@ class Workers:
             while waiting and free:
                 task, attempt = waiting.popleft()
                 pool = free.pop()
-                busy[self._submit(pool, task)] = pool, task, attempt
+                try:
+                    busy[self._submit(pool, task)] = pool, task, attempt
+                except BrokenProcessPool:  # it died while it had nothing to do
+                    self._end(pool)
+                    free.append(self._started())
+                    waiting.appendleft((task, attempt))
             for future in wait(busy, return_when=FIRST_COMPLETED).done:
                 pool, task, attempt = busy.pop(future)
                 try:
