@@ -166,6 +166,45 @@ def test_each_file_is_checked_once_and_pictures_have_names_of_their_own(folder):
     assert names == ["a/motion0.csv.png", "b/motion0.csv.png"]
 
 
+def test_a_file_with_two_names_is_one_file(folder):
+    (file,) = write_motions(folder, PASSES)
+    (folder / "link.csv").symlink_to(file)
+    files = motion_files([Path(file), folder / file, Path("link.csv"), Path(".")])
+    assert [task.name for task in files.tasks] == [str(file)]
+    assert files.named == {str(file)}
+
+
+def test_no_report_takes_the_place_of_a_motion(folder, capsys, monkeypatch):
+    (file,) = write_motions(folder, PASSES)
+    before, name = Path(file).read_bytes(), Path(file).name
+    line = refused(capsys, monkeypatch, str(file), "--csv", f"./{name}")
+    assert line.endswith("is a motion to check.")
+    assert Path(file).read_bytes() == before
+
+
+def test_what_cannot_be_written_leaves_the_rest(folder, capsys):
+    files = write_motions(folder, PASSES, FAILS)
+    (folder / "plots" / f"{Path(files[0]).name}.png").mkdir(parents=True)
+    reports = ("--json", "a.json", "--html", "a.html")
+    code = run(*files, "--plot", "plots", *reports)
+    assert code == MISUSE
+    output = capsys.readouterr()
+    assert "motion0.csv.png cannot be written" in output.err
+    assert len(json.loads((folder / "a.json").read_text())["files"]) == 2
+    assert (folder / "plots" / "motion1.csv.png").is_file()
+    assert (folder / "a.html").is_file()
+
+
+def test_a_name_may_be_no_text(folder, capsys):
+    (file,) = write_motions(folder, FAILS)
+    name = os.fsdecode(b"caf\xe9.csv")
+    Path(file).rename(name)
+    reports = ("--csv", "a.csv", "--json", "a.json", "--html", "a.html")
+    assert run(name, *reports, "--quiet") == 1
+    for report in ("a.csv", "a.json", "a.html"):
+        assert "caf\\" in (folder / report).read_text(encoding="utf-8")
+
+
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_ctrl_c_writes_what_is_done(folder, jobs):
     write_motions(folder, *200 * [PASSES])

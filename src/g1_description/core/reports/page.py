@@ -48,7 +48,8 @@ def write_page(
     Raises:
         OSError: If it cannot be written.
     """
-    with path.open("w", encoding="utf-8") as file:
+    # Names of files may hold bytes that are no text.
+    with path.open("w", encoding="utf-8", errors="backslashreplace") as file:
         file.writelines(_page(outcomes, pictures, not_done))
 
 

@@ -101,10 +101,16 @@ def check(args: argparse.Namespace) -> int:
                 notify(str(error))
                 code = MISUSE
     reports.write(results.outcomes, results.n_missing)
+    for problem in reports.problems:
+        notify(problem)
     _summarize(results, files, sys.stdout if is_free else sys.stderr)
     if results.n_missing:
         return code
-    return exit_code(results.outcomes.values(), files.named)
+    return (
+        MISUSE
+        if reports.problems
+        else exit_code(results.outcomes.values(), files.named)
+    )
 
 
 def _judged(

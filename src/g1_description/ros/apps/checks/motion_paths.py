@@ -39,15 +39,19 @@ def motion_files(paths: Sequence[Path]) -> MotionFiles:
     Raises:
         InvalidValueError: If there is no such file, or no motion in a folder.
     """
-    found: dict[str, Path] = {}
+    found: dict[str, tuple[str, Path]] = {}
     named, n_left_out = set(), 0
+
+    def add(path: Path) -> str:
+        """Add a file, if it was not found by another name; return its first name."""
+        return found.setdefault(os.path.realpath(path), (str(path), path))[0]
+
     for path in paths:
         if not path.is_dir():
             if not path.is_file():
                 what = "is no file" if path.exists() else "does not exist"
                 raise InvalidValueError(f"{path} {what}.")
-            found.setdefault(str(path), path)
-            named.add(str(path))
+            named.add(add(path))
             continue
         below = list(_files_below(path))
         motions = [file for file in below if file.suffix.lower() in ENDINGS]
@@ -57,8 +61,8 @@ def motion_files(paths: Sequence[Path]) -> MotionFiles:
             )
         n_left_out += len(below) - len(motions)
         for file in motions:
-            found.setdefault(str(file), file)
-    tasks = [Task(number, *item) for number, item in enumerate(found.items())]
+            add(file)
+    tasks = [Task(number, *item) for number, item in enumerate(found.values())]
     return MotionFiles(tuple(tasks), frozenset(named), n_left_out)
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -36,21 +37,23 @@ class Reports:
             InvalidValueError: If something cannot.
         """
         self._args = args
+        self.problems: list[str] = []
+        """Why something that was asked for is not written."""
         self._pictures = _pictures(args.plot, tasks)
         for name in (args.json, args.csv, args.html):
             if name not in (None, STDOUT):
                 check_place(Path(name))
+        motions = {os.path.realpath(task.path) for task in tasks}
+        if args.csv and os.path.realpath(args.csv) in motions:
+            raise InvalidValueError(f"--csv {args.csv} is a motion to check.")
         # A page has all pictures in the end; until then they need no memory.
         self._kept = TemporaryDirectory(prefix="check_") if args.html else None
 
     def add(self, task: Task, outcome: Outcome) -> None:
-        """Write the picture of a file.
-
-        Raises:
-            InvalidValueError: If it cannot be written.
-        """
+        """Write the picture of a file."""
         if outcome.plot and task.number in self._pictures:
-            write_whole(self._pictures[task.number], outcome.plot)
+            with self._going_on():
+                write_whole(self._pictures[task.number], outcome.plot)
         if outcome.plot and self._kept:
             Path(self._kept.name, str(task.number)).write_bytes(outcome.plot)
 
@@ -60,19 +63,26 @@ class Reports:
         Args:
             outcomes: By the number of the file.
             not_done: Number of files that are not done.
-
-        Raises:
-            InvalidValueError: If it cannot be written.
         """
         found = [outcomes[number] for number in sorted(outcomes)]
         if self._args.json:
-            _write(self._args.json, json_text(found, not_done))
+            with self._going_on():
+                _write(self._args.json, json_text(found, not_done))
         if self._args.csv:
-            _write(self._args.csv, csv_text(found))
+            with self._going_on():
+                _write(self._args.csv, csv_text(found))
         if self._args.html:
-            with whole_file(self._args.html) as part:
+            with self._going_on(), whole_file(self._args.html) as part:
                 pictures = [self._picture(number) for number in sorted(outcomes)]
                 write_page(part, found, pictures, not_done)
+
+    @contextmanager
+    def _going_on(self) -> Iterator[None]:
+        """Take note of what cannot be written, and go on with the rest."""
+        try:
+            yield
+        except InvalidValueError as error:
+            self.problems.append(str(error))
 
     def _picture(self, number: int) -> Path | None:
         """Return where the picture of a file was kept; None if it has none."""
@@ -120,8 +130,10 @@ def _check_writable(folder: Path) -> None:
 
 def _write(name: str, text: str) -> None:
     """Write a text into a file, or on stdout."""
+    # Names of files may hold bytes that are no text.
+    data = text.encode("utf-8", "backslashreplace")
     if name == STDOUT:
-        sys.stdout.write(text)
+        sys.stdout.write(data.decode("utf-8"))
         sys.stdout.flush()
     else:
-        write_whole(Path(name), text.encode("utf-8"))
+        write_whole(Path(name), data)
