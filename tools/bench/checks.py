@@ -26,6 +26,8 @@ from g1_description.core.urdf.reader import parse_urdf
 from g1_description.sim.checks.checker import Checker
 from g1_description.sim.motion.floor import lowest_height
 
+from .nodes import MeasurementError
+
 KINDS = {
     "limits and jumps": ("position", "velocity", "jump", "base_jump"),
     "self-collision": ("self_collision",),
@@ -106,7 +108,9 @@ def check(folder, n_jobs):
     """Run the command on a folder; findings are no failure here."""
     command = [Path(__file__).parents[2] / "scripts" / "check", folder]
     command = [sys.executable, *command, "--jobs", str(n_jobs)]
-    subprocess.run(command, check=False, stdout=subprocess.DEVNULL)
+    code = subprocess.run(command, stdout=subprocess.DEVNULL).returncode
+    if code not in (0, 1):
+        raise MeasurementError(f"check ended with {code}")
 
 
 def ceiling():

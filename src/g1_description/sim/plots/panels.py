@@ -81,7 +81,7 @@ def joint_strips(
     for row, joint in enumerate(joints):
         column = timeline.joint_names.index(joint.name)
         axes.axhspan(row - HALF, row + HALF, color=LIMITS, linewidth=0.0, zorder=0)
-        for finding in verdict.findings:
+        for finding in reversed(verdict.findings):  # failures above warnings
             if finding.subject == (joint.name,):
                 where = (row - 0.5, 1.0)
                 color = COLORS[finding.severity]
