@@ -3,6 +3,7 @@
 
 import math
 import sys
+import threading
 import unittest
 
 import numpy as np
@@ -335,6 +336,30 @@ class TestChecks(unittest.TestCase):
         self.wait_for_status(ERROR, "torso_link", **ARM_IN_TORSO)
         values = self.wait_for_status(OK, "nothing is wrong")
         self.assertIn("left_ankle_roll_link", values["bears"])
+
+    def test_live_8_a_motion_in_another_frame_takes_nothing_from_it(self):
+        """It stands where the robot stands."""
+        stopped = threading.Event()
+        thread = threading.Thread(target=self.show_until, args=[stopped])
+        thread.start()
+        try:
+            motion = self.trajectory([0.0, 0.0])
+            motion.multi_dof_joint_trajectory.header.frame_id = "left/base_link"
+            for point in motion.multi_dof_joint_trajectory.points:
+                point.transforms[0].translation.z = 0.0
+            answer = self.check_trajectory(motion, [])
+        finally:
+            stopped.set()
+            thread.join()
+        self.assertTrue(answer.success, answer.status_message)
+        self.assertTrue(answer.valid, answer.findings)
+        values = self.wait_for_status(OK, "nothing is wrong")
+        self.assertIn("left_ankle_roll_link", values["bears"])
+
+    def show_until(self, stopped):
+        """Show the robot standing again and again."""
+        while not stopped.wait(0.02):
+            self.show()
 
     def test_live_9_who_comes_late_sees_a_robot_that_stands_still(self):
         self.markers.close()

@@ -4,15 +4,22 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 import rospy
 import tf2_ros
 
-from g1_description.core.errors import MotionError
+from g1_description.core.errors import MotionError, WireFormatError
 from g1_description.core.transform import compose
-from g1_description.ros.wire.conversions import vector_to_array
+from g1_description.ros.node.newest import BUFFER
+from g1_description.ros.wire.conversions import (
+    stamp_from_ns,
+    transform,
+    vector_to_array,
+)
+from g1_description.ros.wire.transforms import read_edges
 
 FIRST_TIMEOUT = 2.0
 """Longest wait for a frame by a listener that has just begun, in [s] of wall time."""
@@ -22,6 +29,46 @@ TIMEOUT = 0.2
 
 POLL_PERIOD = 0.005
 """Wait before TF is asked again, in [s]."""
+
+
+class _Listener:
+    """Fills a buffer as tf2's own listener does, from the bytes of messages.
+
+    In a node, rospy gives all subscribers of a topic what the first one asked for, and
+    the node that judges takes the bytes of TF.
+    """
+
+    def __init__(self, buffer: tf2_ros.Buffer) -> None:
+        """Begin to listen."""
+        self._buffer = buffer
+        self._newest = rospy.Time()
+        self._lock = threading.Lock()
+        keepers = {
+            "/tf": buffer.set_transform,
+            "/tf_static": buffer.set_transform_static,
+        }
+        for topic, keep in keepers.items():
+            rospy.Subscriber(
+                topic,
+                rospy.AnyMsg,
+                partial(self._take, keep),
+                queue_size=100,
+                buff_size=BUFFER,
+            )
+
+    def _take(self, keep: Callable, message: rospy.AnyMsg) -> None:
+        """Keep what a message tells."""
+        try:
+            edges = read_edges(message._buff)
+        except WireFormatError:
+            return
+        with self._lock:
+            now = rospy.Time.now()
+            if now < self._newest:  # time began again
+                self._buffer.clear()
+            self._newest = now
+            for stamp, parent, child, pose in edges:
+                keep(transform(stamp_from_ns(stamp), parent, child, pose), "tf")
 
 
 class MapFrame:
@@ -61,8 +108,8 @@ class MapFrame:
         deadline = time.monotonic() + TIMEOUT
         with self._lock:
             if self._buffer is None:
-                self._buffer = tf2_ros.Buffer()
-                tf2_ros.TransformListener(self._buffer)
+                self._buffer = tf2_ros.Buffer(debug=False)
+                _Listener(self._buffer)
                 deadline += FIRST_TIMEOUT
         while True:
             try:
