@@ -116,6 +116,7 @@ class TestChecks(unittest.TestCase):
             ([], [], far, [], "inf"),
             ([], [], turned, [], "quaternion"),
             ([], [], None, ["balance"], "no check balance"),
+            ([KNEE], [0.0], None, ["velocity"], "No check could be made: velocity"),
         ):
             joints = JointState(name=names, position=positions)
             answer = self.check_state(joints, where is not None, where or pose(), only)

@@ -166,6 +166,13 @@ def test_each_file_is_checked_once_and_pictures_have_names_of_their_own(folder):
     assert names == ["a/motion0.csv.png", "b/motion0.csv.png"]
 
 
+def test_a_motion_that_nothing_can_be_said_of_has_not_passed(folder, capsys):
+    (file,) = write_motions(folder, PASSES)
+    assert run(file, "--only", "effort,jerk") == MISUSE
+    output = capsys.readouterr().out
+    assert "not checked: No check could be made: " in output
+
+
 def test_a_file_with_two_names_is_one_file(folder):
     (file,) = write_motions(folder, PASSES)
     (folder / "link.csv").symlink_to(file)
@@ -183,7 +190,7 @@ def test_no_report_takes_the_place_of_a_motion(folder, capsys, monkeypatch):
 
 
 def test_what_cannot_be_written_leaves_the_rest(folder, capsys):
-    files = write_motions(folder, PASSES, FAILS)
+    files = write_motions(folder, PASSES, PASSES)
     (folder / "plots" / f"{Path(files[0]).name}.png").mkdir(parents=True)
     reports = ("--json", "a.json", "--html", "a.html")
     code = run(*files, "--plot", "plots", *reports)

@@ -109,6 +109,20 @@ class Verdict:
         return next((s for s in (FAILED, WARNING) if s in found), PASSED)
 
     @property
+    def first_time(self) -> float | None:
+        """When the first failure begins, or else the first warning, in [s]."""
+        times = [f.first_time for f in self.findings if f.severity == self.severity]
+        return min(times, default=None)
+
+    @property
+    def nothing_made(self) -> str:
+        """A sentence on why no check was made at all; empty where one was."""
+        if self.checked:
+            return ""
+        reasons = "; ".join(f"{name}: {why}" for name, why in self.skipped.items())
+        return f"No check could be made: {reasons}."
+
+    @property
     def passed(self) -> bool:
         """Whether nothing failed; there may be warnings."""
         return self.severity != FAILED

@@ -82,7 +82,8 @@ def _overview(outcomes: Sequence[Outcome]) -> Iterator[str]:
             continue
         findings = outcome.verdict.findings
         counts = counted(finding.severity for finding in findings)
-        first = f"{min(f.first_time for f in findings):.3f} s" if findings else ""
+        time = outcome.verdict.first_time
+        first = "" if time is None else f"{time:.3f} s"
         names = dict.fromkeys(f.check for f in findings if f.severity == "failed")
         cells += [str(counts["failed"]), str(counts["warning"]), first]
         yield _row("td", [*cells, escape(", ".join(names))], False)

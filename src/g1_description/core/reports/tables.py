@@ -92,8 +92,8 @@ def _row(outcome: Outcome) -> dict[str, Any]:
         return {**row, "problem": outcome.problem}
     severities = [finding.severity for finding in verdict.findings]
     row["failed"], row["warnings"] = map(severities.count, (FAILED, WARNING))
-    if verdict.findings:
-        row["first_time"] = min(finding.first_time for finding in verdict.findings)
+    if verdict.first_time is not None:
+        row["first_time"] = verdict.first_time
     row.update({k: verdict.figures[k] for k in FIGURES if k in verdict.figures})
     for check in LEVELS:
         row.update(_cells(verdict, check))

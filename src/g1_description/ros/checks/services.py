@@ -101,6 +101,8 @@ class CheckServices:
 
 def _answer(kind, verdict: Verdict):
     """Put a verdict into the response of either service."""
+    if verdict.nothing_made:
+        return kind(status_message=verdict.nothing_made, skipped=skipped_lines(verdict))
     return kind(
         True,
         verdict.passed,

@@ -63,6 +63,8 @@ class Judge:
             return motion
         try:
             verdict, timeline = self._judged(motion)
+            if verdict.nothing_made:
+                return Outcome(name, problem=verdict.nothing_made)
             plot = self._plot(name, verdict, timeline) if self._setup.plot else b""
         except G1DescriptionError as error:
             return Outcome(name, problem=str(error))

@@ -106,11 +106,8 @@ def check(args: argparse.Namespace) -> int:
     _summarize(results, files, sys.stdout if is_free else sys.stderr)
     if results.n_missing:
         return code
-    return (
-        MISUSE
-        if reports.problems
-        else exit_code(results.outcomes.values(), files.named)
-    )
+    code = exit_code(results.outcomes.values(), files.named)
+    return code or (MISUSE if reports.problems else 0)
 
 
 def _judged(
