@@ -76,6 +76,12 @@ def test_mistakes_are_told():
     with pytest.raises(InvalidValueError):
         ROBOT.check_state({}, base=[0.0, 1.0])
     two = np.zeros((2, len(ROBOT.joint_names)))
+    with pytest.raises(InvalidValueError, match="margin"):
+        ROBOT.collisions({}, margin=float("nan"))
+    for rate in (0, -1.0, float("nan"), "a"):
+        with pytest.raises(MotionError, match="rate"):
+            ROBOT.read_motion("nowhere.csv", rate)
+    assert ROBOT.check_state({}, only="self_collision").checked == ("self_collision",)
     with pytest.raises(InvalidValueError, match=r"positions of shape \(29,\)"):
         ROBOT.check_state(two)
     with pytest.raises(MotionError):

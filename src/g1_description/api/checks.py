@@ -63,7 +63,7 @@ class RobotChecks(RobotKinematics, RobotMotions):
             motion = self.read_motion(motion)
         motion = fitted(motion, self.description)
         checker = self._checker(thresholds, fixed_base)
-        return checker.check_motion(motion, only).verdict
+        return checker.check_motion(motion, _names(only)).verdict
 
     def check_state(
         self,
@@ -95,7 +95,7 @@ class RobotChecks(RobotKinematics, RobotMotions):
                 )
         checker = self._checker(thresholds, fixed_base=False)
         by_name = dict(zip(self.joint_names, placed.tolist()))
-        return checker.check_state(by_name, pose, only)
+        return checker.check_state(by_name, pose, _names(only))
 
     def collisions(
         self, positions: JointValues, base: Any = None, margin: float = 0.0
@@ -152,3 +152,8 @@ class RobotChecks(RobotKinematics, RobotMotions):
         )
         changed.notes = checker.notes
         return changed
+
+
+def _names(only: Collection[str]) -> Collection[str]:
+    """Take a single name as well: as a collection, it is one of letters."""
+    return (only,) if isinstance(only, str) else only

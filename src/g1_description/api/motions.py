@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from g1_description.core.errors import MotionError
 from g1_description.core.motion.formats.read import read_motion
 from g1_description.core.motion.formats.write import write_motion
 from g1_description.core.motion.motion import Motion
@@ -37,6 +38,10 @@ class RobotMotions(RobotModel):
         Raises:
             MotionError: If there is no such file, or no motion in it that fits.
         """
+        if rate is not None and not (
+            isinstance(rate, (int, float, np.number)) and 0.0 < rate < np.inf
+        ):
+            raise MotionError(f"The rate is {rate!r}; it must be a number above 0.")
         return read_motion(Path(path).expanduser(), self.description, rate)
 
     def write_motion(

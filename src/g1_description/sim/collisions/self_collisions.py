@@ -96,6 +96,8 @@ class SelfCollisions:
             )
         if not np.isfinite(link_poses).all():
             raise InvalidValueError("A pose of a link is not a finite number.")
+        if not np.isfinite(margin):
+            raise InvalidValueError(f"The margin is {margin}, which is no number.")
         rows = self._all
         if pairs is not None:
             rows = self._shape_pairs(np.array([*pairs], dtype=int))
