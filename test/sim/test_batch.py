@@ -190,6 +190,23 @@ def test_no_cluster_is_told(judge, monkeypatch):
         Cluster(SETUP, judge, read, "127.0.0.1:9")
 
 
+def test_that_all_workers_went_is_told(files, judge, monkeypatch, tmp_path):
+    monkeypatch.setattr(clusters, "TIMEOUT", 3.0)
+    with distributed.LocalCluster(
+        n_workers=1,
+        threads_per_worker=1,
+        dashboard_address=None,
+        local_directory=str(tmp_path),
+    ) as made:
+        connected = Cluster(SETUP, judge, read, made.scheduler_address)
+        try:
+            with pytest.raises(ClusterError, match="has no workers any more"):
+                for _ in connected.judged(tasks_of(files * 3)):
+                    made.scale(0)
+        finally:
+            connected.close()
+
+
 def test_a_package_holds_all_that_a_robot_needs(tmp_path):
     """Pairs of links, which shapes need meshes for, are those of the robot at home."""
     setup = Setup(absolute_urdf("package://g1_description/urdf/g1_29dof.urdf"))

@@ -8,6 +8,8 @@ pip.
 from __future__ import annotations
 
 import logging
+import threading
+import time
 import uuid
 import warnings
 from collections.abc import Iterator, Sequence
@@ -36,6 +38,10 @@ TIMEOUT = 10.0
 AHEAD = 3
 """Files that are sent for each thread of a worker: while one is judged, the next ones
 come."""
+
+POLL_PERIOD = 0.02
+"""Wait before it is looked again whether a file is done, in [s]: meanwhile workers have
+others."""
 
 LIBRARY = "distributed"
 
@@ -139,11 +145,27 @@ class Cluster:
 
         for _ in range(AHEAD * max(self._n_threads, 1)):
             yield from send()
-        for future in running:
+        while task_of:
+            self._wait(running)
+            future = next(running)
             task = task_of.pop(future)
             yield task, self._outcome(future, task)
             future.release()
             yield from send()
+
+    def _wait(self, running: Any) -> None:
+        """Wait until a file is done.
+
+        Raises:
+            ClusterError: If nobody is left who could do it.
+        """
+        pause, begin = threading.Event(), time.monotonic()
+        while not running.has_ready():
+            pause.wait(POLL_PERIOD)
+            if time.monotonic() - begin > TIMEOUT:
+                begin = time.monotonic()
+                if not self._client.nthreads():
+                    raise ClusterError(f"{self._address} has no workers any more.")
 
     def _submitted(self, task: Task, content: Content) -> Any:
         """Send a file."""
@@ -175,10 +197,11 @@ class Cluster:
             return found
         except self._dask.scheduler.KilledWorker:
             return Outcome(task.name, problem="the workers that checked it died")
-        except Exception as error:
-            raise ClusterError(
-                f"The cluster {self._address} has gone: {cause(error)}."
-            ) from error
+        except (self._dask.CancelledError, self._dask.comm.CommClosedError) as error:
+            # It names the file's key, which says nothing to anybody.
+            raise ClusterError(f"The cluster {self._address} has gone.") from error
+        except Exception as error:  # such as a full disk
+            return Outcome(task.name, problem=f"its worker failed: {cause(error)}")
 
     def close(self) -> None:
         """Drop what is not done, and disconnect."""
@@ -198,6 +221,7 @@ def _library() -> Any:
     """
     try:
         import distributed
+        import distributed.comm
         import distributed.scheduler
     except ImportError as error:
         raise ClusterError(
