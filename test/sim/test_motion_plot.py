@@ -1,6 +1,7 @@
 """Pictures of motions: their size, their colours, and what thinning keeps."""
 
 import io
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -87,5 +88,6 @@ def test_marked_times_cover_all_and_do_not_overlap(intervals):
 
 
 def test_limits_are_at_minus_one_and_one():
-    (joint,) = ROBOT.movable_joints
-    assert in_limits(joint, np.array([-1.0, 0.0, 1.0])).tolist() == [-1.0, 0.0, 1.0]
+    joint = replace(ROBOT.movable_joints[0], lower=-0.2, upper=2.8)
+    found = in_limits(joint, np.array([-0.2, 1.3, 2.8, 4.3]))
+    np.testing.assert_allclose(found, [-1.0, 0.0, 1.0, 2.0], atol=1e-12)
