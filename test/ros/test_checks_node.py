@@ -369,6 +369,17 @@ class TestChecks(unittest.TestCase):
         message = late.wait(what="the markers of the last state")
         self.assertIn("colliding links", {marker.ns for marker in message.markers})
 
+    def test_live_91_silence_is_told(self):
+        self.wait_for_status(ERROR, "torso_link", **ARM_IN_TORSO)
+        self.wait_for_status(OK, "nothing is wrong")
+        self.diagnostics.clear()
+        found = self.diagnostics.wait(
+            lambda message: any("no joint_states" in s.message for s in message.status),
+            "a word on silence",
+        )
+        (status,) = (s for s in found.status if s.name == "left/checker: checks")
+        self.assertEqual(status.level, WARN)
+
     def test_without_a_rate_there_are_only_services(self):
         rospy.wait_for_service("/quiet_checker/check_state", DEADLINE)
         published, subscribed, served = rosgraph.Master("/test").getSystemState()

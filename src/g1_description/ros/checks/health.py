@@ -89,6 +89,9 @@ class CheckHealth:
             more = len(found) - MAX_TEXTS
             text = texts + (f"; and {more} more" if more > 0 else "")
             status.summary(LEVELS[found[0].severity], text)
+        age = time.monotonic() - self._time
+        if age > MAX_AGE:
+            status.mergeSummary(WARN, f"no joint_states have come for {age:.0f} s")
 
     def _add_values(self, status, verdict: Verdict) -> None:
         """Add names and numbers."""
