@@ -11,10 +11,10 @@ from g1_description.core.dynamics.inverse_dynamics import RobotMotion, inverse_d
 from g1_description.core.dynamics.jacobian import link_jacobian
 from g1_description.core.dynamics.masses import Masses
 from g1_description.core.errors import DescriptionError, InvalidValueError
-from g1_description.core.robot.assembly import base_of
+from g1_description.core.robot.assembly import root_in_base
 from g1_description.core.robot.kinematics import Kinematics
 from g1_description.core.rotation import cross
-from g1_description.core.transform import IDENTITY, compose, inverse
+from g1_description.core.transform import IDENTITY, compose
 
 from .joint_values import JointValues
 from .model import RobotModel
@@ -123,7 +123,7 @@ class RobotKinematics(RobotModel):
 
     @cached_property
     def _root_in_base(self) -> np.ndarray:
-        return inverse(base_of(self.description)[1])
+        return root_in_base(self.description)
 
     def _placed(
         self, positions: JointValues, base: Any

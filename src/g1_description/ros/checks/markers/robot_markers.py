@@ -11,9 +11,10 @@ from visualization_msgs.msg import Marker
 from g1_description.core.checks.balance import support_polygon
 from g1_description.core.checks.limits import units
 from g1_description.core.checks.verdict import FAILED, Finding, Verdict
+from g1_description.core.robot.assembly import root_in_base
 from g1_description.core.robot.description import Description, Joint
 from g1_description.core.robot.kinematics import Kinematics
-from g1_description.core.transform import IDENTITY
+from g1_description.core.transform import IDENTITY, compose
 from g1_description.sim.checks.timeline import Timeline
 
 from .labels import SIZE, Label, places
@@ -59,6 +60,7 @@ class RobotMarkers:
         ranges = np.maximum(self._upper - self._lower, 0.0)
         self._margin = np.minimum(limit_margin, 0.1 * ranges)
         self._kinematics = Kinematics(robot)
+        self._T_base_root = root_in_base(robot)
 
     def links(self, names: Sequence[str], prefix: str) -> list[Marker]:
         """Make the markers of links that collide; each stays with its link's frame.
@@ -88,11 +90,11 @@ class RobotMarkers:
         """Make all other markers.
 
         Args:
-            place: The map, and the time of the state; without a base the root link's
+            place: The map, and the time of the state; without a base the base's own
                 frame.
             timeline: What was measured of one state.
             verdict: What was found of it.
-            base: Pose of the root link in that frame, shape (7,).
+            base: T_map_base, shape (7,); None: that frame is the base's.
         """
         maker = MarkerMaker(place)
         labels = [
@@ -130,7 +132,8 @@ class RobotMarkers:
         near = rows[np.flatnonzero(room < self._margin[rows])]
         if not near.size:
             return []
-        root = IDENTITY if base is None else base
+        pose = IDENTITY if base is None else base
+        root = compose(pose, self._T_base_root)
         origins = self._kinematics.place(root, positions)[1]
         labels = [
             self._limit_label(self._joints[row], positions[row], origins[row])
