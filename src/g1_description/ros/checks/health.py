@@ -61,6 +61,11 @@ class CheckHealth:
         with self._lock:
             self._problem, self._time = problem, time.monotonic()
 
+    @property
+    def _age(self) -> float:
+        """Time since the last state, in [s]."""
+        return time.monotonic() - self._time
+
     def publish(self) -> None:
         """Publish a report."""
         self._updater.force_update()
@@ -89,17 +94,16 @@ class CheckHealth:
             more = len(found) - MAX_TEXTS
             text = texts + (f"; and {more} more" if more > 0 else "")
             status.summary(LEVELS[found[0].severity], text)
-        age = time.monotonic() - self._time
-        if age > MAX_AGE:
-            status.mergeSummary(WARN, f"no joint_states have come for {age:.0f} s")
+        if self._age > MAX_AGE:
+            text = f"no joint_states have come for {self._age:.0f} s"
+            status.mergeSummary(WARN, text)
 
     def _add_values(self, status, verdict: Verdict) -> None:
         """Add names and numbers."""
         now = time.monotonic()
-        age = now - self._time
         status.add("states judged per s", f"{self._count / (now - self._reported):.1f}")
-        if age > MAX_AGE:
-            status.add("age of the last state in s", f"{age:.1f}")
+        if self._age > MAX_AGE:
+            status.add("age of the last state in s", f"{self._age:.1f}")
         for finding in self._found.values():
             name = f"{finding.check} {finding.name}".strip()
             status.add(name, f"{finding.severity}: {finding.worst:.4g} {finding.unit}")

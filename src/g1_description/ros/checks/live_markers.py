@@ -29,7 +29,7 @@ class LiveMarkers:
         """
         robot = checker.description
         self._prefix, self._map = parameters.frame_prefix, parameters.map_frame
-        self._root = base_frame(robot, parameters)
+        self._base_frame = base_frame(robot, parameters)
         self._markers = RobotMarkers(
             robot,
             checker.thresholds.floor_height,
@@ -68,7 +68,7 @@ class LiveMarkers:
         colliding = dict.fromkeys(
             link for finding in verdict.of("self_collision") for link in finding.subject
         )
-        frame = self._root if state.base is None else self._map
+        frame = self._base_frame if state.base is None else self._map
         place = Place(frame, stamp_from_ns(state.stamp))
         self._publisher.update(
             self._markers.links([*colliding], self._prefix),

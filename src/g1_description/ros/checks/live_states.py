@@ -87,7 +87,7 @@ class LiveStates:
         """Set when something new has come; whoever waits for it clears it."""
         self.began_again = False
         """Whether time went back since this was set to False."""
-        self._map, self._root, self._log = map_frame, base_frame, log
+        self._map, self._base_frame, self._log = map_frame, base_frame, log
         self._lock = threading.Lock()
         self._states: deque[_Received] = deque(maxlen=MAX_STATES)
         self._count = 0
@@ -172,7 +172,7 @@ class LiveStates:
 
     def _chain(self) -> set[bytes]:
         """Name the frames from the robot up to the map."""
-        frame, names = self._root, [self._root]
+        frame, names = self._base_frame, [self._base_frame]
         while frame in self._parents:
             frame = self._parents[frame]
             if frame in (self._map, *names):
@@ -183,7 +183,7 @@ class LiveStates:
     @property
     def no_base(self) -> str:
         """Why a state has no base."""
-        return f"TF does not tell where {self._root} is in {self._map}"
+        return f"TF does not tell where {self._base_frame} is in {self._map}"
 
     def newest(self) -> LiveState | None:
         """Find the newest joint states whose base is known, too.
@@ -214,7 +214,9 @@ class LiveStates:
             return None
         newest = self._states[-1]
         try:
-            time = self._tf.get_latest_common_time(self._map, self._root).to_nsec()
+            time = self._tf.get_latest_common_time(
+                self._map, self._base_frame
+            ).to_nsec()
             if time == 0:  # nothing moves between map and robot
                 return newest, self._base(0)
             if newest.stamp - time > MAX_BASE_AGE:
@@ -241,7 +243,7 @@ class LiveStates:
     def _base(self, stamp: int) -> np.ndarray:
         """Look the base up, shape (7,)."""
         found = self._tf.lookup_transform_core(
-            self._map, self._root, stamp_from_ns(stamp)
+            self._map, self._base_frame, stamp_from_ns(stamp)
         ).transform
         q = found.rotation
         turn = np.array([q.x, q.y, q.z, q.w])
