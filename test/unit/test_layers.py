@@ -25,6 +25,9 @@ FOREIGN = {
     | {"concurrent", "hashlib", "multiprocessing", "threading", "traceback", "uuid"}
     | {"distributed", "matplotlib", "pybullet", "pybullet_utils", "scipy"},
     "api": STANDARD | {"numpy"},
+    "web": STANDARD
+    | {"asyncio", "hmac", "http", "queue", "secrets", "socket", "threading", "time"}
+    | {"numpy", "trimesh", "viser", "websockets"},
     "importer": STANDARD
     | {"signal", "time"}
     | {"fast_simplification", "lxml", "numpy", "scipy", "trimesh"},
@@ -35,12 +38,16 @@ BELOW = {
     "core": {"core"},
     "sim": {"core", "sim"},
     "api": {"core", "sim", "api"},
-    "ros": {"core", "sim", "api", "ros"},
+    "web": {"core", "sim", "web"},
+    "ros": {"core", "sim", "api", "web", "ros"},
     "importer": {"core", "sim", "importer"},
 }
 """What layers may import of ours."""
 
-FORBIDDEN = {"ros": {"pybullet", "pybullet_utils", "scipy", "urdf_parser_py"}}
+FORBIDDEN = {
+    "ros": {"pybullet", "pybullet_utils", "scipy", "urdf_parser_py"}
+    | {"trimesh", "viser", "websockets"}
+}
 
 
 def strangers(layers, layer):
@@ -113,6 +120,9 @@ def write(tmp_path):
         ("core__a", "from g1_description.api.d import c", "api.d"),
         ("ros__room__a", "import scipy.linalg", "scipy"),
         ("importer__a", "from g1_description.ros.b import c", "ros.b"),
+        ("web__a", "import rospy", "rospy"),
+        ("web__room__a", "from g1_description.ros.b import c", "ros.b"),
+        ("ros__a", "import viser", "viser"),
     ],
 )
 def test_a_stranger_is_found(write, module, text, wrong):

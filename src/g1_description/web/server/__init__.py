@@ -1,0 +1,1 @@
+"""The browser view's server, and who may use it."""
