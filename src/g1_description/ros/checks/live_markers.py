@@ -6,12 +6,13 @@ Publishes: ~markers (visualization_msgs/MarkerArray), while somebody subscribes
 from __future__ import annotations
 
 from g1_description.core.checks.verdict import Verdict
-from g1_description.ros.checks.markers.maker import Place
+from g1_description.ros.checks.markers.link_markers import LinkMarkers
+from g1_description.ros.checks.markers.maker import MarkerMaker, Place
 from g1_description.ros.checks.markers.publisher import MarkerPublisher
-from g1_description.ros.checks.markers.robot_markers import RobotMarkers
 from g1_description.ros.wire.conversions import stamp_from_ns
 from g1_description.sim.checks.checker import Checker
 from g1_description.sim.checks.timeline import Judged
+from g1_description.sim.marks.robot_marks import RobotMarks
 
 from .live_states import LiveState
 from .parameters import CheckerParameters, base_frame
@@ -30,7 +31,8 @@ class LiveMarkers:
         robot = checker.description
         self._prefix, self._map = parameters.frame_prefix, parameters.map_frame
         self._base_frame = base_frame(robot, parameters)
-        self._markers = RobotMarkers(
+        self._links = LinkMarkers(robot)
+        self._marks = RobotMarks(
             robot,
             checker.thresholds.floor_height,
             parameters.limit_margin,
@@ -69,8 +71,8 @@ class LiveMarkers:
             link for finding in verdict.of("self_collision") for link in finding.subject
         )
         frame = self._base_frame if state.base is None else self._map
-        place = Place(frame, stamp_from_ns(state.stamp))
+        others = MarkerMaker(Place(frame, stamp_from_ns(state.stamp)))
+        self._marks.draw(others, judged.timeline, verdict, state.base)
         self._publisher.update(
-            self._markers.links([*colliding], self._prefix),
-            self._markers.others(place, judged.timeline, verdict, state.base),
+            self._links.links([*colliding], self._prefix), others.markers
         )

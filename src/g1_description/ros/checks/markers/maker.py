@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Tuple
 
 import genpy
 import numpy as np
@@ -14,11 +13,8 @@ from visualization_msgs.msg import Marker
 
 from g1_description.core.robot.description import Shape
 from g1_description.ros.wire.conversions import pose_from_array
+from g1_description.sim.marks.canvas import Color
 
-Color = Tuple[float, float, float]
-"""Red, green, blue, from 0 to 1."""
-
-RED, ORANGE, GREEN = (0.85, 0.05, 0.05), (0.95, 0.5, 0.0), (0.1, 0.6, 0.2)
 KINDS = {
     "box": Marker.CUBE,
     "cylinder": Marker.CYLINDER,

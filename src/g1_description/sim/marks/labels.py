@@ -9,7 +9,7 @@ import numpy as np
 
 from g1_description.core.rotation import rotate
 
-from .maker import Color
+from .canvas import Color
 
 SIZE = 0.03
 """Height of the texts, in [m]."""

@@ -1,12 +1,8 @@
-"""What was found of the robot as it is now, as markers."""
+"""What was found of the robot as it is now, drawn beside it."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
-import genpy
 import numpy as np
-from visualization_msgs.msg import Marker
 
 from g1_description.core.checks.balance import support_polygon
 from g1_description.core.checks.limits import units
@@ -17,25 +13,25 @@ from g1_description.core.robot.kinematics import Kinematics
 from g1_description.core.transform import IDENTITY, compose
 from g1_description.sim.checks.timeline import Timeline
 
+from .canvas import GREEN, ORANGE, RED, Canvas, Color
 from .labels import SIZE, Label, places
-from .maker import GREEN, KINDS, ORANGE, RED, MarkerMaker, Place
 
 ABOVE = 0.004
 """What lies on the floor is drawn so much above it, in [m]."""
 
 UP = np.array([0.0, 0.0, 1.0])
 
-LINKS, CONTACT, FLOOR = "colliding links", "contacts", "floor"
+CONTACT, FLOOR = "contacts", "floor"
 BALANCE, SUPPORT, LIMITS = "centre of mass", "support polygon", "joint limits"
 LABELS = "labels"
-"""Namespaces: what RViz lets one switch on and off."""
+"""Namespaces: what one can switch on and off."""
 
 ON_FLOOR = ("penetration", "floating")
 """Checks whose points are links above or below the floor."""
 
 
-class RobotMarkers:
-    """Makes the markers of one robot."""
+class RobotMarks:
+    """Draws the marks of one robot."""
 
     def __init__(self, robot: Description, floor: float, limit_margin: float) -> None:
         """Prepare.
@@ -46,12 +42,6 @@ class RobotMarkers:
             limit_margin: Joints this near to a limit are marked, in [rad] or [m]; of
                 joints with a small range a tenth of it.
         """
-        self._shapes = {
-            link.name: [s for s in link.visuals or link.collisions if s.kind in KINDS]
-            for link in robot.links
-        }
-        counts = np.cumsum([0, *(len(shapes) for shapes in self._shapes.values())])
-        self._numbers = dict(zip(self._shapes, counts.tolist()))
         self._floor = floor + ABOVE
         self._joints = robot.movable_joints
         self._row = {joint.name: row for row, joint in enumerate(self._joints)}
@@ -62,67 +52,48 @@ class RobotMarkers:
         self._kinematics = Kinematics(robot)
         self._T_base_root = root_in_base(robot)
 
-    def links(self, names: Sequence[str], prefix: str) -> list[Marker]:
-        """Make the markers of links that collide; each stays with its link's frame.
-
-        Args:
-            names: Names of the links.
-            prefix: What stands before the names of their frames.
-        """
-        markers = []
-        for name in names:
-            maker = MarkerMaker(Place(prefix + name, genpy.Time()))
-            for shape in self._shapes[name]:
-                maker.shape(LINKS, shape, RED, 0.6)
-            for number, marker in enumerate(maker.markers):
-                marker.frame_locked = True
-                marker.id = self._numbers[name] + number
-            markers += maker.markers
-        return markers
-
-    def others(
+    def draw(
         self,
-        place: Place,
+        canvas: Canvas,
         timeline: Timeline,
         verdict: Verdict,
         base: np.ndarray | None,
-    ) -> list[Marker]:
-        """Make all other markers.
+    ) -> None:
+        """Draw all marks.
 
         Args:
-            place: The map, and the time of the state; without a base the base's own
-                frame.
+            canvas: What draws, in the map; without a base in the base's own frame.
             timeline: What was measured of one state.
             verdict: What was found of it.
             base: T_map_base, shape (7,); None: that frame is the base's.
         """
-        maker = MarkerMaker(place)
         labels = [
-            *self._contacts(maker, verdict),
-            *self._near_limits(maker, timeline, base),
+            *self._contacts(canvas, verdict),
+            *self._near_limits(canvas, timeline, base),
         ]
-        labels += self._balance(maker, timeline, verdict)
+        labels += self._balance(canvas, timeline, verdict)
         around = places(labels, IDENTITY if base is None else base)
         for label, (begin, middle) in zip(labels, around):
-            maker.line(LABELS, np.stack([label.point, begin]), 0.002, label.color)
-            maker.text(LABELS, middle, label.text, SIZE, label.color)
-        return maker.markers
+            canvas.line(LABELS, np.stack([label.point, begin]), 0.002, label.color)
+            canvas.text(LABELS, middle, label.text, SIZE, label.color)
 
-    def _contacts(self, maker: MarkerMaker, verdict: Verdict) -> list[Label]:
+    def _contacts(self, canvas: Canvas, verdict: Verdict) -> list[Label]:
         """Mark where links touch each other, and where they are in the floor."""
         labels = []
         for finding in verdict.findings:
             if finding.check == "self_collision":
                 text = "/".join(_short(link) for link in finding.subject)
-                labels.append(_mark(maker, CONTACT, finding, text))
+                labels.append(_mark(canvas, CONTACT, finding, text))
             elif finding.check in ON_FLOOR and finding.points:
                 where = "in" if finding.check == "penetration" else "above"
                 name = _short(finding.name) or "the robot"
-                labels.append(_mark(maker, FLOOR, finding, f"{name} {where} the floor"))
+                labels.append(
+                    _mark(canvas, FLOOR, finding, f"{name} {where} the floor")
+                )
         return labels
 
     def _near_limits(
-        self, maker: MarkerMaker, timeline: Timeline, base: np.ndarray | None
+        self, canvas: Canvas, timeline: Timeline, base: np.ndarray | None
     ) -> list[Label]:
         """Mark joints that are near their limits, or beyond."""
         rows = np.array([self._row[name] for name in timeline.joint_names], dtype=int)
@@ -140,7 +111,7 @@ class RobotMarkers:
             for row in near.tolist()
         ]
         for label in labels:
-            maker.ball(LIMITS, label.point, 0.13, label.color, 0.45)
+            canvas.ball(LIMITS, label.point, 0.13, label.color, 0.45)
         return labels
 
     @staticmethod
@@ -153,7 +124,7 @@ class RobotMarkers:
         return Label(origin, f"{_short(joint.name)} {text}", color)
 
     def _balance(
-        self, maker: MarkerMaker, timeline: Timeline, verdict: Verdict
+        self, canvas: Canvas, timeline: Timeline, verdict: Verdict
     ) -> list[Label]:
         """Show the centre of mass above what bears."""
         balance = timeline.balance
@@ -162,23 +133,23 @@ class RobotMarkers:
         center, margin = balance.center[0], float(balance.center_margin[0])
         color = self._balance_color(margin, verdict)
         below = np.append(center[:2], self._floor)
-        maker.ball(BALANCE, center, 0.07, color)
-        maker.line(BALANCE, np.stack([center, below]), 0.006, color)
-        maker.disc(BALANCE, below + 0.001 * UP, 0.05, color)
+        canvas.ball(BALANCE, center, 0.07, color)
+        canvas.line(BALANCE, np.stack([center, below]), 0.006, color)
+        canvas.disc(BALANCE, below + 0.001 * UP, 0.05, color)
         if np.isnan(margin):
             return []
         corners = np.array(support_polygon(timeline.support[0]))
         polygon = np.column_stack([corners, np.full(len(corners), self._floor)])
-        maker.line(SUPPORT, np.concatenate([polygon, polygon[:1]]), 0.01, color)
+        canvas.line(SUPPORT, np.concatenate([polygon, polygon[:1]]), 0.01, color)
         if len(polygon) > 2:
             fan = [polygon[[0, k, k + 1]] for k in range(1, len(polygon) - 1)]
-            maker.triangles(SUPPORT, np.concatenate(fan), color, 0.25)
+            canvas.triangles(SUPPORT, np.concatenate(fan), color, 0.25)
         side = "inside" if margin >= 0.0 else "outside"
         text = f"centre of mass {1e3 * abs(margin):.0f} mm {side}"
         return [Label(below, text, color)]
 
     @staticmethod
-    def _balance_color(margin: float, verdict: Verdict) -> tuple[float, float, float]:
+    def _balance_color(margin: float, verdict: Verdict) -> Color:
         """Choose green inside, red outside, orange where that is no fault."""
         if margin >= 0.0:
             return GREEN
@@ -186,12 +157,12 @@ class RobotMarkers:
         return RED if is_judged and not np.isnan(margin) else ORANGE
 
 
-def _mark(maker: MarkerMaker, namespace: str, finding: Finding, what: str) -> Label:
+def _mark(canvas: Canvas, namespace: str, finding: Finding, what: str) -> Label:
     """Mark the points of a finding, and name it."""
     points = np.array(finding.points)
     color = RED if finding.severity == FAILED else ORANGE
     for point in points:
-        maker.ball(namespace, point, 0.03, color)
+        canvas.ball(namespace, point, 0.03, color)
     text = f"{what} {1e3 * finding.worst:.0f} mm"
     return Label(points.mean(axis=0), text, color)
 

@@ -1,0 +1,1 @@
+"""What is drawn beside a robot to show what checks found, whoever draws it."""
