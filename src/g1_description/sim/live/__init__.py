@@ -1,0 +1,1 @@
+"""Verdicts on robots as they are now."""
