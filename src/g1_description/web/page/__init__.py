@@ -1,0 +1,1 @@
+"""The page: its panels, and what happens when a person uses them."""

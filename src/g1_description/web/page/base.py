@@ -1,0 +1,97 @@
+"""Where the base is: fields, and a gizmo in the scene."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from g1_description.core.rotation import axes_to_rpy, from_rpy, to_axes
+from g1_description.web.robots.robot import RobotState, ShownRobot
+from g1_description.web.scene.tree import pose_of, wxyz
+
+from .desk import Desk
+from .joints import HELD, PERIOD
+
+if TYPE_CHECKING:
+    from viser import ViserServer
+
+FINE = 5e-5
+"""Fields show a change of at least so much, in [m] or [rad]."""
+
+
+class BasePanel:
+    """Moves the base of one robot, and shows where it is."""
+
+    def __init__(self, server: ViserServer, desk: Desk, robot: ShownRobot) -> None:
+        """Add the panel.
+
+        Args:
+            server: Where to.
+            desk: Does what a person wants.
+            robot: Whose base it is.
+        """
+        self._robot = robot
+        self._touched = -HELD
+        self._looked = 0.0
+        gui = server.gui
+        with gui.add_folder("Base", expand_by_default=False):
+            self._gizmo_on = gui.add_checkbox(
+                "Gizmo", False, hint="arrows and rings that move the base"
+            )
+            self._place = gui.add_vector3(
+                "x y z", (0.0, 0.0, 0.0), step=0.01, hint="of the base in the map, in m"
+            )
+            self._rpy = gui.add_vector3(
+                "Roll pitch yaw", (0.0, 0.0, 0.0), step=0.01, hint="in rad"
+            )
+        self._gizmo = server.scene.add_transform_controls(
+            f"/gizmos/{robot.name.replace('/', '_')}", scale=0.45, visible=False
+        )
+        desk.on(self._gizmo_on, self._show_gizmo)
+        desk.on(self._place, self._typed)
+        desk.on(self._rpy, self._typed)
+        desk.on(self._gizmo, self._dragged)
+
+    def _show_gizmo(self) -> None:
+        """Show the gizmo, or hide it."""
+        self._gizmo.visible = bool(self._gizmo_on.value)
+
+    def _typed(self) -> None:
+        """Move the base to where the fields say."""
+        rpy = np.array(self._rpy.value, dtype=float)
+        self._command(np.concatenate([self._place.value, from_rpy(rpy)]))
+
+    def _dragged(self) -> None:
+        """Move the base to where the gizmo is."""
+        pose = pose_of(self._gizmo.position, self._gizmo.wxyz)
+        self._command(pose)
+        self._show_fields(pose)
+
+    def _command(self, pose: np.ndarray) -> None:
+        """Move the base, if that is a pose."""
+        if np.isfinite(pose).all() and np.linalg.norm(pose[3:]) > 0.1:
+            self._touched = time.monotonic()
+            pose[3:] /= np.linalg.norm(pose[3:])
+            self._robot.command_base(pose)
+
+    def follow(self, state: RobotState) -> None:
+        """Show where the base is, unless a person moves it."""
+        now = time.monotonic()
+        is_early = now < self._looked + PERIOD or now < self._touched + HELD
+        if is_early or state.base is None:
+            return
+        self._looked = now
+        self._show_fields(state.base)
+        if self._gizmo_on.value:
+            self._gizmo.position = state.base[:3]
+            self._gizmo.wxyz = np.array(wxyz(state.base))
+
+    def _show_fields(self, pose: np.ndarray) -> None:
+        """Show a pose in the fields."""
+        rpy = axes_to_rpy(to_axes(pose[3:]))
+        for field, values in ((self._place, pose[:3]), (self._rpy, rpy)):
+            if np.abs(np.subtract(field.value, values)).max() > FINE:
+                x, y, z = np.round(values, 4).tolist()
+                field.value = (x, y, z)

@@ -1,0 +1,147 @@
+"""What checks found of motions: in a line, along the time, one by one."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from g1_description.core.checks.verdict import FAILED, Finding, Verdict
+from g1_description.web.robots.robot import ShownRobot
+
+from .desk import Desk
+
+if TYPE_CHECKING:
+    from viser import GuiApi, GuiButtonHandle, GuiFolderHandle
+
+MAX_BUTTONS = 25
+"""Findings of one motion that have a button; the worst come first."""
+
+COLORS = {FAILED: "#d64541", "warning": "#f0932b"}
+
+LEAST_WIDTH = 0.6
+"""Of a stretch of time that is shown, in percent of the motion."""
+
+
+class FindingList:
+    """Shows the findings of the motions of all robots."""
+
+    def __init__(
+        self,
+        gui: GuiApi,
+        desk: Desk,
+        jump: Callable[[float], object],
+        read_only: bool,
+    ) -> None:
+        """Begin empty.
+
+        Args:
+            gui: Where to.
+            desk: Does what a person wants.
+            jump: Shows a time in [s].
+            read_only: Whether there is nothing to click.
+        """
+        self._gui, self._desk, self._jump = gui, desk, jump
+        self._read_only = read_only
+        self._folders: dict[ShownRobot, GuiFolderHandle] = {}
+
+    def begin(self, name: str, robot: ShownRobot) -> None:
+        """Show that a motion is being judged."""
+        if robot in self._folders:
+            self._folders[robot].remove()
+        self._folders[robot] = self._gui.add_folder(f"Findings: {name}")
+        with self._folders[robot]:
+            self._gui.add_markdown("*Being checked ...*")
+
+    def show(
+        self, robot: ShownRobot, verdict: Verdict, span: tuple[float, float]
+    ) -> None:
+        """Show what was found.
+
+        Args:
+            robot: Who has the motion.
+            verdict: On the motion.
+            span: Where the time line begins and ends, in [s].
+        """
+        label = self._folders[robot].label
+        self._folders[robot].remove()
+        self._folders[robot] = self._gui.add_folder(label)
+        with self._folders[robot]:
+            self._gui.add_markdown(summary(verdict))
+            if verdict.findings:
+                self._gui.add_html(strips(verdict.findings, span))
+            if not self._read_only:
+                for finding in verdict.findings[:MAX_BUTTONS]:
+                    self._add(finding)
+            more = len(verdict.findings) - MAX_BUTTONS
+            if more > 0:
+                self._gui.add_markdown(f"and {more} more: `check` lists all.")
+
+    def _add(self, finding: Finding) -> GuiButtonHandle:
+        """Add the button of a finding."""
+        button = self._gui.add_button(
+            title(finding),
+            hint=finding.text,
+            color="red" if finding.severity == FAILED else "orange",
+        )
+        self._desk.on(button, lambda: self._jump(finding.worst_time))
+        return button
+
+
+def title(finding: Finding) -> str:
+    """Return a finding in a few words, with the time at which it is worst."""
+    subject = f" {finding.name}" if finding.name else ""
+    return f"{shown_time(finding.worst_time)}  {finding.check}{subject}"
+
+
+def shown_time(time: float) -> str:
+    """Return a time in [s] as it is read."""
+    return f"{time:.2f} s"
+
+
+def summary(verdict: Verdict) -> str:
+    """Return a verdict in a line of markdown, and what was not judged."""
+    failures = sum(finding.severity == FAILED for finding in verdict.findings)
+    warnings = len(verdict.findings) - failures
+    counts = [
+        f"{count} {word}{'s' if count > 1 else ''}"
+        for count, word in ((failures, "failure"), (warnings, "warning"))
+        if count
+    ]
+    lines = [f"**{verdict.severity}**" + (f": {', '.join(counts)}" if counts else "")]
+    if verdict.nothing_made:
+        lines = [verdict.nothing_made]
+    elif verdict.skipped:
+        lines.append(f"*Not judged: {', '.join(verdict.skipped)}.*")
+    return "  \n".join(lines)
+
+
+def strips(findings: tuple[Finding, ...], span: tuple[float, float]) -> str:
+    """Draw when findings are, one below the other, as wide as the time line.
+
+    Args:
+        findings: The findings.
+        span: Where the time line begins and ends, in [s].
+
+    Returns:
+        HTML.
+    """
+    begin, length = span[0], max(span[1] - span[0], 1e-9)
+    rows = []
+    for finding in findings[:MAX_BUTTONS]:
+        bars = []
+        for first, last in finding.intervals:
+            left = 100.0 * (first - begin) / length
+            width = max(100.0 * (last - first) / length, LEAST_WIDTH)
+            bars.append(
+                f'<i style="position:absolute;left:{min(left, 100 - width):.2f}%;'
+                f"width:{width:.2f}%;height:100%;"
+                f'background:{COLORS[finding.severity]}"></i>'
+            )
+        text = html.escape(finding.text, quote=True)
+        rows.append(
+            f'<div title="{text}" style="position:relative;height:7px;margin:2px 0;'
+            f'background:#e6e9ef;border-radius:2px;overflow:hidden">{"".join(bars)}'
+            "</div>"
+        )
+    return f'<div style="margin:0 0.8em 0.5em">{"".join(rows)}</div>'

@@ -1,0 +1,113 @@
+"""Verdicts on motions and on where robots are, found by a thread of its own."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING
+
+from g1_description.core.motion.motion import Motion
+from g1_description.core.robot.description import Description
+from g1_description.sim.checks.checker import Checker
+from g1_description.sim.checks.timeline import Judged
+from g1_description.sim.live.live_judge import LiveJudge
+from g1_description.web.robots.robot import RobotState, ShownRobot
+
+from .desk import Desk
+
+if TYPE_CHECKING:
+    from g1_description.core.checks.verdict import Verdict
+
+PERIOD = 0.1
+"""Least time between two verdicts on where robots are, in [s]."""
+
+MakeChecker = Callable[[Description], Checker]
+
+
+class Judges:
+    """Judges motions at once, and the newest state of each robot when it is wanted."""
+
+    def __init__(
+        self,
+        desk: Desk,
+        make: MakeChecker,
+        seen: Callable[[ShownRobot, RobotState, Judged, Verdict], object],
+    ) -> None:
+        """Begin; nothing is prepared before it is needed.
+
+        Args:
+            desk: Where results are handed over.
+            make: Prepares the checks of a robot.
+            seen: Given each verdict on a state, by the thread that draws.
+        """
+        self._desk, self._make, self._seen = desk, make, seen
+        self._checkers: dict[int, Checker] = {}
+        self._live: dict[ShownRobot, LiveJudge] = {}
+        self._lock = threading.Condition()
+        self._states: dict[ShownRobot, RobotState] = {}
+        self._motions: list[tuple[ShownRobot, Motion, Callable[[Judged], object]]] = []
+        self._ended = threading.Event()
+        threading.Thread(target=self._work, daemon=True).start()
+
+    def judge_motion(
+        self, robot: ShownRobot, motion: Motion, then: Callable[[Judged], object]
+    ) -> None:
+        """Judge a motion; ``then`` is given the verdict by the thread that draws."""
+        with self._lock:
+            self._motions.append((robot, motion, then))
+            self._lock.notify()
+
+    def judge_state(self, robot: ShownRobot, state: RobotState) -> None:
+        """Judge where a robot is, unless something newer comes before it is time."""
+        with self._lock:
+            self._states[robot] = state
+            self._lock.notify()
+
+    def _work(self) -> None:
+        """Judge, one after the other."""
+        while True:
+            with self._lock:
+                self._lock.wait_for(lambda: self._motions or self._states)
+                motions, self._motions = self._motions, []
+                states, self._states = self._states, {}
+            for robot, motion, then in motions:
+                self._try(partial(self._motion, robot, motion, then))
+            for robot, state in states.items():
+                self._try(partial(self._state, robot, state))
+            self._ended.wait(PERIOD)
+
+    def _try(self, act: Callable[[], object]) -> None:
+        """Judge; a mistake is told as of anything that a person does."""
+        try:
+            act()
+        except Exception as error:  # raised again where it is told
+            self._desk.post(("judge", str(error)), partial(_raise, error))
+
+    def _motion(
+        self, robot: ShownRobot, motion: Motion, then: Callable[[Judged], object]
+    ) -> None:
+        judged = self._checker(robot).check_motion(motion)
+        self._desk.post(("motion", robot), lambda: then(judged))
+
+    def _state(self, robot: ShownRobot, state: RobotState) -> None:
+        if robot not in self._live:
+            self._live[robot] = LiveJudge(self._checker(robot))
+        judged, verdict = self._live[robot].judge(
+            state.time, state.positions, state.base
+        )
+        self._desk.post(
+            ("seen", robot), lambda: self._seen(robot, state, judged, verdict)
+        )
+
+    def _checker(self, robot: ShownRobot) -> Checker:
+        """Prepare the checks of a robot, or of one like it."""
+        number = id(robot.description)
+        if number not in self._checkers:
+            self._checkers[number] = self._make(robot.description)
+        return self._checkers[number]
+
+
+def _raise(error: Exception) -> None:
+    """Raise an error of another thread."""
+    raise error

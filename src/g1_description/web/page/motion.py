@@ -1,0 +1,285 @@
+"""Motions of files: a time line, and what checks found along it."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from g1_description.core.checks.verdict import Finding
+from g1_description.core.errors import InvalidValueError
+from g1_description.core.motion.motion import Motion
+from g1_description.sim.checks.timeline import Judged
+from g1_description.web.robots.robot import Player, ShownRobot, ShownWorld
+
+from .desk import Desk
+from .findings import FindingList, shown_time
+from .judges import Judges
+
+if TYPE_CHECKING:
+    from viser import GuiApi
+
+STEP = 0.001
+"""Of the time line, in [s]."""
+
+PERIOD = 0.1
+"""Time between two moves of the time line by itself, in [s]."""
+
+HELD = 0.4
+"""How long the time line stays where a person has put it, in [s]."""
+
+REST = 1.0
+"""Time between the end of a motion and its next beginning, in [s]."""
+
+SPEEDS = ("0.1", "0.25", "0.5", "1", "1.5", "2", "4")
+
+FILE_INPUT = """
+<label style="display:block;margin:0.2em 0.8em 0.6em;padding:0.45em;cursor:pointer;
+border:1px dashed #8a94a6;border-radius:4px;text-align:center;font-size:0.85em">
+Open a motion, or drop it anywhere
+<input type="file" style="display:none"
+ onchange="g1.upload(this.files[0]);this.value=''">
+</label>
+"""
+
+
+class MotionPanel:
+    """Opens, plays and judges motions."""
+
+    def __init__(
+        self,
+        gui: GuiApi,
+        desk: Desk,
+        world: ShownWorld,
+        judges: Judges,
+        read_only: bool,
+    ) -> None:
+        """Add the panel.
+
+        Args:
+            gui: Where to.
+            desk: Does what a person wants.
+            world: The robots.
+            judges: Judge motions.
+            read_only: Whether motions play by themselves, again and again.
+        """
+        self._gui, self._desk, self._world, self._judges = gui, desk, world, judges
+        self._read_only = read_only
+        self.player: Player | None = None
+        self.motions: dict[ShownRobot, Motion] = {}
+        self.opened: Callable[[], object] = lambda: None
+        """Called when there is another motion."""
+        self._scrub = _Scrub(desk)
+        self._looked = self._touched = 0.0
+        self._ended: float | None = None
+        self._add()
+        self._findings = FindingList(gui, desk, self._jump, read_only)
+
+    def _add(self) -> None:
+        """Add what a person uses."""
+        gui, names = self._gui, [robot.name for robot in self._world.robots]
+        if not self._read_only:
+            gui.add_html(FILE_INPUT)
+        self._robot = gui.add_dropdown("Robot", names, visible=len(names) > 1)
+        self._rate = gui.add_number(
+            "Samples per second",
+            30.0,
+            min=0.001,
+            max=1e6,
+            hint="of the next file, if it has no times",
+            visible=not self._read_only,
+        )
+        self._title = gui.add_markdown("*No motion yet.*")
+        self._line = gui.add_slider("Time", 0.0, 1.0, STEP, 0.0, visible=False)
+        self._play = gui.add_button("Play", visible=False)
+        self._steps = gui.add_button_group(
+            "Sample", ["first", "-1", "+1", "last"], visible=False
+        )
+        self._speed = gui.add_dropdown(
+            "Speed", SPEEDS, initial_value="1", visible=False
+        )
+        self._loop = gui.add_checkbox("Loop", self._read_only, visible=False)
+        self._desk.on(self._line, self._moved)
+        self._desk.on(self._play, self._toggle)
+        self._desk.on(self._steps, self._step)
+        self._desk.on(self._speed, self._change_speed)
+
+    # --- opening ---
+
+    def read(self, name: str, path: Path) -> str:
+        """Read a file and open it; called by a thread of its own.
+
+        Args:
+            name: What a person calls the file.
+            path: Where it is.
+
+        Returns:
+            A sentence on what it is.
+
+        Raises:
+            G1DescriptionError: If it holds no motion of the chosen robot.
+        """
+        robot = self._chosen
+        motion = self._world.read(path, robot, float(self._rate.value))
+        self._desk.post(("open", robot), lambda: self.open(name, robot, motion))
+        times = motion.trajectory.times
+        return f"{name}: {times[-1] - times[0]:.2f} s, {len(times)} samples."
+
+    def open(self, name: str, robot: ShownRobot, motion: Motion) -> None:
+        """Let a robot have a motion, and show its time line."""
+        self.motions[robot] = motion
+        player = self.player = self._world.open(robot, motion)
+        span = player.end - player.begin
+        self._line.min, self._line.max = player.begin, player.begin + max(span, STEP)
+        self._line.value = player.begin
+        for element in (self._line, self._play, self._steps, self._speed, self._loop):
+            element.visible = not self._read_only
+        self._line.visible = True
+        times = motion.trajectory.times
+        notes = "".join(f"\n- {note}" for note in motion.notes)
+        lasts = f"{times[-1] - times[0]:.2f} s, {len(times)} samples"
+        self._title.content = f"**{_plain(name)}** {lasts}{notes}"
+        self._findings.begin(name, robot)
+        self._judges.judge_motion(robot, motion, partial(self._judged, robot, motion))
+        self.opened()
+        if self._read_only:
+            self._start(player.begin)
+
+    def _judged(self, robot: ShownRobot, motion: Motion, judged: Judged) -> None:
+        """Show what was found, unless another motion was opened meanwhile."""
+        if self.motions.get(robot) is motion and self.player is not None:
+            span = self.player.begin, self.player.end
+            self._findings.show(robot, judged.verdict, span)
+
+    @property
+    def _chosen(self) -> ShownRobot:
+        """The robot that shall have the next motion."""
+        robots = {robot.name: robot for robot in self._world.robots}
+        return robots[self._robot.value]
+
+    # --- playing ---
+
+    @property
+    def _factor(self) -> float:
+        """Seconds of the motion in a second."""
+        return float(self._speed.value)
+
+    def _start(self, begin: float) -> None:
+        """Play from a time on; from the first sample if that is the end."""
+        player = self._player
+        begin = player.begin if begin >= player.end else begin
+        speed, self._ended = self._factor, None
+        self._desk.wait_for(lambda: player.play(begin, speed))
+
+    @property
+    def _player(self) -> Player:
+        if self.player is None:
+            raise InvalidValueError("There is no motion yet: open a file first.")
+        return self.player
+
+    def _toggle(self) -> None:
+        """Play, or pause."""
+        player = self._player
+        if player.is_running and player.time < player.end:
+            self._desk.wait_for(player.pause)
+        else:
+            self._start(player.time)
+
+    def _change_speed(self) -> None:
+        """Go on at another speed."""
+        if self._player.is_running:
+            self._start(self._player.time)
+
+    def _moved(self) -> None:
+        """Show the time that a person has chosen."""
+        self._jump(float(self._line.value))
+
+    def _step(self) -> None:
+        """Show the first or last sample, or one beside the present one."""
+        player, wanted = self._player, self._steps.value
+        times = sorted(
+            {t for m in self.motions.values() for t in m.trajectory.times.tolist()}
+        )
+        near = min(range(len(times)), key=lambda n: abs(times[n] - player.time))
+        row = {"first": 0, "-1": near - 1, "+1": near + 1}.get(wanted, len(times) - 1)
+        self._jump(times[min(max(row, 0), len(times) - 1)])
+
+    def _jump(self, to: float) -> None:
+        """Show the configuration of a time."""
+        player = self._player
+        self._touched = time.monotonic()
+        self._ended = None
+        to = min(max(to, player.begin), player.end)
+        self._line.value = to
+        self._scrub.to(player, to)
+
+    def follow(self) -> None:
+        """Move the time line along, and begin again where that is wanted."""
+        now, player = time.monotonic(), self.player
+        if player is None or now < self._looked + PERIOD:
+            return
+        self._looked = now
+        at, is_running = player.time, player.is_running
+        label = "Pause" if is_running and at < player.end else "Play"
+        if self._play.label != label:
+            self._play.label = label
+        if now > self._touched + HELD:
+            value = round(min(max(at, player.begin), player.end), 3)
+            if value != self._line.value:
+                self._line.value = value
+        if is_running and at >= player.end:
+            self._end(now)
+
+    def _end(self, now: float) -> None:
+        """Stop at the end, or begin again some time later."""
+        self._ended = self._ended or now
+        if not self._loop.value:
+            self._desk.wait_for(self._player.pause)
+        elif now > self._ended + REST and not self._desk.is_busy:
+            self._start(self._player.begin)
+
+
+class _Scrub:
+    """Shows the newest of many times, one after the other."""
+
+    def __init__(self, desk: Desk) -> None:
+        self._desk = desk
+        self._lock = threading.Lock()
+        self._wanted: tuple[Player, float] | None = None
+        self._is_busy = False
+
+    def to(self, player: Player, at: float) -> None:
+        """Show a time soon."""
+        with self._lock:
+            self._wanted = player, at
+            if self._is_busy:
+                return
+            self._is_busy = True
+        self._desk.wait_for(self._show)
+
+    def _show(self) -> None:
+        while True:
+            with self._lock:
+                if self._wanted is None:
+                    self._is_busy = False
+                    return
+                (player, at), self._wanted = self._wanted, None
+            try:
+                player.show(at)
+            except Exception:
+                with self._lock:
+                    self._wanted, self._is_busy = None, False
+                raise
+
+
+def jump_label(finding: Finding) -> str:
+    """Return the text of a finding's button."""
+    return f"{shown_time(finding.first_time)} {finding.check} {finding.name}".strip()
+
+
+def _plain(name: str) -> str:
+    """Return a name that markdown leaves as it is."""
+    return "".join(f"\\{c}" if c in "\\`*_{}[]()#+!|<>" else c for c in name)

@@ -1,0 +1,103 @@
+"""Named poses: a button for each, and one that saves where the robot is."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+from g1_description.core.errors import G1DescriptionError, InvalidValueError
+from g1_description.core.poses.pose import Pose, check_pose, pose_positions
+from g1_description.core.poses.store import read_poses, save_pose, user_file
+from g1_description.web.robots.robot import ShownRobot, ShownWorld
+
+from .desk import Desk
+from .joints import JointPanel, known
+
+if TYPE_CHECKING:
+    from viser import GuiApi
+
+MAX_SECONDS = 10.0
+
+
+class PosePanel:
+    """Buttons of the poses that one robot can take."""
+
+    def __init__(
+        self,
+        gui: GuiApi,
+        desk: Desk,
+        world: ShownWorld,
+        robot: ShownRobot,
+        joints: JointPanel,
+    ) -> None:
+        """Add the panel.
+
+        Args:
+            gui: Where to.
+            desk: Does what a person wants.
+            world: What moves the robot.
+            robot: The robot.
+            joints: Its sliders, which follow what is done here.
+        """
+        self._gui, self._desk, self._world = gui, desk, world
+        self._robot, self._joints = robot, joints
+        self._buttons: dict[str, object] = {}
+        folder = gui.add_folder("Poses")
+        with folder:
+            self._seconds = gui.add_number(
+                "Seconds",
+                0.0,
+                min=0.0,
+                max=MAX_SECONDS,
+                step=0.1,
+                hint="how long the way takes; 0: at once",
+            )
+            self._row = gui.add_folder(None)
+            self._name = gui.add_text("Name", "", hint="of the pose to save")
+            save = gui.add_button("Save pose", hint=f"into {user_file()}")
+        desk.on(save, self._save)
+        self._show()
+
+    def _show(self) -> None:
+        """Show a button for each pose that the robot can take."""
+        for name, pose in read_poses().items():
+            if name in self._buttons or not _fits(pose, self._robot):
+                continue
+            with self._row:
+                button = self._gui.add_button(name, hint=pose.about or None)
+            self._buttons[name] = button
+            self._desk.on(button, partial(self._take, name))
+
+    def _take(self, name: str) -> None:
+        """Move the robot to a pose, as the file has it now."""
+        pose, robot = read_poses()[name], self._robot.description
+        check_pose(pose, robot)
+        names = [joint.name for joint in robot.movable_joints]
+        goal = dict(zip(names, pose_positions(pose, robot).tolist()))
+        seconds = min(max(float(self._seconds.value), 0.0), MAX_SECONDS)
+        self._joints.let_go()
+        self._desk.wait_for(lambda: self._world.move(self._robot, goal, seconds))
+
+    def _save(self) -> None:
+        """Save where the robot is under the name in the field."""
+        name, state = self._name.value.strip(), self._robot.state()
+        if not name:
+            raise InvalidValueError("The pose has no name yet: type one above.")
+        if state is None:
+            raise InvalidValueError("There is nothing to save: no state has come yet.")
+        positions = {
+            name: round(value, 6)
+            for name, value in known(state.positions, self._robot).items()
+        }
+        save_pose(Pose(name, positions, "saved in the browser"), user_file())
+        self._show()
+        self._desk.tell(f"Pose {name} is in {user_file()}.", "green")
+
+
+def _fits(pose: Pose, robot: ShownRobot) -> bool:
+    """Tell whether a robot can take a pose."""
+    try:
+        check_pose(pose, robot.description)
+    except G1DescriptionError:
+        return False
+    return True

@@ -1,0 +1,89 @@
+"""The simulator's buttons, and what it says of itself."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING
+
+from g1_description.web.robots.robot import Simulator
+
+from .desk import Desk
+
+if TYPE_CHECKING:
+    from viser import GuiApi
+
+PERIOD = 0.5
+"""Time between two looks at the simulator, in [s]."""
+
+SPEEDS = {"0.1": 0.1, "0.25": 0.25, "0.5": 0.5, "1": 1.0, "2": 2.0, "no limit": 0.0}
+"""Speeds of simulated time to choose from; 0 is that of the processor."""
+
+MAX_STEPS = 100_000
+
+
+class SimulatorPanel:
+    """Pauses, steps and resets the simulator."""
+
+    def __init__(
+        self, gui: GuiApi, desk: Desk, simulator: Simulator, read_only: bool
+    ) -> None:
+        """Add the panel.
+
+        Args:
+            gui: Where to.
+            desk: Does what a person wants.
+            simulator: The simulator.
+            read_only: Whether to show its state only.
+        """
+        self._simulator = simulator
+        self._looked = 0.0
+        self._status = gui.add_markdown("")
+        self._pause = None
+        if read_only:
+            return
+        with gui.add_folder("Simulator", expand_by_default=False):
+            self._pause = gui.add_button("Pause")
+            self._steps = gui.add_number(
+                "Steps", 10, min=1, max=MAX_STEPS, step=1, hint="of the physics"
+            )
+            step = gui.add_button("Step", hint="run so many steps while paused")
+            self._speed = gui.add_dropdown(
+                "Speed", [*SPEEDS], initial_value="1", hint="of simulated time"
+            )
+            reset = gui.add_button("Reset", hint="all robots back to where they began")
+        desk.on(self._pause, lambda: desk.wait_for(self._toggle))
+        desk.on(step, lambda: desk.wait_for(self._step))
+        desk.on(
+            self._speed,
+            lambda: desk.wait_for(
+                lambda: simulator.set_speed(SPEEDS[self._speed.value])
+            ),
+        )
+        desk.on(reset, lambda: desk.wait_for(simulator.reset))
+
+    def _toggle(self) -> None:
+        """Pause, or go on."""
+        if self._simulator.is_paused:
+            self._simulator.go_on()
+        else:
+            self._simulator.pause()
+
+    def _step(self) -> None:
+        """Run some steps; time is paused first."""
+        if not self._simulator.is_paused:
+            self._simulator.pause()
+        self._simulator.step(min(max(int(self._steps.value), 1), MAX_STEPS))
+
+    def follow(self) -> None:
+        """Show what the simulator says."""
+        now = time.monotonic()
+        if now < self._looked + PERIOD:
+            return
+        self._looked = now
+        status = self._simulator.status()
+        if self._status.content != status:
+            self._status.content = status
+        if self._pause is not None:
+            label = "Go on" if self._simulator.is_paused else "Pause"
+            if self._pause.label != label:
+                self._pause.label = label

@@ -1,0 +1,158 @@
+"""A robot in a scene: its shapes, on the frames of its links."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from g1_description.core.robot.assembly import WORLD
+from g1_description.core.robot.description import Description
+
+from .patches import Color, Patch, link_patches
+from .tree import LinkTree
+
+if TYPE_CHECKING:
+    from viser import LabelHandle, MeshHandle, SceneApi
+
+RED = (0.85, 0.05, 0.05, 1.0)
+"""Colour of links that collide."""
+
+SOLID: Color = (0.2, 0.5, 0.9, 0.45)
+"""Colour of collision shapes."""
+
+SEE_THROUGH = 0.35
+"""Opacity of a robot that is not the one itself, such as a ghost."""
+
+
+class SceneRobot:
+    """One robot that is seen.
+
+    What is seldom wanted is made when it is first switched on, and then hidden again:
+    collision shapes, names.
+    """
+
+    def __init__(
+        self,
+        scene: SceneApi,
+        path: str,
+        robot: Description,
+        tint: Color | None = None,
+    ) -> None:
+        """Add a robot, its base at the origin and its joints at zero.
+
+        Args:
+            scene: Where to.
+            path: Its name in the scene, such as ``/robots/g1``.
+            robot: The robot.
+            tint: Colour of all its shapes; by default their own.
+        """
+        self.description = robot
+        self._scene, self._tint = scene, tint
+        self._root = scene.add_frame(path, show_axes=False)
+        self.tree = LinkTree(scene, self._root.name, robot)
+        patches, self.notes = link_patches(robot)
+        """Messages on meshes that are left out."""
+        self._visuals = self._add("visual", patches, tint)
+        self._red: set[str] = set()
+
+    def _add(
+        self, kind: str, patches: Mapping[str, list[Patch]], tint: Color | None
+    ) -> dict[str, list[tuple[MeshHandle, Color]]]:
+        """Add triangles to the frames of links; return them with their colours."""
+        found: dict[str, list[tuple[MeshHandle, Color]]] = {}
+        for link, some in patches.items():
+            frame = self.tree.frames.get(link)
+            if frame is None:  # of a tree of its own, whose place nobody knows
+                continue
+            for number, patch in enumerate(some):
+                color = tint or patch.color
+                mesh = self._scene.add_mesh_simple(
+                    f"{frame.name}/{kind}_{number}",
+                    patch.vertices,
+                    patch.faces,
+                    color=rgb(color),
+                    opacity=color[3] if color[3] < 1.0 else None,
+                    flat_shading=True,
+                    side="double",
+                )
+                found.setdefault(link, []).append((mesh, color))
+        return found
+
+    def show(self, base: np.ndarray | None, positions: Mapping[str, float]) -> None:
+        """Put the robot where it is.
+
+        Args:
+            base: T_map_base, shape (7,); None: where it was.
+            positions: In [rad] or [m] by name; other joints stay where they are.
+        """
+        if base is not None:
+            self.tree.place(base)
+        self.tree.bend(positions)
+
+    @property
+    def visible(self) -> bool:
+        """Whether it is seen at all."""
+        return bool(self._root.visible)
+
+    @visible.setter
+    def visible(self, visible: bool) -> None:
+        """Show or hide all of it."""
+        self._root.visible = visible
+
+    def redden(self, links: Collection[str]) -> None:
+        """Show some links in red, and all others in their own colours."""
+        for link in self._red.symmetric_difference(links):
+            for mesh, color in self._visuals.get(link, ()):
+                mesh.color = rgb(RED if link in links else color)
+        self._red = set(links)
+
+    def show_visuals(self, shown: bool) -> None:
+        """Show the visual shapes, or hide them."""
+        for meshes in self._visuals.values():
+            for mesh, _ in meshes:
+                mesh.visible = shown
+
+    @cached_property
+    def _solids(self) -> list[MeshHandle]:
+        """The collision shapes."""
+        patches, _ = link_patches(self.description, solid=True)
+        found = self._add("collision", patches, SOLID)
+        return [mesh for meshes in found.values() for mesh, _ in meshes]
+
+    @cached_property
+    def _names(self) -> list[LabelHandle]:
+        """Names of links at their origins."""
+        return [
+            self._scene.add_label(
+                f"{frame.name}/name", link, font_screen_scale=0.7, anchor="center-left"
+            )
+            for link, frame in self.tree.frames.items()
+            if link != WORLD
+        ]
+
+    def show_collisions(self, shown: bool) -> None:
+        """Show the collision shapes, or hide them."""
+        self._show("_solids", shown)
+
+    def show_names(self, shown: bool) -> None:
+        """Show the names of links, or hide them."""
+        self._show("_names", shown)
+
+    def _show(self, layer: str, shown: bool) -> None:
+        """Show or hide what is made when it is wanted."""
+        if shown or layer in self.__dict__:
+            for node in getattr(self, layer):
+                node.visible = shown
+
+    def remove(self) -> None:
+        """Take it out of the scene."""
+        self._root.remove()
+
+
+def rgb(color: Color) -> tuple[int, int, int]:
+    """Return red, green, blue, from 0 to 255."""
+    red, green, blue = (round(255 * part) for part in color[:3])
+    return red, green, blue

@@ -1,0 +1,44 @@
+"""What is around the robots: floor, axes of the map, camera."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from viser import ViserServer
+
+LOOK_AT = (0.0, 0.0, 0.72)
+CAMERA = (2.1, 1.3, 1.25)
+"""Where the camera begins, in [m]: before a robot of the height of a person, on its
+left."""
+
+
+class Stage:
+    """The floor and the map of a scene."""
+
+    def __init__(self, server: ViserServer) -> None:
+        """Add them."""
+        self._axes = server.scene.world_axes
+        self._axes.axes_length, self._axes.axes_radius = 0.3, 0.008
+        self._grid = server.scene.add_grid(
+            "/floor",
+            infinite_grid=True,
+            cell_size=0.1,
+            section_size=1.0,
+            cell_color=(225, 228, 232),
+            section_color=(175, 180, 188),
+            fade_distance=14.0,
+            plane_color=(244, 245, 247),
+            plane_opacity=1.0,
+            shadow_opacity=0.25,
+        )
+        server.initial_camera.position = CAMERA
+        server.initial_camera.look_at = LOOK_AT
+
+    def show_floor(self, shown: bool) -> None:
+        """Show the floor, or hide it."""
+        self._grid.visible = shown
+
+    def show_axes(self, shown: bool) -> None:
+        """Show the axes of the map, or hide them."""
+        self._axes.visible = shown
