@@ -51,6 +51,7 @@ setup(
     install_requires=requirements(),
     packages=find_packages("src"),
     package_dir={"": "src"},
+    package_data={"g1_description.web.server": ["script.js"]},
     data_files=data_files(),
     options={"build": {"build_base": BUILD.name}},
 )

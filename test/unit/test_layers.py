@@ -27,7 +27,9 @@ FOREIGN = {
     "api": STANDARD | {"numpy"},
     "web": STANDARD
     | {"asyncio", "hmac", "http", "queue", "secrets", "socket", "threading", "time"}
-    | {"numpy", "trimesh", "viser", "websockets"},
+    | {"atexit", "concurrent", "gzip", "hashlib", "ipaddress", "weakref"}
+    | {"msgspec", "numpy", "rich", "trimesh", "typing_extensions", "viser"}
+    | {"websockets"},
     "importer": STANDARD
     | {"signal", "time"}
     | {"fast_simplification", "lxml", "numpy", "scipy", "trimesh"},

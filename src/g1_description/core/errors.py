@@ -51,6 +51,10 @@ class ClusterError(G1DescriptionError):
     """Machines that should work together do not answer, or lack what is needed."""
 
 
+class PageServerError(G1DescriptionError):
+    """The browser view cannot be opened, or takes nothing of what was sent."""
+
+
 class WireFormatError(G1DescriptionError):
     """Bytes that should be a message are not."""
 

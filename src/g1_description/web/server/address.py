@@ -1,0 +1,131 @@
+"""Where the page is: what a program chooses, the socket, and what people open."""
+
+from __future__ import annotations
+
+import errno
+import ipaddress
+import socket
+from dataclasses import dataclass
+
+from g1_description.core.errors import PageServerError, cause
+
+MAX_UPLOAD = 64 * 2**20
+"""Largest file that the page takes, in bytes: minutes of motion as text."""
+
+MAX_BROWSERS = 32
+"""Most pages open at once. Each costs the scene's updates, packed for it alone."""
+
+PORTS = range(2**16)
+
+
+@dataclass(frozen=True)
+class ServerOptions:
+    """What a program chooses about its page."""
+
+    host: str = "127.0.0.1"
+    """Name or address to listen at; at anything but a loopback, a token is wanted."""
+
+    port: int = 8080
+    """0 takes a free one."""
+
+    read_only: bool = False
+    """Whether the page only shows: nothing that a browser sends has any effect."""
+
+    max_upload: int = MAX_UPLOAD
+    """Largest file that is taken, in bytes."""
+
+    max_browsers: int = MAX_BROWSERS
+    """Most pages open at once."""
+
+    token: str = ""
+    """What whoever opens the page must know; empty: made where one is wanted."""
+
+
+def listen(host: str, port: int) -> socket.socket:
+    """Open the socket that browsers connect to.
+
+    Args:
+        host: Name or address of this machine.
+        port: 0 for a free one.
+
+    Returns:
+        A socket that listens.
+
+    Raises:
+        PageServerError: If that cannot be; it says what to do.
+    """
+    if port not in PORTS:
+        raise PageServerError(
+            f"the page's port is {port}, but ports are 0 to {PORTS[-1]}"
+        )
+    opened = None
+    try:
+        family, address = _resolve(host, port)
+        opened = socket.socket(family, socket.SOCK_STREAM)
+        opened.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        opened.bind(address)
+        opened.listen(128)
+    except (OSError, UnicodeError) as error:
+        if opened is not None:
+            opened.close()
+        raise PageServerError(_why_not(host, port, error)) from None
+    return opened
+
+
+def _resolve(host: str, port: int) -> tuple[int, tuple]:
+    """Find an address of a host, of IPv4 where it has one."""
+    found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
+    found.sort(key=lambda entry: entry[0] != socket.AF_INET)
+    return found[0][0], found[0][4]
+
+
+def _why_not(host: str, port: int, error: Exception) -> str:
+    """Say in a sentence why nothing listens, and what to do."""
+    number = getattr(error, "errno", None)
+    if number == errno.EADDRINUSE:
+        return (
+            f"the page cannot open at port {port} of {host}, which another program "
+            "has; name another port, or 0 for a free one"
+        )
+    if number == errno.EACCES:
+        return (
+            f"the page may not open at port {port} of {host}; name one above 1023, "
+            "or 0 for a free one"
+        )
+    return (
+        f"the page cannot open at {host!r} ({cause(error)}); name an address of this "
+        "machine: 127.0.0.1 for this machine alone, 0.0.0.0 for all that reach it"
+    )
+
+
+def is_loopback(opened: socket.socket) -> bool:
+    """Tell whether only this machine reaches a socket."""
+    address = opened.getsockname()[0].partition("%")[0]
+    return ipaddress.ip_address(address).is_loopback
+
+
+def origin(host: str, opened: socket.socket) -> str:
+    """Say what people open: scheme, host and port.
+
+    Args:
+        host: As the program chose it.
+        opened: The socket that listens there.
+    """
+    address, port = opened.getsockname()[:2]
+    if ipaddress.ip_address(address.partition("%")[0]).is_unspecified:
+        host = _own_address()
+    return f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
+
+
+def _own_address() -> str:
+    """Guess at which address others reach this machine.
+
+    It is the one that the way to a foreign network begins at. Nothing is sent: a UDP
+    socket only looks its route up. 192.0.2.1 is an address that documents use.
+    """
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect(("192.0.2.1", 9))
+            return str(probe.getsockname()[0])
+        except OSError:
+            return socket.gethostname()

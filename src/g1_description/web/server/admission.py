@@ -1,0 +1,95 @@
+"""Who may come in.
+
+At a loopback address: whoever sits at this machine, but no page of others. A page from
+elsewhere runs in the same browser, so it can send requests here. It is told by its
+``Origin``, or, where its own name was made to point here (DNS rebinding), by ``Host``.
+At any other address: whoever knows the token.
+"""
+
+from __future__ import annotations
+
+import hmac
+import re
+from dataclasses import dataclass
+from http import HTTPStatus
+from urllib.parse import parse_qs
+
+from websockets.datastructures import Headers
+
+LOOPBACK = re.compile(
+    r"(localhost|127(\.\d{1,3}){3}|\[::1\])(:\d{1,5})?", re.IGNORECASE
+)
+"""Host headers that name this machine; any port, as ssh -L brings its own."""
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """Why a request is not answered."""
+
+    status: HTTPStatus
+    sentence: str
+
+
+class Admission:
+    """The rules of one page."""
+
+    def __init__(self, token: str, base: str, port: int) -> None:
+        """Make them.
+
+        Args:
+            token: What is wanted of everybody; empty: nothing.
+            base: Scheme, host and port of the page, as people open it.
+            port: It listens there, for the name of the cookie: browsers send cookies
+                to all ports of a host.
+        """
+        self._token = token.encode()
+        self._base = base
+        self._cookie = f"g1_description_{port}"
+
+    def refusal(self, query: str, headers: Headers) -> Refusal | None:
+        """Say why a request is refused; None if it may come in."""
+        hosts, origins = headers.get_all("Host"), headers.get_all("Origin")
+        if len(hosts) != 1:
+            return Refusal(HTTPStatus.BAD_REQUEST, "A request names one host.")
+        if not self._token and not LOOPBACK.fullmatch(hosts[0]):
+            return Refusal(
+                HTTPStatus.FORBIDDEN,
+                "This page is for the machine it runs on: open it as localhost or "
+                "127.0.0.1, from elsewhere through ssh -L, or start it with another "
+                "host, for which it makes a token.",
+            )
+        own = {f"{scheme}://{hosts[0].lower()}" for scheme in ("http", "https")}
+        if any(origin.lower() not in own for origin in origins):
+            return Refusal(
+                HTTPStatus.FORBIDDEN,
+                "Another page may not use this one: open it itself.",
+            )
+        if self._token and not self._knows_token(query, headers):
+            return Refusal(
+                HTTPStatus.UNAUTHORIZED,
+                "This page wants the token that was printed when it was started: "
+                f"{self._base}/?token=...",
+            )
+        return None
+
+    def cookie(self) -> str | None:
+        """Give what the browser shall keep; None where no token is wanted."""
+        if not self._token:
+            return None
+        return (
+            f"{self._cookie}={self._token.decode()}; Path=/; HttpOnly; SameSite=Strict"
+        )
+
+    def _knows_token(self, query: str, headers: Headers) -> bool:
+        """Tell whether a request brings the token, in its address or as a cookie."""
+        brought = parse_qs(query).get("token", [])
+        for pair in "; ".join(headers.get_all("Cookie")).split(";"):
+            name, _, value = pair.strip().partition("=")
+            if name == self._cookie:
+                brought.append(value)
+        # All are compared, in a time that does not tell how much of one is right.
+        right = [
+            hmac.compare_digest(value.encode("utf-8", "replace"), self._token)
+            for value in brought
+        ]
+        return any(right)

@@ -1,0 +1,232 @@
+"""The server that browsers talk to: who comes in, and where to."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import socket
+import threading
+import weakref
+from collections.abc import Callable
+from http import HTTPStatus
+from typing import Any
+
+from websockets.asyncio.server import ServerConnection, serve
+from websockets.datastructures import Headers
+from websockets.exceptions import ConnectionClosed
+from websockets.frames import CloseCode
+from websockets.http11 import Request, Response
+
+from g1_description.core.errors import G1DescriptionError, PageServerError
+
+from .address import ServerOptions
+from .admission import Admission
+from .hidden_viser import HiddenViser
+from .messages import MessageFilter
+from .pages import Pages, sentence
+from .pipe import Pipe, refuse
+from .uploads import Uploads
+
+MAX_MESSAGE = 16 * 2**20
+"""Largest message of a browser, in bytes: a picture of the scene is one."""
+
+OPEN_TIMEOUT = 10.0
+"""How long a browser may take to say what it wants, in [s]."""
+
+PAGE_TIMEOUT = 120.0
+"""How long a browser may take to receive the page, in [s]."""
+
+WARNING_PERIOD = 60.0
+"""Least time between warnings, in [s]: others decide how often there is a reason."""
+
+NOTHING_HERE = "There is nothing at this address."
+NO_FILES = "This page only shows: it takes no files."
+
+log = logging.getLogger(__name__)
+quiet = logging.getLogger(__name__ + ".connections")
+quiet.disabled = True  # websockets logs a traceback for each request it cannot read
+
+
+class FrontDoor:
+    """Stands before viser, in a thread of its own.
+
+    Attributes:
+        watched: Set while at least one browser shows the page.
+        browsers: How many do.
+        bytes_sent: How much has been sent to all so far.
+    """
+
+    def __init__(
+        self,
+        options: ServerOptions,
+        hidden: HiddenViser,
+        admission: Admission,
+        pages: Pages,
+        uploads: Uploads,
+    ) -> None:
+        """Prepare it.
+
+        Args:
+            options: What the program chose.
+            hidden: viser, to which browsers are connected.
+            admission: Who may come in.
+            pages: What is answered over HTTP.
+            uploads: What takes files.
+        """
+        self.watched = threading.Event()
+        self.browsers = 0
+        self.bytes_sent = 0
+        self._options = options
+        self._hidden = hidden
+        self._admission = admission
+        self._pages = pages
+        self._uploads = uploads
+        self._filter = None if options.read_only else MessageFilter()
+        self._next_warning = 0.0
+        self._opened = threading.Event()
+
+    def open(self, listening: socket.socket) -> None:
+        """Serve from now on, at a socket that listens."""
+        self._thread = threading.Thread(
+            target=lambda: asyncio.run(self._serve(listening)),
+            name="front door",
+            daemon=True,
+        )
+        self._thread.start()
+        self._opened.wait()
+
+    def close(self) -> None:
+        """End all connections."""
+        if self._thread.is_alive():
+            self._loop.call_soon_threadsafe(self._stopping.set)
+            self._thread.join(10.0)
+        self._uploads.close()
+
+    async def _serve(self, listening: socket.socket) -> None:
+        """Serve until told to stop."""
+        self._loop = asyncio.get_running_loop()
+        self._loop.set_exception_handler(
+            lambda _, context: self._warn(str(context.get("message")))
+        )
+        self._stopping = asyncio.Event()
+        async with serve(
+            self._on_connection,
+            sock=listening,
+            process_request=self._on_request,
+            select_subprotocol=self._select_subprotocol,
+            server_header=None,
+            compression=None,  # viser's messages are packed
+            open_timeout=OPEN_TIMEOUT,
+            close_timeout=2,
+            max_size=MAX_MESSAGE,
+            max_queue=2,
+            logger=quiet,
+        ) as server:
+            self._opened.set()
+            await self._stopping.wait()
+            for connection in list(server.handlers):
+                self._loop.call_later(1.0, connection.transport.abort)
+
+    def _select_subprotocol(self, _: ServerConnection, offered: Any) -> Any:
+        """Speak viser's own protocol, of this version alone."""
+        own = self._hidden.subprotocol
+        return own if own in offered else None
+
+    async def _on_request(
+        self, connection: ServerConnection, request: Request
+    ) -> Response | None:
+        """Answer a request over HTTP; None for one that goes on as a websocket."""
+        path, _, query = request.path.partition("?")
+        refused = self._admission.refusal(query, request.headers)
+        response: Response | None
+        if refused is not None:
+            self._warn(f"a request was refused: {refused.sentence}")
+            response = sentence(refused.status, refused.sentence)
+        elif "websocket" in ",".join(request.headers.get_all("Upgrade")).lower():
+            response = self._refuse_websocket(path)
+        else:
+            response = await self._answer(path, request.headers)
+        if response is not None:
+            transport = weakref.ref(connection.transport)
+            self._loop.call_later(PAGE_TIMEOUT, _abort, transport)
+            self._count(len(response.body or b""))
+        return response
+
+    def _refuse_websocket(self, path: str) -> Response | None:
+        """Answer a websocket that cannot be; None for one that can."""
+        if path not in {"/", "/upload"}:
+            return sentence(HTTPStatus.NOT_FOUND, NOTHING_HERE)
+        if path == "/upload" and self._options.read_only:
+            return sentence(HTTPStatus.FORBIDDEN, NO_FILES)
+        if path == "/" and self.browsers >= self._options.max_browsers:
+            return sentence(HTTPStatus.SERVICE_UNAVAILABLE, self._too_many())
+        return None
+
+    def _too_many(self) -> str:
+        """Say that no further page may be open."""
+        most = self._options.max_browsers
+        return f"{most} pages are open, which is the most: close one."
+
+    async def _answer(self, path: str, headers: Headers) -> Response:
+        """Answer a request for the page or a text."""
+        name = path[1:]
+        if path == "/":
+            return self._pages.page(headers, self._admission.cookie())
+        if not self._pages.has_text(name):
+            return sentence(HTTPStatus.NOT_FOUND, NOTHING_HERE)
+        try:
+            text = await self._loop.run_in_executor(None, self._pages.text, name)
+        except G1DescriptionError as error:
+            return sentence(HTTPStatus.SERVICE_UNAVAILABLE, str(error))
+        return sentence(HTTPStatus.OK, text)
+
+    async def _on_connection(self, browser: ServerConnection) -> None:
+        """Serve a websocket."""
+        assert browser.request is not None
+        path, _, query = browser.request.path.partition("?")
+        if path == "/upload":
+            await self._uploads.receive(browser, query)
+            await refuse(browser, CloseCode.NORMAL_CLOSURE, "")
+        elif browser.subprotocol != self._hidden.subprotocol:
+            why = "Version mismatch: reload the page."
+            await refuse(browser, CloseCode.PROTOCOL_ERROR, why)
+        elif self.browsers >= self._options.max_browsers:
+            await refuse(browser, CloseCode.TRY_AGAIN_LATER, self._too_many())
+        else:
+            await self._show(browser)
+
+    async def _show(self, browser: ServerConnection) -> None:
+        """Connect a browser with viser."""
+        self.browsers += 1
+        self.watched.set()
+        code, why = CloseCode.GOING_AWAY, ""
+        try:
+            await Pipe(browser, self._filter, quiet).run(self._hidden, self._count)
+        except PageServerError as error:
+            self._warn(str(error))
+            code, why = CloseCode.UNSUPPORTED_DATA, "This is no message."
+        except (ConnectionClosed, OSError, asyncio.TimeoutError) as error:
+            log.debug("a browser is gone: %s", error)
+        finally:
+            self.browsers -= 1
+            if not self.browsers:
+                self.watched.clear()
+        await refuse(browser, code, why)
+
+    def _count(self, size: int) -> None:
+        """Add what has been sent."""
+        self.bytes_sent += size
+
+    def _warn(self, text: str) -> None:
+        """Log a warning, one a minute at most."""
+        now = self._loop.time()
+        if now >= self._next_warning:
+            self._next_warning = now + WARNING_PERIOD
+            log.warning("%s", text)
+
+
+def _abort(transport: Callable[[], Any]) -> None:
+    """Cut off a connection that should have ended."""
+    found = transport()
+    if found is not None:
+        found.abort()

@@ -1,0 +1,105 @@
+"""The page's server: viser, and a front door before it."""
+
+from __future__ import annotations
+
+import atexit
+import secrets
+import threading
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from g1_description.core.errors import PageServerError
+
+from .address import ServerOptions, is_loopback, listen, origin
+
+if TYPE_CHECKING:
+    import viser
+
+MISSING = (
+    "the browser view needs {}, which is not installed: "
+    "`pip install viser==1.1.1`, or tools/setup in a clone"
+)
+
+
+class PageServer:
+    """A page in browsers, which viser fills and a front door guards.
+
+    Attributes:
+        viser: What fills the page.
+        address: What people open, with the token where one is wanted.
+        watched: Set while at least one browser shows the page.
+    """
+
+    def __init__(
+        self,
+        options: ServerOptions,
+        on_file: Callable[[str, Path], str] | None = None,
+        texts: Mapping[str, Callable[[], str]] | None = None,
+    ) -> None:
+        """Open it.
+
+        Args:
+            options: Where, and for whom.
+            on_file: Called in a thread with each file that is dropped into the page,
+                its name and where it lies until this returns. It returns the sentence
+                that the person sees. None: no files are taken.
+            texts: What gives a text, by the name at which it is offered, such as
+                ``configuration.yaml``. Called in a thread.
+
+        Raises:
+            PageServerError: If viser is not installed, or the port cannot be opened.
+        """
+        _check_installed()
+        from .admission import Admission
+        from .front_door import FrontDoor
+        from .hidden_viser import HiddenViser
+        from .pages import Pages
+        from .uploads import Uploads
+
+        opened = listen(options.host, options.port)
+        base = origin(options.host, opened)
+        made = "" if is_loopback(opened) else secrets.token_urlsafe()
+        token = options.token or made
+        self.address = f"{base}/?token={token}" if token else f"{base}/"
+        self._hidden = HiddenViser()
+        self.viser: viser.ViserServer = self._hidden.server
+        self._door = FrontDoor(
+            options,
+            self._hidden,
+            Admission(token, base, opened.getsockname()[1]),
+            Pages(texts or {}, options.read_only),
+            Uploads(on_file, options.max_upload),
+        )
+        self.watched: threading.Event = self._door.watched
+        self._door.open(opened)
+        atexit.register(self.close)
+
+    @property
+    def browsers(self) -> int:
+        """How many show the page."""
+        return self._door.browsers
+
+    @property
+    def bytes_sent(self) -> int:
+        """How much has been sent to all browsers so far."""
+        return self._door.bytes_sent
+
+    def close(self) -> None:
+        """Close the page; more than once is no mistake."""
+        atexit.unregister(self.close)
+        self._door.close()
+        self._hidden.close()
+
+
+def _check_installed() -> None:
+    """Check that what the page is made with can be imported.
+
+    Raises:
+        PageServerError: If something is not installed.
+    """
+    try:
+        import viser  # noqa: F401
+        import websockets.asyncio.server  # noqa: F401  older ones have none
+    except ImportError as error:
+        raise PageServerError(MISSING.format(error.name or "viser")) from None

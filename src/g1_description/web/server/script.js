@@ -1,0 +1,117 @@
+// What the page does beside viser: sends files, copies texts, says what happened.
+(() => {
+  const readOnly = READ_ONLY;
+  const TOAST_TIME = 6000;  // ms
+  const PIECE = 256 * 1024;  // bytes
+  const AHEAD = 4 * PIECE;  // most bytes that wait to be sent
+
+  const toasts = document.createElement("div");
+  toasts.setAttribute("role", "status");
+  toasts.style.cssText = "position:fixed;bottom:1em;left:50%;z-index:100000;"
+    + "transform:translateX(-50%);max-width:90vw;pointer-events:none;font:14px sans-serif";
+  const outline = document.createElement("div");
+  outline.style.cssText = "position:fixed;inset:0;z-index:99999;pointer-events:none;"
+    + "border:4px dashed #228be6;background:#228be622;display:none";
+  document.body.append(outline, toasts);
+
+  /** Show a sentence for some seconds. */
+  function toast(text, failed) {
+    const box = document.createElement("div");
+    box.className = failed ? "g1-toast g1-failed" : "g1-toast";
+    box.textContent = text;
+    box.style.cssText = "margin-top:.5em;padding:.6em 1em;border-radius:6px;color:#fff;"
+      + "overflow-wrap:anywhere;background:" + (failed ? "#c92a2a" : "#2b2f36");
+    toasts.append(box);
+    setTimeout(() => box.remove(), TOAST_TIME);
+  }
+
+  /** Send the pieces of a file, no faster than they go. */
+  async function sendPieces(socket, file) {
+    for (let start = 0; start < file.size; start += PIECE) {
+      const piece = await file.slice(start, start + PIECE).arrayBuffer();
+      while (socket.bufferedAmount > AHEAD) {
+        await new Promise((resolve) => setTimeout(resolve, 20));
+      }
+      if (socket.readyState !== WebSocket.OPEN) return;
+      socket.send(piece);
+    }
+  }
+
+  /** Send a file over a connection of its own; resolve with what came of it. */
+  function send(file) {
+    return new Promise((resolve) => {
+      const query = new URLSearchParams({ name: file.name, size: file.size });
+      const scheme = location.protocol === "https:" ? "wss://" : "ws://";
+      const socket = new WebSocket(scheme + location.host + "/upload?" + query);
+      socket.onmessage = (event) => {
+        const answer = JSON.parse(event.data);
+        if (answer.state !== "ready") return resolve(answer);
+        sendPieces(socket, file).catch(() => {
+          resolve({ state: "failed", text: file.name + " cannot be read." });
+          socket.close();
+        });
+      };
+      const lost = { state: "failed", text: file.name + " could not be sent." };
+      socket.onclose = () => resolve(lost);
+    });
+  }
+
+  let sending = Promise.resolve();  // one file after the other
+
+  /** Send a file; what came of it is shown. */
+  function upload(file) {
+    if (!file) return sending;
+    if (readOnly) {
+      toast("This page only shows: it takes no files.", true);
+      return sending;
+    }
+    toast("Sending " + file.name + " ...");
+    sending = sending.then(() => send(file))
+      .then((answer) => toast(answer.text, answer.state !== "done"));
+    return sending;
+  }
+
+  /** Put text on the clipboard where the browser has no way for insecure pages. */
+  function copyByHand(text) {
+    const area = document.createElement("textarea");
+    area.value = text;
+    area.style.cssText = "position:fixed;opacity:0";
+    document.body.append(area);
+    area.select();
+    const copied = document.execCommand("copy");
+    area.remove();
+    if (!copied) throw new Error("The browser does not let the page copy.");
+  }
+
+  /** Fetch a text of the page's server, and put it on the clipboard. */
+  async function copy(path) {
+    try {
+      const response = await fetch(path, { cache: "no-store" });
+      const text = await response.text();
+      if (!response.ok) throw new Error(text);
+      if (navigator.clipboard) await navigator.clipboard.writeText(text);
+      else copyByHand(text);
+      toast("Copied " + path.replace(/^\//, "") + ".");
+    } catch (error) {
+      toast(error.message, true);
+    }
+  }
+
+  const hasFiles = (event) => [...(event.dataTransfer?.types ?? [])].includes("Files");
+  const show = (visible) => { outline.style.display = visible ? "block" : "none"; };
+  addEventListener("dragover", (event) => {
+    if (!hasFiles(event)) return;
+    event.preventDefault();
+    show(true);
+  }, true);
+  addEventListener("dragleave", (event) => { if (!event.relatedTarget) show(false); }, true);
+  addEventListener("drop", (event) => {
+    show(false);
+    if (!hasFiles(event)) return;
+    event.preventDefault();
+    event.stopPropagation();
+    for (const file of event.dataTransfer.files) upload(file);
+  }, true);
+
+  window.g1 = { upload, copy, toast };
+})();
