@@ -73,7 +73,12 @@ class LiveStates:
     """
 
     def __init__(
-        self, map_frame: str, base_frame: str, period: float, log: ThrottledLog
+        self,
+        map_frame: str,
+        base_frame: str,
+        period: float,
+        log: ThrottledLog,
+        joint_states: str = "joint_states",
     ) -> None:
         """Subscribe.
 
@@ -82,6 +87,7 @@ class LiveStates:
             base_frame: Frame of the robot's base.
             period: How long messages may gather before they are read, in [s].
             log: Where to log messages that cannot be read.
+            joint_states: Topic of the joint states.
         """
         self.changed = threading.Event()
         """Set when something new has come; whoever waits for it clears it."""
@@ -97,23 +103,16 @@ class LiveStates:
         self._newest: dict[str, int] = {}
         self._times: deque[int] = deque(maxlen=MAX_STATES)
         self._tf = tf2_ros.Buffer(debug=False)
-        self._subscribe("joint_states", gathered(self._on_joint_states, period), 100)
-        self._subscribe("/tf", gathered(self._on_tf, period), 100)
-        self._subscribe("/tf_static", self._on_static_tf, None)
+        self._subscribers = [
+            _subscribe(joint_states, gathered(self._on_joint_states, period), 100),
+            _subscribe("/tf", gathered(self._on_tf, period), 100),
+            _subscribe("/tf_static", self._on_static_tf, None),
+        ]
 
-    @staticmethod
-    def _subscribe(
-        topic: str, act: Callable[[bytes], None], queue_size: int | None
-    ) -> None:
-        """Take the bytes of a topic."""
-        rospy.Subscriber(
-            topic,
-            rospy.AnyMsg,
-            lambda message: act(message._buff),
-            queue_size=queue_size,
-            buff_size=BUFFER,
-            tcp_nodelay=True,
-        )
+    def close(self) -> None:
+        """Unsubscribe."""
+        for subscriber in self._subscribers:
+            subscriber.unregister()
 
     def _on_joint_states(self, data: bytes) -> None:
         """Keep joint states."""
@@ -185,6 +184,12 @@ class LiveStates:
         """Why a state has no base."""
         return f"TF does not tell where {self._base_frame} is in {self._map}"
 
+    @property
+    def stamp(self) -> int:
+        """Time of the newest joint states, in [ns]; 0 before the first ones."""
+        with self._lock:
+            return self._states[-1].stamp if self._states else 0
+
     def newest(self) -> LiveState | None:
         """Find the newest joint states whose base is known, too.
 
@@ -248,6 +253,20 @@ class LiveStates:
         q = found.rotation
         turn = np.array([q.x, q.y, q.z, q.w])
         return np.concatenate([vector_to_array(found.translation), turn])
+
+
+def _subscribe(
+    topic: str, act: Callable[[bytes], None], queue_size: int | None
+) -> rospy.Subscriber:
+    """Take the bytes of a topic."""
+    return rospy.Subscriber(
+        topic,
+        rospy.AnyMsg,
+        lambda message: act(message._buff),
+        queue_size=queue_size,
+        buff_size=BUFFER,
+        tcp_nodelay=True,
+    )
 
 
 def gathered(act: Callable[[bytes], None], period: float) -> Callable[[bytes], None]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import logging
 import queue
 import threading
+import time
 from collections.abc import Callable, Hashable
 from functools import partial
 from typing import TYPE_CHECKING, Any, Tuple
@@ -23,6 +24,9 @@ LOG = logging.getLogger(__name__)
 
 SHOWN = 8.0
 """How long a message stays, in [s]."""
+
+AGAIN = 3.0
+"""Least time between two messages of the same words, in [s]."""
 
 Work = Tuple[Callable[[], object], Callable[[Any], object]]
 """What is to be done, and what its result is given to."""
@@ -42,6 +46,7 @@ class Desk:
         self._server = server
         self._lock = threading.Lock()
         self._done: dict[Hashable, Callable[[], object]] = {}
+        self._told: dict[str, float] = {}
         self._waiting: queue.Queue[Work] = queue.Queue()
         threading.Thread(target=self._work, daemon=True).start()
 
@@ -55,7 +60,7 @@ class Desk:
 
         def came(event: Any) -> None:
             if event.client is not None:  # else we have set it
-                self.post(handle, act)
+                self.post(id(handle), act)
 
         attach = handle.on_click if hasattr(handle, "on_click") else handle.on_update
         attach(came)
@@ -77,7 +82,7 @@ class Desk:
         with self._lock:
             done, self._done = self._done, {}
         for act in done.values():
-            self._guarded(act)
+            self.guarded(act)
 
     def wait_for(
         self, act: Callable[[], Any], then: Callable[[Any], object] = lambda _: None
@@ -99,7 +104,7 @@ class Desk:
         """Do what may take long, one after the other."""
         while True:
             act, then = self._waiting.get()
-            self._guarded(partial(self._hand_back, act, then))
+            self.guarded(partial(self._hand_back, act, then))
             self._waiting.task_done()
             self.new.set()
 
@@ -107,7 +112,7 @@ class Desk:
         result = act()
         self.post(object(), lambda: then(result))
 
-    def _guarded(self, act: Callable[[], object]) -> None:
+    def guarded(self, act: Callable[[], object]) -> None:
         """Do something; tell people what went wrong."""
         try:
             act()
@@ -119,6 +124,11 @@ class Desk:
 
     def tell(self, text: str, color: Any = "blue") -> None:
         """Show a message in all browsers for a while."""
+        now = time.monotonic()
+        if now < self._told.get(text, -AGAIN) + AGAIN:
+            return
+        self._told = {t: when for t, when in self._told.items() if now < when + AGAIN}
+        self._told[text] = now
         for client in self._server.get_clients().values():
             client.add_notification(
                 "g1_description", text, auto_close_seconds=SHOWN, color=color

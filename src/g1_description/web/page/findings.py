@@ -43,13 +43,15 @@ class FindingList:
         """
         self._gui, self._desk, self._jump = gui, desk, jump
         self._read_only = read_only
+        self._place = gui.add_folder(None)
         self._folders: dict[ShownRobot, GuiFolderHandle] = {}
 
     def begin(self, name: str, robot: ShownRobot) -> None:
         """Show that a motion is being judged."""
         if robot in self._folders:
             self._folders[robot].remove()
-        self._folders[robot] = self._gui.add_folder(f"Findings: {name}")
+        with self._place:
+            self._folders[robot] = self._gui.add_folder(f"Findings: {name}")
         with self._folders[robot]:
             self._gui.add_markdown("*Being checked ...*")
 
@@ -65,7 +67,8 @@ class FindingList:
         """
         label = self._folders[robot].label
         self._folders[robot].remove()
-        self._folders[robot] = self._gui.add_folder(label)
+        with self._place:
+            self._folders[robot] = self._gui.add_folder(label)
         with self._folders[robot]:
             self._gui.add_markdown(summary(verdict))
             if verdict.findings:

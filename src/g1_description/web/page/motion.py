@@ -81,18 +81,21 @@ class MotionPanel:
     def _add(self) -> None:
         """Add what a person uses."""
         gui, names = self._gui, [robot.name for robot in self._world.robots]
-        if not self._read_only:
+        can_open = not self._read_only and self._world.can_move
+        if can_open:
             gui.add_html(FILE_INPUT)
-        self._robot = gui.add_dropdown("Robot", names, visible=len(names) > 1)
+        self._robot = gui.add_dropdown(
+            "Robot", names, visible=can_open and len(names) > 1
+        )
         self._rate = gui.add_number(
             "Samples per second",
             30.0,
             min=0.001,
             max=1e6,
             hint="of the next file, if it has no times",
-            visible=not self._read_only,
+            visible=can_open,
         )
-        self._title = gui.add_markdown("*No motion yet.*")
+        self._title = gui.add_markdown("*No motion yet.*" if can_open else "")
         self._line = gui.add_slider("Time", 0.0, 1.0, STEP, 0.0, visible=False)
         self._play = gui.add_button("Play", visible=False)
         self._steps = gui.add_button_group(

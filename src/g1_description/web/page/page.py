@@ -94,6 +94,7 @@ class Page:
     def _add_panels(self) -> None:
         """Add all panels."""
         gui = self._server.gui
+        gui.set_panel_label(self._world.robots[0].description.name)
         gui.configure_theme(
             control_width="large", show_logo=False, show_share_button=False
         )
@@ -103,12 +104,12 @@ class Page:
                 gui, self.desk, self._world.simulator, self._read_only
             )
         tabs = gui.add_tab_group()
-        if not self._read_only:
+        if not self._read_only and self._world.can_move:
             for shown in self._shown:
                 title = shown.robot.name if len(self._shown) > 1 else "Robot"
                 with tabs.add_tab(title):
                     self._add_hands(shown)
-        with tabs.add_tab("Motion"):
+        with tabs.add_tab("Motion" if self._world.can_move else "Checks"):
             self.motion = MotionPanel(
                 gui, self.desk, self._world, self._judges, self._read_only
             )
@@ -120,9 +121,25 @@ class Page:
             with tabs.add_tab("View"):
                 bodies = [shown.body for shown in self._shown]
                 self._view = ViewPanel(gui, self.desk, self._stage, bodies)
+                if self._world.can_arrange:
+                    self._add_arrangement()
             with tabs.add_tab("Plots"):
                 robots = [shown.robot for shown in self._shown]
                 self._plots = PlotPanel(gui, self.desk, robots)
+
+    def _add_arrangement(self) -> None:
+        """Let people choose how robots that are compared are shown."""
+        box = self._server.gui.add_checkbox(
+            "Over each other", False, hint="instead of beside each other"
+        )
+        others = self._shown[1:]
+
+        def arrange() -> None:
+            self._world.arrange(beside=not box.value)
+            for shown in others:
+                shown.body.fade(bool(box.value))
+
+        self.desk.on(box, arrange)
 
     def _add_hands(self, shown: _Shown) -> None:
         """Add what moves a robot."""
@@ -151,7 +168,7 @@ class Page:
                 is_watched = not is_watched
                 self._world.watch(is_watched)
             if is_watched:
-                self._draw()
+                self.desk.guarded(self._draw)
             spent = time.monotonic() - began
             self._stopped.wait(max(0.0, 1.0 / RATE - spent))
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from functools import partial
 from typing import TYPE_CHECKING
 
 from g1_description.core.errors import G1DescriptionError, InvalidValueError
-from g1_description.core.poses.pose import Pose, check_pose, pose_positions
+from g1_description.core.poses.pose import Pose, check_pose, find_pose, pose_positions
 from g1_description.core.poses.store import read_poses, save_pose, user_file
 from g1_description.web.robots.robot import ShownRobot, ShownWorld
 
@@ -17,6 +16,9 @@ if TYPE_CHECKING:
     from viser import GuiApi
 
 MAX_SECONDS = 10.0
+
+NONE = "none"
+"""In the place of a pose where the robot can take none."""
 
 
 class PosePanel:
@@ -41,7 +43,6 @@ class PosePanel:
         """
         self._gui, self._desk, self._world = gui, desk, world
         self._robot, self._joints = robot, joints
-        self._buttons: dict[str, object] = {}
         folder = gui.add_folder("Poses")
         with folder:
             self._seconds = gui.add_number(
@@ -52,25 +53,20 @@ class PosePanel:
                 step=0.1,
                 hint="how long the way takes; 0: at once",
             )
-            self._row = gui.add_folder(None)
+            self._poses = gui.add_button_group("Take", self._names() or [NONE])
             self._name = gui.add_text("Name", "", hint="of the pose to save")
             save = gui.add_button("Save pose", hint=f"into {user_file()}")
         desk.on(save, self._save)
-        self._show()
+        desk.on(self._poses, self._take)
 
-    def _show(self) -> None:
-        """Show a button for each pose that the robot can take."""
-        for name, pose in read_poses().items():
-            if name in self._buttons or not _fits(pose, self._robot):
-                continue
-            with self._row:
-                button = self._gui.add_button(name, hint=pose.about or None)
-            self._buttons[name] = button
-            self._desk.on(button, partial(self._take, name))
+    def _names(self) -> list[str]:
+        """Name the poses that the robot can take."""
+        return [n for n, pose in read_poses().items() if _fits(pose, self._robot)]
 
-    def _take(self, name: str) -> None:
+    def _take(self) -> None:
         """Move the robot to a pose, as the file has it now."""
-        pose, robot = read_poses()[name], self._robot.description
+        pose = find_pose(self._poses.value, read_poses())
+        robot = self._robot.description
         check_pose(pose, robot)
         names = [joint.name for joint in robot.movable_joints]
         goal = dict(zip(names, pose_positions(pose, robot).tolist()))
@@ -90,7 +86,7 @@ class PosePanel:
             for name, value in known(state.positions, self._robot).items()
         }
         save_pose(Pose(name, positions, "saved in the browser"), user_file())
-        self._show()
+        self._poses.options = tuple(self._names())
         self._desk.tell(f"Pose {name} is in {user_file()}.", "green")
 
 

@@ -20,6 +20,9 @@ from g1_description.sim.motion.floor import lowest_height
 
 from .robot import RobotState, ShownRobot
 
+DISTANCE = 1.2
+"""Between robots that stand beside each other, in [m]."""
+
 ReadMotion = Callable[[Path, Description, Optional[float]], Motion]
 """Reads a motion of a robot, with samples per second for files without times."""
 
@@ -157,6 +160,7 @@ class FileWorld:
     """Robots without a simulator, and the motions that they go through."""
 
     simulator = None
+    can_move = True
 
     def __init__(self, robots: list[StillRobot], read: ReadMotion) -> None:
         """Begin without motions.
@@ -166,11 +170,19 @@ class FileWorld:
             read: Reads files.
         """
         self.robots = robots
+        self.can_arrange = len(robots) > 1
         self.changed = Event()
         self.changed.set()
         self.motions: dict[StillRobot, Motion] = {}
         self.player: ClockPlayer | None = None
         self._read = read
+        self.arrange(beside=True)
+
+    def arrange(self, beside: bool) -> None:
+        """Show robots beside each other, or all where their motions have them."""
+        for number, robot in enumerate(self.robots):
+            robot.offset = np.array([0.0, -DISTANCE * number * beside, 0.0])
+        self.changed.set()
 
     def watch(self, is_watched: bool) -> None:
         """Show the present state to whoever comes."""

@@ -114,9 +114,18 @@ class ShownWorld(Protocol):
     """All that a page shows."""
 
     robots: Sequence[ShownRobot]
+    can_move: bool
+    """Whether anybody takes commands."""
+
+    can_arrange: bool
+    """Whether robots can be shown beside each other or over each other."""
+
     simulator: Simulator | None
     changed: Event
     """Set when there is something new; whoever waits for it clears it."""
+
+    def arrange(self, beside: bool) -> None:
+        """Show robots beside each other, or all where they are; if that is free."""
 
     def watch(self, is_watched: bool) -> None:
         """Begin to listen, or stop: nobody looks."""

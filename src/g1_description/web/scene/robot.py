@@ -109,6 +109,13 @@ class SceneRobot:
                 mesh.color = rgb(RED if link in links else color)
         self._red = set(links)
 
+    def fade(self, faded: bool) -> None:
+        """Let what is behind shine through, or not."""
+        for meshes in self._visuals.values():
+            for mesh, color in meshes:
+                alpha = SEE_THROUGH if faded else color[3]
+                mesh.opacity = alpha if alpha < 1.0 else None
+
     def show_visuals(self, shown: bool) -> None:
         """Show the visual shapes, or hide them."""
         for meshes in self._visuals.values():

@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from viser import ViserServer
 
 LOOK_AT = (0.0, 0.0, 0.72)
-CAMERA = (2.1, 1.3, 1.25)
+CAMERA = (1.75, 1.15, 1.15)
 """Where the camera begins, in [m]: before a robot of the height of a person, on its
 left."""
 

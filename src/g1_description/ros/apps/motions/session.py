@@ -38,11 +38,14 @@ class Session:
             notify: Takes messages about what was not done as requested.
             lead_in: Time in which the robot goes to the beginning, in [s].
         """
-        self._robot, self._speed, self._notify = robot, speed, notify
+        self._robot, self._notify = robot, notify
+        self.speed = speed
+        """Seconds of the motion in a second; what is chosen counts from ``start`` on.
+        """
         self._lead_in = lead_in
         self.trajectory = trajectory
         self.is_running = False
-        self._told = ""
+        self._told, self._rate = "", speed
         self._begin_ns: int | None = None
         """When what is played begins, after the lead-in, in [ns]."""
         self._seen_ns = 0
@@ -75,7 +78,7 @@ class Session:
             self._seen_ns = now_ns
             begin_ns = now_ns if self._begin_ns is None else self._begin_ns
             elapsed = 1e-9 * (now_ns - begin_ns)
-            self._time = self._from + self._speed * max(0.0, elapsed)
+            self._time = self._from + self._rate * max(0.0, elapsed)
         return float(np.clip(self._time, self.begin, self.end))
 
     @property
@@ -103,10 +106,10 @@ class Session:
         if self._from >= self.end:
             self._from = self.begin
             self._begin_ns = None
-        self._seen_ns, self._ended = 0, None
+        self._seen_ns, self._ended, self._rate = 0, None, self.speed
         part = cut(self.trajectory, self._from)
         self.is_running = False
-        self._begin_ns = self._play(at_speed(part, self._speed, self._from))
+        self._begin_ns = self._play(at_speed(part, self._rate, self._from))
         self.is_running = True
 
     def pause(self) -> None:
@@ -119,10 +122,14 @@ class Session:
 
     def step(self, n: int) -> None:
         """Pause, and show the sample ``n`` after the present one."""
-        self.pause()
         last = len(self.trajectory.times) - 1
-        time = self.trajectory.times[min(max(self.frame - 1 + n, 0), last)]
-        self._time = float(time)
+        row = min(max(self.frame - 1 + n, 0), last)
+        self.show(float(self.trajectory.times[row]))
+
+    def show(self, time: float) -> None:
+        """Pause, and show the configuration of a time of the motion, in [s]."""
+        self.pause()
+        self._time = time
         part = at_speed(cut(self.trajectory, time, time), 1.0, time)
         begin_ns = self._play(part)
         if not self._is_there:

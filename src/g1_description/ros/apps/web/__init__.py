@@ -1,0 +1,1 @@
+"""The command ``web``: robots and motions of files in a browser."""

@@ -1,0 +1,1 @@
+"""The node ``web``: the robots of a bridge in a browser."""

@@ -1,0 +1,110 @@
+"""A world of robots on a page, until somebody ends it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from g1_description.core.errors import InvalidValueError
+from g1_description.core.poses.pose import Pose
+from g1_description.core.poses.yaml_text import with_pose
+
+from .page.joints import known
+from .page.judges import MakeChecker
+from .page.page import Page
+from .robots.robot import ShownRobot, ShownWorld
+from .server.address import ServerOptions
+from .server.page_server import PageServer
+
+COPIED = "copied"
+"""Name of the pose in what is copied."""
+
+
+class Show:
+    """A page and its server."""
+
+    def __init__(
+        self, world: ShownWorld, options: ServerOptions, make_checker: MakeChecker
+    ) -> None:
+        """Open the page.
+
+        Args:
+            world: The robots.
+            options: Who may come in, and where.
+            make_checker: Prepares the checks of a robot.
+
+        Raises:
+            PageServerError: If the page cannot be opened.
+        """
+        first = world.robots[0]
+        self._server = PageServer(
+            options,
+            None if options.read_only else self._on_file,
+            {
+                "configuration.yaml": lambda: configuration_yaml(first),
+                "configuration.sh": lambda: configuration_command(first),
+            },
+        )
+        self.page = Page(self._server.viser, world, make_checker, options.read_only)
+        self.page.watched = lambda: self._server.browsers
+
+    @property
+    def address(self) -> str:
+        """What to open in a browser."""
+        return self._server.address
+
+    def _on_file(self, name: str, path: Path) -> str:
+        """Open a file that a person has dropped."""
+        return self.page.motion.read(name, path)
+
+    def run(self) -> None:
+        """Draw until ``stop`` is called."""
+        try:
+            self.page.run()
+        finally:
+            self._server.close()
+
+    def stop(self) -> None:
+        """End ``run``; from any thread, and from a signal."""
+        self.page.stop()
+
+
+def positions_of(robot: ShownRobot) -> dict[str, float]:
+    """Return where a robot's joints are, in [rad] or [m], in the order of its file.
+
+    Raises:
+        InvalidValueError: If nothing is known.
+    """
+    state = robot.state()
+    if state is None:
+        raise InvalidValueError("No state of the robot has come yet.")
+    return {
+        name: round(position, 6)
+        for name, position in known(state.positions, robot).items()
+    }
+
+
+def configuration_yaml(robot: ShownRobot) -> str:
+    """Write where a robot is as an entry of a file of poses."""
+    return with_pose("", Pose(COPIED, positions_of(robot)), "the clipboard")
+
+
+def configuration_command(robot: ShownRobot) -> str:
+    """Write the command that moves a robot to where it is now."""
+    positions = positions_of(robot)
+    names = ", ".join(positions)
+    values = ", ".join(f"{value:g}" for value in positions.values())
+    return (
+        f"rostopic pub -1 {robot.joint_topic} sensor_msgs/JointState "
+        f"'{{name: [{names}], position: [{values}]}}'\n"
+    )
+
+
+def tell_address(
+    show: Show, options: ServerOptions, tell: Callable[[str], object]
+) -> None:
+    """Tell the address, and what it means to have one with a token."""
+    tell(f"open {show.address}")
+    if "token=" in show.address:
+        may = "sees" if options.read_only else "moves"
+        tell(f"Whoever has this address {may} the robot.")
