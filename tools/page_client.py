@@ -1,0 +1,214 @@
+"""A page of viser without a browser: its messages, kept and counted.
+
+As many of these as one likes stand for as many browsers, without their drawing.
+"""
+
+import socket
+import threading
+import time
+from urllib.parse import urlsplit, urlunsplit
+
+import msgspec
+import numpy as np
+import viser
+import zstandard
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import connect
+
+DEADLINE = 60.0
+"""Longest wait for anything in [s]."""
+SIZE = (1280, 800)
+"""The picture that the page is told of, in [px]."""
+
+
+class PageClient:
+    """A connection to a viser server, with what a page would know.
+
+    Attributes:
+        elements: GUI elements by uuid: their type, and all properties with the
+            newest values, such as label, value, min, disabled.
+        nodes: The same of the nodes of the scene by name, with position and wxyz.
+        others: The newest of all other messages by type.
+        bytes: How many came, as sent through the WebSocket.
+        messages: How many came; several share a frame.
+        times: When each name or uuid last changed, as of `time.monotonic`.
+        has_ended: Whether the connection has.
+        error: What ended it, if it did not end in good order.
+    """
+
+    def __init__(self, address, headers=None):
+        """Connect, and say what a page says first.
+
+        Args:
+            address: Of the page, http:// with path and query, such as a token.
+            headers: More of the request, such as {"Cookie": "token=1"}.
+        """
+        self.elements, self.nodes, self.others, self.times = {}, {}, {}, {}
+        self.bytes = self.messages = 0
+        self.has_ended, self.error = False, None
+        self._news = threading.Condition()
+        self._socket = connect(
+            _websocket_address(address),
+            subprotocols=[f"viser-v{viser.__version__}"],
+            additional_headers=headers,
+            compression=None,
+            max_size=None,
+            open_timeout=DEADLINE,
+        )
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+        self.send("ViewerCameraMessage", **_camera())
+
+    def __enter__(self):
+        """Give itself."""
+        return self
+
+    def __exit__(self, *_):
+        """Hang up."""
+        self.close()
+
+    def close(self):
+        """Hang up as a page does that is closed."""
+        self._socket.close()
+        self._reader.join(DEADLINE)
+
+    def vanish(self):
+        """Hang up without a word, as a laptop that loses the network."""
+        self._socket.socket.shutdown(socket.SHUT_RDWR)
+        self._reader.join(DEADLINE)
+
+    # --- what comes -----------------------------------------------------------
+
+    def _read(self):
+        try:
+            for data in self._socket:
+                messages = messages_of(data)
+                with self._news:
+                    self.bytes += len(data)
+                    self.messages += len(messages)
+                    for message in messages:
+                        self._keep(message)
+                    self._news.notify_all()
+        except (ConnectionClosed, OSError) as error:
+            self.error = error
+        finally:
+            with self._news:
+                self.has_ended = True
+                self._news.notify_all()
+
+    def _keep(self, message):
+        kind = message.pop("type")
+        name = message.get("uuid", message.get("name"))
+        things = self.elements if "uuid" in message else self.nodes
+        self.times[kind if name is None else name] = time.monotonic()
+        if kind in ("GuiRemoveMessage", "RemoveSceneNodeMessage"):
+            things.pop(name, None)
+        elif name is None:
+            self.others[kind] = message
+        elif "props" in message:
+            props = message.pop("props")
+            things[name] = {"type": kind, **things.get(name, {}), **message, **props}
+            things[name]["type"] = kind
+        else:  # an update, or one property of a node
+            news = message.pop("updates", message)
+            things.setdefault(name, {"type": kind}).update(news)
+
+    def wait_for(self, condition, what, timeout=DEADLINE):
+        """Wait until a condition gives something true; give that back.
+
+        Args:
+            condition: Called after each frame from the server.
+            what: Completes "waited in vain for".
+            timeout: Longest wait in [s].
+        """
+        with self._news:
+            self._news.wait_for(lambda: condition() or self.has_ended, timeout)
+            result = condition()
+        if not result:
+            raise AssertionError(
+                f"waited up to {timeout} s in vain for {what}; {self.error}"
+            )
+        return result
+
+    def wait_until_whole(self, timeout=DEADLINE):
+        """Wait until the server has sent all that there was before this page."""
+        self.wait_for(
+            lambda: "ReplayDoneMessage" in self.others, "a whole page", timeout
+        )
+
+    def element(self, label):
+        """Wait for the GUI element with a label; give its properties, uuid too."""
+        return self.wait_for(lambda: self._labelled(label), f"'{label}'")
+
+    def _labelled(self, label):
+        found = (
+            element
+            for element in self.elements.values()
+            if element.get("label") == label
+        )
+        return next(found, None)
+
+    def value(self, label):
+        """Give the newest value of the element with a label."""
+        return self.element(label)["value"]
+
+    # --- what goes ------------------------------------------------------------
+
+    def send(self, kind, **fields):
+        """Send a message of viser's by its type."""
+        self.send_bytes(msgspec.msgpack.encode({"type": kind, **fields}))
+
+    def send_bytes(self, data):
+        """Send anything, which need not be a message."""
+        self._socket.send(data)
+
+    def set(self, label, value):
+        """Set the value of the element with a label, as one who drags or types."""
+        element = self.element(label)
+        element["value"] = value  # the server tells all pages but this one
+        self.send("GuiUpdateMessage", uuid=element["uuid"], updates={"value": value})
+
+    def press(self, label):
+        """Press the button with a label."""
+        self.set(label, True)
+
+
+def messages_of(data):
+    """Decode a frame from the server: its messages with their arrays.
+
+    A frame is two lengths of 8 bytes, of the inner part and of that compressed;
+    the compressed part; then the arrays, each at a multiple of 8 bytes.
+    """
+    length = int.from_bytes(data[8:16], "little")
+    inner = zstandard.ZstdDecompressor().decompress(data[16 : 16 + length])
+    frame = msgspec.msgpack.decode(inner)
+    start, arrays = 16 + length, []
+    for size in frame["binaryBufferLengths"]:
+        start += -start % 8
+        arrays.append(memoryview(data)[start : start + size])
+        start += size
+    return [_filled(message, arrays) for message in frame["messages"]]
+
+
+def _filled(value, arrays):
+    if isinstance(value, list):
+        return [_filled(entry, arrays) for entry in value]
+    if not isinstance(value, dict):
+        return value
+    if "__binary_index" in value:
+        return np.frombuffer(arrays[value["__binary_index"]], value["dtype"])
+    return {key: _filled(entry, arrays) for key, entry in value.items()}
+
+
+def _websocket_address(address):
+    scheme, place, path, query, _ = urlsplit(address)
+    scheme = {"http": "ws", "https": "wss"}.get(scheme, scheme)
+    return urlunsplit((scheme, place, path or "/", query, ""))
+
+
+def _camera():
+    width, height = SIZE
+    pose = {"wxyz": (0.0, 1.0, 0.0, 0.0), "position": (0.0, 0.0, 3.0)}
+    view = {"fov": 1.3, "near": 0.01, "far": 1000.0, "look_at": (0.0, 0.0, 0.0)}
+    size = {"image_height": height, "image_width": width}
+    return {**pose, **view, **size, "up_direction": (0.0, 1.0, 0.0)}
