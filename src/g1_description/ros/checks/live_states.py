@@ -40,6 +40,10 @@ RESET = 100_000_000
 PAUSE = 5e-4
 """Messages with longer than this between them, in [s], did not come together."""
 
+_ends = threading.local()
+"""When a connection's thread was last done with a message, for all who take it: two
+that gather the same messages leave their connection alone once."""
+
 _STAMP = struct.Struct("<II")
 _STAMP_AT = 4
 """Where a message with a header has its stamp."""
@@ -282,14 +286,13 @@ def gathered(act: Callable[[bytes], None], period: float) -> Callable[[bytes], N
     Returns:
         Does the same, and returns late.
     """
-    ends = threading.local()  # each connection has a thread
 
     def take(data: bytes) -> None:
-        waited = time.monotonic() - getattr(ends, "last", 0.0)
+        waited = time.monotonic() - getattr(_ends, "last", 0.0)
         act(data)
         if waited > PAUSE:
             time.sleep(period)
-        ends.last = time.monotonic()
+        _ends.last = time.monotonic()
 
     return take
 
