@@ -27,7 +27,7 @@ FOREIGN = {
     "api": STANDARD | {"numpy"},
     "web": STANDARD
     | {"asyncio", "hmac", "http", "queue", "secrets", "socket", "threading", "time"}
-    | {"atexit", "concurrent", "gzip", "hashlib", "ipaddress", "weakref"}
+    | {"atexit", "concurrent", "errno", "gzip", "hashlib", "ipaddress", "weakref"}
     | {"msgspec", "numpy", "rich", "trimesh", "typing_extensions", "viser"}
     | {"websockets"},
     "importer": STANDARD

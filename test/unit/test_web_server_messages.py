@@ -1,0 +1,224 @@
+"""Of what browsers send, viser gets what its page needs; read-only, nothing."""
+
+import dataclasses
+import threading
+
+import pytest
+
+pytest.importorskip("viser", reason="viser is not there")
+
+from viser import infra
+from viser import transforms as tf
+from web_clients import join, message, opened, wait_until, wait_until_left
+from websockets.exceptions import ConnectionClosed
+
+CAMERA = {
+    "wxyz": [1, 0, 0, 0],
+    "position": [1.5, 2, 3],
+    "fov": 1,
+    "near": 0.1,
+    "far": 100,
+    "image_height": 480.5,  # of a page that is zoomed
+    "image_width": 640,
+    "look_at": [0, 0, 0],
+    "up_direction": [0, 0, 1],
+}
+CLASSES = {cls.__name__: cls for cls in infra.Message.get_subclasses()}
+
+
+class Scene:
+    """A page with what a person moves, and what came of it."""
+
+    def __init__(self, server):
+        self.server = server
+        self.slider = server.viser.gui.add_slider("angle", -3.0, 3.0, 0.01, 0.0)
+        self.gizmo = server.viser.scene.add_transform_controls("/gizmo")
+        self.last = server.viser.gui.add_number("count", 0)
+        self.count = 0
+        self.joined = []
+        server.viser.on_client_connect(self.joined.append)
+        self.obeyed = []
+        self.door = server.viser._websock_server
+        for kind in ("FileTransferStartUpload", "FileTransferPart", "ShareUrlRequest"):
+            self.door.unregister_handler(CLASSES[kind])  # the last one calls outside
+            self.door.register_handler(
+                CLASSES[kind], lambda _, m: self.obeyed.append(type(m).__name__)
+            )
+
+    def update(self, **updates):
+        return message("GuiUpdateMessage", uuid=self.slider._impl.uuid, updates=updates)
+
+    def send(self, *messages):
+        """Send messages, and wait until they have been dealt with."""
+        uuid = self.last._impl.uuid
+        self.count += 1
+        with join(self.server) as page:
+            for data in messages:
+                page.send(data)
+            updates = {"value": self.count}
+            page.send(message("GuiUpdateMessage", uuid=uuid, updates=updates))
+            wait_until(lambda: self.last.value == self.count, "the last message")
+
+
+@pytest.fixture(scope="module")
+def scene():
+    with opened() as server:
+        yield Scene(server)
+
+
+@pytest.fixture(scope="module")
+def shown():
+    with opened(read_only=True) as server:
+        yield Scene(server)
+
+
+def test_a_person_moves_a_slider_and_a_gizmo(scene):
+    moved = message(
+        "TransformControlsUpdateMessage",
+        name="/gizmo",
+        wxyz=[0, 1, 0, 0],
+        position=[1, 2, 3],
+        owner="",
+    )
+    scene.send(scene.update(value=2), moved)
+    assert scene.slider.value == 2.0
+    assert list(scene.gizmo.position) == [1.0, 2.0, 3.0]
+    assert tf.SO3(scene.gizmo.wxyz).as_matrix()[0, 0] == 1.0
+
+
+def test_viser_knows_a_browser_by_its_camera(scene):
+    before = len(scene.joined)
+    with join(scene.server) as page:
+        page.send(message("ViewerCameraMessage", **CAMERA))
+        wait_until(lambda: len(scene.joined) == before + 1, "the callback")
+        assert scene.joined[-1].camera.image_width == 640
+
+
+def test_a_picture_of_some_megabytes_comes_through(scene):
+    """As the answer to get_render."""
+    got = threading.Event()
+    with join(scene.server) as page:
+        page.send(message("ViewerCameraMessage", **CAMERA))
+        wait_until(lambda: scene.server.viser.get_clients(), "the browser")
+        client = next(iter(scene.server.viser.get_clients().values()))
+        client._websock_connection.register_handler(
+            CLASSES["GetRenderResponseMessage"],
+            lambda _, m: len(m.payload) == 5 * 2**20 and got.set(),
+        )
+        picture = bytes(5 * 2**20)
+        page.send(message("GetRenderResponseMessage", payload=picture, render_uuid="1"))
+        assert got.wait(10)
+
+
+def test_only_values_are_set(scene):
+    """Viser would set whatever attribute is named, its own callbacks too."""
+    impl = scene.slider._impl
+    before = impl.update_cb
+    scene.send(
+        scene.update(value=1.5),
+        scene.update(update_cb=None),
+        scene.update(removed=True),
+        scene.update(value=2.5, update_cb=None),
+    )
+    assert scene.slider.value == 1.5
+    assert impl.update_cb is before
+    assert not impl.removed
+
+
+def transfers():
+    """Pack messages that upload a file as viser's own button does."""
+    start = {"source_component_uuid": "1", "transfer_uuid": "2", "filename": "a"}
+    yield message(
+        "FileTransferStartUpload", **start, mime_type="", part_count=2, size_bytes=9
+    )
+    part = {"source_component_uuid": "1", "transfer_uuid": "2", "part_index": 0}
+    yield message("FileTransferPart", **part, content=b"12345")
+
+
+def test_visers_uploads_and_tunnel_are_out_of_reach(scene):
+    scene.send(*transfers(), message("ShareUrlRequest"), scene.update(value=0.5))
+    assert scene.slider.value == 0.5
+    assert scene.obeyed == []
+
+
+MALFORMED = [
+    {**CAMERA, "wxyz": [1, 0, 0]},
+    {**CAMERA, "image_height": float("nan")},
+    {**CAMERA, "image_height": float("inf")},
+    {**CAMERA, "fov": "wide"},
+    {**CAMERA, "fov": None},
+    {**CAMERA, "client_id": 1},
+    {name: value for name, value in CAMERA.items() if name != "far"},
+]
+
+
+@pytest.mark.parametrize("fields", MALFORMED)
+def test_what_viser_would_stumble_over_is_left_out(scene, fields, capfd):
+    with join(scene.server) as page:
+        for data in (b"garbage", b"\x81" * 100000, bytes(70000)):
+            page.send(data)
+        page.send(message("ViewerCameraMessage", **fields))
+        page.send(message("NoSuchMessage"))
+        page.send(message("GuiUpdateMessage", uuid=1, updates={}))
+        page.send(scene.update(value=-1))
+        wait_until(lambda: scene.slider.value == -1, "the next message")
+        page.send(scene.update(value=0))
+        wait_until(lambda: scene.slider.value == 0, "the one after")
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_value_of_the_wrong_kind_changes_nothing(scene, capfd):
+    scene.send(scene.update(value=1), scene.update(value="x"), scene.update(value={}))
+    assert scene.slider.value == 1.0
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_long_text_is_left_out(scene):
+    text = scene.server.viser.gui.add_text("t", "before")
+    update = {"uuid": text._impl.uuid}
+    scene.send(message("GuiUpdateMessage", **update, updates={"value": "x" * 2**17}))
+    assert text.value == "before"
+
+
+@pytest.mark.parametrize("data", [b"", b"\xc1", b"\xde\xff", "text"])
+def test_what_is_no_message_ends_the_connection(scene, data, capfd):
+    with join(scene.server) as page:
+        page.send(data)
+        with pytest.raises(ConnectionClosed):
+            while True:
+                page.recv(timeout=10)
+        assert page.protocol.close_code == 1003
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_message_that_is_too_large_ends_the_connection(scene):
+    with join(scene.server) as page:
+        with pytest.raises(ConnectionClosed):
+            page.send(bytes(17 * 2**20))
+            while True:
+                page.recv(timeout=10)
+        assert page.protocol.close_code == 1009
+
+
+def test_all_that_the_page_sends_has_a_form():
+    """With each field that viser knows, under the type that viser reads it as."""
+    from g1_description.web.server.messages import ALLOWED, MessageFilter
+
+    passes = MessageFilter().passes
+    assert passes(message("ViewerCameraMessage", **CAMERA))
+    for kind in ALLOWED:
+        assert dataclasses.fields(CLASSES[kind])
+        assert not passes(message(kind))
+
+
+def test_read_only_nothing_of_a_browser_reaches_viser(shown):
+    """The scene comes all the same."""
+    with join(shown.server) as page:
+        assert len(page.recv(timeout=10)) > 100  # so both ways are open
+        page.send(message("ViewerCameraMessage", **CAMERA))
+        page.send(shown.update(value=2))
+        page.send("text")
+        page.send(b"garbage")
+    wait_until_left(shown.server)
+    assert shown.slider.value == 0.0
+    assert shown.joined == []
