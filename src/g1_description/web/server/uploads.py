@@ -25,8 +25,8 @@ from g1_description.core.errors import G1DescriptionError, PageServerError, caus
 MAX_AT_ONCE = 4
 """Most files on their way or being read."""
 
-PIECE_TIMEOUT = 30.0
-"""How long the next piece may take, in [s]."""
+PIECE_TIMEOUT = 60.0
+"""How long the next piece may take, in [s]: pages on slow machines hang at first."""
 
 MAX_NAME = 120
 """Longest name of a file that is told on, in characters."""
