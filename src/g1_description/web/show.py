@@ -8,13 +8,12 @@ from pathlib import Path
 from g1_description.core.errors import InvalidValueError
 from g1_description.core.poses.pose import Pose
 from g1_description.core.poses.yaml_text import with_pose
-
-from .page.joints import known
-from .page.judges import MakeChecker
-from .page.page import Page
-from .robots.robot import ShownRobot, ShownWorld
-from .server.address import ServerOptions
-from .server.page_server import PageServer
+from g1_description.web.hands.joints import known
+from g1_description.web.page.judges import MakeChecker
+from g1_description.web.page.page import Page
+from g1_description.web.robots.robot import ShownRobot, ShownWorld
+from g1_description.web.server.address import ServerOptions
+from g1_description.web.server.page_server import PageServer
 
 COPIED = "copied"
 """Name of the pose in what is copied."""

@@ -12,9 +12,8 @@ from g1_description.core.robot.description import Description
 from g1_description.sim.checks.checker import Checker
 from g1_description.sim.checks.timeline import Judged
 from g1_description.sim.live.live_judge import LiveJudge
+from g1_description.web.desk import Desk
 from g1_description.web.robots.robot import RobotState, ShownRobot
-
-from .desk import Desk
 
 if TYPE_CHECKING:
     from g1_description.core.checks.verdict import Verdict

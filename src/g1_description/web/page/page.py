@@ -4,25 +4,22 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 from g1_description.core.checks.verdict import Verdict
 from g1_description.sim.checks.timeline import Judged
-from g1_description.sim.marks.robot_marks import RobotMarks
+from g1_description.web.desk import Desk
+from g1_description.web.hands.base import BasePanel
+from g1_description.web.hands.joints import JointPanel
+from g1_description.web.hands.poses import PosePanel
+from g1_description.web.motions.motion import MotionPanel
 from g1_description.web.robots.robot import RobotState, ShownRobot, ShownWorld
-from g1_description.web.scene.marks import SceneMarks
-from g1_description.web.scene.robot import SEE_THROUGH, SceneRobot
 from g1_description.web.scene.stage import Stage
-from g1_description.web.scene.trails import Trails
 
-from .base import BasePanel
-from .desk import Desk
-from .joints import JointPanel
 from .judges import Judges, MakeChecker
-from .motion import MotionPanel
 from .plots import PlotPanel
-from .poses import PosePanel
+from .shown import Shown
 from .simulator import SimulatorPanel
 from .view import ViewPanel
 
@@ -35,31 +32,8 @@ RATE = 30.0
 IDLE = 0.25
 """Longest wait for something new, in [s]: panels show times that go on."""
 
-LIMIT_MARGIN = 0.05
-"""Joints this near to a limit are marked, in [rad] or [m]."""
-
-GHOST = (0.95, 0.6, 0.1, SEE_THROUGH)
-"""Colour of where a robot is wanted."""
-
-FLOOR = 0.0
-"""Height of the floor in the map, in [m]."""
-
-
-class _Shown:
-    """All that is drawn of one robot."""
-
-    def __init__(self, server: ViserServer, robot: ShownRobot) -> None:
-        scene, name = server.scene, robot.name.replace("/", "_")
-        self.robot = robot
-        self.body = SceneRobot(scene, f"/robots/{name}", robot.description)
-        self.ghost: SceneRobot | None = None
-        self.ghost_path = f"/commanded/{name}"
-        self.trails = Trails(scene, f"/trails/{name}", robot.description)
-        self.canvas = SceneMarks(scene, f"/checks/{name}")
-        self.marks = RobotMarks(robot.description, FLOOR, LIMIT_MARGIN)
-        self.joints: JointPanel | None = None
-        self.base: BasePanel | None = None
-        self.judged: RobotState | None = None
+MAX_LINES = 8
+"""Findings of the present moment that are listed."""
 
 
 class Page:
@@ -84,7 +58,7 @@ class Page:
         self.desk = Desk(server, world.changed)
         self._judges = Judges(self.desk, make_checker, self._seen)
         self._stage = Stage(server)
-        self._shown = [_Shown(server, robot) for robot in world.robots]
+        self._shown = [Shown(server, robot) for robot in world.robots]
         self._stopped = threading.Event()
         self.watched: Callable[[], int] = lambda: len(server.get_clients())
         """How many look."""
@@ -98,6 +72,7 @@ class Page:
         gui.configure_theme(
             control_width="large", show_logo=False, show_share_button=False
         )
+        self._lack = gui.add_markdown("", visible=False)
         self._simulator = None
         if self._world.simulator is not None:
             self._simulator = SimulatorPanel(
@@ -141,7 +116,7 @@ class Page:
 
         self.desk.on(box, arrange)
 
-    def _add_hands(self, shown: _Shown) -> None:
+    def _add_hands(self, shown: Shown) -> None:
         """Add what moves a robot."""
         server, robot = self._server, shown.robot
         shown.joints = JointPanel(server.gui, self.desk, robot)
@@ -188,92 +163,50 @@ class Page:
             for shown in self._shown:
                 state = shown.robot.state()
                 if state is not None:
-                    wanted = self._show(shown, state)
-                    states[shown.robot] = state, wanted
+                    states[shown.robot] = state, self._show(shown, state)
+        self._tell_lack(states)
         if self._plots is not None:
             self._plots.add(states, self.motion.player)
 
-    def _show(self, shown: _Shown, state: RobotState) -> RobotState | None:
-        """Show where a robot is; return where it is wanted, if that is known."""
-        shown.body.show(state.base, state.positions)
-        wanted = shown.robot.wanted()
-        if shown.joints is not None:
-            shown.joints.follow(state)
-        if shown.base is not None:
-            shown.base.follow(state)
-        view = self._view
-        self._show_ghost(shown, wanted, view is not None and bool(view.ghost.value))
-        if view is not None and view.trails.value:
-            shown.trails.add(state.time, state.base, state.positions)
-        else:
-            shown.trails.clear()
-        self._judge(shown, state, view is None or bool(view.checks.value))
-        return wanted
-
-    def _show_ghost(
-        self, shown: _Shown, wanted: RobotState | None, is_on: bool
+    def _tell_lack(
+        self, states: Mapping[ShownRobot, tuple[RobotState, RobotState | None]]
     ) -> None:
-        """Show where a robot is wanted."""
-        if is_on and wanted is not None:
-            if shown.ghost is None:
-                shown.ghost = SceneRobot(
-                    self._server.scene,
-                    shown.ghost_path,
-                    shown.robot.description,
-                    GHOST,
-                )
-            shown.ghost.show(wanted.base, wanted.positions)
-        if shown.ghost is not None:
-            is_seen = is_on and wanted is not None
-            if shown.ghost.visible != is_seen:
-                shown.ghost.visible = is_seen
+        """Tell what nothing is known of."""
+        lacks = []
+        for shown in self._shown:
+            robot = shown.robot
+            if robot not in states:
+                lacks.append(f"Nothing is known of {robot.name} yet: no joint states.")
+            elif states[robot][0].base is None:
+                lacks.append(f"Nobody tells where the base of {robot.name} is.")
+        text = "  \n".join(lacks)
+        if self._lack.content != text:
+            self._lack.content = text
+            self._lack.visible = bool(text)
 
-    # --- checks ---
-
-    def _judge(self, shown: _Shown, state: RobotState, is_on: bool) -> None:
-        """Have a robot judged where it is, if it has moved."""
-        last = shown.judged
-        if not is_on:
-            if last is not None:
-                shown.judged = None
-                self._clear(shown)
-        elif last is None or not _same(last, state):
-            shown.judged = state
-            self._judges.judge_state(shown.robot, state)
-
-    def _clear(self, shown: _Shown) -> None:
-        """Show no marks."""
-        shown.body.redden(())
-        shown.canvas.show()
-        self._now.content = ""
+    def _show(self, shown: Shown, state: RobotState) -> RobotState | None:
+        """Show where a robot is; return where it is wanted, if that is known."""
+        view, wanted = self._view, shown.robot.wanted()
+        shown.show(state)
+        shown.show_wanted(wanted if view is not None and view.ghost.value else None)
+        shown.trail(view is not None and bool(view.trails.value))
+        if view is None or view.checks.value:
+            if shown.must_be_judged():
+                self._judges.judge_state(shown.robot, state)
+        elif shown.is_judged:
+            shown.unmark()
+            self._now.content = ""
+        return wanted
 
     def _seen(
         self, robot: ShownRobot, state: RobotState, judged: Judged, verdict: Verdict
     ) -> None:
         """Show what was found of a robot where it is."""
         shown = next(s for s in self._shown if s.robot is robot)
-        if shown.judged is None:  # switched off meanwhile
+        if not shown.is_judged:  # switched off meanwhile
             return
-        shown.body.redden(
-            {
-                link
-                for finding in verdict.findings
-                if finding.check == "self_collision"
-                for link in finding.subject
-            }
-        )
-        if state.base is not None:
-            shown.marks.draw(shown.canvas, judged.timeline, verdict, state.base)
-        shown.canvas.show()
-        lines = [f"- {finding.text}" for finding in verdict.findings[:8]]
+        shown.mark(state, judged, verdict)
+        lines = [f"- {finding.text}" for finding in verdict.findings[:MAX_LINES]]
         text = "\n".join(["**Now:**", *lines]) if lines else "**Now:** nothing found."
         if self._now.content != text:
             self._now.content = text
-
-
-def _same(a: RobotState, b: RobotState) -> bool:
-    """Tell whether two states are of one place."""
-    same_base = (a.base is None) == (b.base is None) and (
-        a.base is None or b.base is None or (a.base == b.base).all()
-    )
-    return bool(same_base and dict(a.positions) == dict(b.positions))

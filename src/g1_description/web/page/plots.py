@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from g1_description.core.motion.motion import Motion
+from g1_description.web.desk import Desk
+from g1_description.web.hands.joints import label_of
 from g1_description.web.robots.robot import Player, RobotState, ShownRobot
-
-from .desk import Desk
-from .joints import label_of
 
 if TYPE_CHECKING:
     from viser import GuiApi, GuiUplotHandle

@@ -5,9 +5,8 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING
 
+from g1_description.web.desk import Desk
 from g1_description.web.robots.robot import Simulator
-
-from .desk import Desk
 
 if TYPE_CHECKING:
     from viser import GuiApi

@@ -6,10 +6,9 @@ import io
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
+from g1_description.web.desk import Desk
 from g1_description.web.scene.robot import SceneRobot
 from g1_description.web.scene.stage import Stage
-
-from .desk import Desk
 
 if TYPE_CHECKING:
     from viser import GuiApi, GuiCheckboxHandle

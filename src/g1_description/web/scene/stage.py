@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from viser import ViserServer
 
-LOOK_AT = (0.0, 0.0, 0.72)
-CAMERA = (1.75, 1.15, 1.15)
-"""Where the camera begins, in [m]: before a robot of the height of a person, on its
-left."""
+LOOK_AT = (0.0, 0.0, 0.68)
+CAMERA = (2.1, 1.35, 1.2)
+FIELD_OF_VIEW = 0.75
+"""Where the camera begins, in [m], and how much it sees from bottom to top, in [rad]:
+it is before a robot of the height of a person, on its left."""
 
 
 class Stage:
@@ -34,6 +35,9 @@ class Stage:
         )
         server.initial_camera.position = CAMERA
         server.initial_camera.look_at = LOOK_AT
+        server.initial_camera.fov = FIELD_OF_VIEW
+        # A map of the surroundings costs a browser without a GPU half of its time.
+        server.scene.configure_environment_map(None)
 
     def show_floor(self, shown: bool) -> None:
         """Show the floor, or hide it."""

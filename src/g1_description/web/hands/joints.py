@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING
 from g1_description.core.checks.limits import units
 from g1_description.core.robot.description import Joint
 from g1_description.core.robot.limbs import by_limb
+from g1_description.web.desk import Desk
 from g1_description.web.robots.robot import RobotState, ShownRobot
-
-from .desk import Desk
 
 if TYPE_CHECKING:
     from viser import GuiApi, GuiSliderHandle

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from g1_description.core.rotation import axes_to_rpy, from_rpy, to_axes
+from g1_description.web.desk import Desk
 from g1_description.web.robots.robot import RobotState, ShownRobot
 from g1_description.web.scene.tree import pose_of, wxyz
 
-from .desk import Desk
 from .joints import HELD, PERIOD
 
 if TYPE_CHECKING:

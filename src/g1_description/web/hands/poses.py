@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 from g1_description.core.errors import G1DescriptionError, InvalidValueError
 from g1_description.core.poses.pose import Pose, check_pose, find_pose, pose_positions
 from g1_description.core.poses.store import read_poses, save_pose, user_file
+from g1_description.web.desk import Desk
 from g1_description.web.robots.robot import ShownRobot, ShownWorld
 
-from .desk import Desk
 from .joints import JointPanel, known
 
 if TYPE_CHECKING:

@@ -7,9 +7,8 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from g1_description.core.checks.verdict import FAILED, Finding, Verdict
+from g1_description.web.desk import Desk
 from g1_description.web.robots.robot import ShownRobot
-
-from .desk import Desk
 
 if TYPE_CHECKING:
     from viser import GuiApi, GuiButtonHandle, GuiFolderHandle

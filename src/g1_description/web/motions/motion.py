@@ -13,11 +13,11 @@ from g1_description.core.checks.verdict import Finding
 from g1_description.core.errors import InvalidValueError
 from g1_description.core.motion.motion import Motion
 from g1_description.sim.checks.timeline import Judged
+from g1_description.web.desk import Desk
+from g1_description.web.page.judges import Judges
 from g1_description.web.robots.robot import Player, ShownRobot, ShownWorld
 
-from .desk import Desk
 from .findings import FindingList, shown_time
-from .judges import Judges
 
 if TYPE_CHECKING:
     from viser import GuiApi

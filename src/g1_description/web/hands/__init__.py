@@ -1,0 +1,1 @@
+"""What moves a robot by hand: sliders, poses, a gizmo."""

@@ -1,0 +1,1 @@
+"""Motions on a page: their time line, and what checks found along it."""
