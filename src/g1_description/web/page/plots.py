@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,6 +27,9 @@ MAX_POINTS = 2000
 """Of a plot."""
 
 MAX_JOINTS = 6
+
+LEAST_ROOM = 0.02
+"""Above and below the lines, in [rad] or [m]."""
 
 LAST, WHOLE = "last 10 s", "whole motion"
 
@@ -103,7 +106,7 @@ class PlotPanel:
             self._plot = self._gui.add_uplot(
                 self._data(None),
                 tuple(series),
-                scales={"x": {"time": False}},
+                scales=_scales(()),
                 axes=(axis, {"label": "rad, m", "size": 56}),
                 aspect=1.1,
             )
@@ -129,7 +132,10 @@ class PlotPanel:
             self._record(player.time, at)
         if self._plot is not None and now > self._drawn + PERIOD:
             self._drawn = now
-            self._plot.data = self._data(player)
+            self._plot.data = data = self._data(player)
+            scales = _scales(data[1:])
+            if scales != self._plot.scales:
+                self._plot.scales = scales
 
     def _record(self, at: float, states: Mapping[ShownRobot, tuple]) -> None:
         """Keep where chosen joints were at a time of the motion."""
@@ -179,6 +185,17 @@ class PlotPanel:
                 line = np.interp(times, wanted.times, column, np.nan, np.nan)
             lines.append(line)
         return tuple(lines)
+
+
+def _scales(lines: Sequence[np.ndarray]) -> dict[str, Any]:
+    """Choose what the axes show: uPlot's own choice for a constant is 0 to 100."""
+    known = np.concatenate([[], *lines])
+    known = known[np.isfinite(known)]
+    if not known.size:
+        known = np.zeros(1)
+    room = max(0.1 * float(np.ptp(known)), LEAST_ROOM)
+    below, above = float(known.min()) - room, float(known.max()) + room
+    return {"x": {"time": False}, "y": {"range": (round(below, 2), round(above, 2))}}
 
 
 def _at(times: np.ndarray, points: list[tuple[float, float]]) -> np.ndarray:

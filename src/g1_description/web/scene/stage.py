@@ -10,8 +10,10 @@ if TYPE_CHECKING:
 LOOK_AT = (0.0, 0.0, 0.68)
 CAMERA = (2.1, 1.35, 1.2)
 FIELD_OF_VIEW = 0.75
+SKY = 2.2
 """Where the camera begins, in [m], and how much it sees from bottom to top, in [rad]:
-it is before a robot of the height of a person, on its left."""
+it is before a robot of the height of a person, on its left. And how bright the sky
+is."""
 
 
 class Stage:
@@ -38,6 +40,12 @@ class Stage:
         server.initial_camera.fov = FIELD_OF_VIEW
         # A map of the surroundings costs a browser without a GPU half of its time.
         server.scene.configure_environment_map(None)
+        server.scene.add_light_hemisphere(
+            "/lights/sky",
+            sky_color=(255, 255, 255),
+            ground_color=(150, 150, 155),
+            intensity=SKY,
+        )
 
     def show_floor(self, shown: bool) -> None:
         """Show the floor, or hide it."""
