@@ -13,12 +13,11 @@ import logging
 import secrets
 import socket
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from typing import Any
 
 import rich
 import viser
-from websockets.exceptions import ConnectionClosed
 
 LOGGER = "websockets.server"
 """Where viser's connections log, those of the rest of the program too."""
@@ -61,18 +60,11 @@ class HiddenViser:
         return record.thread != self._connections._server_thread.ident
 
     async def _check(self, client: Any) -> None:
-        """End a connection that is not the front door's.
-
-        Messages that it has sent already are read away, as viser would obey them.
-        """
+        """End a connection that is not the front door's, before it is listened to."""
         connection = self._connections._live_connections[client.client_id]
         brought = connection.request.headers.get_all(SECRET_HEADER)
-        if brought == [self._secret]:
-            return
-        await connection.close()
-        with suppress(ConnectionClosed):
-            while True:
-                await connection.recv()
+        if brought != [self._secret]:
+            await connection.close()
 
 
 def _secret_host() -> str:
