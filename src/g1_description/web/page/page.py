@@ -121,6 +121,8 @@ class Page:
         server, robot = self._server, shown.robot
         shown.joints = JointPanel(server.gui, self.desk, robot)
         shown.base = BasePanel(server, self.desk, robot)
+        desk, name = self.desk, shown.body.name
+        shown.body.on_click(lambda link: desk.post("name", lambda: name(link)))
         PosePanel(server.gui, self.desk, self._world, robot, shown.joints)
 
     def _on_opened(self) -> None:

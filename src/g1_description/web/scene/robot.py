@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -57,6 +57,7 @@ class SceneRobot:
         """Messages on meshes that are left out."""
         self._visuals = self._add("visual", patches, tint)
         self._red: set[str] = set()
+        self._named: tuple[str, LabelHandle] | None = None
 
     def _add(
         self, kind: str, patches: Mapping[str, list[Patch]], tint: Color | None
@@ -132,13 +133,33 @@ class SceneRobot:
     @cached_property
     def _names(self) -> list[LabelHandle]:
         """Names of links at their origins."""
-        return [
-            self._scene.add_label(
-                f"{frame.name}/name", link, font_screen_scale=0.7, anchor="center-left"
-            )
-            for link, frame in self.tree.frames.items()
-            if link != WORLD
-        ]
+        return [self._add_name(link) for link in self.tree.frames if link != WORLD]
+
+    def on_click(self, act: Callable[[str], object]) -> None:
+        """Let something be done with the name of a link that a person clicks."""
+
+        def attach(mesh: MeshHandle, link: str) -> None:
+            mesh.on_click(lambda _: act(link))
+
+        for link, meshes in self._visuals.items():
+            for mesh, _ in meshes:
+                attach(mesh, link)
+
+    def name(self, link: str) -> None:
+        """Show the name of one link, or hide it if that is the one shown."""
+        shown, self._named = self._named, None
+        if shown is not None:
+            shown[1].remove()
+        if shown is None or shown[0] != link:
+            label = self._add_name(link, "picked")
+            self._named = link, label
+
+    def _add_name(self, link: str, kind: str = "name") -> LabelHandle:
+        """Add the name of a link at its origin."""
+        path = f"{self.tree.frames[link].name}/{kind}"
+        return self._scene.add_label(
+            path, link, font_screen_scale=0.7, anchor="center-left"
+        )
 
     def show_collisions(self, shown: bool) -> None:
         """Show the collision shapes, or hide them."""

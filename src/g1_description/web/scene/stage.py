@@ -10,10 +10,10 @@ if TYPE_CHECKING:
 LOOK_AT = (0.0, 0.0, 0.68)
 CAMERA = (2.1, 1.35, 1.2)
 FIELD_OF_VIEW = 0.75
-SKY = 2.2
+SKY, LAMP = 2.6, 1.8
 """Where the camera begins, in [m], and how much it sees from bottom to top, in [rad]:
-it is before a robot of the height of a person, on its left. And how bright the sky
-is."""
+it is before a robot of the height of a person, on its left. How bright the
+sky is, and a lamp at the camera's first place."""
 
 
 class Stage:
@@ -45,6 +45,12 @@ class Stage:
             sky_color=(255, 255, 255),
             ground_color=(150, 150, 155),
             intensity=SKY,
+        )
+        server.scene.add_light_directional(
+            "/lights/lamp",
+            intensity=LAMP,
+            position=CAMERA,
+            cast_shadow=False,
         )
 
     def show_floor(self, shown: bool) -> None:
