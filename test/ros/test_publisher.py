@@ -14,11 +14,12 @@ from support.wire.raw_subscriber import RawSubscriber, own_uri
 
 from g1_description.ros.transport.direct_publisher import DirectPublisher
 
-from tcpros import HangupError
+from tcpros import HangupError, body_of
 
 MANY = 20_000
 LONG = "x" * 4000
 BUFFER = 1 << 16
+SHARED = 1000
 
 
 def text(number, padding=""):
@@ -52,11 +53,11 @@ class TestPublisher(unittest.TestCase):
         self.arrive(subscriber)
         return subscriber
 
-    def arrive(self, subscriber):
+    def arrive(self, subscriber, publisher=None):
         """Publish until the subscriber gets something: it is taken up then."""
-        mark = text(99_999_999)
+        publisher, mark = publisher or self.publisher, text(99_999_999)
         wait_for(
-            lambda: self.publisher.publish(mark) or subscriber.has_data(0.05),
+            lambda: publisher.publish(mark) or subscriber.has_data(0.05),
             "the first message",
         )
         self.assertEqual(number_of(subscriber.read()), 99_999_999)
@@ -132,6 +133,41 @@ class TestPublisher(unittest.TestCase):
         own.wait(lambda message: message.data == "00000095", "the last message")
         self.assertLess(len(own.messages), 60)
         own.close()
+
+    def test_another_publisher_of_the_topic_in_this_node_does_not_mix_in(self):
+        """Such as tf2's broadcaster, which any part of a node may have."""
+        for first in (True, False):  # whether it is there before us
+            with self.subTest(first=first):
+                self.publish_from_two_threads(f"{self.topic}_shared_{first}", first)
+
+    def publish_from_two_threads(self, topic, first):
+        makers = [
+            lambda: rospy.Publisher(topic, String, queue_size=2 * SHARED),
+            lambda: DirectPublisher(topic, String, 2 * SHARED),
+        ]
+        publishers = [make() for make in makers[:: 1 if first else -1]]
+        own = publishers[1 if first else 0]
+        reader = RawSubscriber(own_uri(), topic, String, "/reader")
+        self.subscribers.append(reader)
+        self.arrive(reader, own)
+        messages = text(1, "x" * 300), text(2, "x" * 5000)
+        bodies = [body_of(message) for message in messages]
+        self.addCleanup(sys.setswitchinterval, sys.getswitchinterval())
+        sys.setswitchinterval(1e-6)  # threads take turns often
+        threads = [
+            threading.Thread(
+                target=lambda publisher=publisher, message=message: [
+                    publisher.publish(message) for _ in range(SHARED)
+                ]
+            )
+            for publisher, message in zip(publishers, messages)
+        ]
+        for thread in threads:
+            thread.start()
+        for _ in range(2 * SHARED):
+            self.assertIn(self.next_of(reader), bodies)
+        for thread in threads:
+            thread.join(DEADLINE)
 
     def test_who_waited_for_the_publisher_is_served(self):
         """Such are taken up before anybody can tell how to reach them."""

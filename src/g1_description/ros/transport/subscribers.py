@@ -9,6 +9,8 @@ its insides, as they are in ROS noetic (rospy 1.15):
   rospy's private TCP server; without it handshakes are assumed to follow one another.
 - ``getBusInfo`` lists the node's connections with a sentence about each, which ends in
   "on socket 12": rospy.impl.tcpros_base.TCPROSTransport.get_transport_info.
+- All publishers of a topic in a node write their messages into one buffer. rospy's own
+  publish under ``impl.acquire``; the function that the listener gets does not.
 - rospy takes up a subscriber that already waits for the topic before it knows the
   listener. Its connection is closed, and the master asked to call its node again.
 """
@@ -27,6 +29,7 @@ import warnings
 from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import rosgraph
 import rospy
@@ -136,8 +139,17 @@ class Subscribers(rospy.SubscribeListener):
             if fitting:
                 self._strangers.remove(fitting[-1])
                 with contextlib.suppress(OSError):  # it is gone again
-                    self._add(fitting[-1], peer_publish)
+                    self._add(fitting[-1], partial(self._publish, peer_publish))
         self._on_newcomer()
+
+    def _publish(self, peer_publish: Callable, message) -> None:
+        """Publish to one subscriber while no other publisher of the topic does."""
+        shared = self.publisher.impl
+        shared.acquire()
+        try:
+            peer_publish(message)
+        finally:
+            shared.release()
 
     def peer_unsubscribe(self, topic_name, num_peers) -> None:
         """Make the next refresh due; rospy calls this and does not say who left."""
