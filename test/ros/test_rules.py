@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 """Rules of Gazebo's interface that no single observation shows."""
 
+import select
 import socket
 import sys
 import unittest
@@ -59,18 +60,34 @@ class TestRules(unittest.TestCase):
     def assert_near(self, one, other, tolerance=1e-9):
         np.testing.assert_allclose(one, other, atol=tolerance)
 
-    def test_a_client_of_another_type_is_refused_in_the_handshake(self):
-        address = self.simulator.master.lookupService("/gazebo/pause_physics")
+    def connect(self, service):
+        address = self.simulator.master.lookupService(service)
         host, port = address[len("rosrpc://") :].split(":")
+        return socket.create_connection((host, int(port)), 5.0)
+
+    def test_a_client_of_another_type_is_refused_in_the_handshake(self):
         asked = {
             "service": "/gazebo/pause_physics",
             "callerid": "/x",
             "md5sum": "0" * 32,
         }
-        with socket.create_connection((host, int(port)), 5.0) as connection:
+        with self.connect("/gazebo/pause_physics") as connection:
             connection.sendall(encode_ros_handshake_header(asked))
             told = read_ros_handshake_header(connection, BytesIO(), 65536)
         self.assertIn("md5sums do not match", told["error"])
+
+    def test_a_handshake_may_come_in_pieces(self):
+        """As it does over a network, where a packet has 1500 bytes."""
+        asked = {"service": "/gazebo/step", "callerid": "/x", "md5sum": "*"}
+        header = encode_ros_handshake_header({**asked, "probe": "1"})
+        with self.connect("/gazebo/step") as connection:
+            for piece in (header[:2], header[2:20]):
+                connection.sendall(piece)
+                told = select.select([connection], [], [], 0.3)[0]
+                self.assertFalse(told, "the rest is not waited for")
+            connection.sendall(header[20:])
+            told = read_ros_handshake_header(connection, BytesIO(), 65536)
+        self.assertEqual(told["type"], "g1_description/Step")
 
     def test_the_files_pose_is_seen_from_the_initial_pose(self):
         self.assert_near(self.simulator.state("box")["pose"], [0.5, 0, 1, *QUARTER])

@@ -85,6 +85,9 @@ def serve_as_roscpp() -> None:
 def _header_has_come(sock: socket.socket) -> bool:
     """Wait until a whole handshake header can be read, and leave it unread."""
     with contextlib.suppress(OSError):
+        # With a default timeout, which rospy sets, Python has unblocked the socket: the
+        # first piece of a header would be taken for all of it.
+        sock.setblocking(True)
         _set_timeout(sock, HANDSHAKE_TIMEOUT)
         length = sock.recv(_LENGTH.size, socket.MSG_PEEK | socket.MSG_WAITALL)
         if len(length) < _LENGTH.size:
