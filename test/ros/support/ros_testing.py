@@ -78,8 +78,24 @@ class Listener:
                 if left <= 0 or not self._changed.wait(left):
                     raise AssertionError(
                         f"waited {deadline} s in vain for {what} on {self.topic}; "
-                        f"{seen} other messages came"
+                        f"{seen} other messages came\n{self._connections()}"
                     )
+
+    def _connections(self):
+        """Tell who publishes, and what came from each node that is connected."""
+        try:
+            published = dict(rosgraph.Master("/test").getSystemState()[0])
+            registered = published.get(rospy.resolve_name(self.topic), [])
+            lines = [f"The master knows as publishers: {', '.join(registered)}"]
+        except (OSError, rosgraph.MasterException) as error:
+            lines = [f"The master does not answer: {error}"]
+        for one in self._subscriber.impl.connections:
+            rest = one.read_buff.tell() if one.read_buff else 0
+            lines.append(
+                f"{one.callerid_pub} at {one.endpoint_id}: {one.stat_num_msg} messages"
+                f", {one.stat_bytes} bytes, {rest} of them wait"
+            )
+        return "\n".join(lines)
 
     def close(self):
         self._subscriber.unregister()
