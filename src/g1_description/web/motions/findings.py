@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING
 
 from g1_description.core.checks.verdict import FAILED, Finding, Verdict
 from g1_description.web.desk import Desk
-from g1_description.web.robots.robot import ShownRobot
 
 if TYPE_CHECKING:
-    from viser import GuiApi, GuiButtonHandle, GuiFolderHandle
+    from viser import GuiApi, GuiButtonHandle
 
 MAX_BUTTONS = 25
 """Findings of one motion that have a button; the worst come first."""
@@ -23,16 +22,12 @@ LEAST_WIDTH = 0.6
 
 
 class FindingList:
-    """Shows the findings of the motions of all robots."""
+    """Shows the findings of the motion of one robot."""
 
     def __init__(
-        self,
-        gui: GuiApi,
-        desk: Desk,
-        jump: Callable[[float], object],
-        read_only: bool,
+        self, gui: GuiApi, desk: Desk, jump: Callable[[float], object], read_only: bool
     ) -> None:
-        """Begin empty.
+        """Begin hidden.
 
         Args:
             gui: Where to.
@@ -42,42 +37,43 @@ class FindingList:
         """
         self._gui, self._desk, self._jump = gui, desk, jump
         self._read_only = read_only
-        self._place = gui.add_folder(None)
-        self._folders: dict[ShownRobot, GuiFolderHandle] = {}
+        self._buttons: list[GuiButtonHandle] = []
+        self._folder = gui.add_folder("Findings", visible=False)
+        with self._folder:
+            # These stay: a browser complains of texts that go while they come.
+            self._summary = gui.add_markdown("")
+            self._strips = gui.add_html("")
 
-    def begin(self, name: str, robot: ShownRobot) -> None:
+    def begin(self, name: str) -> None:
         """Show that a motion is being judged."""
-        if robot in self._folders:
-            self._folders[robot].remove()
-        with self._place:
-            self._folders[robot] = self._gui.add_folder(f"Findings: {name}")
-        with self._folders[robot]:
-            self._gui.add_markdown("*Being checked ...*")
+        self._clear()
+        self._folder.label = f"Findings: {name}"
+        self._folder.visible = True
+        self._summary.content = "*Being checked ...*"
 
-    def show(
-        self, robot: ShownRobot, verdict: Verdict, span: tuple[float, float]
-    ) -> None:
+    def _clear(self) -> None:
+        """Show nothing of the last motion."""
+        for button in self._buttons:
+            button.remove()
+        self._buttons = []
+        self._strips.content = ""
+
+    def show(self, verdict: Verdict, span: tuple[float, float]) -> None:
         """Show what was found.
 
         Args:
-            robot: Who has the motion.
             verdict: On the motion.
             span: Where the time line begins and ends, in [s].
         """
-        label = self._folders[robot].label
-        self._folders[robot].remove()
-        with self._place:
-            self._folders[robot] = self._gui.add_folder(label)
-        with self._folders[robot]:
-            self._gui.add_markdown(summary(verdict))
-            if verdict.findings:
-                self._gui.add_html(strips(verdict.findings, span))
-            if not self._read_only:
-                for finding in verdict.findings[:MAX_BUTTONS]:
-                    self._add(finding)
-            more = len(verdict.findings) - MAX_BUTTONS
-            if more > 0:
-                self._gui.add_markdown(f"and {more} more: `check` lists all.")
+        self._clear()
+        more = len(verdict.findings) - MAX_BUTTONS
+        rest = f"  \n{more} more are not listed; `check` lists all." if more > 0 else ""
+        self._summary.content = summary(verdict) + rest
+        if verdict.findings:
+            self._strips.content = strips(verdict.findings, span)
+        if not self._read_only:
+            with self._folder:
+                self._buttons = [self._add(f) for f in verdict.findings[:MAX_BUTTONS]]
 
     def _add(self, finding: Finding) -> GuiButtonHandle:
         """Add the button of a finding."""

@@ -9,7 +9,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from g1_description.core.checks.verdict import Finding
 from g1_description.core.errors import InvalidValueError
 from g1_description.core.motion.motion import Motion
 from g1_description.sim.checks.timeline import Judged
@@ -17,7 +16,7 @@ from g1_description.web.desk import Desk
 from g1_description.web.page.judges import Judges
 from g1_description.web.robots.robot import Player, ShownRobot, ShownWorld
 
-from .findings import FindingList, shown_time
+from .findings import FindingList
 
 if TYPE_CHECKING:
     from viser import GuiApi
@@ -70,13 +69,17 @@ class MotionPanel:
         self._read_only = read_only
         self.player: Player | None = None
         self.motions: dict[ShownRobot, Motion] = {}
+        self._titles: dict[ShownRobot, str] = {}
         self.opened: Callable[[], object] = lambda: None
         """Called when there is another motion."""
         self._scrub = _Scrub(desk)
         self._looked = self._touched = 0.0
         self._ended: float | None = None
         self._add()
-        self._findings = FindingList(gui, desk, self._jump, read_only)
+        self._findings = {
+            robot: FindingList(gui, desk, self._jump, read_only)
+            for robot in world.robots
+        }
 
     def _add(self) -> None:
         """Add what a person uses."""
@@ -141,11 +144,9 @@ class MotionPanel:
         for element in (self._line, self._play, self._steps, self._speed, self._loop):
             element.visible = not self._read_only
         self._line.visible = True
-        times = motion.trajectory.times
-        notes = "".join(f"\n- {note}" for note in motion.notes)
-        lasts = f"{times[-1] - times[0]:.2f} s, {len(times)} samples"
-        self._title.content = f"**{_plain(name)}** {lasts}{notes}"
-        self._findings.begin(name, robot)
+        self._titles[robot] = _title(name, motion)
+        self._title.content = "\n\n".join(self._titles.values())
+        self._findings[robot].begin(name)
         self._judges.judge_motion(robot, motion, partial(self._judged, robot, motion))
         self.opened()
         if self._read_only:
@@ -155,7 +156,7 @@ class MotionPanel:
         """Show what was found, unless another motion was opened meanwhile."""
         if self.motions.get(robot) is motion and self.player is not None:
             span = self.player.begin, self.player.end
-            self._findings.show(robot, judged.verdict, span)
+            self._findings[robot].show(judged.verdict, span)
 
     @property
     def _chosen(self) -> ShownRobot:
@@ -278,9 +279,12 @@ class _Scrub:
                 raise
 
 
-def jump_label(finding: Finding) -> str:
-    """Return the text of a finding's button."""
-    return f"{shown_time(finding.first_time)} {finding.check} {finding.name}".strip()
+def _title(name: str, motion: Motion) -> str:
+    """Say what a motion is, in markdown."""
+    times = motion.trajectory.times
+    notes = "".join(f"\n- {_plain(note)}" for note in motion.notes)
+    lasts = f"{times[-1] - times[0]:.2f} s, {len(times)} samples"
+    return f"**{_plain(name)}** {lasts}{notes}"
 
 
 def _plain(name: str) -> str:

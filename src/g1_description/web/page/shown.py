@@ -29,6 +29,10 @@ FLOOR = 0.0
 GHOST = (0.95, 0.6, 0.1, SEE_THROUGH)
 """Colour of where a robot is wanted."""
 
+STALE = 0.4
+"""Marks of a state that is older than what is shown by so much are left out, in [s]:
+they would lie where the robot was."""
+
 NEAR = 0.01
 """A robot this near to where it is wanted is there, in [m] or [rad]."""
 
@@ -100,7 +104,8 @@ class Shown:
         """Mark what was found where the robot is."""
         colliding = [f for f in verdict.findings if f.check == "self_collision"]
         self.body.redden({link for finding in colliding for link in finding.subject})
-        if state.base is not None:
+        newest = self._state or state
+        if state.base is not None and newest.time - state.time < STALE:
             self._marks.draw(self._canvas, judged.timeline, verdict, state.base)
         self._canvas.show()
 
