@@ -28,7 +28,7 @@ FOREIGN = {
     "web": STANDARD
     | {"asyncio", "hmac", "http", "queue", "secrets", "socket", "threading", "time"}
     | {"atexit", "concurrent", "errno", "gzip", "hashlib", "ipaddress", "weakref"}
-    | {"msgspec", "numpy", "rich", "trimesh", "typing_extensions", "viser"}
+    | {"PIL", "msgspec", "numpy", "rich", "trimesh", "typing_extensions", "viser"}
     | {"websockets"},
     "importer": STANDARD
     | {"signal", "time"}

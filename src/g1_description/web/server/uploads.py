@@ -10,11 +10,11 @@ import asyncio
 import json
 import logging
 import re
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Callable
 from urllib.parse import parse_qs
 
 from websockets.asyncio.server import ServerConnection
