@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import TYPE_CHECKING
 
 from g1_description.core.checks.verdict import Verdict
@@ -13,6 +14,7 @@ from g1_description.web.desk import Desk
 from g1_description.web.hands.base import BasePanel
 from g1_description.web.hands.joints import JointPanel
 from g1_description.web.hands.poses import PosePanel
+from g1_description.web.motions.markdown import plain
 from g1_description.web.motions.motion import MotionPanel
 from g1_description.web.robots.robot import RobotState, ShownRobot, ShownWorld
 from g1_description.web.scene.stage import Stage
@@ -63,6 +65,7 @@ class Page:
         self.watched: Callable[[], int] = lambda: len(server.get_clients())
         """How many look."""
         self._read_only = read_only
+        self._found: dict[ShownRobot, Verdict] = {}
         self._add_panels()
 
     def _add_panels(self) -> None:
@@ -143,7 +146,7 @@ class Page:
             self.desk.do_all()
             if bool(self.watched()) != is_watched:
                 is_watched = not is_watched
-                self._world.watch(is_watched)
+                self.desk.guarded(partial(self._world.watch, is_watched))
             if is_watched:
                 self.desk.guarded(self._draw)
             spent = time.monotonic() - began
@@ -178,9 +181,9 @@ class Page:
         for shown in self._shown:
             robot = shown.robot
             if robot not in states:
-                lacks.append(f"Nothing is known of {robot.name} yet: no joint states.")
+                lacks.append(f"{plain(robot.name)}: no joint states have come yet.")
             elif states[robot][0].base is None:
-                lacks.append(f"Nobody tells where the base of {robot.name} is.")
+                lacks.append(f"{plain(robot.name)}: TF does not tell where it is.")
         text = "  \n".join(lacks)
         if self._lack.content != text:
             self._lack.content = text
@@ -197,7 +200,8 @@ class Page:
                 self._judges.judge_state(shown.robot, state)
         elif shown.is_judged:
             shown.unmark()
-            self._now.content = ""
+            self._found.clear()
+            self._tell_found()
         return wanted
 
     def _seen(
@@ -208,7 +212,19 @@ class Page:
         if not shown.is_judged:  # switched off meanwhile
             return
         shown.mark(state, judged, verdict)
-        lines = [f"- {finding.text}" for finding in verdict.findings[:MAX_LINES]]
-        text = "\n".join(["**Now:**", *lines]) if lines else "**Now:** nothing found."
+        self._found[robot] = verdict
+        self._tell_found()
+
+    def _tell_found(self) -> None:
+        """List what was found of all robots as they are now."""
+        lines = []
+        for robot, verdict in self._found.items():
+            whose = f" {plain(robot.name)}" if len(self._shown) > 1 else ""
+            found = [f"- {plain(f.text)}" for f in verdict.findings[:MAX_LINES]]
+            more = len(verdict.findings) - MAX_LINES
+            found += [f"- and {more} more"] if more > 0 else []
+            lines += [f"**Now{whose}:**" + ("" if found else " nothing found.")]
+            lines += ["", *found, ""] if found else [""]
+        text = "\n".join(lines)
         if self._now.content != text:
             self._now.content = text
