@@ -12,9 +12,10 @@ TOOLS = Path(__file__).resolve().parents[2] / "tools"
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("module", ["bench", "shapes.compare"])
+@pytest.mark.parametrize("module", ["bench", "pictures", "shapes.compare"])
 def test_a_tool_starts(module):
-    path = os.pathsep.join([str(TOOLS), str(TOOLS.parent / "src"), *sys.path])
+    folders = [TOOLS, TOOLS.parent / "src", TOOLS.parent / "test" / "ros"]
+    path = os.pathsep.join([*map(str, folders), *sys.path])
     done = subprocess.run(
         [sys.executable, "-m", module, "--help"],
         env={**os.environ, "PYTHONPATH": path},

@@ -1,0 +1,1 @@
+"""Pictures of the browser view for the pages."""

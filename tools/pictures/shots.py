@@ -1,0 +1,162 @@
+"""The pictures: what is opened, what is done on the page, and how it is kept."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+from support.browser import Browser
+from support.browser_page import Page
+
+WEB = Path(__file__).resolve().parents[2] / "scripts" / "web"
+
+SHADES = 8
+"""What colours are rounded to, of 256: files are half as large, and nobody sees it."""
+
+START, ASIDE = (500, 750), 170
+"""A point of the floor, and how far it is moved to the left, in [px]: the panel would
+hide labels."""
+
+TITLE = "g1_29dof"
+"""What the panel's head says; it folds the panel."""
+
+GAP, GREY = 24, 208
+"""Between two pictures, in [px], and its colour."""
+
+TIMEOUT = 300.0
+"""Longest wait for a picture that stays, in [s]: without a GPU it takes long."""
+
+
+@dataclass(frozen=True)
+class Shot:
+    """One picture."""
+
+    file: str
+    options: Sequence[str]
+    """Of the command; names of motions are those of files in its folder."""
+
+    act: Callable[[Page], None]
+    """What is done on the page before."""
+
+    phone: bool = False
+    """Whether it is of a phone: with the panel folded, and open."""
+
+
+def _robot(page: Page) -> None:
+    """Lift both arms, one with its sliders."""
+    page.press("wave")
+    page.toggle_folder("Left arm")
+    page.slider("left_shoulder_pitch").type(-1.1)
+    page.slider("left_elbow").type(0.3)
+
+
+def _motion(page: Page) -> None:
+    """Go to the first of the findings."""
+    page.open_tab("Motion")
+    _wait_for_findings(page, 1)
+    page.raw.get_by_role("button", name="self_collision").first.click()
+
+
+def _compare(page: Page) -> None:
+    """Show the middle of two motions."""
+    page.open_tab("Motion")
+    _wait_for_findings(page, 2)
+    page.slider("Time").type(1.0)
+
+
+def _wait_for_findings(page: Page, count: int) -> None:
+    """Wait until motions are judged."""
+
+    def is_judged() -> bool:
+        text = page.text()
+        return text.count("Findings:") == count and "Being checked" not in text
+
+    page.wait_for(is_judged, "the findings")
+
+
+SHOTS = {
+    "robot": Shot("browser.png", (), _robot),
+    "motion": Shot("browser_motion.png", ("--motion", "faults.csv"), _motion),
+    "compare": Shot(
+        "browser_compare.png", ("--compare", "squat.csv", "faults.csv"), _compare
+    ),
+    "phone": Shot("browser_phone.png", ("--motion", "faults.csv"), _motion, phone=True),
+}
+
+
+def take(browser: Browser, shot: Shot, folder: Path, file: Path) -> None:
+    """Take a picture.
+
+    Args:
+        browser: The browser.
+        shot: Which.
+        folder: Where the motions are.
+        file: Where the picture goes.
+    """
+    with _served(shot.options, folder) as address:
+        page = browser.open(f"{address}?fixedDpr=1", phone=shot.phone)
+        page.still(TIMEOUT)
+        page.dismiss()
+        if not shot.phone:
+            _move_aside(page)
+        shot.act(page)
+        page.raw.mouse.move(1, 1)
+        page.still(TIMEOUT)
+        pictures = [page.picture()]
+        if shot.phone:
+            pictures.insert(0, _folded(page))
+        page.close()
+    _rounded(_beside(pictures)).save(file, optimize=True)
+
+
+def _move_aside(page: Page) -> None:
+    """Drag the view to the left with the right button."""
+    mouse, (x, y) = page.raw.mouse, START
+    mouse.move(x, y)
+    mouse.down(button="right")
+    mouse.move(x - ASIDE, y, steps=10)
+    mouse.up(button="right")
+
+
+def _rounded(pixels: np.ndarray) -> Image.Image:
+    """Make a picture of few colours."""
+    near = (pixels.astype(int) + SHADES // 2) // SHADES * SHADES
+    return Image.fromarray(near.clip(0, 255).astype(np.uint8)).quantize(256)
+
+
+def _folded(page: Page) -> np.ndarray:
+    """Fold the panel, and show the page."""
+    page.raw.get_by_text(TITLE, exact=True).first.click()
+    page.still(TIMEOUT)
+    return page.picture()
+
+
+def _beside(pictures: Sequence[np.ndarray]) -> np.ndarray:
+    """Put pictures of one height beside each other, with a gap."""
+    gap = np.full((pictures[0].shape[0], GAP, 3), GREY, np.uint8)
+    parts = [part for picture in pictures for part in (gap, picture)]
+    return np.concatenate(parts[1:], axis=1)
+
+
+@contextmanager
+def _served(options: Sequence[str], folder: Path) -> Iterator[str]:
+    """Run the command; give its address."""
+    command = [sys.executable, str(WEB), "--port", "0", *options]
+    process = subprocess.Popen(
+        command, cwd=folder, stdout=subprocess.PIPE, encoding="utf-8"
+    )
+    try:
+        line = process.stdout.readline()
+        if "http://" not in line:
+            raise SystemExit(f"the page did not open: {line}")
+        yield line.split()[-1]
+    finally:
+        process.terminate()
+        process.wait()
+        process.stdout.close()
