@@ -28,6 +28,8 @@ WORTH_SHOWING = re.compile(r"\[ ?(WARN|ERROR|FATAL)(?!.*KDL does not support a r
 # Below the block of advice only these are shown, so that it stays on the screen.
 STILL_WORTH_SHOWING = re.compile(r"\[ ?(ERROR|FATAL)")
 NUMBER = re.compile(r"\d+")
+# Where the browser view is: its token is told nowhere else.
+ADDRESS = re.compile(r"open http://\S+|Whoever has this address .*")
 
 
 def say(text):
@@ -85,6 +87,10 @@ class Demo:
             plain = TERMINAL_CODE.sub("", line)
             self.log.write(plain)
             self.log.flush()
+            address = ADDRESS.search(plain)
+            if address and not is_errors:
+                with self.screen:
+                    say(address.group())
             if is_errors:
                 self.first_errors += [plain] if len(self.first_errors) < 10 else []
                 self.show(plain)
