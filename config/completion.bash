@@ -20,13 +20,14 @@ _g1_description_options() {
     check) echo "--collisions --csv --dask --fixed-base --fps --help --html --jobs --json --model --no-visual-hulls --only --physics --plot --quiet --thresholds --topic" ;;
     collision_pairs) echo "--help --out --samples --seed" ;;
     play) echo "--base-frame --fps --from --help --loop --lead-in --namespace --on-floor --speed --start-here --to --topic" ;;
+    web) echo "--compare --fps --help --host --model --motion --port --read-only --thresholds --topic" ;;
     record) echo "--force --gazebo --help --model --namespace --rate --seconds" ;;
     esac
 }
 
 _g1_description_rosrun() {
     local word=${COMP_WORDS[COMP_CWORD]} before=${COMP_WORDS[COMP_CWORD-1]}
-    if [[ $COMP_CWORD -ge 3 && ${COMP_WORDS[1]} == g1_description && ${COMP_WORDS[2]} =~ ^(check|collision_pairs|play|record)$ ]]; then
+    if [[ $COMP_CWORD -ge 3 && ${COMP_WORDS[1]} == g1_description && ${COMP_WORDS[2]} =~ ^(check|collision_pairs|play|record|web)$ ]]; then
         _g1_description_file "$word" "$before"
     elif [[ $COMP_CWORD -lt 3 || ${COMP_WORDS[1]} != g1_description || ${COMP_WORDS[2]} != pose ]]; then
         _g1_description_otherwise rosrun "$@"
@@ -45,8 +46,8 @@ _g1_description_rosrun() {
 
 # Complete an option, or a file, of a command whose other arguments are files.
 _g1_description_file() {
-    local options flags=" check play record --fixed-base --force --loop --no-visual-hulls --on-floor --physics --quiet --start-here "
-    local files=" --collisions --csv --html --json --plot --thresholds "
+    local options flags=" check play record web --fixed-base --force --loop --no-visual-hulls --on-floor --physics --quiet --read-only --start-here "
+    local files=" --collisions --compare --csv --html --json --model --motion --plot --thresholds "
     options=$(_g1_description_options "${COMP_WORDS[2]}")
     if [[ $1 == -* ]]; then
         mapfile -t COMPREPLY < <(compgen -W "$options" -- "$1")

@@ -73,6 +73,10 @@ DISPLAY = ("roslaunch", "g1_description", "display.launch")
         ([*RUN, "collision_pairs", "--s"], ["--samples", "--seed"]),
         ([*RUN, "play", "--s"], ["--speed", "--start-here"]),
         ([*RUN, "play", str(REPOSITORY / "READ")], [README]),
+        ([*RUN, "web", "--mo"], ["--model", "--motion"]),
+        ([*RUN, "web", "--motion", str(REPOSITORY / "READ")], [README]),
+        ([*RUN, "web", "--compare", "a.csv", str(REPOSITORY / "READ")], [README]),
+        ([*RUN, "web", "--port", ""], []),
         ([*DISPLAY, "initial_pose", ":="], NAMES),
         ([*DISPLAY, "initial_pose", ":=", "s"], ["stand", "squat", "sit"]),
         ([*DISPLAY, "paused", ":=", "true", "initial_pose", ":=", "t"], ["t_pose"]),
@@ -88,7 +92,7 @@ def test_names_are_completed_where_they_belong(words, expected):
 
 
 @pytest.mark.parametrize(
-    "command", ["check", "collision_pairs", "pose", "play", "record"]
+    "command", ["check", "collision_pairs", "pose", "play", "record", "web"]
 )
 def test_all_options_are_completed(command):
     run = [sys.executable, REPOSITORY / "scripts" / command, "--help"]
