@@ -13,19 +13,26 @@ from g1_description.ros.bridge.parameters import BridgeParameters  # noqa: E402
 from g1_description.ros.checks.parameters import CheckerParameters  # noqa: E402
 from g1_description.ros.gazebo.parameters import GazeboParameters  # noqa: E402
 from g1_description.ros.node.parameters import default_parameters  # noqa: E402
+from g1_description.ros.web.parameters import WebParameters  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
 NODES = {
     "link_states_bridge": BridgeParameters,
     "gazebo": GazeboParameters,
     "checker": CheckerParameters,
+    "web": WebParameters,
 }
 
 
 LAUNCH = ROOT / "launch"
 OWN_MEANING = {("bridge", "rate"), ("view", "use_sim_time")}
+OWN_MEANING |= {("web", "ghost"), ("web", "robot_name")}
 OWN_DEFAULT = {(file, "rvizconfig") for file in ("two_robots", "view", "replay")}
-OWN_DEFAULT |= {("view", "use_sim_time")}
+OWN_DEFAULT |= {
+    ("view", "use_sim_time"),
+    ("display", "ghost"),
+    ("display_and_gazebo", "ghost"),
+}
 
 
 def section(page, title):
