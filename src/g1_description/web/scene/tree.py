@@ -109,7 +109,7 @@ class _Joints:
         """Gather them."""
         self.names = [joint.name for joint in joints]
         self.children = [joint.child for joint in joints]
-        self.turns = np.array([joint.kind != "prismatic" for joint in joints])
+        self.turns = np.array([j.kind != "prismatic" for j in joints], dtype=bool)
         self._rest = np.array([joint.pose for joint in joints]).reshape(-1, 7)
         axes = np.array([joint.axis for joint in joints]).reshape(-1, 3)
         self._origin = np.array([joint.joint_origin for joint in joints])
