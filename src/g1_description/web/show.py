@@ -77,10 +77,7 @@ def positions_of(robot: ShownRobot) -> dict[str, float]:
     state = robot.state()
     if state is None:
         raise InvalidValueError("No state of the robot has come yet.")
-    return {
-        name: round(position, 6)
-        for name, position in known(state.positions, robot).items()
-    }
+    return known(state.positions, robot)
 
 
 def configuration_yaml(robot: ShownRobot) -> str:
@@ -92,7 +89,8 @@ def configuration_command(robot: ShownRobot) -> str:
     """Write the command that moves a robot to where it is now."""
     positions = positions_of(robot)
     names = ", ".join(positions)
-    values = ", ".join(f"{value:g}" for value in positions.values())
+    # Not as 1e-05, which YAML takes for text.
+    values = ", ".join(f"{value:.9f}".rstrip("0") + "0" for value in positions.values())
     return (
         f"rostopic pub -1 {robot.joint_topic} sensor_msgs/JointState "
         f"'{{name: [{names}], position: [{values}]}}'\n"

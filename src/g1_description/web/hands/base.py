@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from g1_description.core.bounds import MAX_VALUE
 from g1_description.core.rotation import axes_to_rpy, from_rpy, to_axes
 from g1_description.web.desk import Desk
+from g1_description.web.held import Held
 from g1_description.web.robots.robot import RobotState, ShownRobot
 from g1_description.web.scene.tree import pose_of, wxyz
 
@@ -33,7 +35,7 @@ class BasePanel:
             robot: Whose base it is.
         """
         self._robot = robot
-        self._touched = -HELD
+        self._held = Held(HELD)
         self._looked = 0.0
         gui = server.gui
         with gui.add_folder("Base", expand_by_default=False):
@@ -49,6 +51,7 @@ class BasePanel:
         self._gizmo = server.scene.add_transform_controls(
             f"/gizmos/{robot.name.replace('/', '_')}", scale=0.45, visible=False
         )
+        self._fields = self._place, self._rpy
         desk.on(self._gizmo_on, self._show_gizmo)
         desk.on(self._place, self._typed)
         desk.on(self._rpy, self._typed)
@@ -71,18 +74,21 @@ class BasePanel:
 
     def _command(self, pose: np.ndarray) -> None:
         """Move the base, if that is a pose."""
-        if np.isfinite(pose).all() and np.linalg.norm(pose[3:]) > 0.1:
-            self._touched = time.monotonic()
+        is_pose = (np.abs(pose) <= MAX_VALUE).all() and np.linalg.norm(pose[3:]) > 0.1
+        if is_pose:
+            for field in self._fields:
+                self._held.hold(field)
             pose[3:] /= np.linalg.norm(pose[3:])
             self._robot.command_base(pose)
 
     def follow(self, state: RobotState) -> None:
         """Show where the base is, unless a person moves it."""
         now = time.monotonic()
-        is_early = now < self._looked + PERIOD or now < self._touched + HELD
-        if is_early or state.base is None:
+        if now < self._looked + PERIOD or state.base is None:
             return
         self._looked = now
+        if any([self._held.is_held(field) for field in self._fields]):
+            return
         self._show_fields(state.base)
         if self._gizmo_on.value:
             self._gizmo.position = state.base[:3]
@@ -91,7 +97,8 @@ class BasePanel:
     def _show_fields(self, pose: np.ndarray) -> None:
         """Show a pose in the fields."""
         rpy = axes_to_rpy(to_axes(pose[3:]))
-        for field, values in ((self._place, pose[:3]), (self._rpy, rpy)):
-            if np.abs(np.subtract(field.value, values)).max() > FINE:
+        for field, values in zip(self._fields, (pose[:3], rpy)):
+            # Also if there is something else than numbers.
+            if not np.abs(np.subtract(field.value, values)).max() <= FINE:
                 x, y, z = np.round(values, 4).tolist()
-                field.value = (x, y, z)
+                self._held.show(field, (x, y, z))

@@ -12,6 +12,7 @@ from g1_description.core.checks.limits import units
 from g1_description.core.robot.description import Joint
 from g1_description.core.robot.limbs import by_limb
 from g1_description.web.desk import Desk
+from g1_description.web.held import Held
 from g1_description.web.robots.robot import RobotState, ShownRobot
 
 if TYPE_CHECKING:
@@ -44,7 +45,7 @@ class JointPanel:
         """
         self._robot = robot
         self._sliders: dict[str, GuiSliderHandle[float]] = {}
-        self._touched: dict[str, float] = {}
+        self._held = Held(HELD)
         self._looked = 0.0
         joints = {joint.name: joint for joint in robot.description.movable_joints}
         for limb, names in by_limb(joints).items():
@@ -73,10 +74,12 @@ class JointPanel:
 
     def _moved(self, name: str) -> None:
         """Move a joint to where a person wants it."""
-        value = float(self._sliders[name].value)
-        if math.isfinite(value):
-            self._touched[name] = time.monotonic()
-            self._robot.command({name: value})
+        slider = self._sliders[name]
+        value = float(slider.value)
+        # A browser sends no others; these come from elsewhere, or are not numbers.
+        if slider.min - STEP <= value <= slider.max + STEP:
+            self._held.hold(slider)
+            self._robot.command({name: min(max(value, slider.min), slider.max)})
 
     def follow(self, state: RobotState) -> None:
         """Show where the joints are, but those that a person moves."""
@@ -86,15 +89,15 @@ class JointPanel:
         self._looked = now
         for name, slider in self._sliders.items():
             place = state.positions.get(name)
-            if place is None or now < self._touched.get(name, -HELD) + HELD:
+            if place is None or self._held.is_held(slider):
                 continue
             value = round(min(max(place, slider.min), slider.max), 4)
-            if abs(value - slider.value) >= 0.5 * STEP:
-                slider.value = value
+            if not abs(value - slider.value) < 0.5 * STEP:  # also if that is NaN
+                self._held.show(slider, value)
 
     def let_go(self) -> None:
         """Follow the robot again: it is moved by other means."""
-        self._touched.clear()
+        self._held.let_go()
 
 
 def label_of(name: str) -> str:
@@ -111,6 +114,12 @@ def slider_range(joint: Joint) -> tuple[float, float]:
 
 
 def known(positions: Mapping[str, float], robot: ShownRobot) -> dict[str, float]:
-    """Return the known positions of a robot's joints in the order of its file."""
-    joints = (joint.name for joint in robot.description.movable_joints)
-    return {name: positions[name] for name in joints if name in positions}
+    """Return the known positions of a robot's joints in the order of its file.
+
+    They are rounded, but not to beyond a limit: others would refuse them.
+    """
+    return {
+        joint.name: min(max(round(positions[joint.name], 6), joint.lower), joint.upper)
+        for joint in robot.description.movable_joints
+        if joint.name in positions
+    }

@@ -81,10 +81,7 @@ class PosePanel:
             raise InvalidValueError("The pose has no name yet: type one above.")
         if state is None:
             raise InvalidValueError("There is nothing to save: no state has come yet.")
-        positions = {
-            name: round(value, 6)
-            for name, value in known(state.positions, self._robot).items()
-        }
+        positions = known(state.positions, self._robot)
         save_pose(Pose(name, positions, "saved in the browser"), user_file())
         self._poses.options = tuple(self._names())
         self._desk.tell(f"Pose {name} is in {user_file()}.", "green")

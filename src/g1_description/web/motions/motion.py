@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable
@@ -13,6 +14,7 @@ from g1_description.core.errors import InvalidValueError
 from g1_description.core.motion.motion import Motion
 from g1_description.sim.checks.timeline import Judged
 from g1_description.web.desk import Desk
+from g1_description.web.held import Held
 from g1_description.web.page.judges import Judges
 from g1_description.web.robots.robot import Player, ShownRobot, ShownWorld
 
@@ -73,7 +75,8 @@ class MotionPanel:
         self.opened: Callable[[], object] = lambda: None
         """Called when there is another motion."""
         self._scrub = _Scrub(desk)
-        self._looked = self._touched = 0.0
+        self._held = Held(HELD)
+        self._looked = 0.0
         self._ended: float | None = None
         self._add()
         self._findings = {
@@ -140,7 +143,7 @@ class MotionPanel:
         player = self.player = self._world.open(robot, motion)
         span = player.end - player.begin
         self._line.min, self._line.max = player.begin, player.begin + max(span, STEP)
-        self._line.value = player.begin
+        self._held.show(self._line, player.begin)
         for element in (self._line, self._play, self._steps, self._speed, self._loop):
             element.visible = not self._read_only
         self._line.visible = True
@@ -199,7 +202,9 @@ class MotionPanel:
 
     def _moved(self) -> None:
         """Show the time that a person has chosen."""
-        self._jump(float(self._line.value))
+        to = float(self._line.value)
+        if math.isfinite(to):
+            self._jump(to)
 
     def _step(self) -> None:
         """Show the first or last sample, or one beside the present one."""
@@ -214,10 +219,11 @@ class MotionPanel:
     def _jump(self, to: float) -> None:
         """Show the configuration of a time."""
         player = self._player
-        self._touched = time.monotonic()
         self._ended = None
         to = min(max(to, player.begin), player.end)
-        self._line.value = to
+        if to != self._line.value:
+            self._line.value = to
+        self._held.hold(self._line)
         self._scrub.to(player, to)
 
     def follow(self) -> None:
@@ -230,10 +236,10 @@ class MotionPanel:
         label = "Pause" if is_running and at < player.end else "Play"
         if self._play.label != label:
             self._play.label = label
-        if now > self._touched + HELD:
+        if not self._held.is_held(self._line):
             value = round(min(max(at, player.begin), player.end), 3)
             if value != self._line.value:
-                self._line.value = value
+                self._held.show(self._line, value)
         if is_running and at >= player.end:
             self._end(now)
 

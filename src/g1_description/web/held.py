@@ -1,0 +1,46 @@
+"""Elements of the page that show where something is, and that a person may move."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+
+class Held:
+    """Lets elements stay for a while where a person has put them.
+
+    A person's value comes by a thread of viser's, and the thread that draws is told of
+    it later. Until then, it must not show an older one in its place.
+    """
+
+    def __init__(self, seconds: float) -> None:
+        """Hold nothing.
+
+        Args:
+            seconds: How long an element stays, in [s].
+        """
+        self._seconds = seconds
+        self._seen: dict[int, Any] = {}
+        self._until: dict[int, float] = {}
+
+    def hold(self, handle: Any) -> None:
+        """Let an element stay as it is."""
+        self._seen[id(handle)] = handle.value
+        self._until[id(handle)] = time.monotonic() + self._seconds
+
+    def is_held(self, handle: Any) -> bool:
+        """Tell whether an element stays, also because a person has just moved it."""
+        # The same object, as a value that is no number is not equal to itself.
+        value = handle.value
+        if value is not self._seen.setdefault(id(handle), value):
+            self.hold(handle)
+        return time.monotonic() < self._until.get(id(handle), 0.0)
+
+    def show(self, handle: Any, value: Any) -> None:
+        """Set the value of an element."""
+        handle.value = value
+        self._seen[id(handle)] = handle.value
+
+    def let_go(self) -> None:
+        """Hold nothing any more."""
+        self._until.clear()
