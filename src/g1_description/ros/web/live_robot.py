@@ -31,7 +31,7 @@ from g1_description.ros.wire.conversions import pose_from_array
 from g1_description.srv import PlayMotion
 from g1_description.web.robots.robot import RobotState
 
-PERIOD = 0.02
+PERIOD = 0.01
 """How long messages may gather before they are read, in [s]: a page shows them late by
 so much."""
 

@@ -17,7 +17,7 @@ from g1_description.web.robots.robot import RobotState, ShownRobot
 if TYPE_CHECKING:
     from g1_description.core.checks.verdict import Verdict
 
-PERIOD = 0.06
+PERIOD = 0.04
 """Least time between two verdicts on where robots are, in [s]."""
 
 MakeChecker = Callable[[Description], Checker]

@@ -1,0 +1,419 @@
+"""What panels of the page compute, and the desk at which their work is done."""
+
+from __future__ import annotations
+
+import logging
+import math
+import shlex
+import sys
+import threading
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+from robots import robot
+from waiting import wait_for
+
+pytest.importorskip("viser", reason="viser is not installed")
+
+import viser
+
+from g1_description.core.checks.verdict import (
+    FAILED,
+    WARNING,
+    Finding,
+    Verdict,
+)
+from g1_description.core.errors import InvalidValueError
+from g1_description.core.motion.motion import Motion
+from g1_description.core.motion.trajectory import Trajectory
+from g1_description.core.poses.yaml_text import parse_poses
+from g1_description.core.robot.description import Joint
+from g1_description.core.transform import IDENTITY
+from g1_description.web.desk import Desk
+from g1_description.web.hands.joints import JointPanel, slider_range
+from g1_description.web.motions import findings
+from g1_description.web.page import plots
+from g1_description.web.page.plots import PlotPanel
+from g1_description.web.robots.robot import RobotState
+from g1_description.web.show import (
+    configuration_command,
+    configuration_yaml,
+)
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tools"))
+from page_client import PageClient
+
+HOSTILE = "</div><script>alert('x')</script> \" onload='y' & <"
+
+
+class Shown:
+    """A robot that is where it was put, and keeps what it is commanded."""
+
+    def __init__(self, *links, name="robot", topic="/joint_commands"):
+        self.name, self.joint_topic = name, topic
+        self.description = robot(*(links or ("a", "b", "c")))
+        self.commands = []
+        self.where = RobotState(0.0, {"to_b": 0.0, "to_c": 0.0}, None)
+
+    def state(self):
+        return self.where
+
+    def command(self, positions):
+        self.commands.append(dict(positions))
+
+
+@pytest.fixture(scope="module")
+def server():
+    one = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    yield one
+    one.stop()
+
+
+@pytest.fixture
+def client(server):
+    with PageClient(f"http://127.0.0.1:{server.get_port()}") as one:
+        one.wait_until_whole()
+        wait_for(lambda: len(server.get_clients()) == 1, "the client alone")
+        yield one
+
+
+@pytest.fixture
+def desk(server):
+    return Desk(server, threading.Event())
+
+
+# --- findings ---
+
+
+def finding(*intervals, severity=FAILED, subject=("a",), text="too fast"):
+    first = intervals[0][0]
+    return Finding(
+        "velocity",
+        severity,
+        subject,
+        2.0,
+        1.0,
+        "rad/s",
+        first,
+        first,
+        0.1,
+        intervals,
+        text,
+    )
+
+
+def bars(*found, span=(0.0, 10.0)):
+    """Give the rows of strips: where each bar begins and how long it is, in %."""
+    rows = ElementTree.fromstring(findings.strips(found, span))
+    return [
+        [
+            tuple(
+                float(part.partition(":")[2].rstrip("%"))
+                for part in bar.get("style").split(";")
+                if part.startswith(("left", "width"))
+            )
+            for bar in row
+        ]
+        for row in rows
+    ]
+
+
+def test_strips_are_where_the_findings_are():
+    rows = bars(finding((3.0, 4.0), (6.5, 9.0)), finding((2.0, 12.0)), span=(2.0, 12.0))
+    assert rows == [[(10.0, 10.0), (45.0, 25.0)], [(0.0, 100.0)]]
+
+
+def test_a_moment_is_seen_also_at_the_end():
+    least = findings.LEAST_WIDTH
+    rows = bars(finding((5.0, 5.0)), finding((10.0, 10.0)))
+    assert rows == [[(50.0, least)], [(100.0 - least, least)]]
+
+
+def test_strips_of_a_single_sample_are_within_the_line():
+    ((left, width),) = bars(finding((1.0, 1.0)), span=(1.0, 1.0))[0]
+    assert 0.0 <= left <= left + width <= 100.0
+
+
+@given(st.text(max_size=40))
+def test_texts_of_findings_are_text(text):
+    # What XML forbids at all is no matter of ours.
+    printable = "".join(c for c in text + HOSTILE if c.isprintable())
+    row = ElementTree.fromstring(
+        findings.strips((finding((0.0, 1.0), text=printable),), (0.0, 1.0))
+    )
+    assert [element.tag for element in row.iter()] == ["div", "div", "i"]
+    assert row[0].get("title") == printable
+    assert {*row[0].keys()} == {"title", "style"}
+
+
+def test_a_strip_has_the_colour_of_what_it_means():
+    html = findings.strips((finding((0.0, 1.0), severity=WARNING),), (0.0, 1.0))
+    assert findings.COLORS[WARNING] in html
+    assert findings.COLORS[FAILED] not in html
+
+
+def test_there_are_no_more_strips_than_buttons():
+    many = [finding((0.0, 1.0))] * (findings.MAX_BUTTONS + 5)
+    assert len(bars(*many)) == findings.MAX_BUTTONS
+
+
+def test_a_verdict_in_a_line():
+    def told(*severities, **more):
+        found = tuple(finding((0.0, 1.0), severity=s) for s in severities)
+        return findings.summary(Verdict("r", found, **more))
+
+    assert told(checked=("velocity",)) == "**passed**"
+    assert told(FAILED, WARNING, WARNING, checked=("velocity",)) == (
+        "**failed**: 1 failure, 2 warnings"
+    )
+    skipped = {"floating": "there is no base"}
+    assert "*Not judged: floating.*" in told(checked=("velocity",), skipped=skipped)
+    assert told(skipped=skipped) == (
+        "No check could be made: floating: there is no base."
+    )
+    assert findings.title(finding((1.5, 2.0), subject=("l", "r"))) == (
+        "1.50 s  velocity l - r"
+    )
+
+
+# --- sliders ---
+
+
+@pytest.mark.parametrize(
+    ("kind", "limits", "wanted"),
+    [
+        ("revolute", (-1.0, 2.0), (-1.0, 2.0)),
+        ("continuous", (-math.inf, math.inf), (-math.pi, math.pi)),
+        ("prismatic", (-math.inf, math.inf), (-1.0, 1.0)),
+        ("prismatic", (0.0, math.inf), (0.0, 1.0)),
+        ("revolute", (0.5, 0.5), (-math.pi, math.pi)),  # as if it had none
+        ("revolute", (4.0, math.inf), (-math.pi, math.pi)),
+    ],
+)
+def test_a_slider_goes_as_far_as_its_joint(kind, limits, wanted):
+    joint = Joint("j", kind, "a", "b", IDENTITY, lower=limits[0], upper=limits[1])
+    assert slider_range(joint) == wanted
+
+
+def test_a_value_that_has_just_come_is_not_overwritten_by_an_old_state(
+    server, client, desk
+):
+    shown = Shown()
+    panel = JointPanel(server.gui, desk, shown)
+    slider = panel._sliders["to_b"]
+    panel.follow(shown.where)
+    client.set("to_b", 1.25)
+    wait_for(lambda: slider.value == 1.25, "the value")
+    panel._looked = 0.0
+    panel.follow(shown.where)  # before the thread that draws knows of it
+    desk.do_all()
+    assert shown.commands == [{"to_b": 1.25}]
+    assert slider.value == 1.25
+
+
+# --- plots ---
+
+
+def add_plot(server, desk, *robots, joints=()):
+    panel = PlotPanel(server.gui, desk, [*robots])
+    panel._chosen = [*joints]
+    return panel
+
+
+def test_lines_of_the_past_are_measured_and_commanded(server, desk):
+    shown = Shown()
+    panel = add_plot(server, desk, shown, joints=["to_c"])
+    for value in (0.1, 0.2, 0.3):
+        wanted = RobotState(0.0, {"to_c": 10 * value}, None) if value > 0.1 else None
+        panel.add({shown: (RobotState(0.0, {"to_c": value}, None), wanted)}, None)
+    times, measured, commanded = panel._data(None)
+    assert (np.diff(times) >= 0).all() and times[-1] <= 0.0
+    np.testing.assert_allclose(measured, [0.1, 0.2, 0.3])
+    np.testing.assert_allclose(commanded, [np.nan, 2.0, 3.0])
+
+
+def test_what_is_not_known_is_a_gap(server, desk):
+    one, other = Shown(name="one"), Shown(name="other")
+    panel = add_plot(server, desk, one, other, joints=["other: to_b"])
+    panel.add({one: (one.where, None)}, None)
+    panel.add({one: (one.where, None), other: (other.where, None)}, None)
+    panel.add({other: (RobotState(0.0, {"to_c": 1.0}, None), None)}, None)
+    _, measured, _ = panel._data(None)
+    np.testing.assert_allclose(measured, [np.nan, 0.0, np.nan])
+
+
+def test_a_plot_without_a_past_has_no_line(server, desk):
+    panel = add_plot(server, desk, Shown(), joints=["to_b"])
+    times, *lines = panel._data(None)
+    assert len(times) == 2
+    assert np.isnan(lines).all()
+
+
+def test_lines_of_the_whole_motion(server, desk):
+    class At:
+        time = 0.0
+
+    shown = Shown()
+    panel = add_plot(server, desk, shown, joints=["to_b", "to_c"])
+    panel._span.value = plots.WHOLE
+    times = np.linspace(0.0, 1.0, 5)
+    motion = Motion(Trajectory(times, ("to_b",), times[:, np.newaxis] ** 2))
+    panel.motions = {shown: motion}
+    for at in (0.75, 0.25):  # scrubbed, not in order
+        At.time = at
+        state = RobotState(0.0, {"to_b": at + 1, "to_c": 5.0}, None)
+        panel.add({shown: (state, None)}, At)
+    drawn, measured, wanted, other, no_goal = panel._data(At)
+    np.testing.assert_allclose(drawn, times)
+    np.testing.assert_allclose(wanted, times**2)
+    np.testing.assert_allclose(measured, [np.nan, 1.25, 1.5, 1.75, np.nan])
+    np.testing.assert_allclose(other, [np.nan, 5, 5, 5, np.nan])
+    assert np.isnan(no_goal).all()
+    panel.forget()
+    assert np.isnan(panel._data(At)[1]).all()
+
+
+def test_long_motions_have_fewer_points(server, desk):
+    shown = Shown()
+    panel = add_plot(server, desk, shown, joints=["to_b"])
+    panel._span.value = plots.WHOLE
+    times = np.arange(9 * plots.MAX_POINTS) / 100.0
+    panel.motions = {shown: Motion(Trajectory(times, ("to_b",), times[:, None]))}
+    lengths = {len(line) for line in panel._data(None)}
+    assert len(lengths) == 1
+    assert lengths.pop() <= 2 * plots.MAX_POINTS
+
+
+# --- the configuration as text ---
+
+POSITIONS = {"to_c": -1.5, "to_b": 1e-5, "of_somebody_else": 9.0}
+"""Not in the order of the robot's file."""
+
+
+def test_copied_yaml_is_a_pose():
+    shown = Shown()
+    shown.where = RobotState(0.0, POSITIONS, None)
+    (pose,) = parse_poses(configuration_yaml(shown), "the clipboard").values()
+    assert pose.positions == {"to_b": 1e-5, "to_c": -1.5}
+    assert [*pose.positions] == ["to_b", "to_c"]
+
+
+@given(
+    st.floats(-1e3, 1e3), st.sampled_from(["/joint_commands", "/left/joint_commands"])
+)
+def test_a_copied_command_moves_the_robot_to_where_it_is(value, topic):
+    shown = Shown(topic=topic)
+    shown.where = RobotState(0.0, {"to_c": value, "to_b": 0.25}, None)
+    words = shlex.split(configuration_command(shown))
+    assert words[:-1] == ["rostopic", "pub", "-1", topic, "sensor_msgs/JointState"]
+    message = yaml.safe_load(words[-1])
+    assert message["name"] == ["to_b", "to_c"]
+    assert message["position"][0] == 0.25
+    assert message["position"][1] == pytest.approx(value, abs=1e-6)
+
+
+@given(st.floats(-4.0, 4.0))
+def test_both_texts_say_the_same(value):
+    shown = Shown()
+    shown.where = RobotState(0.0, {"to_b": value, "to_c": 0.0}, None)
+    (pose,) = parse_poses(configuration_yaml(shown), "the clipboard").values()
+    message = yaml.safe_load(shlex.split(configuration_command(shown))[-1])
+    assert dict(zip(message["name"], message["position"])) == pose.positions
+
+
+def test_there_is_nothing_to_copy_before_the_first_state():
+    shown = Shown()
+    shown.where = None
+    for write in (configuration_yaml, configuration_command):
+        with pytest.raises(InvalidValueError, match="No state of the robot has come"):
+            write(shown)
+
+
+# --- the desk ---
+
+
+def test_only_the_newest_of_a_key_is_done_in_the_order_of_the_newest(desk):
+    done = []
+    for key, number in (("a", 1), ("b", 2), ("a", 3), ("c", 4), ("b", 5)):
+        desk.post(key, lambda number=number: done.append(number))
+    assert desk.new.is_set()
+    assert done == []
+    desk.do_all()
+    assert done == [3, 4, 5]
+    desk.do_all()
+    assert done == [3, 4, 5], "each is done once"
+
+
+def test_what_is_posted_meanwhile_is_done_next_time(desk):
+    done = []
+    desk.post("a", lambda: desk.post("a", lambda: done.append(2)) or done.append(1))
+    desk.do_all()
+    assert done == [1]
+    desk.do_all()
+    assert done == [1, 2]
+
+
+def told(client):
+    """Give all that notices have said."""
+    return [element.get("body") for element in list(client.elements.values())]
+
+
+def fail(error):
+    raise error
+
+
+def test_errors_are_told_and_the_rest_is_done(desk, client, caplog):
+    done = []
+    desk.post("a", lambda: fail(InvalidValueError("The pose has no name.")))
+    desk.post("b", lambda: done.append(2))
+    desk.do_all()
+    assert done == [2]
+    client.wait_for(lambda: "The pose has no name." in told(client), "the sentence")
+    with caplog.at_level(logging.ERROR):
+        desk.guarded(lambda: fail(ZeroDivisionError("of ours")))
+    client.wait_for(
+        lambda: any("log of the program" in str(text) for text in told(client)),
+        "the word",
+    )
+    assert "ZeroDivisionError" in caplog.text
+
+
+def test_the_same_words_are_told_once(server, desk, client):
+    for _ in range(50):
+        desk.guarded(lambda: fail(InvalidValueError("Again and again.")))
+    desk.guarded(lambda: fail(InvalidValueError("Something else.")))
+    client.wait_for(lambda: "Something else." in told(client), "the last one")
+    assert told(client).count("Again and again.") == 1
+
+
+def test_what_waits_is_done_one_after_the_other_and_errors_do_not_end_it(desk, client):
+    gate, done, given_back = threading.Event(), [], []
+    desk.wait_for(lambda: gate.wait(30) and done.append("first"))
+    desk.wait_for(lambda: fail(InvalidValueError("Nobody answers.")))
+    desk.wait_for(lambda: fail(ValueError("of ours")))
+    desk.wait_for(lambda: done.append("last") or 7, given_back.append)
+    assert desk.is_busy and done == []
+    gate.set()
+    wait_for(lambda: not desk.is_busy, "the end")
+    assert done == ["first", "last"]
+    assert given_back == [], "that is for the thread that draws"
+    desk.do_all()
+    assert given_back == [7]
+    client.wait_for(
+        lambda: any("log of the program" in str(text) for text in told(client)),
+        "the word",
+    )
+
+
+def test_results_are_handed_back_in_order(desk):
+    results = []
+    for number in range(20):
+        desk.wait_for(lambda number=number: number, results.append)
+    wait_for(lambda: not desk.is_busy, "the end")
+    desk.do_all()
+    assert results == [*range(20)]

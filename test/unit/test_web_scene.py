@@ -1,0 +1,218 @@
+"""Frames of a robot in a scene, read back through the wire, and its limbs' ends."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from oracle import assert_poses_close, forward_kinematics
+from robots import chains, robot, world_poses
+
+pytest.importorskip("viser", reason="viser is not installed")
+
+import viser
+
+from g1_description.core.robot.assembly import WORLD, root_in_base
+from g1_description.core.robot.kinematics import Kinematics
+from g1_description.core.transform import IDENTITY, compose
+from g1_description.core.urdf.reader import parse_urdf
+from g1_description.web.scene.trails import last_links
+from g1_description.web.scene.tree import LinkTree, pose_of
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(REPOSITORY / "tools"))
+from page_client import PageClient
+
+DATA = REPOSITORY / "test" / "data"
+PRECISION = 1e-3
+"""In [m] and [rad], for robots of some metres: viser sends no change below 1e-5 of a
+number."""
+
+
+class Seen:
+    """A scene, and what a page knows of it."""
+
+    def __init__(self):
+        self.server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+        self._client = PageClient(f"http://127.0.0.1:{self.server.get_port()}")
+        self._marker = self.server.scene.add_frame("/marker")
+        self._count = self._robots = 0
+
+    def close(self):
+        self._client.close()
+        self.server.stop()
+
+    def nodes(self):
+        """Give all nodes, once the page knows what was done up to now."""
+        self._count += 1
+        self._marker.position = (self._count, 0.0, 0.0)
+        marker = self._client.nodes
+        self._client.wait_for(
+            lambda: marker.get("/marker", {}).get("position") == [self._count, 0, 0],
+            "the newest frames",
+            10.0,
+        )
+        return self._client.nodes
+
+    def add_root(self):
+        """Add a frame for a robot: no two have the same name."""
+        self._robots += 1
+        return self.server.scene.add_frame(f"/robot_{self._robots}", show_axes=False)
+
+    def poses(self, path):
+        """Compose the frames of links along their names, by link."""
+        nodes = self.nodes()
+        found = {}
+        for name in sorted(n for n in nodes if n.startswith(f"{path}/")):
+            node, above = nodes[name], found.get(name.rpartition("/")[0], IDENTITY)
+            local = pose_of(
+                np.array(node.get("position", (0, 0, 0))),
+                np.array(node.get("wxyz", (1, 0, 0, 0))),
+            )
+            found[name] = compose(above, local)
+        return {name.rpartition("/")[2]: pose for name, pose in found.items()}
+
+
+@pytest.fixture(scope="module")
+def seen():
+    one = Seen()
+    yield one
+    one.close()
+
+
+def drawn(seen, description, *steps):
+    """Draw a robot, move it, and give the frames of its links as the page has them."""
+    root = seen.add_root()
+    try:
+        tree = LinkTree(seen.server.scene, root.name, description)
+        for base, positions in steps:
+            if base is not None:
+                tree.place(base)
+            tree.bend(positions)
+        return seen.poses(root.name)
+    finally:
+        root.remove()
+
+
+def wanted(description, base, positions):
+    """Place all links as the rest of the package does."""
+    bent = [positions.get(joint.name, 0.0) for joint in description.movable_joints]
+    poses = Kinematics(description).link_poses(
+        compose(base, root_in_base(description)), np.array(bent)
+    )
+    names = [name for name in description.link_names if name != WORLD]
+    return dict(zip(names, poses))
+
+
+def check(found, expected, precision=PRECISION):
+    assert {*found} - {WORLD} == {*expected}
+    for link, pose in expected.items():
+        assert_poses_close(found[link], pose, precision)
+
+
+@settings(max_examples=25)
+@given(chains(), world_poses(), st.randoms(use_true_random=False))
+def test_frames_are_where_scipy_puts_the_links(seen, chain, base, random):
+    text, positions = chain
+    before = {name: value * random.random() for name, value in positions.items()}
+    steps = (None, before), (base, {}), (base, positions)
+    found = drawn(seen, parse_urdf(text), *steps)
+    check(found, forward_kinematics(text, base, positions))
+
+
+@settings(max_examples=15)
+@given(chains(), world_poses(), st.randoms(use_true_random=False))
+def test_joints_may_have_origins_of_their_own(seen, chain, base, random):
+    text, positions = chain
+    read = parse_urdf(text)
+    joints = tuple(
+        replace(joint, joint_origin=np.array([random.uniform(-1, 1) for _ in "xyz"]))
+        for joint in read.joints
+    )
+    description = replace(read, joints=joints)
+    found = drawn(seen, description, (base, positions))
+    check(found, wanted(description, base, positions))
+
+
+def test_the_base_of_a_robot_that_floats_in_the_world_is_what_floats(seen):
+    description = parse_urdf((DATA / "floating_base.urdf").read_text())
+    base = np.array([0.3, -0.2, 0.8, 0.0, 0.0, np.sin(0.4), np.cos(0.4)])
+    found = drawn(seen, description, (base, {"hip": 0.5}))
+    check(found, wanted(description, base, {"hip": 0.5}))
+    assert_poses_close(found["pelvis"], base, PRECISION)
+
+
+@pytest.mark.parametrize("name", ["world_root", "rail", "tree", "skew_axes", "planar"])
+def test_robots_of_files(seen, name):
+    text = (DATA / f"{name}.urdf").read_text()
+    description = parse_urdf(text)
+    base = np.array([0.3, -0.2, 0.8, 0.5, 0.5, -0.5, 0.5])
+    positions = {
+        joint.name: float(np.clip(0.7, joint.lower, joint.upper))
+        for joint in description.movable_joints
+    }
+    found = drawn(seen, description, (base, positions))
+    check(found, wanted(description, base, positions))
+
+
+def test_joints_that_are_not_named_stay_and_others_are_passed_over(seen):
+    text = (DATA / "tree.urdf").read_text()
+    description = parse_urdf(text)
+    first, second = (joint.name for joint in description.movable_joints[:2])
+    steps = (None, {first: 0.4, "of_somebody_else": 9.0}), (None, {second: -0.3})
+    found = drawn(seen, description, *steps)
+    check(found, wanted(description, IDENTITY, {first: 0.4, second: -0.3}))
+
+
+def test_only_what_moved_is_sent(seen):
+    description = robot("a", "b", "c", "d")
+    root = seen.add_root()
+    tree = LinkTree(seen.server.scene, root.name, description)
+    tree.bend({"to_b": 0.1, "to_c": 0.2, "to_d": 0.3})
+    seen.nodes()
+    times, before = seen._client.times, dict(seen._client.times)
+    tree.place(IDENTITY)
+    tree.bend({"to_b": 0.1, "to_c": 0.2 + 1e-9, "to_d": 0.31})
+    seen.nodes()
+    sent = {name for name in times if times[name] != before.get(name)}
+    assert {name for name in sent if "/" in name} == {"/marker", f"{root.name}/a/b/c/d"}
+    root.remove()
+
+
+def test_names_with_slashes_are_one_frame(seen):
+    text = '<robot name="r"><link name="left/hand"/></robot>'
+    assert [*drawn(seen, parse_urdf(text))] == ["left_hand"]
+
+
+# --- the ends of limbs ---
+
+
+def test_the_limbs_of_the_g1_end_in_feet_and_wrists(g1):
+    ends = last_links(parse_urdf(g1))
+    sides = ("left", "right")
+    assert sorted(ends) == sorted(
+        [f"{side}_ankle_roll_link" for side in sides]
+        + [f"{side}_wrist_yaw_link" for side in sides]
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "ends"),
+    [
+        ("gripper", ["hand"]),  # not its fingers
+        ("no_joints", []),
+        ("revolute", 1),
+    ],
+)
+def test_limbs_of_others_end_in(name, ends):
+    found = last_links(parse_urdf((DATA / f"{name}.urdf").read_text()))
+    assert (len(found) if isinstance(ends, int) else found) == ends
+
+
+def test_a_limb_ends_in_the_last_link_that_moves():
+    assert last_links(robot("a", "b", "c")) == ["c"]
