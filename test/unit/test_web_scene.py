@@ -24,10 +24,10 @@ from g1_description.core.urdf.reader import parse_urdf
 from g1_description.web.scene.trails import last_links
 from g1_description.web.scene.tree import LinkTree, pose_of
 
-REPOSITORY = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(REPOSITORY / "tools"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tools"))
 from page_client import PageClient
 
+REPOSITORY = Path(__file__).resolve().parents[2]
 DATA = REPOSITORY / "test" / "data"
 PRECISION = 1e-3
 """In [m] and [rad], for robots of some metres: viser sends no change below 1e-5 of a

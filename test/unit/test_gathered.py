@@ -1,0 +1,71 @@
+"""Messages gather while nobody needs them, and none falls behind."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+import pytest
+
+pytest.importorskip("rospy", reason="rospy is not installed")
+
+from g1_description.ros.checks.live_states import gathered
+
+PERIOD = 0.05
+COUNT = 400
+
+
+def fed(messages, *callbacks):
+    """Hand messages to callbacks as a connection's thread does; give the time it took.
+
+    Args:
+        messages: Pairs of a time since the beginning, in [s], and a message; rospy
+            reads one as soon as it is there and the one before was taken.
+        callbacks: All that subscribe to the topic.
+    """
+    took = []
+
+    def feed():
+        pause, began = threading.Event(), time.monotonic()
+        for due, message in messages:
+            pause.wait(max(0.0, began + due - time.monotonic()))
+            for callback in callbacks:
+                callback(message)
+        took.append(time.monotonic() - began)
+
+    thread = threading.Thread(target=feed)  # which no message has come to yet
+    thread.start()
+    thread.join(60.0)
+    return took[0]
+
+
+@pytest.mark.parametrize("n_callbacks", [1, 2, 3])
+def test_a_burst_is_taken_at_once(n_callbacks):
+    seen = [[] for _ in range(n_callbacks)]
+    burst = [(0.0, number) for number in range(COUNT)]
+    took = fed(burst, *(gathered(some.append, PERIOD) for some in seen))
+    assert seen == [[*range(COUNT)]] * n_callbacks
+    assert took < 5 * n_callbacks * PERIOD, "not a pause for each"
+
+
+@pytest.mark.parametrize("n_callbacks", [1, 2])
+def test_a_stream_does_not_fall_behind(n_callbacks):
+    # 1000 Hz, as joint states come: more in a second than there are pauses.
+    stream = [(0.001 * number, number) for number in range(COUNT)]
+    seen = [[] for _ in range(n_callbacks)]
+    took = fed(stream, *(gathered(some.append, PERIOD) for some in seen))
+    assert seen == [[*range(COUNT)]] * n_callbacks
+    assert took < 0.001 * COUNT + 5 * n_callbacks * PERIOD
+
+
+def test_a_message_that_was_waited_for_lets_others_gather():
+    done = gathered(lambda _: None, PERIOD)
+    assert fed([(0.0, 0), (3 * PERIOD, 1)], done) >= 4 * PERIOD
+
+
+def test_what_was_gathered_is_read_without_a_pause():
+    calls = []
+    done = gathered(lambda _: calls.append(time.monotonic()), PERIOD)
+    fed([(0.0, 0), (0.5 * PERIOD, 1), (0.6 * PERIOD, 2)], done)
+    assert calls[1] - calls[0] >= PERIOD
+    assert calls[2] - calls[1] < PERIOD

@@ -1,0 +1,296 @@
+"""A page of robots without ROS, used by several people over the wire."""
+
+from __future__ import annotations
+
+import math
+import sys
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+from oracle import assert_poses_close, forward_kinematics
+from waiting import wait_for
+
+pytest.importorskip("viser", reason="viser is not installed")
+
+from g1_description.core.checks.thresholds import Thresholds
+from g1_description.core.motion.motion import Motion
+from g1_description.core.motion.trajectory import Trajectory
+from g1_description.core.transform import IDENTITY, compose
+from g1_description.core.urdf.reader import parse_urdf
+from g1_description.sim.checks.checker import Checker
+from g1_description.web.robots.files import FileWorld, StillRobot
+from g1_description.web.scene.robot import RED, rgb
+from g1_description.web.scene.tree import pose_of
+from g1_description.web.server.address import ServerOptions
+from g1_description.web.show import Show
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tools"))
+from page_client import PageClient
+
+PRECISION = 1e-3
+"""In [m] and [rad]: viser sends no change below 1e-5 of a number."""
+
+SHAPE = '<origin xyz="0 0 -0.2"/><geometry><box size="0.1 0.1 0.3"/></geometry>'
+SHAPES = (
+    f'<visual>{SHAPE}</visual><collision>{SHAPE}</collision><inertial><mass value="1"/>'
+    '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+)
+ELBOW = (
+    '<joint name="{0}_elbow_joint" type="revolute"><parent link="trunk"/>'
+    '<child link="{0}_arm"/><origin xyz="0 {1} 0"/><axis xyz="1 0 0"/>'
+    '<limit lower="-2" upper="1.614429558" effort="9" velocity="9"/></joint>'
+)
+ARMS = (
+    '<robot name="arms">'
+    + "".join(
+        f'<link name="{name}">{SHAPES}</link>'
+        for name in ("trunk", "left_arm", "right_arm")
+    )
+    + ELBOW.format("left", 0.3)
+    + ELBOW.format("right", -0.3)
+    + "</robot>"
+)
+"""Two arms beside a trunk, which hit each other where both are turned inwards."""
+
+
+class Open:
+    """A page that runs, and clients of it."""
+
+    def __init__(self, **options):
+        description = parse_urdf(ARMS)
+        self.robot = StillRobot("arms", description)
+        self.world = FileWorld([self.robot], lambda path, robot, rate: self.motion)
+        self.motion = ramp(3.0)
+        self.show = Show(
+            self.world,
+            ServerOptions(port=0, **options),
+            lambda robot: Checker.of(robot, Thresholds()),
+        )
+        self._clients = []
+        self._thread = threading.Thread(target=self.show.run)
+        self._thread.start()
+
+    def client(self):
+        one = PageClient(self.show.address)
+        one.wait_until_whole()
+        self._clients.append(one)
+        return one
+
+    def position(self, joint="left_elbow_joint"):
+        return self.robot.state().positions[joint]
+
+    def close(self):
+        for client in self._clients:
+            client.close()
+        self.show.stop()
+        self._thread.join(30)
+
+
+def ramp(seconds):
+    times = np.linspace(0.0, seconds, 31)
+    return Motion(Trajectory(times, ("left_elbow_joint",), -0.3 * times[:, np.newaxis]))
+
+
+@pytest.fixture
+def page():
+    one = Open()
+    yield one
+    one.close()
+
+
+def place(client, link):
+    """Compose the frames above a link."""
+    (name,) = (n for n in list(client.nodes) if n.endswith(f"/{link}"))
+    parts, pose = name.split("/")[1:], IDENTITY
+    for count in range(1, len(parts) + 1):
+        node = client.nodes.get("/" + "/".join(parts[:count]), {})
+        position = np.array(node.get("position", (0.0, 0.0, 0.0)))
+        turn = np.array(node.get("wxyz", (1.0, 0.0, 0.0, 0.0)))
+        pose = compose(pose, pose_of(position, turn))
+    return pose
+
+
+def is_at(client, link, pose):
+    try:
+        assert_poses_close(place(client, link), pose, PRECISION)
+    except AssertionError:
+        return False
+    return True
+
+
+def wanted(page, **positions):
+    """Place the robot by scipy."""
+    base = page.robot.state().base
+    bent = {f"{name}_joint": value for name, value in positions.items()}
+    return forward_kinematics(ARMS, base, bent)
+
+
+def test_a_slider_moves_the_robot_and_what_others_see(page):
+    one, other = page.client(), page.client()
+    one.set("left_elbow", -0.5)
+    goal = wanted(page, left_elbow=-0.5)
+    for client in (one, other):
+        client.wait_for(lambda c=client: is_at(c, "left_arm", goal["left_arm"]), "it")
+        assert is_at(client, "right_arm", goal["right_arm"])
+    other.wait_for(lambda: other.value("left_elbow") == -0.5, "the other slider")
+    assert page.position() == -0.5
+
+
+def test_sliders_have_the_limits_of_their_joints(page):
+    slider = page.client().element("right_elbow")
+    assert (slider["min"], slider["max"]) == (-2.0, 1.614429558)
+
+
+def test_sliders_follow_a_pose(page):
+    client = page.client()
+    client.set("left_elbow", -0.5)
+    wait_for(lambda: page.position() == -0.5, "the slider's value")
+    client.set("Take", "zero")
+    client.wait_for(lambda: client.value("left_elbow") == 0.0, "the slider at zero")
+    assert page.position() == 0.0
+
+
+def test_sliders_follow_whoever_moves_the_robot(page):
+    client = page.client()
+    page.world.move(page.robot, {"right_elbow_joint": 0.7}, 0.0)
+    client.wait_for(lambda: client.value("right_elbow") == 0.7, "the slider")
+
+
+def test_nobody_fights_for_a_slider(page):
+    one, other = page.client(), page.client()
+    uuid = one.element("left_elbow")["uuid"]
+    received, keep = [], one._keep
+
+    def watch(message):
+        if message.get("uuid") == uuid and "value" in message.get("updates", {}):
+            received.append((message["updates"]["value"], sent))
+        keep(message)
+
+    one._keep = watch
+    pause = threading.Event()
+    for sent in np.round(np.linspace(0.0, -1.5, 60), 4).tolist():
+        one.set("left_elbow", sent)
+        pause.wait(0.02)  # as a hand does
+    other.wait_for(lambda: other.value("left_elbow") == -1.5, "the last value")
+    assert page.position() == -1.5
+    assert all(value == newest for value, newest in received)
+    assert one.value("left_elbow") == -1.5
+
+
+def test_the_fields_of_the_base_move_it_and_follow(page):
+    one, other = page.client(), page.client()
+    one.set("x y z", [1.0, 0.5, 0.75])
+    other.wait_for(lambda: place(other, "trunk")[0] == 1.0, "the base")
+    other.wait_for(lambda: other.value("x y z") == [1.0, 0.5, 0.75], "its fields")
+    page.robot.command_base(np.array([0, 0, 2.0, 0, 0, np.sin(0.25), np.cos(0.25)]))
+    page.world.changed.set()
+    one.wait_for(lambda: one.value("x y z") == [0.0, 0.0, 2.0], "the fields")
+    one.wait_for(lambda: one.value("Roll pitch yaw") == [0.0, 0.0, 0.5], "the yaw")
+
+
+NONSENSE = [math.nan, math.inf, -math.inf, 1e300, -3.0, "0.5 rad", None, [1.0], {}, b""]
+
+
+def test_nonsense_moves_nothing_and_the_page_goes_on(page):
+    one, other = page.client(), page.client()
+    before = page.robot.state()
+    for label in ("left_elbow", "x y z", "Roll pitch yaw", "Seconds", "Take", "Name"):
+        uuid = one.element(label)["uuid"]
+        for value in (*NONSENSE, [math.nan] * 3, [1e300] * 3, ["a"] * 3):
+            one.send("GuiUpdateMessage", uuid=uuid, updates={"value": value})
+    one.send("GuiUpdateMessage", uuid="of nothing", updates={"value": 1.0})
+    one.send("TransformControlsUpdateMessage", name="/none", wxyz=[9], position=[])
+    after = page.robot.state()
+    assert after.positions == before.positions
+    assert (after.base == before.base).all()
+    other.set("right_elbow", -0.25)
+    wait_for(lambda: page.position("right_elbow_joint") == -0.25, "others")
+    after = page.robot.state()
+    assert after.positions == {**before.positions, "right_elbow_joint": -0.25}
+    assert (after.base == before.base).all()
+    third = page.client()
+    third.wait_for(lambda: third.value("left_elbow") == 0.0, "a slider that is whole")
+    third.wait_for(lambda: np.isfinite(third.value("x y z")).all(), "whole fields")
+    assert not other.has_ended
+
+
+def test_who_may_only_look_changes_nothing():
+    page = Open(read_only=True)
+    try:
+        client = page.client()
+        before = page.robot.state().positions
+        labels = {e.get("label") for e in list(client.elements.values())}
+        assert not labels & {"left_elbow", "Take", "Save pose", "x y z"}
+        values = list(client.elements)
+        for uuid in values:
+            for value in (True, 0.5, "zero"):
+                client.send("GuiUpdateMessage", uuid=uuid, updates={"value": value})
+        page.world.move(page.robot, {"right_elbow_joint": 0.5}, 0.0)
+        goal = wanted(page, right_elbow=0.5)["right_arm"]
+        client.wait_for(lambda: is_at(client, "right_arm", goal), "what others do")
+        assert page.robot.state().positions == {**before, "right_elbow_joint": 0.5}
+        assert not client.has_ended
+    finally:
+        page.close()
+
+
+def test_links_that_collide_are_red(page):
+    client = page.client()
+
+    def red():
+        return {
+            name.split("/")[-2]
+            for name, node in list(client.nodes.items())
+            if "/visual_" in name and tuple(node["color"]) == rgb(RED)
+        }
+
+    assert not red()
+    client.set("left_elbow", -1.5)
+    client.set("right_elbow", 1.5)
+    client.wait_for(lambda: red() == {"left_arm", "right_arm"}, "two red links")
+    client.wait_for(
+        lambda: any(
+            "left_arm" in str(element.get("_markdown"))
+            for element in list(client.elements.values())
+        ),
+        "a sentence on it",
+    )
+    client.set("left_elbow", 0.0)
+    client.wait_for(lambda: not red(), "links in their own colours")
+
+
+def test_a_motion_is_scrubbed_judged_and_clicked(page):
+    client = page.client()
+    page.show.page.motion.read("walk.csv", Path("walk.csv"))
+    client.wait_for(lambda: client.element("Time")["visible"], "the time line")
+    assert (client.element("Time")["min"], client.element("Time")["max"]) == (0.0, 3.0)
+    client.set("Time", 2.0)
+    wait_for(lambda: page.position() == pytest.approx(-0.6), "the time")
+    client.set("Time", math.nan)
+    client.set("Sample", "last")
+    wait_for(lambda: page.position() == pytest.approx(-0.9), "the last sample")
+    client.wait_for(lambda: client.element("Findings: walk.csv"), "the findings")
+
+
+def test_a_saved_pose_can_be_taken_again(page, tmp_path, monkeypatch):
+    monkeypatch.setenv("ROS_HOME", str(tmp_path))
+    client = page.client()
+    client.set("left_elbow", 1.614429558)
+    wait_for(lambda: page.position() == 1.614429558, "the limit")
+    client.set("Name", "high")
+    client.press("Save pose")
+    client.wait_for(lambda: "high" in client.element("Take")["options"], "the button")
+    client.set("left_elbow", 0.0)
+    wait_for(lambda: page.position() == 0.0, "a move away")
+    client.set("Take", "high")
+    wait_for(lambda: page.position() == pytest.approx(1.614429558), "the pose")
+
+
+def test_a_robot_without_joints_is_shown():
+    description = parse_urdf('<robot name="r"><link name="a"/></robot>')
+    world = FileWorld([StillRobot("r", description)], lambda *_: None)
+    show = Show(world, ServerOptions(port=0), lambda robot: Checker.of(robot, None))
+    show.stop()
+    show.run()
