@@ -6,6 +6,7 @@ As many of these as one likes stand for as many browsers, without their drawing.
 import socket
 import threading
 import time
+from collections import Counter
 from urllib.parse import urlsplit, urlunsplit
 
 import msgspec
@@ -32,6 +33,7 @@ class PageClient:
         bytes: How many came, as sent through the WebSocket.
         messages: How many came; several share a frame.
         times: When each name or uuid last changed, as of `time.monotonic`.
+        counts: How often each has.
         has_ended: Whether the connection has.
         error: What ended it, if it did not end in good order.
     """
@@ -44,6 +46,7 @@ class PageClient:
             headers: More of the request, such as {"Cookie": "token=1"}.
         """
         self.elements, self.nodes, self.others, self.times = {}, {}, {}, {}
+        self.counts = Counter()
         self.bytes = self.messages = 0
         self.has_ended, self.error = False, None
         self._news = threading.Condition()
@@ -101,6 +104,7 @@ class PageClient:
         name = message.get("uuid", message.get("name"))
         things = self.elements if "uuid" in message else self.nodes
         self.times[kind if name is None else name] = time.monotonic()
+        self.counts[kind if name is None else name] += 1
         if kind in ("GuiRemoveMessage", "RemoveSceneNodeMessage"):
             things.pop(name, None)
         elif name is None:

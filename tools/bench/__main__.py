@@ -8,6 +8,7 @@ from pathlib import Path
 
 from . import (
     bridge,
+    browser,
     checker,
     checks,
     collisions,
@@ -44,6 +45,7 @@ PARTS = {
     "collisions": collisions,
     "checks": checks,
     "checker": checker,
+    "browser": browser,
     "poses": poses,
     "streaming": streaming,
     "rates": rates,
@@ -52,7 +54,7 @@ PARTS = {
     "soak": soak,
 }
 NAMED = [name for name in PARTS if name != "soak"]
-BUSY = ("checks", "poses", "rates", "foot", "tf")
+BUSY = ("browser", "checks", "poses", "rates", "foot", "tf")
 USUAL = [name for name in NAMED if name not in BUSY]
 
 

@@ -71,13 +71,14 @@ class Browser:
         else:
             self._stack.close()
 
-    def open(self, address, size=(1280, 800), phone=False):
+    def open(self, address, size=(1280, 800), phone=False, script=""):
         """Open a page in a window with its own cookies; give its `Page`.
 
         Args:
             address: Of the page, with http:// and all.
             size: Width and height in [px], if it is not a phone.
             phone: Whether it is a phone, with a touch screen.
+            script: JavaScript that runs in the page before its own.
         """
         width, height = PHONE if phone else size
         window = self._browser.new_context(
@@ -86,6 +87,8 @@ class Browser:
             has_touch=phone,
             permissions=["clipboard-read", "clipboard-write"],
         )
+        if script:
+            window.add_init_script(script)
         return Page(window, address)
 
 
