@@ -252,7 +252,7 @@ def test_links_that_collide_are_red(page):
     client.wait_for(lambda: red() == {"left_arm", "right_arm"}, "two red links")
     client.wait_for(
         lambda: any(
-            "left_arm" in str(element.get("_markdown"))
+            "left_arm" in str(element.get("_markdown")).replace("\\", "")
             for element in list(client.elements.values())
         ),
         "a sentence on it",

@@ -10,7 +10,7 @@ import contextlib
 import importlib.util
 import shutil
 
-from .browser_page import Page
+from .browser_page import DEADLINE, Page
 
 PHONE = (390, 844)
 """Size of a phone's screen in [px]."""
@@ -50,6 +50,7 @@ class Browser:
                 executable_path=_program(),
                 args=list(FLAGS),
                 handle_sigint=False,  # the test closes it
+                timeout=1000 * DEADLINE,
             )
             stack.callback(self._browser.close)
             self._stack = stack.pop_all()

@@ -42,7 +42,7 @@ class LiveWorld:
         """
         self.robots, self.simulator, self.changed = robots, simulator, changed
         self.can_move = can_move
-        self._with_ghost = with_ghost
+        self.has_wanted = with_ghost
         self._log = ThrottledLog()
 
     can_arrange = False
@@ -56,7 +56,7 @@ class LiveWorld:
             self.simulator.watch(is_watched)
         for robot in self.robots:
             if is_watched:
-                robot.watch(self._log, self._with_ghost)
+                robot.watch(self._log, self.has_wanted)
             else:
                 robot.ignore()
 

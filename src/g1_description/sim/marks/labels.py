@@ -63,3 +63,11 @@ def places(
         begin, middle = base[:2] + REACH * away, base[:2] + (REACH + half) * away
         found.append((np.append(begin, height), np.append(middle, height)))
     return found
+
+
+def short_name(name: str) -> str:
+    """Leave out what ends the names of most links or joints."""
+    for ending in ("_link", "_joint"):
+        if name.endswith(ending):
+            return name[: -len(ending)]
+    return name

@@ -14,7 +14,7 @@ from g1_description.core.transform import IDENTITY, compose
 from g1_description.sim.checks.timeline import Timeline
 
 from .canvas import GREEN, ORANGE, RED, Canvas, Color
-from .labels import SIZE, Label, places
+from .labels import SIZE, Label, places, short_name
 
 ABOVE = 0.004
 """What lies on the floor is drawn so much above it, in [m]."""
@@ -82,11 +82,11 @@ class RobotMarks:
         labels = []
         for finding in verdict.findings:
             if finding.check == "self_collision":
-                text = "/".join(_short(link) for link in finding.subject)
+                text = "/".join(short_name(link) for link in finding.subject)
                 labels.append(_mark(canvas, CONTACT, finding, text))
             elif finding.check in ON_FLOOR and finding.points:
                 where = "in" if finding.check == "penetration" else "above"
-                name = _short(finding.name) or "the robot"
+                name = short_name(finding.name) or "the robot"
                 labels.append(
                     _mark(canvas, FLOOR, finding, f"{name} {where} the floor")
                 )
@@ -121,7 +121,7 @@ class RobotMarks:
         room, bound = min((above, "upper"), (below, "lower"))
         color, word = (RED, "beyond") if room < 0.0 else (ORANGE, "to")
         text = f"{abs(room):.3f} {units(joint)[0]} {word} {bound} limit"
-        return Label(origin, f"{_short(joint.name)} {text}", color)
+        return Label(origin, f"{short_name(joint.name)} {text}", color)
 
     def _balance(
         self, canvas: Canvas, timeline: Timeline, verdict: Verdict
@@ -165,11 +165,3 @@ def _mark(canvas: Canvas, namespace: str, finding: Finding, what: str) -> Label:
         canvas.ball(namespace, point, 0.03, color)
     text = f"{what} {1e3 * finding.worst:.0f} mm"
     return Label(points.mean(axis=0), text, color)
-
-
-def _short(name: str) -> str:
-    """Leave out what ends the names of most links or joints."""
-    for ending in ("_link", "_joint"):
-        if name.endswith(ending):
-            return name[: -len(ending)]
-    return name

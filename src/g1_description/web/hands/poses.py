@@ -5,8 +5,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from g1_description.core.errors import G1DescriptionError, InvalidValueError
-from g1_description.core.poses.pose import Pose, check_pose, find_pose, pose_positions
+from g1_description.core.poses.pose import (
+    ZERO,
+    Pose,
+    check_pose,
+    find_pose,
+    pose_positions,
+)
 from g1_description.core.poses.store import read_poses, save_pose, user_file
+from g1_description.core.poses.yaml_text import check_name
 from g1_description.web.desk import Desk
 from g1_description.web.robots.robot import ShownRobot, ShownWorld
 
@@ -55,6 +62,9 @@ class PosePanel:
             )
             self._poses = gui.add_button_group("Take", self._names() or [NONE])
             self._name = gui.add_text("Name", "", hint="of the pose to save")
+            self._replace = gui.add_checkbox(
+                "Replace", False, hint="a pose of that name, if there is one"
+            )
             save = gui.add_button("Save pose", hint=f"into {user_file()}")
         desk.on(save, self._save)
         desk.on(self._poses, self._take)
@@ -79,10 +89,18 @@ class PosePanel:
         name, state = self._name.value.strip(), self._robot.state()
         if not name:
             raise InvalidValueError("The pose has no name yet: type one above.")
+        check_name(name)
+        if name == ZERO:
+            raise InvalidValueError(f"Every robot has {ZERO}: choose another name.")
+        if name in read_poses() and not self._replace.value:
+            raise InvalidValueError(
+                f"There is a pose {name} already; tick Replace to save over it."
+            )
         if state is None:
             raise InvalidValueError("There is nothing to save: no state has come yet.")
         positions = known(state.positions, self._robot)
         save_pose(Pose(name, positions, "saved in the browser"), user_file())
+        self._replace.value = False
         self._poses.options = tuple(self._names())
         self._desk.tell(f"Pose {name} is in {user_file()}.", "green")
 

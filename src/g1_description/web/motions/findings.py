@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from g1_description.core.checks.verdict import FAILED, Finding, Verdict
+from g1_description.sim.marks.labels import short_name
 from g1_description.web.desk import Desk
 
 if TYPE_CHECKING:
@@ -88,8 +89,9 @@ class FindingList:
 
 def title(finding: Finding) -> str:
     """Return a finding in a few words, with the time at which it is worst."""
-    subject = f" {finding.name}" if finding.name else ""
-    return f"{shown_time(finding.worst_time)}  {finding.check}{subject}"
+    subject = " - ".join(short_name(name) for name in finding.subject)
+    what = finding.check.replace("_", " ")
+    return f"{shown_time(finding.worst_time)}  {what} {subject}".strip()
 
 
 def shown_time(time: float) -> str:

@@ -98,7 +98,8 @@ class Page:
         if not self._read_only:
             with tabs.add_tab("View"):
                 bodies = [shown.body for shown in self._shown]
-                self._view = ViewPanel(gui, self.desk, self._stage, bodies)
+                has_wanted = self._world.has_wanted
+                self._view = ViewPanel(gui, self.desk, self._stage, bodies, has_wanted)
                 if self._world.can_arrange:
                     self._add_arrangement()
             with tabs.add_tab("Plots"):

@@ -35,6 +35,7 @@ class ViewPanel:
         desk: Desk,
         stage: Stage,
         robots: Sequence[SceneRobot],
+        has_wanted: bool,
     ) -> None:
         """Add the panel.
 
@@ -43,6 +44,7 @@ class ViewPanel:
             desk: Does what a person wants.
             stage: Floor and map.
             robots: All robots.
+            has_wanted: Whether it is known where they are wanted.
         """
         self._gui, self._desk = gui, desk
 
@@ -59,6 +61,7 @@ class ViewPanel:
         self._switch("Axes of the map", False, stage.show_axes)
         self.trails = self._switch("Trails", False)
         self.ghost = self._switch("Commanded configuration", False)
+        self.ghost.visible = has_wanted
         self.checks = self._switch("Checks", True)
         picture = gui.add_button("Save a picture", hint="of what you see, as PNG")
         picture.on_click(self._save)

@@ -161,6 +161,7 @@ class FileWorld:
 
     simulator = None
     can_move = True
+    has_wanted = False
 
     def __init__(self, robots: list[StillRobot], read: ReadMotion) -> None:
         """Begin without motions.

@@ -117,6 +117,9 @@ class ShownWorld(Protocol):
     can_move: bool
     """Whether anybody takes commands."""
 
+    has_wanted: bool
+    """Whether it is known where robots are wanted."""
+
     can_arrange: bool
     """Whether robots can be shown beside each other or over each other."""
 

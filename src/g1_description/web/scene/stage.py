@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from viser import ViserServer
 
-LOOK_AT = (0.0, 0.0, 0.68)
+LOOK_AT = (-0.1, 0.16, 0.68)
 CAMERA = (2.1, 1.35, 1.2)
 FIELD_OF_VIEW = 0.75
 SKY, LAMP = 2.6, 1.8
 """Where the camera begins, in [m], and how much it sees from bottom to top, in [rad]:
-it is before a robot of the height of a person, on its left. How bright the
+it is before a robot of the height of a person, on its left, and looks a little beside
+it, where the panel is. How bright the
 sky is, and a lamp at the camera's first place."""
 
 

@@ -6,6 +6,7 @@ It needs ROS to read rosbags, but neither a master nor a screen.
 from __future__ import annotations
 
 import argparse
+import logging
 import signal
 import sys
 from contextlib import suppress
@@ -88,6 +89,7 @@ def web(args: argparse.Namespace) -> None:
 def main() -> None:
     """Run the command, or exit with a message."""
     args = parse(own_arguments())
+    logging.basicConfig(format="web: %(message)s")
     try:
         web(args)
     except G1DescriptionError as error:
