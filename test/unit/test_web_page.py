@@ -174,7 +174,7 @@ def test_nobody_fights_for_a_slider(page):
         one.set("left_elbow", sent)
         pause.wait(0.02)  # as a hand does
     other.wait_for(lambda: other.value("left_elbow") == -1.5, "the last value")
-    assert page.position() == -1.5
+    wait_for(lambda: page.position() == -1.5, "the joint")
     assert all(value == newest for value, newest in received)
     assert one.value("left_elbow") == -1.5
 
