@@ -77,7 +77,8 @@ class MotionPanel:
         self._scrub = _Scrub(desk)
         self._held = Held(HELD)
         self._looked = 0.0
-        self._ended: float | None = None
+        self._again = math.inf
+        """When the motion begins again by itself, on the monotonic clock, in [s]."""
         self._add()
         self._findings = {
             robot: FindingList(gui, desk, self._jump, read_only)
@@ -178,7 +179,7 @@ class MotionPanel:
         """Play from a time on; from the first sample if that is the end."""
         player = self._player
         begin = player.begin if begin >= player.end else begin
-        speed, self._ended = self._factor, None
+        speed, self._again = self._factor, math.inf
         self._desk.wait_for(lambda: player.play(begin, speed))
 
     @property
@@ -219,7 +220,7 @@ class MotionPanel:
     def _jump(self, to: float) -> None:
         """Show the configuration of a time."""
         player = self._player
-        self._ended = None
+        self._again = math.inf
         to = min(max(to, player.begin), player.end)
         if to != self._line.value:
             self._line.value = to
@@ -233,23 +234,18 @@ class MotionPanel:
             return
         self._looked = now
         at, is_running = player.time, player.is_running
-        label = "Pause" if is_running and at < player.end else "Play"
+        if is_running and at >= player.end:
+            player.rest()
+            is_running = False
+            self._again = now + REST if self._loop.value else math.inf
+        if now > self._again and self._loop.value and not self._desk.is_busy:
+            self._start(player.begin)
+        label = "Pause" if is_running else "Play"
         if self._play.label != label:
             self._play.label = label
-        if not self._held.is_held(self._line):
-            value = round(min(max(at, player.begin), player.end), 3)
-            if value != self._line.value:
-                self._held.show(self._line, value)
-        if is_running and at >= player.end:
-            self._end(now)
-
-    def _end(self, now: float) -> None:
-        """Stop at the end, or begin again some time later."""
-        self._ended = self._ended or now
-        if not self._loop.value:
-            self._desk.wait_for(self._player.pause)
-        elif now > self._ended + REST and not self._desk.is_busy:
-            self._start(self._player.begin)
+        value = round(min(max(at, player.begin), player.end), 3)
+        if not self._held.is_held(self._line) and value != self._line.value:
+            self._held.show(self._line, value)
 
 
 class _Scrub:

@@ -143,6 +143,10 @@ class ClockPlayer:
         """Stop where it is."""
         self._from, self._began = self.time, None
 
+    def rest(self) -> None:
+        """Stay at the end, which is reached."""
+        self.pause()
+
     def show(self, time: float) -> None:
         """Show the configuration of a time, in [s]."""
         self._from, self._began = time, None

@@ -76,6 +76,9 @@ class Player(Protocol):
     def pause(self) -> None:
         """Stop where it is."""
 
+    def rest(self) -> None:
+        """Stay at the end, which is reached; does not wait."""
+
     def show(self, time: float) -> None:
         """Show the configuration of a time, in [s]."""
 

@@ -112,6 +112,11 @@ class Session:
         self._begin_ns = self._play(at_speed(part, self._rate, self._from))
         self.is_running = True
 
+    def rest(self) -> None:
+        """Stay at the end, which is reached: nothing is stopped."""
+        self._time, self.is_running = self.end, False
+        self._robot.motions.may_move = False
+
     def pause(self) -> None:
         """Stop the robot where it is."""
         if self.is_running:
