@@ -50,7 +50,7 @@ def make_world(args: argparse.Namespace) -> tuple[FileWorld, list[tuple[Path, Mo
     motions = [(file, _read(args, file, robot, args.fps)) for file in files]
     names = [file.name for file in files] if len(files) > 1 else [robot.name]
     if len({*names}) < len(names):
-        names = [str(file) for file in files]
+        names = [f"{file.name} {number}" for number, file in enumerate(files, 1)]
     robots = [StillRobot(name, robot) for name in names]
     world = FileWorld(robots, partial(_read, args))
     return world, motions
