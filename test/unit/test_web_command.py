@@ -1,0 +1,163 @@
+"""The command web: how it begins, what it refuses, and how it ends."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+from urllib.request import urlopen
+
+import pytest
+
+pytest.importorskip("rospy", reason="rospy is not installed")
+pytest.importorskip("viser", reason="viser is not installed")
+
+from conftest import REPOSITORY
+
+from g1_description.ros.apps.web.options import parse
+
+sys.path.insert(0, str(REPOSITORY / "tools"))
+from page_client import PageClient
+
+DATA = REPOSITORY / "test" / "data"
+ROBOT = str(DATA / "revolute.urdf")
+DEADLINE = 60.0
+ENDING = 3.0
+"""Longest time from a signal to the end, in [s]."""
+
+
+def command(*arguments, path=None, **options):
+    """Start the command; a shell may have it ignore Ctrl-C."""
+    places = [path, REPOSITORY / "src", os.environ.get("PYTHONPATH")]
+    return subprocess.Popen(
+        [sys.executable, str(REPOSITORY / "scripts" / "web"), *map(str, arguments)],
+        env={**os.environ, "PYTHONPATH": ":".join(str(p) for p in places if p)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        universal_newlines=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+        **options,
+    )
+
+
+@contextlib.contextmanager
+def opened(*arguments):
+    """Start the command, and give it and its address once it has told that."""
+    with command(*arguments) as process:
+        try:
+            line = process.stdout.readline() or process.stderr.read()
+            yield process, re.search(r"^web: open (http://\S+)$", line).group(1)
+        finally:
+            process.kill()
+
+
+def refused(*arguments, **options):
+    """Run the command where it is refused; give the sentence."""
+    with command(*arguments, **options) as process:
+        output, errors = process.communicate(timeout=DEADLINE)
+    assert process.returncode not in (0, None)
+    assert output == ""
+    (line,) = errors.splitlines()
+    assert line.startswith("web: ")
+    return line
+
+
+def test_without_viser_it_says_how_to_get_it(tmp_path):
+    (tmp_path / "viser").mkdir()
+    (tmp_path / "viser" / "__init__.py").write_text(
+        "raise ModuleNotFoundError(\"No module named 'viser'\", name='viser')\n"
+    )
+    line = refused("--model", ROBOT, "--port", 0, path=tmp_path)
+    assert "needs viser, which is not installed" in line
+    assert "pip install viser==" in line
+
+
+def test_a_port_that_is_taken_is_told():
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen(1)
+        port = other.getsockname()[1]
+        line = refused("--model", ROBOT, "--port", port)
+    assert f"port {port}" in line
+    assert "which another program has" in line
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["--motion", "none.csv"], "none.csv"),
+        (["--motion", DATA / "elbow.csv", "--model", ROBOT], "left_elbow_joint"),
+        (["--model", "none.urdf"], "none.urdf"),
+        (["--port", "70000", "--model", ROBOT], "ports are 0 to 65535"),
+        (["--thresholds", DATA / "elbow.csv", "--model", ROBOT], "elbow.csv"),
+    ],
+)
+def test_what_it_cannot_show_is_refused_in_a_sentence(arguments, told):
+    assert told in refused("--port", 0, *arguments)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["--colour"], "--colour"),
+        (["--compare", "one.csv"], "--compare"),
+        (["--motion", "a.csv", "--compare", "a.csv", "b.csv"], "not allowed with"),
+        (["--fps", "0"], "--fps 0 is no number of samples per second"),
+        (["--port", "http"], "--port"),
+    ],
+)
+def test_wrong_options_are_told(arguments, told, capsys):
+    with pytest.raises(SystemExit) as end:
+        parse(arguments)
+    assert end.value.code == 1
+    assert told in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_it_shows_until_a_signal_ends_it_and_begins_again(number):
+    with opened("--model", ROBOT, "--port", 0) as (process, address):
+        with urlopen(address, timeout=DEADLINE) as page:
+            assert page.status == 200
+        port = address.rstrip("/").rpartition(":")[2]
+        begin = time.monotonic()
+        process.send_signal(number)
+        output, errors = process.communicate(timeout=DEADLINE)
+        assert time.monotonic() - begin < ENDING
+        assert (process.returncode, output, errors) == (0, "", "")
+    with opened("--model", ROBOT, "--port", port) as (_, again):
+        assert again == address
+
+
+def test_ctrl_c_ends_it_also_while_somebody_looks():
+    motion = DATA / "elbow.csv"
+    with contextlib.ExitStack() as stack:
+        arguments = "--motion", motion, "--port", 0, "--read-only"
+        process, address = stack.enter_context(opened(*arguments))
+        client = stack.enter_context(PageClient(address))
+        client.wait_until_whole()
+        begin = time.monotonic()
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=DEADLINE)
+        assert time.monotonic() - begin < ENDING
+        assert (process.returncode, errors) == (0, "")
+        client.wait_for(lambda: client.has_ended, "the end")
+
+
+def test_two_motions_are_compared():
+    motion = DATA / "elbow.csv"
+    with contextlib.ExitStack() as stack:
+        arguments = "--compare", motion, motion, "--port", 0
+        _, address = stack.enter_context(opened(*arguments))
+        client = stack.enter_context(PageClient(address))
+        client.wait_until_whole()
+        robots = {
+            name.split("/")[2]
+            for name in client.nodes
+            if name.startswith("/robots/") and name.endswith("/pelvis")
+        }
+        assert len(robots) == 2
