@@ -59,8 +59,13 @@ class Desk:
         """
 
         def came(event: Any) -> None:
-            if event.client is not None:  # else we have set it
-                self.post(id(handle), act)
+            if event.client is None:  # we have set it ourselves
+                return
+            options = getattr(handle, "options", None)
+            if options and handle.value not in options:
+                handle.value = options[0]  # no browser sends such
+                return
+            self.post(id(handle), act)
 
         attach = handle.on_click if hasattr(handle, "on_click") else handle.on_update
         attach(came)

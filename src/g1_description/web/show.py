@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+import re
+import shlex
 from collections.abc import Callable
 from pathlib import Path
 
@@ -23,7 +26,11 @@ class Show:
     """A page and its server."""
 
     def __init__(
-        self, world: ShownWorld, options: ServerOptions, make_checker: MakeChecker
+        self,
+        world: ShownWorld,
+        options: ServerOptions,
+        make_checker: MakeChecker,
+        floor: float = 0.0,
     ) -> None:
         """Open the page.
 
@@ -31,6 +38,7 @@ class Show:
             world: The robots.
             options: Who may come in, and where.
             make_checker: Prepares the checks of a robot.
+            floor: Height of the floor in the map, in [m].
 
         Raises:
             PageServerError: If the page cannot be opened.
@@ -44,7 +52,9 @@ class Show:
                 "configuration.sh": lambda: configuration_command(first),
             },
         )
-        self.page = Page(self._server.viser, world, make_checker, options.read_only)
+        self.page = Page(
+            self._server.viser, world, make_checker, options.read_only, floor
+        )
         self.page.watched = lambda: self._server.browsers
 
     @property
@@ -88,13 +98,16 @@ def configuration_yaml(robot: ShownRobot) -> str:
 def configuration_command(robot: ShownRobot) -> str:
     """Write the command that moves a robot to where it is now."""
     positions = positions_of(robot)
-    names = ", ".join(positions)
+    names = ", ".join(map(_yaml_name, positions))
     # Not as 1e-05, which YAML takes for text.
     values = ", ".join(f"{value:.9f}".rstrip("0") + "0" for value in positions.values())
-    return (
-        f"rostopic pub -1 {robot.joint_topic} sensor_msgs/JointState "
-        f"'{{name: [{names}], position: [{values}]}}'\n"
-    )
+    message = shlex.quote(f"{{name: [{names}], position: [{values}]}}")
+    return f"rostopic pub -1 {robot.joint_topic} sensor_msgs/JointState {message}\n"
+
+
+def _yaml_name(name: str) -> str:
+    """Write a name in YAML, in quotation marks where it needs them."""
+    return name if re.fullmatch(r"[A-Za-z_][\w.-]*", name) else json.dumps(name)
 
 
 def tell_address(

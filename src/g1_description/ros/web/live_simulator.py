@@ -15,12 +15,15 @@ import rospy
 from gazebo_msgs.srv import GetPhysicsProperties
 from std_srvs.srv import Empty
 
-from g1_description.core.errors import G1DescriptionError
-from g1_description.ros.client.connection import Connection, RefusedError
+from g1_description.ros.client.connection import Connection
+from g1_description.ros.node.slave_api import SLAVE_API_ERRORS
 from g1_description.srv import SetRealTimeFactor, Step
 
 PERIOD = 1.0
 """Time between two questions, in [s]."""
+
+SILENCE = 5.0
+"""A simulator that has not answered for so long is told to be silent, in [s]."""
 
 TIMEOUT = 10.0
 """Longest wait for a service, in [s]: machines may be busy."""
@@ -40,6 +43,8 @@ class LiveSimulator:
         self._lock = threading.Lock()
         self._watched = threading.Event()
         self._paused: bool | None = None
+        self._answered = 0.0
+        """When it last answered, on the monotonic clock, in [s]."""
         self._physics = ""
         self._clock: tuple[float, float] | None = None
         self._factor: float | None = None
@@ -63,7 +68,8 @@ class LiveSimulator:
             try:
                 self._paused = bool(properties().pause)
                 self._physics = str(rospy.get_param(f"{self._name}/physics", ""))
-            except (rospy.ROSException, rospy.ServiceException, OSError, KeyError):
+                self._answered = time.monotonic()
+            except (rospy.ROSException, rospy.ServiceException, *SLAVE_API_ERRORS):
                 self._paused = None
             self._measure()
             time.sleep(PERIOD)
@@ -78,7 +84,7 @@ class LiveSimulator:
 
     def status(self) -> str:
         """Describe physics, time and speed in a line."""
-        if self._paused is None:
+        if self._paused is None or time.monotonic() > self._answered + SILENCE:
             return f"*{self._name} does not answer.*"
         parts = [self._physics and f"**{self._physics}**", f"{rospy.get_time():.1f} s"]
         if self._paused:
@@ -120,11 +126,8 @@ class LiveSimulator:
         Raises:
             G1DescriptionError: If that is refused or nobody answers.
         """
+        connection = self._connection
         with self._lock:
-            try:
-                self._connection.wait_for(service)
-                self._connection.call(service, kind, **fields)
-            except G1DescriptionError:
-                raise
-            except (rospy.ServiceException, OSError) as error:
-                raise RefusedError(f"{service} fails: {error}") from error
+            connection.wait_for(service)
+            call = connection.call if kind is Empty else connection.checked
+            call(service, kind, **fields)

@@ -44,6 +44,7 @@ class LiveWorld:
         self.can_move = can_move
         self.has_wanted = with_ghost
         self._log = ThrottledLog()
+        self._players: dict[LiveRobot, LivePlayer] = {}
 
     can_arrange = False
 
@@ -69,13 +70,16 @@ class LiveWorld:
 
     def open(self, robot: LiveRobot, motion: Motion) -> LivePlayer:
         """Let a robot have a motion; it does not move yet."""
-        return LivePlayer(robot, motion)
+        self._players[robot] = LivePlayer(robot, motion)
+        return self._players[robot]
 
     def move(
         self, robot: LiveRobot, positions: Mapping[str, float], seconds: float
     ) -> None:
         """Move joints from where they are, beginning and ending at rest."""
         state = robot.state()
+        if robot in self._players:
+            self._players[robot].give_way()
         if not seconds:
             robot.command(positions)
             return
@@ -93,6 +97,10 @@ class LivePlayer(Session):
     def __init__(self, robot: LiveRobot, motion: Motion) -> None:
         """Prepare; the robot does nothing yet."""
         super().__init__(robot, motion.trajectory, 1.0, rospy.loginfo)
+
+    def give_way(self) -> None:
+        """Count as paused: something else moves the robot."""
+        self._time, self.is_running = self.time, False
 
     def play(self, begin: float, speed: float) -> None:
         """Play from a time on, in [s], at so many seconds of it in a second."""

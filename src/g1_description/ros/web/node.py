@@ -39,7 +39,12 @@ def make_show(parameters: WebParameters) -> Show:
     simulator = LiveSimulator(parameters.gazebo) if parameters.gazebo else None
     world = LiveWorld(robots, simulator, changed, parameters.ghost, parameters.controls)
     thresholds = parameters.read_thresholds()
-    return Show(world, parameters.server, lambda robot: Checker.of(robot, thresholds))
+    return Show(
+        world,
+        parameters.server,
+        lambda robot: Checker.of(robot, thresholds),
+        thresholds.floor_height,
+    )
 
 
 def main() -> None:

@@ -70,6 +70,7 @@ class JointPanel:
             step=min(STEP, max(upper - lower, 1e-6)),
             initial_value=min(max(0.0, lower), upper),
             hint=f"{joint.name} {limits}",
+            disabled=joint.lower >= joint.upper,
         )
 
     def _moved(self, name: str) -> None:

@@ -80,7 +80,9 @@ class PosePanel:
         check_pose(pose, robot)
         names = [joint.name for joint in robot.movable_joints]
         goal = dict(zip(names, pose_positions(pose, robot).tolist()))
-        seconds = min(max(float(self._seconds.value), 0.0), MAX_SECONDS)
+        seconds = float(self._seconds.value)
+        if not 0.0 <= seconds <= MAX_SECONDS:
+            raise InvalidValueError(f"{seconds:g} is no time from 0 to 10 s.")
         self._joints.let_go()
         self._desk.wait_for(lambda: self._world.move(self._robot, goal, seconds))
 

@@ -52,6 +52,10 @@ class FindingList:
         self._folder.visible = True
         self._summary.content = "*Being checked ...*"
 
+    def fail(self) -> None:
+        """Show that a motion could not be judged."""
+        self._summary.content = "*Could not be checked.*"
+
     def _clear(self) -> None:
         """Show nothing of the last motion."""
         for button in self._buttons:

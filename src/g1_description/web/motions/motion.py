@@ -19,6 +19,7 @@ from g1_description.web.page.judges import Judges
 from g1_description.web.robots.robot import Player, ShownRobot, ShownWorld
 
 from .findings import FindingList
+from .markdown import plain
 
 if TYPE_CHECKING:
     from viser import GuiApi
@@ -103,7 +104,9 @@ class MotionPanel:
             visible=can_open,
         )
         self._title = gui.add_markdown("*No motion yet.*" if can_open else "")
-        self._line = gui.add_slider("Time", 0.0, 1.0, STEP, 0.0, visible=False)
+        self._line = gui.add_slider(
+            "Time", 0.0, 1.0, STEP, 0.0, visible=False, disabled=self._read_only
+        )
         self._play = gui.add_button("Play", visible=False)
         self._steps = gui.add_button_group(
             "Sample", ["first", "-1", "+1", "last"], visible=False
@@ -112,6 +115,7 @@ class MotionPanel:
             "Speed", SPEEDS, initial_value="1", visible=False
         )
         self._loop = gui.add_checkbox("Loop", self._read_only, visible=False)
+        self._desk.on(self._robot, lambda: None)
         self._desk.on(self._line, self._moved)
         self._desk.on(self._play, self._toggle)
         self._desk.on(self._steps, self._step)
@@ -133,7 +137,10 @@ class MotionPanel:
             G1DescriptionError: If it holds no motion of the chosen robot.
         """
         robot = self._chosen
-        motion = self._world.read(path, robot, float(self._rate.value))
+        rate = float(self._rate.value)
+        if not 0.0 < rate < math.inf:
+            raise InvalidValueError(f"{rate:g} is no number of samples per second.")
+        motion = self._world.read(path, robot, rate)
         self._desk.post(("open", robot), lambda: self.open(name, robot, motion))
         times = motion.trajectory.times
         return f"{name}: {times[-1] - times[0]:.2f} s, {len(times)} samples."
@@ -151,7 +158,12 @@ class MotionPanel:
         self._titles[robot] = _title(name, motion)
         self._title.content = "\n\n".join(self._titles.values())
         self._findings[robot].begin(name)
-        self._judges.judge_motion(robot, motion, partial(self._judged, robot, motion))
+        self._judges.judge_motion(
+            robot,
+            motion,
+            partial(self._judged, robot, motion),
+            self._findings[robot].fail,
+        )
         self.opened()
         if self._read_only:
             self._start(player.begin)
@@ -191,7 +203,7 @@ class MotionPanel:
     def _toggle(self) -> None:
         """Play, or pause."""
         player = self._player
-        if player.is_running and player.time < player.end:
+        if self._play.label == "Pause":  # what was seen when it was pressed
             self._desk.wait_for(player.pause)
         else:
             self._start(player.time)
@@ -284,11 +296,6 @@ class _Scrub:
 def _title(name: str, motion: Motion) -> str:
     """Say what a motion is, in markdown."""
     times = motion.trajectory.times
-    notes = "".join(f"\n- {_plain(note)}" for note in motion.notes)
+    notes = "".join(f"\n- {plain(note)}" for note in motion.notes)
     lasts = f"{times[-1] - times[0]:.2f} s, {len(times)} samples"
-    return f"**{_plain(name)}** {lasts}{notes}"
-
-
-def _plain(name: str) -> str:
-    """Return a name that markdown leaves as it is."""
-    return "".join(f"\\{c}" if c in "\\`*_{}[]()#+!|<>" else c for c in name)
+    return f"**{plain(name)}** {lasts}{notes}"

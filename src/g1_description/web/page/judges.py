@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import threading
+import time
 from functools import partial
-from typing import TYPE_CHECKING, Callable
+from typing import TYPE_CHECKING, Callable, Tuple
 
 from g1_description.core.motion.motion import Motion
 from g1_description.core.robot.description import Description
@@ -21,6 +22,9 @@ PERIOD = 0.04
 """Least time between two verdicts on where robots are, in [s]."""
 
 MakeChecker = Callable[[Description], Checker]
+
+
+_Request = Tuple[ShownRobot, Motion, Callable[[Judged], object], Callable[[], object]]
 
 
 class Judges:
@@ -40,20 +44,30 @@ class Judges:
             seen: Given each verdict on a state, by the thread that draws.
         """
         self._desk, self._make, self._seen = desk, make, seen
-        self._checkers: dict[int, Checker] = {}
+        self._checkers: dict[int, Checker | Exception] = {}
         self._live: dict[ShownRobot, LiveJudge] = {}
         self._lock = threading.Condition()
         self._states: dict[ShownRobot, RobotState] = {}
-        self._motions: list[tuple[ShownRobot, Motion, Callable[[Judged], object]]] = []
-        self._ended = threading.Event()
+        self._motions: list[_Request] = []
         threading.Thread(target=self._work, daemon=True).start()
 
     def judge_motion(
-        self, robot: ShownRobot, motion: Motion, then: Callable[[Judged], object]
+        self,
+        robot: ShownRobot,
+        motion: Motion,
+        then: Callable[[Judged], object],
+        failed: Callable[[], object],
     ) -> None:
-        """Judge a motion; ``then`` is given the verdict by the thread that draws."""
+        """Judge a motion.
+
+        Args:
+            robot: Who goes through it.
+            motion: The motion.
+            then: Given the verdict by the thread that draws.
+            failed: Called by that thread if there is none.
+        """
         with self._lock:
-            self._motions.append((robot, motion, then))
+            self._motions.append((robot, motion, then, failed))
             self._lock.notify()
 
     def judge_state(self, robot: ShownRobot, state: RobotState) -> None:
@@ -69,17 +83,20 @@ class Judges:
                 self._lock.wait_for(lambda: self._motions or self._states)
                 motions, self._motions = self._motions, []
                 states, self._states = self._states, {}
-            for robot, motion, then in motions:
-                self._try(partial(self._motion, robot, motion, then))
+            for robot, motion, then, failed in motions:
+                self._try(partial(self._motion, robot, motion, then), failed)
             for robot, state in states.items():
                 self._try(partial(self._state, robot, state))
-            self._ended.wait(PERIOD)
+            time.sleep(PERIOD)
 
-    def _try(self, act: Callable[[], object]) -> None:
+    def _try(
+        self, act: Callable[[], object], failed: Callable[[], object] = lambda: None
+    ) -> None:
         """Judge; a mistake is told as of anything that a person does."""
         try:
             act()
         except Exception as error:  # raised again where it is told
+            self._desk.post(object(), failed)
             self._desk.post(("judge", str(error)), partial(_raise, error))
 
     def _motion(
@@ -102,8 +119,14 @@ class Judges:
         """Prepare the checks of a robot, or of one like it."""
         number = id(robot.description)
         if number not in self._checkers:
-            self._checkers[number] = self._make(robot.description)
-        return self._checkers[number]
+            try:
+                self._checkers[number] = self._make(robot.description)
+            except Exception as error:  # it would fail again at each state
+                self._checkers[number] = error
+        found = self._checkers[number]
+        if isinstance(found, Exception):
+            raise found
+        return found
 
 
 def _raise(error: Exception) -> None:

@@ -18,6 +18,7 @@ from g1_description.web.motions.markdown import plain
 from g1_description.web.motions.motion import MotionPanel
 from g1_description.web.robots.robot import RobotState, ShownRobot, ShownWorld
 from g1_description.web.scene.stage import Stage
+from g1_description.web.scene.tree import free_name
 
 from .judges import Judges, MakeChecker
 from .plots import PlotPanel
@@ -26,13 +27,16 @@ from .simulator import SimulatorPanel
 from .view import ViewPanel
 
 if TYPE_CHECKING:
-    from viser import ViserServer
+    from viser import GuiTabGroupHandle, ViserServer
 
 RATE = 30.0
 """Pictures in a second at most, in [Hz]."""
 
 IDLE = 0.25
 """Longest wait for something new, in [s]: panels show times that go on."""
+
+WATCH_PERIOD = 0.1
+"""Time between two looks at whether anybody looks, in [s]."""
 
 MAX_LINES = 8
 """Findings of the present moment that are listed."""
@@ -47,6 +51,7 @@ class Page:
         world: ShownWorld,
         make_checker: MakeChecker,
         read_only: bool = False,
+        floor: float = 0.0,
     ) -> None:
         """Build the page.
 
@@ -55,12 +60,17 @@ class Page:
             world: The robots.
             make_checker: Prepares the checks of a robot.
             read_only: Whether people can only look.
+            floor: Height of the floor in the map, in [m].
         """
         self._server, self._world = server, world
         self.desk = Desk(server, world.changed)
         self._judges = Judges(self.desk, make_checker, self._seen)
         self._stage = Stage(server)
-        self._shown = [Shown(server, robot) for robot in world.robots]
+        names: set[str] = set()
+        self._shown = [
+            Shown(server, robot, free_name(robot.name, names), floor)
+            for robot in world.robots
+        ]
         self._stopped = threading.Event()
         self.watched: Callable[[], int] = lambda: len(server.get_clients())
         """How many look."""
@@ -96,15 +106,22 @@ class Page:
         self._plots: PlotPanel | None = None
         self.motion.opened = self._on_opened
         if not self._read_only:
-            with tabs.add_tab("View"):
-                bodies = [shown.body for shown in self._shown]
-                has_wanted = self._world.has_wanted
-                self._view = ViewPanel(gui, self.desk, self._stage, bodies, has_wanted)
-                if self._world.can_arrange:
-                    self._add_arrangement()
-            with tabs.add_tab("Plots"):
-                robots = [shown.robot for shown in self._shown]
-                self._plots = PlotPanel(gui, self.desk, robots)
+            self._add_looks(tabs)
+
+    def _add_looks(self, tabs: GuiTabGroupHandle) -> None:
+        """Add what people look with."""
+        gui, world = self._server.gui, self._world
+        for shown in self._shown:
+            self._name_on_click(shown)
+        with tabs.add_tab("View"):
+            bodies = [shown.body for shown in self._shown]
+            known = world.has_wanted, world.can_move
+            self._view = ViewPanel(gui, self.desk, self._stage, bodies, *known)
+            if world.can_arrange:
+                self._add_arrangement()
+        with tabs.add_tab("Plots"):
+            robots = [shown.robot for shown in self._shown]
+            self._plots = PlotPanel(gui, self.desk, robots)
 
     def _add_arrangement(self) -> None:
         """Let people choose how robots that are compared are shown."""
@@ -125,9 +142,12 @@ class Page:
         server, robot = self._server, shown.robot
         shown.joints = JointPanel(server.gui, self.desk, robot)
         shown.base = BasePanel(server, self.desk, robot)
+        PosePanel(server.gui, self.desk, self._world, robot, shown.joints)
+
+    def _name_on_click(self, shown: Shown) -> None:
+        """Show the name of a link that a person clicks."""
         desk, name = self.desk, shown.body.name
         shown.body.on_click(lambda link: desk.post("name", lambda: name(link)))
-        PosePanel(server.gui, self.desk, self._world, robot, shown.joints)
 
     def _on_opened(self) -> None:
         """Plot another motion."""
@@ -139,19 +159,25 @@ class Page:
 
     def run(self) -> None:
         """Draw what is new until ``stop`` is called."""
-        is_watched = False
+        threading.Thread(target=self._watch, daemon=True).start()
         while not self._stopped.is_set():
             self._world.changed.wait(IDLE)
             began = time.monotonic()
             self._world.changed.clear()
-            self.desk.do_all()
+            with self._server.atomic():  # each message alone would wake viser
+                self.desk.do_all()
+                if self.watched():
+                    self.desk.guarded(self._draw)
+            spent = time.monotonic() - began
+            self._stopped.wait(max(0.0, 1.0 / RATE - spent))
+
+    def _watch(self) -> None:
+        """Tell the world whether anybody looks; it may wait for others then."""
+        is_watched = False
+        while not self._stopped.wait(WATCH_PERIOD):
             if bool(self.watched()) != is_watched:
                 is_watched = not is_watched
                 self.desk.guarded(partial(self._world.watch, is_watched))
-            if is_watched:
-                self.desk.guarded(self._draw)
-            spent = time.monotonic() - began
-            self._stopped.wait(max(0.0, 1.0 / RATE - spent))
 
     def stop(self) -> None:
         """End ``run``."""
@@ -164,12 +190,9 @@ class Page:
         if self._simulator is not None:
             self._simulator.follow()
         self.motion.follow()
-        states = {}
-        with self._server.atomic():
-            for shown in self._shown:
-                state = shown.robot.state()
-                if state is not None:
-                    states[shown.robot] = state, self._show(shown, state)
+        states: dict[ShownRobot, tuple[RobotState, RobotState | None]] = {}
+        for shown in self._shown:
+            self.desk.guarded(partial(self._show, shown, states))
         self._tell_lack(states)
         if self._plots is not None:
             self._plots.add(states, self.motion.player)
@@ -190,9 +213,17 @@ class Page:
             self._lack.content = text
             self._lack.visible = bool(text)
 
-    def _show(self, shown: Shown, state: RobotState) -> RobotState | None:
-        """Show where a robot is; return where it is wanted, if that is known."""
+    def _show(
+        self,
+        shown: Shown,
+        states: dict[ShownRobot, tuple[RobotState, RobotState | None]],
+    ) -> None:
+        """Show where a robot is, and add that and where it is wanted to the states."""
+        state = shown.robot.state()
+        if state is None:
+            return
         view, wanted = self._view, shown.robot.wanted()
+        states[shown.robot] = state, wanted
         shown.show(state)
         shown.show_wanted(wanted if view is not None and view.ghost.value else None)
         shown.trail(view is not None and bool(view.trails.value))
@@ -203,7 +234,6 @@ class Page:
             shown.unmark()
             self._found.clear()
             self._tell_found()
-        return wanted
 
     def _seen(
         self, robot: ShownRobot, state: RobotState, judged: Judged, verdict: Verdict

@@ -23,9 +23,6 @@ if TYPE_CHECKING:
 LIMIT_MARGIN = 0.05
 """Joints this near to a limit are marked, in [rad] or [m]."""
 
-FLOOR = 0.0
-"""Height of the floor in the map, in [m]."""
-
 GHOST = (0.95, 0.6, 0.1, SEE_THROUGH)
 """Colour of where a robot is wanted."""
 
@@ -40,16 +37,20 @@ NEAR = 0.01
 class Shown:
     """One robot in the scene, with its ghost, its trails and its marks."""
 
-    def __init__(self, server: ViserServer, robot: ShownRobot) -> None:
+    def __init__(
+        self, server: ViserServer, robot: ShownRobot, name: str, floor: float
+    ) -> None:
         """Add the robot.
 
         Args:
             server: Where to.
             robot: The robot.
+            name: Its own name in the scene.
+            floor: Height of the floor in the map, in [m].
         """
         self.robot = robot
         self._scene = server.scene
-        self._name = robot.name.replace("/", "_")
+        self._name = name
         description = robot.description
         self.body = SceneRobot(self._scene, f"/robots/{self._name}", description)
         self.joints: JointPanel | None = None
@@ -58,7 +59,7 @@ class Shown:
         self._ghost: SceneRobot | None = None
         self._trails = Trails(self._scene, f"/trails/{self._name}", description)
         self._canvas = SceneMarks(self._scene, f"/checks/{self._name}")
-        self._marks = RobotMarks(description, FLOOR, LIMIT_MARGIN)
+        self._marks = RobotMarks(description, floor, LIMIT_MARGIN)
         self._state: RobotState | None = None
         self._judged: RobotState | None = None
 

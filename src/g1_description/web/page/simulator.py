@@ -50,7 +50,8 @@ class SimulatorPanel:
                 "Speed", [*SPEEDS], initial_value="1", hint="of simulated time"
             )
             reset = gui.add_button("Reset", hint="all robots back to where they began")
-        desk.on(self._pause, lambda: desk.wait_for(self._toggle))
+        self._desk = desk
+        desk.on(self._pause, self._toggle)
         desk.on(step, lambda: desk.wait_for(self._step))
         desk.on(
             self._speed,
@@ -61,11 +62,10 @@ class SimulatorPanel:
         desk.on(reset, lambda: desk.wait_for(simulator.reset))
 
     def _toggle(self) -> None:
-        """Pause, or go on."""
-        if self._simulator.is_paused:
-            self._simulator.go_on()
-        else:
-            self._simulator.pause()
+        """Pause, or go on: what the button said when it was pressed."""
+        is_pause = self._pause is not None and self._pause.label == "Pause"
+        simulator = self._simulator
+        self._desk.wait_for(simulator.pause if is_pause else simulator.go_on)
 
     def _step(self) -> None:
         """Run some steps; time is paused first."""

@@ -20,9 +20,12 @@ COPY = """
 <div style="display:flex;gap:0.4em;margin:0 0.8em 0.6em;font-size:0.85em">
 <button style="flex:1;padding:0.4em;cursor:pointer"
  onclick="g1.copy('/configuration.yaml')">Copy as YAML</button>
+{command}</div>
+"""
+
+COPY_COMMAND = """\
 <button style="flex:1;padding:0.4em;cursor:pointer"
  onclick="g1.copy('/configuration.sh')">Copy rostopic pub</button>
-</div>
 """
 
 
@@ -36,6 +39,7 @@ class ViewPanel:
         stage: Stage,
         robots: Sequence[SceneRobot],
         has_wanted: bool,
+        can_move: bool,
     ) -> None:
         """Add the panel.
 
@@ -45,8 +49,11 @@ class ViewPanel:
             stage: Floor and map.
             robots: All robots.
             has_wanted: Whether it is known where they are wanted.
+            can_move: Whether anybody takes commands.
         """
         self._gui, self._desk = gui, desk
+        self._pictured: set[int] = set()
+        """Who waits for a picture."""
 
         def each(
             show: Callable[[SceneRobot, bool], object],
@@ -65,7 +72,7 @@ class ViewPanel:
         self.checks = self._switch("Checks", True)
         picture = gui.add_button("Save a picture", hint="of what you see, as PNG")
         picture.on_click(self._save)
-        gui.add_html(COPY)
+        gui.add_html(COPY.format(command=COPY_COMMAND if can_move else ""))
 
     def _switch(
         self,
@@ -81,8 +88,15 @@ class ViewPanel:
     def _save(self, event: Any) -> None:
         """Save what one person sees; called by a thread of viser's."""
         client = event.client
-        if client is not None:
-            self._desk.wait_for(lambda: _send_picture(client))
+        if client is None or client.client_id in self._pictured:
+            return
+        self._pictured.add(client.client_id)
+        try:
+            _send_picture(client)
+        except (TimeoutError, RuntimeError) as error:
+            client.add_notification("No picture", f"{error}", color="red")
+        finally:
+            self._pictured.discard(client.client_id)
 
 
 def _send_picture(client: Any) -> None:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Tuple
 
 import numpy as np
-import trimesh
 
 from g1_description.core.robot.description import Description, Shape
 from g1_description.core.rotation import rotate
@@ -117,6 +116,8 @@ def _merged(looks: Iterable[tuple[np.ndarray, Color]]) -> list[Patch]:
 
 def _patch(corners: np.ndarray, color: Color) -> Patch:
     """Number the corners of triangles, shape (n, 3, 3)."""
+    import trimesh  # where it is missing, the server says so in a sentence
+
     rows = np.ascontiguousarray(corners.reshape(-1, 3), dtype=np.float32)
     first, number = trimesh.grouping.unique_rows(rows)
     return Patch(rows[first], number.reshape(-1, 3).astype(np.uint32), color)

@@ -44,6 +44,7 @@ class LinkTree:
         self.frames: dict[str, FrameHandle] = {}
         """Frames by link name."""
         self._base = IDENTITY
+        self._names: set[str] = set()
         self._add(path, robot.root, self._T_base_root)
         joints = []
         for joint in below([robot.root], robot.joints):
@@ -55,7 +56,7 @@ class LinkTree:
     def _add(self, above: str, link: str, pose: np.ndarray) -> None:
         """Add the frame of a link below another."""
         self.frames[link] = self._scene.add_frame(
-            f"{above}/{link.replace('/', '_')}",
+            f"{above}/{free_name(link, self._names)}",
             show_axes=False,
             axes_length=AXES,
             axes_radius=0.05 * AXES,
@@ -136,6 +137,22 @@ class _Joints:
         slid = np.where(turns, 0.0, positions)[:, np.newaxis] * self._slide[rows]
         place = self._pivot[rows] - rotate(rotation, self._origin[rows]) + slid
         return np.concatenate([place, rotation], axis=1)
+
+
+def free_name(name: str, used: set[str]) -> str:
+    """Make a name for a scene that no other has, and add it to those that are used.
+
+    Args:
+        name: What it is to be like; slashes have a meaning there.
+        used: All names so far.
+    """
+    plain = name.replace("/", "_") or "_"
+    found, number = plain, 1
+    while found in used:
+        number += 1
+        found = f"{plain}_{number}"
+    used.add(found)
+    return found
 
 
 def wxyz(pose: np.ndarray) -> tuple[float, float, float, float]:

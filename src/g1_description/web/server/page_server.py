@@ -99,6 +99,7 @@ def _check_installed() -> None:
         PageServerError: If something is not installed.
     """
     try:
+        import trimesh  # noqa: F401
         import viser  # noqa: F401
         import websockets.asyncio.server  # noqa: F401  older ones have none
     except ImportError as error:

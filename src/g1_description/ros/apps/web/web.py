@@ -75,7 +75,12 @@ def web(args: argparse.Namespace) -> None:
         thresholds = read_thresholds(args.thresholds)
     world, motions = make_world(args)
     options = ServerOptions(args.host, args.port, args.read_only)
-    show = Show(world, options, lambda robot: Checker.of(robot, thresholds))
+    show = Show(
+        world,
+        options,
+        lambda robot: Checker.of(robot, thresholds),
+        thresholds.floor_height,
+    )
     for (file, motion), robot in zip(motions, world.robots):
         show.page.motion.open(file.name, robot, motion)
     tell_address(show, options, notify)
