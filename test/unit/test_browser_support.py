@@ -159,6 +159,13 @@ def test_problems_of_a_page_are_kept(chromium):
 
 
 @needs_browser
+def test_a_script_runs_before_those_of_the_page(chromium):
+    page = chromium.open("data:,", WINDOW, script="window.early = 1")
+    assert page.raw.evaluate("early") == 1
+    page.close()
+
+
+@needs_browser
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
 def test_no_browser_stays_behind(number, tmp_path):
     mark = new_mark()
@@ -184,11 +191,14 @@ def test_no_browser_stays_behind(number, tmp_path):
 def test_a_client_without_a_browser_sees_and_sets(small):
     with PageClient(small.address) as client, PageClient(small.address) as other:
         client.wait_until_whole()
+        other.wait_until_whole()
+        count = other.counts["/box"]
         assert client.element("left_knee_joint")["max"] == 2.5
         assert client.nodes["/box"]["dimensions"] == [1.0, 1.0, 1.0]
         client.set("left_knee_joint", 1.25)
         other.wait_for(lambda: other.value("left_knee_joint") == 1.25, "the value")
         other.wait_for(lambda: other.nodes["/box"]["position"][0] == 1.25, "the box")
+        assert other.counts["/box"] == count + 1
         client.press("Reset")
         client.wait_for(lambda: client.value("left_knee_joint") == 0.0, "the reset")
         small.name.remove()
