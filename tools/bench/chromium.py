@@ -91,7 +91,11 @@ class WatchedPage:
 
     def time_of(self, script, argument=None, what="the page"):
         """Wait until JavaScript gives a time of the page's; give that in [s]."""
-        return 1e-3 * self.wait_for(script, argument, what) + self._offset
+        return self.at(self.wait_for(script, argument, what))
+
+    def at(self, moment):
+        """Give the time in [s] of a time of the page's in [ms]."""
+        return 1e-3 * moment + self._offset
 
     def rest(self):
         """Wait until nothing changes for a while, and forget what did."""
@@ -169,7 +173,7 @@ def _first_picture(browser, address, size):
     page.finish()
     if seen is None or pixels < 10 * AT_ONCE:
         raise MeasurementError(f"no robot was seen ({pixels} pixels of it)")
-    return 1e-3 * seen + page._offset - page.opened
+    return page.at(seen) - page.opened
 
 
 def address_of(program):

@@ -6,6 +6,7 @@ and then prints twice a second as JSON: the time in [s], bytes and moves of all 
 """
 
 import json
+import signal
 import sys
 import time
 from contextlib import ExitStack
@@ -26,6 +27,8 @@ def node_of(page, link):
 
 def main():
     """Watch until somebody ends it."""
+    # Who runs in the background of a shell would hand down that it is ignored.
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
     address, count, link = sys.argv[1:]
     with ExitStack() as stack:
         pages = [stack.enter_context(PageClient(address)) for _ in range(int(count))]
