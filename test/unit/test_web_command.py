@@ -27,7 +27,7 @@ from page_client import PageClient
 DATA = REPOSITORY / "test" / "data"
 ROBOT = str(DATA / "revolute.urdf")
 DEADLINE = 60.0
-ENDING = 3.0
+ENDING = 15.0
 """Longest time from a signal to the end, in [s]."""
 
 
