@@ -10,6 +10,8 @@ from g1_description.core.checks.verdict import FAILED, Finding, Verdict
 from g1_description.sim.marks.labels import short_name
 from g1_description.web.desk import Desk
 
+from .markdown import plain
+
 if TYPE_CHECKING:
     from viser import GuiApi, GuiButtonHandle
 
@@ -76,7 +78,10 @@ class FindingList:
         self._summary.content = summary(verdict) + rest
         if verdict.findings:
             self._strips.content = strips(verdict.findings, span)
-        if not self._read_only:
+        if self._read_only:
+            lines = [f"- {plain(title(f))}" for f in verdict.findings[:MAX_BUTTONS]]
+            self._summary.content += "\n\n" + "\n".join(lines)
+        else:
             with self._folder:
                 self._buttons = [self._add(f) for f in verdict.findings[:MAX_BUTTONS]]
 

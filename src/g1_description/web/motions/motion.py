@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from g1_description.core.errors import InvalidValueError
+from g1_description.core.errors import InvalidValueError, MotionError
 from g1_description.core.motion.motion import Motion
 from g1_description.sim.checks.timeline import Judged
 from g1_description.web.desk import Desk
@@ -35,6 +35,9 @@ HELD = 0.4
 
 REST = 1.0
 """Time between the end of a motion and its next beginning, in [s]."""
+
+RATE = 30.0
+"""Samples per second of files without times, where nobody chooses another."""
 
 SPEEDS = ("0.1", "0.25", "0.5", "1", "1.5", "2", "4")
 
@@ -97,7 +100,7 @@ class MotionPanel:
         )
         self._rate = gui.add_number(
             "Samples per second",
-            30.0,
+            RATE,
             min=0.001,
             max=1e6,
             hint="of the next file, if it has no times",
@@ -140,7 +143,11 @@ class MotionPanel:
         rate = float(self._rate.value)
         if not 0.0 < rate < math.inf:
             raise InvalidValueError(f"{rate:g} is no number of samples per second.")
-        motion = self._world.read(path, robot, rate)
+        try:
+            # The usual rate goes without saying: a file that has times says no more.
+            motion = self._world.read(path, robot, None if rate == RATE else rate)
+        except MotionError as error:
+            raise MotionError(str(error).replace(path.name, name)) from error
         self._desk.post(("open", robot), lambda: self.open(name, robot, motion))
         times = motion.trajectory.times
         return f"{name}: {times[-1] - times[0]:.2f} s, {len(times)} samples."
