@@ -19,6 +19,9 @@ from .joints import HELD, PERIOD
 if TYPE_CHECKING:
     from viser import ViserServer
 
+LEAST_NORM = 0.1
+"""A quaternion that is shorter has no direction."""
+
 FINE = 5e-5
 """Fields show a change of at least so much, in [m] or [rad]."""
 
@@ -64,7 +67,8 @@ class BasePanel:
     def _typed(self) -> None:
         """Move the base to where the fields say."""
         rpy = np.array(self._rpy.value, dtype=float)
-        self._command(np.concatenate([self._place.value, from_rpy(rpy)]))
+        if rpy.shape == (3,):
+            self._command(np.concatenate([self._place.value, from_rpy(rpy)]))
 
     def _dragged(self) -> None:
         """Move the base to where the gizmo is."""
@@ -74,8 +78,10 @@ class BasePanel:
 
     def _command(self, pose: np.ndarray) -> None:
         """Move the base, if that is a pose."""
-        is_pose = (np.abs(pose) <= MAX_VALUE).all() and np.linalg.norm(pose[3:]) > 0.1
-        if is_pose:
+        # A browser sends no others; a field of two numbers would be kept, too.
+        if pose.shape != (7,) or not (np.abs(pose) <= MAX_VALUE).all():
+            return
+        if np.linalg.norm(pose[3:]) > LEAST_NORM:
             for field in self._fields:
                 self._held.hold(field)
             pose[3:] /= np.linalg.norm(pose[3:])
