@@ -44,7 +44,7 @@ class Judges:
             seen: Given each verdict on a state, by the thread that draws.
         """
         self._desk, self._make, self._seen = desk, make, seen
-        self._checkers: dict[int, Checker | Exception] = {}
+        self._checkers: dict[int, Checker] = {}
         self._live: dict[ShownRobot, LiveJudge] = {}
         self._lock = threading.Condition()
         self._states: dict[ShownRobot, RobotState] = {}
@@ -119,14 +119,8 @@ class Judges:
         """Prepare the checks of a robot, or of one like it."""
         number = id(robot.description)
         if number not in self._checkers:
-            try:
-                self._checkers[number] = self._make(robot.description)
-            except Exception as error:  # it would fail again at each state
-                self._checkers[number] = error
-        found = self._checkers[number]
-        if isinstance(found, Exception):
-            raise found
-        return found
+            self._checkers[number] = self._make(robot.description)
+        return self._checkers[number]
 
 
 def _raise(error: Exception) -> None:
