@@ -211,7 +211,7 @@ def test_a_value_that_has_just_come_is_not_overwritten_by_an_old_state(
     wait_for(lambda: slider.value == 1.25, "the value")
     panel._looked = 0.0
     panel.follow(shown.where)  # before the thread that draws knows of it
-    desk.do_all()
+    wait_for(lambda: desk.do_all() or shown.commands, "what was wanted")
     assert shown.commands == [{"to_b": 1.25}]
     assert slider.value == 1.25
 

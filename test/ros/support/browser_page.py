@@ -157,7 +157,8 @@ class Page:
         """Close all notices, such as that of drawing in software."""
         notices = self.raw.locator(".mantine-Notification-closeButton")
         while notices.count():
-            notices.first.click()
+            # At once: one that closes itself meanwhile could not be clicked.
+            notices.evaluate_all("all => all.forEach(button => button.click())")
             self.raw.wait_for_timeout(300)
 
     def drag(self, start, end, steps=10):
@@ -235,10 +236,18 @@ class Slider:
         """Type a value into its field, as one who pastes it."""
         _type(self._field, value)
 
+    def type_keys(self, text, delay=30):
+        """Type a text into its field key by key, with so many [ms] between."""
+        self._field.click(click_count=3)
+        self._field.press_sequentially(text, delay=delay)
+        self._field.blur()
+
 
 def _type(field, value):
-    # In one go: viser takes each key for a value, and so -0 of -0.5 for 0.
-    field.fill(str(value))
+    # In one go: viser takes each key for a value, and so -0 of -0.5 for 0. By hand:
+    # `fill` is lost where the page has changed the field since.
+    field.click(click_count=3)
+    field.page.keyboard.insert_text(str(value))
     field.press("Enter")
     field.blur()
 

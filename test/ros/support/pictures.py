@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from PIL import Image
 
 TOLERANCE = 8
 """Difference of a colour that nobody sees, of 255: edges are smoothed, lights round."""
@@ -20,3 +21,9 @@ def changed(one, other, tolerance=TOLERANCE):
 def share_changed(one, other, tolerance=TOLERANCE):
     """Give the share of the pixels that differ by more than a tolerance: 0 to 1."""
     return float(changed(one, other, tolerance).mean())
+
+
+def read_picture(path):
+    """Read a file."""
+    with Image.open(path) as picture:
+        return np.asarray(picture.convert("RGB"))

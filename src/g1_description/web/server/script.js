@@ -1,4 +1,5 @@
-// What the page does beside viser: sends files, copies texts, says what happened.
+// What the page does beside viser: sends files, copies texts, says what happened, and
+// takes typed numbers when they are whole.
 (() => {
   const readOnly = READ_ONLY;
   const TOAST_TIME = 6000;  // ms
@@ -112,6 +113,46 @@
     event.stopPropagation();
     for (const file of event.dataTransfer.files) upload(file);
   }, true);
+
+  // Viser takes each key for a value: "-0" of "-0.5" for 0, and "1" of "1.05" for where
+  // the robot shall go. So what is typed is kept from it until Enter, or the field is left.
+  let typed = null;  // { field, before }
+  const isNumber = (field) => field instanceof HTMLInputElement && field.inputMode;
+
+  const { set: write } = Object.getOwnPropertyDescriptor(
+    HTMLInputElement.prototype, "value",
+  );
+
+  /** Hand on what was typed; what is no number gives way to what was there. */
+  function commit(event) {
+    if (typed === null || event.target !== typed.field) return;
+    const { field, before } = typed;
+    const text = field.value.trim();
+    typed = null;
+    field.value = before;
+    if (text === "" || !Number.isFinite(Number(text))) return;
+    // As if all were replaced with one key: the field asks what was selected before.
+    field.setSelectionRange(0, before.length);
+    field.dispatchEvent(new KeyboardEvent("keydown", { bubbles: true }));
+    write.call(field, text);  // past React, so that it sees a change
+    field.setSelectionRange(text.length, text.length);
+    field.dispatchEvent(new Event("input", { bubbles: true }));
+  }
+
+  addEventListener("beforeinput", ({ target }) => {
+    if (isNumber(target) && typed?.field !== target) {
+      typed = { field: target, before: target.value };
+    }
+  }, true);
+  for (const name of ["input", "change"]) {
+    addEventListener(name, (event) => {
+      if (event.isTrusted && isNumber(event.target)) event.stopImmediatePropagation();
+    }, true);
+  }
+  addEventListener("keydown", (event) => {
+    if (["Enter", "ArrowUp", "ArrowDown"].includes(event.key)) commit(event);
+  }, true);
+  addEventListener("blur", commit, true);
 
   window.g1 = { upload, copy, toast };
 })();
