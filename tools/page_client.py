@@ -105,6 +105,8 @@ class PageClient:
         things = self.elements if "uuid" in message else self.nodes
         self.times[kind if name is None else name] = time.monotonic()
         self.counts[kind if name is None else name] += 1
+        if message.get("virtual") and name in things:
+            return  # stands for what is there, below something of this page's own
         if kind in ("GuiRemoveMessage", "RemoveSceneNodeMessage"):
             things.pop(name, None)
         elif name is None:

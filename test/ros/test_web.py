@@ -170,6 +170,28 @@ class TestWeb(unittest.TestCase):
             lambda: share_changed(with_robot, page.scene()) < 0.005, "the robot again"
         )
 
+    def test_a_link_is_named_where_the_mouse_rests(self):
+        page = self.page
+        before = page.still()
+        dark = np.argwhere(before.max(axis=2) < 90)
+        middle = dark[np.abs(dark - np.median(dark, axis=0)).sum(axis=1).argmin()]
+        corner = page.canvas().bounding_box()
+        x, y = corner["x"] + middle[1], corner["y"] + middle[0]
+
+        def is_named():
+            page.raw.mouse.move(0, 0)  # or the name would not come twice
+            page.raw.mouse.move(x, y)
+            page.raw.wait_for_timeout(500)
+            return (page.scene() == 255).all(axis=2).sum() > 300
+
+        self.assertLess((before == 255).all(axis=2).sum(), 100)
+        page.wait_for(is_named, "the name on white")
+        self.keep(page, "named")
+        page.raw.mouse.move(0, 0)
+        page.wait_for(
+            lambda: share_changed(before, page.scene()) < 0.001, "no name any more"
+        )
+
     def test_a_slider_moves_the_robot(self):
         slider = self.slider(LEG, "left_knee")
         before = self.page.still()

@@ -156,8 +156,11 @@ def test_two_motions_are_compared():
         client = stack.enter_context(PageClient(address))
         client.wait_until_whole()
         robots = {
-            name.split("/")[2]
+            name.split("/")[3]
             for name in client.nodes
-            if name.startswith("/robots/") and name.endswith("/pelvis")
+            if name.startswith("/map/robots/") and name.endswith("/pelvis")
         }
         assert len(robots) == 2
+        tags = [node for name, node in client.nodes.items() if name.endswith("/tag")]
+        assert {tag["text"] for tag in tags} == {"elbow.csv 1", "elbow.csv 2"}
+        assert len({tag["position"][2] for tag in tags}) == 2, "one above the other"

@@ -190,6 +190,90 @@ def test_the_fields_of_the_base_move_it_and_follow(page):
     one.wait_for(lambda: one.value("Roll pitch yaw") == [0.0, 0.0, 0.5], "the yaw")
 
 
+def test_a_robot_that_is_followed_stays_in_the_middle(page):
+    one = page.client()
+    page.robot.command_base(np.array([7.3, -4.1, 1.0, 0, 0, 0, 1.0]))
+    page.world.changed.set()
+    one.wait_for(lambda: place(one, "trunk")[0] == 7.3, "the robot far away")
+    one.set("Follow the robot", True)
+
+    def is_in_the_middle():
+        return np.allclose(place(one, "trunk")[:3], [0, 0, 1.0], atol=PRECISION)
+
+    one.wait_for(is_in_the_middle, "the robot in the middle")
+    floor = np.array(one.nodes["/floor"]["position"])
+    lines = (floor[:2] - [-7.3, 4.1]) / 1.0
+    np.testing.assert_allclose(lines, np.round(lines), atol=PRECISION)
+    assert np.abs(floor).max() < 1.0
+    one.set("x y z", [1.0, 2.0, 1.0])
+    one.wait_for(lambda: one.value("x y z") == [1.0, 2.0, 1.0], "the fields")
+    wait_for(lambda: page.robot.state().base[0] == 1.0, "the base where it was put")
+    one.wait_for(is_in_the_middle, "the robot in the middle again")
+    one.set("Gizmo", True)  # a map that moves would carry it away from the mouse
+    wait_for(lambda: page.show.page._shown[0].base.has_gizmo, "the gizmo")
+    one.set("x y z", [2.0, 2.0, 1.0])
+    one.wait_for(
+        lambda: np.isclose(place(one, "trunk")[0], 1.0, atol=PRECISION), "its way"
+    )
+    one.set("Gizmo", False)
+    one.wait_for(is_in_the_middle, "the robot in the middle at last")
+    one.set("Follow the robot", False)
+    one.wait_for(lambda: place(one, "trunk")[0] == 2.0, "the robot where it is")
+
+
+def names_shown(client):
+    """Give the names of links that are shown."""
+    return {
+        node["text"]
+        for name, node in list(client.nodes.items())
+        if name.endswith(("/pointed_at", "/picked"))
+    }
+
+
+def click(client, link, modifier=None):
+    """Click a link's first shape."""
+    (name,) = (n for n in list(client.nodes) if n.endswith(f"/{link}/visual_0"))
+    client.send(
+        "SceneNodeClickMessage",
+        name=name,
+        instance_index=None,
+        ray_origin=(1.0, 0.0, 0.0),
+        ray_direction=(-1.0, 0.0, 0.0),
+        screen_pos=(0.5, 0.5),
+        modifier=modifier,
+        owner="",
+    )
+
+
+def test_the_name_of_a_link_is_shown_to_who_points_at_it(page):
+    one, other = page.client(), page.client()
+    click(one, "trunk", "cmd/ctrl+alt+shift")
+    one.wait_for(lambda: names_shown(one) == {"trunk"}, "the name")
+    click(one, "left_arm", "cmd/ctrl+alt+shift")
+    one.wait_for(lambda: names_shown(one) == {"left_arm"}, "the other name")
+    one.wait_for(lambda: names_shown(one) == set(), "no name after a while")
+    click(other, "right_arm")
+    for client in (one, other):
+        client.wait_for(lambda c=client: names_shown(c) == {"right_arm"}, "a click")
+    click(one, "trunk", "cmd/ctrl+alt+shift")
+    one.wait_for(lambda: "trunk" in names_shown(one), "its name")
+    assert names_shown(other) == {"right_arm"}
+
+
+def test_who_points_at_a_link_and_vanishes_disturbs_nobody(page, caplog):
+    one, other = page.client(), page.client()
+    for _ in range(20):
+        click(one, "trunk", "cmd/ctrl+alt+shift")
+    one.wait_for(lambda: "trunk" in names_shown(one), "its name")
+    click(one, "left_arm", "cmd/ctrl+alt+shift")
+    one.vanish()
+    pointer = page.show.page._pointer
+    wait_for(lambda: not pointer._shown, "no name of who is gone")
+    other.set("left_elbow", -0.25)
+    wait_for(lambda: page.position() == -0.25, "the joint")
+    assert not caplog.records
+
+
 NONSENSE = [math.nan, math.inf, -math.inf, 1e300, -3.0, "0.5 rad", None, [1.0], {}, b""]
 
 

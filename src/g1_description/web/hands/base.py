@@ -12,6 +12,7 @@ from g1_description.core.rotation import axes_to_rpy, from_rpy, to_axes
 from g1_description.web.desk import Desk
 from g1_description.web.held import Held
 from g1_description.web.robots.robot import RobotState, ShownRobot
+from g1_description.web.scene.stage import MAP
 from g1_description.web.scene.tree import pose_of, wxyz
 
 from .joints import HELD, PERIOD
@@ -52,13 +53,18 @@ class BasePanel:
                 "Roll pitch yaw", (0.0, 0.0, 0.0), step=0.01, hint="in rad"
             )
         self._gizmo = server.scene.add_transform_controls(
-            f"/gizmos/{robot.name.replace('/', '_')}", scale=0.45, visible=False
+            f"{MAP}/gizmos/{robot.name.replace('/', '_')}", scale=0.45, visible=False
         )
         self._fields = self._place, self._rpy
         desk.on(self._gizmo_on, self._show_gizmo)
         desk.on(self._place, self._typed)
         desk.on(self._rpy, self._typed)
         desk.on(self._gizmo, self._dragged)
+
+    @property
+    def has_gizmo(self) -> bool:
+        """Whether the gizmo is seen."""
+        return bool(self._gizmo_on.value)
 
     def _show_gizmo(self) -> None:
         """Show the gizmo, or hide it."""

@@ -8,6 +8,8 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from g1_description.core.checks.verdict import Verdict
 from g1_description.sim.checks.timeline import Judged
 from g1_description.web.desk import Desk
@@ -17,6 +19,8 @@ from g1_description.web.hands.poses import PosePanel
 from g1_description.web.motions.markdown import plain
 from g1_description.web.motions.motion import MotionPanel
 from g1_description.web.robots.robot import RobotState, ShownRobot, ShownWorld
+from g1_description.web.scene.pointer import KEYS as POINTED
+from g1_description.web.scene.pointer import Pointer
 from g1_description.web.scene.stage import Stage
 from g1_description.web.scene.tree import free_name
 
@@ -66,11 +70,14 @@ class Page:
         self.desk = Desk(server, world.changed)
         self._judges = Judges(self.desk, make_checker, self._seen)
         self._stage = Stage(server)
+        self._pointer = Pointer(server)
         names: set[str] = set()
         self._shown = [
             Shown(server, robot, free_name(robot.name, names), floor)
             for robot in world.robots
         ]
+        for row, shown in enumerate(self._shown if len(self._shown) > 1 else ()):
+            shown.body.tag(shown.robot.name, row)
         self._stopped = threading.Event()
         self.watched: Callable[[], int] = lambda: len(server.get_clients())
         """How many look."""
@@ -145,9 +152,15 @@ class Page:
         PosePanel(server.gui, self.desk, self._world, robot, shown.joints)
 
     def _name_on_click(self, shown: Shown) -> None:
-        """Show the name of a link that a person clicks."""
-        desk, name = self.desk, shown.body.name
-        shown.body.on_click(lambda link: desk.post("name", lambda: name(link)))
+        """Show the name of a link that a person clicks or points at."""
+        body, post, point = shown.body, self.desk.post, self._pointer.show
+        body.on_click(lambda link, _: post("name", lambda: body.name(link)))
+        body.on_click(
+            lambda link, client: post(
+                ("point", client.client_id), lambda: point(body, link, client)
+            ),
+            POINTED,
+        )
 
     def _on_opened(self) -> None:
         """Plot another motion."""
@@ -187,6 +200,7 @@ class Page:
     def _draw(self) -> None:
         """Show where all robots are."""
         self._world.tick()
+        self._pointer.tick()
         if self._simulator is not None:
             self._simulator.follow()
         self.motion.follow()
@@ -194,8 +208,23 @@ class Page:
         for shown in self._shown:
             self.desk.guarded(partial(self._show, shown, states))
         self._tell_lack(states)
+        self._follow(states)
         if self._plots is not None:
             self._plots.add(states, self.motion.player)
+
+    def _follow(
+        self, states: Mapping[ShownRobot, tuple[RobotState, RobotState | None]]
+    ) -> None:
+        """Keep the first robot in the middle, if that is wanted."""
+        if any(s.base is not None and s.base.has_gizmo for s in self._shown):
+            return  # which would run away from the mouse
+        place = np.zeros(2)
+        if self._view is not None and self._view.follow.value:
+            state = states.get(self._shown[0].robot)
+            if state is None or state[0].base is None:
+                return
+            place = state[0].base[:2]
+        self._stage.follow(place)
 
     def _tell_lack(
         self, states: Mapping[ShownRobot, tuple[RobotState, RobotState | None]]

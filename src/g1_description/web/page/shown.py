@@ -15,6 +15,7 @@ from g1_description.web.hands.joints import JointPanel
 from g1_description.web.robots.robot import RobotState, ShownRobot
 from g1_description.web.scene.marks import SceneMarks
 from g1_description.web.scene.robot import SEE_THROUGH, SceneRobot
+from g1_description.web.scene.stage import MAP
 from g1_description.web.scene.trails import Trails
 
 if TYPE_CHECKING:
@@ -52,13 +53,13 @@ class Shown:
         self._scene = server.scene
         self._name = name
         description = robot.description
-        self.body = SceneRobot(self._scene, f"/robots/{self._name}", description)
+        self.body = SceneRobot(self._scene, f"{MAP}/robots/{self._name}", description)
         self.joints: JointPanel | None = None
         """Its sliders, where it can be moved."""
         self.base: BasePanel | None = None
         self._ghost: SceneRobot | None = None
-        self._trails = Trails(self._scene, f"/trails/{self._name}", description)
-        self._canvas = SceneMarks(self._scene, f"/checks/{self._name}")
+        self._trails = Trails(self._scene, f"{MAP}/trails/{self._name}", description)
+        self._canvas = SceneMarks(self._scene, f"{MAP}/checks/{self._name}")
         self._marks = RobotMarks(description, floor, LIMIT_MARGIN)
         self._state: RobotState | None = None
         self._judged: RobotState | None = None
@@ -77,7 +78,7 @@ class Shown:
         is_seen = wanted is not None and _differ(wanted, self._state)
         if is_seen and wanted is not None:
             if self._ghost is None:
-                path, robot = f"/commanded/{self._name}", self.robot.description
+                path, robot = f"{MAP}/commanded/{self._name}", self.robot.description
                 self._ghost = SceneRobot(self._scene, path, robot, GHOST)
             self._ghost.show(wanted.base, wanted.positions)
         if self._ghost is not None and self._ghost.visible != is_seen:

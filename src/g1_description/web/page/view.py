@@ -66,6 +66,7 @@ class ViewPanel:
         self._switch("Names of links", False, each(SceneRobot.show_names))
         self._switch("Floor", True, stage.show_floor)
         self._switch("Axes of the map", False, stage.show_axes)
+        self.follow = self._switch("Follow the robot", False)
         self.trails = self._switch("Trails", False)
         self.ghost = self._switch("Commanded configuration", False)
         self.ghost.visible = has_wanted

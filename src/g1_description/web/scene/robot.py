@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,6 +22,10 @@ RED = (0.85, 0.05, 0.05, 1.0)
 
 SOLID: Color = (0.2, 0.5, 0.9, 0.45)
 """Colour of collision shapes."""
+
+TAG, TAG_ROW = 0.65, 0.12
+"""Height of the lowest tag over a robot's root link, which for one of a person's height
+is above its head, and from one tag to the next, in [m]."""
 
 SEE_THROUGH = 0.35
 """Opacity of a robot that is not the one itself, such as a ghost."""
@@ -135,11 +139,16 @@ class SceneRobot:
         """Names of links at their origins."""
         return [self._add_name(link) for link in self.tree.frames if link != WORLD]
 
-    def on_click(self, act: Callable[[str], object]) -> None:
-        """Let something be done with the name of a link that a person clicks."""
+    def on_click(self, act: Callable[[str, Any], object], keys: Any = None) -> None:
+        """Let something be done when a person clicks a link.
+
+        Args:
+            act: What, given the link's name and the client.
+            keys: Which keys are held meanwhile, in viser's words; None: no keys.
+        """
 
         def attach(mesh: MeshHandle, link: str) -> None:
-            mesh.on_click(lambda _: act(link))
+            mesh.on_click(modifier=keys)(lambda event: act(link, event.client))
 
         for link, meshes in self._visuals.items():
             for mesh, _ in meshes:
@@ -151,13 +160,29 @@ class SceneRobot:
         if shown is not None:
             shown[1].remove()
         if shown is None or shown[0] != link:
-            label = self._add_name(link, "picked")
-            self._named = link, label
+            self._named = link, self._add_name(link, "picked")
 
-    def _add_name(self, link: str, kind: str = "name") -> LabelHandle:
+    def tag(self, text: str, row: int) -> None:
+        """Show what the robot is called, above its head.
+
+        Args:
+            text: Its name.
+            row: How many tags are below it if robots stand in one place.
+        """
+        root = self.tree.frames[self.description.root].name
+        place = (0.0, 0.0, TAG + TAG_ROW * row)
+        self._scene.add_label(f"{root}/tag", text, position=place)
+
+    def point_at(self, link: str, client: Any) -> LabelHandle:
+        """Show the name of one link to one person."""
+        return self._add_name(link, "pointed_at", client.scene)
+
+    def _add_name(
+        self, link: str, kind: str = "name", scene: SceneApi | None = None
+    ) -> LabelHandle:
         """Add the name of a link at its origin."""
         path = f"{self.tree.frames[link].name}/{kind}"
-        return self._scene.add_label(
+        return (scene or self._scene).add_label(
             path, link, font_screen_scale=0.7, anchor="center-left"
         )
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 if TYPE_CHECKING:
     from viser import ViserServer
 
@@ -17,18 +19,28 @@ it, where the panel is. How bright the
 sky is, and a lamp at the camera's first place."""
 
 
+MAP = "/map"
+"""What robots, and all that belongs to them, lie below in the scene."""
+
+SECTION = 1.0
+"""Distance of the floor's strong lines, in [m]."""
+
+
 class Stage:
     """The floor and the map of a scene."""
 
     def __init__(self, server: ViserServer) -> None:
         """Add them."""
-        self._axes = server.scene.world_axes
-        self._axes.axes_length, self._axes.axes_radius = 0.3, 0.008
+        self._map = server.scene.add_frame(MAP, show_axes=False)
+        self._axes = server.scene.add_frame(
+            f"{MAP}/axes", axes_length=0.3, axes_radius=0.008, visible=False
+        )
+        self._shift = np.zeros(3)
         self._grid = server.scene.add_grid(
             "/floor",
             infinite_grid=True,
             cell_size=0.1,
-            section_size=1.0,
+            section_size=SECTION,
             cell_color=(225, 228, 232),
             section_color=(175, 180, 188),
             fade_distance=14.0,
@@ -53,6 +65,21 @@ class Stage:
             position=CAMERA,
             cast_shadow=False,
         )
+
+    def follow(self, place: np.ndarray) -> None:
+        """Move the map so that one place of it is where the camera began to look.
+
+        The camera itself stays in the hands of each person. The floor has no end: it
+        is moved by less than the distance of its lines.
+
+        Args:
+            place: x and y in the map, in [m].
+        """
+        shift = np.array([-place[0], -place[1], 0.0])
+        if (shift != self._shift).any():
+            self._shift = shift
+            self._map.position = shift
+            self._grid.position = np.fmod(shift, SECTION)
 
     def show_floor(self, shown: bool) -> None:
         """Show the floor, or hide it."""

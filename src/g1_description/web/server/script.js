@@ -154,5 +154,25 @@
   }, true);
   addEventListener("blur", commit, true);
 
+  // Viser tells of clicks only: a mouse that rests on the scene clicks with keys that
+  // nobody holds together, and the name of the link is shown.
+  const RESTS = 200;  // ms
+  let resting = null;
+  addEventListener("pointermove", (event) => {
+    clearTimeout(resting);
+    const { target, clientX, clientY, pointerId, buttons } = event;
+    if (!event.isTrusted || event.pointerType !== "mouse" || buttons) return;
+    if (readOnly || !target.matches?.("canvas[data-engine]")) return;
+    const options = {
+      clientX, clientY, pointerId, pointerType: "mouse", isPrimary: true, bubbles: true,
+      ctrlKey: true, altKey: true, shiftKey: true,
+    };
+    resting = setTimeout(() => {
+      target.dispatchEvent(new PointerEvent("pointerdown", options));
+      target.dispatchEvent(new PointerEvent("pointerup", options));
+    }, RESTS);
+  }, true);
+  addEventListener("pointerdown", () => clearTimeout(resting), true);
+
   window.g1 = { upload, copy, toast };
 })();
