@@ -27,6 +27,9 @@ TAG, TAG_ROW = 0.65, 0.12
 """Height of the lowest tag over a robot's root link, which for one of a person's height
 is above its head, and from one tag to the next, in [m]."""
 
+SMALL, LARGE = 0.7, 1.1
+"""Size of names among many, and of one alone, in those of viser's own labels."""
+
 SEE_THROUGH = 0.35
 """Opacity of a robot that is not the one itself, such as a ghost."""
 
@@ -160,7 +163,7 @@ class SceneRobot:
         if shown is not None:
             shown[1].remove()
         if shown is None or shown[0] != link:
-            self._named = link, self._add_name(link, "picked")
+            self._named = link, self._add_name(link, "picked", LARGE)
 
     def tag(self, text: str, row: int) -> None:
         """Show what the robot is called, above its head.
@@ -175,15 +178,19 @@ class SceneRobot:
 
     def point_at(self, link: str, client: Any) -> LabelHandle:
         """Show the name of one link to one person."""
-        return self._add_name(link, "pointed_at", client.scene)
+        return self._add_name(link, "pointed_at", LARGE, client.scene)
 
     def _add_name(
-        self, link: str, kind: str = "name", scene: SceneApi | None = None
+        self,
+        link: str,
+        kind: str = "name",
+        scale: float = SMALL,
+        scene: SceneApi | None = None,
     ) -> LabelHandle:
         """Add the name of a link at its origin."""
         path = f"{self.tree.frames[link].name}/{kind}"
         return (scene or self._scene).add_label(
-            path, link, font_screen_scale=0.7, anchor="center-left"
+            path, link, font_screen_scale=scale, anchor="center-left"
         )
 
     def show_collisions(self, shown: bool) -> None:
