@@ -181,6 +181,7 @@ class Page:
                 self.desk.do_all()
                 if self.watched():
                     self.desk.guarded(self._draw)
+            self._server.flush()  # else viser lets messages gather
             spent = time.monotonic() - began
             self._stopped.wait(max(0.0, 1.0 / RATE - spent))
 
