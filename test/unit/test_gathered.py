@@ -9,7 +9,7 @@ import pytest
 
 pytest.importorskip("rospy", reason="rospy is not installed")
 
-from g1_description.ros.checks.live_states import gathered
+from g1_description.ros.checks.gathered import gathered
 
 PERIOD = 0.05
 COUNT = 400

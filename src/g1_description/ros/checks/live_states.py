@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import struct
 import threading
-import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -28,6 +27,8 @@ from g1_description.ros.wire.conversions import (
 )
 from g1_description.ros.wire.transforms import Edge, read_edges
 
+from .gathered import gathered
+
 MAX_STATES = 300
 """Joint states that wait for the base of their time: 0.3 s at 1000 Hz."""
 
@@ -36,13 +37,6 @@ MAX_BASE_AGE = 1_000_000_000
 
 RESET = 100_000_000
 """Time that went back by more than this began again, in [ns]."""
-
-PAUSE = 5e-4
-"""Messages with longer than this between them, in [s], did not come together."""
-
-_ends = threading.local()
-"""When a connection's thread was last done with a message, for all who take it: two
-that gather the same messages leave their connection alone once."""
 
 _STAMP = struct.Struct("<II")
 _STAMP_AT = 4
@@ -271,30 +265,6 @@ def _subscribe(
         buff_size=BUFFER,
         tcp_nodelay=True,
     )
-
-
-def gathered(act: Callable[[bytes], None], period: float) -> Callable[[bytes], None]:
-    """Let messages gather while nobody needs them.
-
-    To wait for a message costs more than to take it, so after one that was waited for
-    its connection is left alone for a while; the system keeps what comes meanwhile.
-
-    Args:
-        act: Takes a message.
-        period: How long the connection is left alone, in [s].
-
-    Returns:
-        Does the same, and returns late.
-    """
-
-    def take(data: bytes) -> None:
-        waited = time.monotonic() - getattr(_ends, "last", 0.0)
-        act(data)
-        if waited > PAUSE:
-            time.sleep(period)
-        _ends.last = time.monotonic()
-
-    return take
 
 
 def _nanoseconds(data: bytes, place: int) -> int:

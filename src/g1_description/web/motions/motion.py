@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import threading
 import time
 from collections.abc import Callable
 from functools import partial
@@ -20,6 +19,7 @@ from g1_description.web.robots.robot import Player, ShownRobot, ShownWorld
 
 from .findings import FindingList
 from .markdown import plain
+from .scrub import Scrub
 
 if TYPE_CHECKING:
     from viser import GuiApi
@@ -78,7 +78,7 @@ class MotionPanel:
         self._titles: dict[ShownRobot, str] = {}
         self.opened: Callable[[], object] = lambda: None
         """Called when there is another motion."""
-        self._scrub = _Scrub(desk)
+        self._scrub = Scrub(desk)
         self._held = Held(HELD)
         self._looked = 0.0
         self._again = math.inf
@@ -265,39 +265,6 @@ class MotionPanel:
         value = round(min(max(at, player.begin), player.end), 3)
         if not self._held.is_held(self._line) and value != self._line.value:
             self._held.show(self._line, value)
-
-
-class _Scrub:
-    """Shows the newest of many times, one after the other."""
-
-    def __init__(self, desk: Desk) -> None:
-        self._desk = desk
-        self._lock = threading.Lock()
-        self._wanted: tuple[Player, float] | None = None
-        self._is_busy = False
-
-    def to(self, player: Player, at: float) -> None:
-        """Show a time soon."""
-        with self._lock:
-            self._wanted = player, at
-            if self._is_busy:
-                return
-            self._is_busy = True
-        self._desk.wait_for(self._show)
-
-    def _show(self) -> None:
-        while True:
-            with self._lock:
-                if self._wanted is None:
-                    self._is_busy = False
-                    return
-                (player, at), self._wanted = self._wanted, None
-            try:
-                player.show(at)
-            except Exception:
-                with self._lock:
-                    self._wanted, self._is_busy = None, False
-                raise
 
 
 def _title(name: str, motion: Motion) -> str:

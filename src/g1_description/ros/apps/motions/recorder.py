@@ -24,14 +24,14 @@ from g1_description.core.errors import (
     UnknownNameError,
 )
 from g1_description.core.motion.trajectory import Trajectory
-from g1_description.core.robot.assembly import SCOPE
 from g1_description.core.robot.description import Description
-from g1_description.core.text import listed
 from g1_description.ros.bridge.state_source import StateSource
 from g1_description.ros.motion.files.write import Room
 from g1_description.ros.node.newest import BUFFER
 from g1_description.ros.node.throttled_log import ThrottledLog
 from g1_description.ros.wire.link_states import LinkStatesArrays
+
+from .recorded_model import SeveralModelsError, find_model
 
 EARLY = 1000
 """A state this much before it is due counts, in [ns]: periods are rounded."""
@@ -42,10 +42,6 @@ bridge."""
 
 MAX_RECENT = 5000
 """Joint states kept until the simulator's state with their stamp comes."""
-
-
-class SeveralModelsError(UnknownNameError):
-    """Several models may be meant."""
 
 
 @dataclass
@@ -164,7 +160,9 @@ class Recorder:
             return
         if self._estimator is None:
             try:
-                self._model = self._model or self._find_model(states.names)
+                self._model = self._model or find_model(
+                    states.names, self._robot, self._namespace
+                )
             except SeveralModelsError as error:
                 self._refuse(error)
                 return
@@ -262,34 +260,6 @@ class Recorder:
                 sample.positions = positions
                 sample.velocities = np.array(message.velocity)
         return True
-
-    def _find_model(self, links: Sequence[str]) -> str:
-        """Find the model whose links are the robot's.
-
-        Raises:
-            SeveralModelsError: If there are several.
-            UnknownNameError: If there is none.
-        """
-        own, counts = {*self._robot.link_names}, {}
-        for name in links:
-            model, _, link = name.rpartition(SCOPE)
-            counts[model] = counts.get(model, 0) + (link in own)
-        most = max(counts.values(), default=0)
-        found = [model for model, count in counts.items() if count == most and most]
-        if self._namespace in found:
-            return self._namespace
-        if len(found) == 1:
-            return found[0]
-        kind = SeveralModelsError if found else UnknownNameError
-        what = (
-            f"several such, {listed(found)}: --model names one"
-            if found
-            else (f"only {listed(counts) or 'nothing'}")
-        )
-        raise kind(
-            f"The simulator has no single model with links of '{self._robot.name}' "
-            f"but {what}."
-        )
 
     def trajectory(self) -> tuple[Trajectory, int]:
         """Return what was recorded, from zero on, and the first stamp in [ns]."""
