@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from functools import partial
+from typing import TYPE_CHECKING, Any, Callable
 
 import numpy as np
 
@@ -14,9 +14,16 @@ from .robot import rgb
 if TYPE_CHECKING:
     from viser import SceneApi, SceneNodeHandle
 
+Add = Callable[..., Any]
+"""Adds a mark of a kind to a scene, given its name and what may change of it."""
+
 
 class SceneMarks:
-    """A canvas whose marks stay until the next ones are drawn."""
+    """A canvas whose marks stay until the next ones are drawn.
+
+    To change a mark costs viser a tenth of what a new one does, so those of a kind are
+    used again.
+    """
 
     def __init__(self, scene: SceneApi, path: str) -> None:
         """Begin without marks.
@@ -26,25 +33,29 @@ class SceneMarks:
             path: Name of all marks in the scene.
         """
         self._scene, self._path = scene, path
-        self._shown: dict[str, tuple[bytes, SceneNodeHandle]] = {}
-        self._wanted: dict[str, tuple[bytes, Callable[[str], SceneNodeHandle]]] = {}
+        self._shown: dict[str, tuple[SceneNodeHandle, dict[str, Any]]] = {}
+        self._wanted: dict[str, tuple[Add, dict[str, Any]]] = {}
 
     def show(self) -> None:
         """Show what was drawn since the last time, and nothing else."""
         wanted, self._wanted = self._wanted, {}
         for name in self._shown.keys() - wanted.keys():
-            self._shown.pop(name)[1].remove()
-        for name, (content, make) in wanted.items():
-            if name not in self._shown or self._shown[name][0] != content:
-                self._shown[name] = content, make(f"{self._path}/{name}")
+            self._shown.pop(name)[0].remove()
+        for name, (add, values) in wanted.items():
+            if name in self._shown:
+                handle, old = self._shown[name]
+                for key, value in values.items():
+                    if not np.array_equal(value, old[key]):
+                        setattr(handle, key, value)
+            else:
+                handle = add(f"{self._path}/{name}", **values)
+            self._shown[name] = handle, values
 
-    def _draw(
-        self, namespace: str, make: Callable[[str], Any], *content: object
-    ) -> None:
+    def _draw(self, namespace: str, kind: str, add: Add, **values: Any) -> None:
         """Keep a mark, and what it is made of."""
-        number = sum(name.startswith(f"{namespace}/") for name in self._wanted)
-        parts = [c.tobytes() if isinstance(c, np.ndarray) else c for c in content]
-        self._wanted[f"{namespace}/{number}"] = repr(parts).encode(), make
+        path = f"{namespace}/{kind}_"
+        number = sum(name.startswith(path) for name in self._wanted)
+        self._wanted[f"{path}{number}"] = add, values
 
     def ball(
         self,
@@ -55,80 +66,73 @@ class SceneMarks:
         alpha: float = 1.0,
     ) -> None:
         """Add a ball with a diameter in [m] about a point, shape (3,)."""
-
-        def make(name: str) -> SceneNodeHandle:
-            return self._scene.add_icosphere(
-                name,
-                0.5 * size,
-                rgb(color),
-                opacity=alpha if alpha < 1.0 else None,
-                position=center,
-                cast_shadow=False,
-            )
-
-        self._draw(namespace, make, center, size, color, alpha)
+        self._draw(
+            namespace,
+            "ball",
+            partial(self._scene.add_icosphere, cast_shadow=False),
+            radius=0.5 * size,
+            color=rgb(color),
+            opacity=alpha if alpha < 1.0 else None,
+            position=center,
+        )
 
     def disc(
         self, namespace: str, center: np.ndarray, size: float, color: Color
     ) -> None:
         """Add a flat disc on the floor, with a diameter in [m]."""
-
-        def make(name: str) -> SceneNodeHandle:
-            return self._scene.add_cylinder(
-                name,
-                0.5 * size,
-                0.004,
-                rgb(color),
-                position=center,
-                cast_shadow=False,
-            )
-
-        self._draw(namespace, make, center, size, color)
+        self._draw(
+            namespace,
+            "disc",
+            partial(self._scene.add_cylinder, height=0.004, cast_shadow=False),
+            radius=0.5 * size,
+            color=rgb(color),
+            position=center,
+        )
 
     def line(
         self, namespace: str, points: np.ndarray, width: float, color: Color
     ) -> None:
         """Add a line through points, shape (n, 3), of a width in [m]."""
-        segments = np.stack([points[:-1], points[1:]], axis=1)
-
-        def make(name: str) -> SceneNodeHandle:
-            return self._scene.add_line_segments(
-                name, segments, rgb(color), thickness=width
-            )
-
-        self._draw(namespace, make, segments, width, color)
+        self._draw(
+            namespace,
+            "line",
+            self._scene.add_line_segments,
+            points=np.stack([points[:-1], points[1:]], axis=1),
+            colors=np.array(rgb(color), dtype=np.uint8),
+            thickness=width,
+        )
 
     def triangles(
         self, namespace: str, corners: np.ndarray, color: Color, alpha: float
     ) -> None:
         """Add triangles with corners of shape (3 n, 3)."""
-
-        def make(name: str) -> SceneNodeHandle:
-            return self._scene.add_mesh_simple(
-                name,
-                corners,
-                np.arange(len(corners)).reshape(-1, 3),
-                color=rgb(color),
-                opacity=alpha,
+        self._draw(
+            namespace,
+            f"triangles_{len(corners)}",  # viser wants as many as before
+            partial(
+                self._scene.add_mesh_simple,
+                faces=np.arange(len(corners)).reshape(-1, 3),
                 side="double",
                 cast_shadow=False,
-            )
-
-        self._draw(namespace, make, corners, color, alpha)
+            ),
+            vertices=corners,
+            color=rgb(color),
+            opacity=alpha,
+        )
 
     def text(
         self, namespace: str, place: np.ndarray, text: str, size: float, color: Color
     ) -> None:
         """Add a text of a height in [m] that faces whoever looks."""
-
-        def make(name: str) -> SceneNodeHandle:
-            return self._scene.add_label(
-                name,
-                text,
-                position=place,
+        self._draw(
+            namespace,
+            "text",
+            partial(
+                self._scene.add_label,
                 font_size_mode="scene",
                 font_scene_height=size,
                 anchor="center-center",
-            )
-
-        self._draw(namespace, make, place, text, size)
+            ),
+            text=text,
+            position=place,
+        )
