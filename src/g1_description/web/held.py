@@ -23,6 +23,10 @@ class Held:
         self._seen: dict[int, Any] = {}
         self._until: dict[int, float] = {}
 
+    def know(self, handle: Any) -> None:
+        """Take the present value of an element for one of ours."""
+        self._seen[id(handle)] = handle.value
+
     def hold(self, handle: Any) -> None:
         """Let an element stay as it is."""
         self._seen[id(handle)] = handle.value
@@ -31,8 +35,7 @@ class Held:
     def is_held(self, handle: Any) -> bool:
         """Tell whether an element stays, also because a person has just moved it."""
         # The same object, as a value that is no number is not equal to itself.
-        value = handle.value
-        if value is not self._seen.setdefault(id(handle), value):
+        if handle.value is not self._seen.get(id(handle)):
             self.hold(handle)
         return time.monotonic() < self._until.get(id(handle), 0.0)
 

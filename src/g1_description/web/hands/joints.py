@@ -53,6 +53,7 @@ class JointPanel:
                 for name in names:
                     slider = self._add(gui, joints[name])
                     self._sliders[name] = slider
+                    self._held.know(slider)
                     desk.on(slider, partial(self._moved, name))
 
     @staticmethod
