@@ -61,6 +61,8 @@ class Desk:
         def came(event: Any) -> None:
             if event.client is None:  # we have set it ourselves
                 return
+            if getattr(event, "phase", "update") != "update":  # pressed, not dragged
+                return
             options = getattr(handle, "options", None)
             if options and handle.value not in options:
                 handle.value = options[0]  # no browser sends such

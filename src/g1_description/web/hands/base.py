@@ -56,6 +56,8 @@ class BasePanel:
             f"{MAP}/gizmos/{robot.name.replace('/', '_')}", scale=0.45, visible=False
         )
         self._fields = self._place, self._rpy
+        for field in self._fields:
+            self._held.know(field)
         desk.on(self._gizmo_on, self._show_gizmo)
         desk.on(self._place, self._typed)
         desk.on(self._rpy, self._typed)
@@ -110,7 +112,8 @@ class BasePanel:
         """Show a pose in the fields."""
         rpy = axes_to_rpy(to_axes(pose[3:]))
         for field, values in zip(self._fields, (pose[:3], rpy)):
-            # Also if there is something else than numbers.
-            if not np.abs(np.subtract(field.value, values)).max() <= FINE:
+            # Also if there is something else than three numbers.
+            is_whole = np.shape(field.value) == (3,)
+            if not (is_whole and np.abs(values - field.value).max() <= FINE):
                 x, y, z = np.round(values, 4).tolist()
                 self._held.show(field, (x, y, z))
