@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 PERIOD = 0.04
 """Least time between two verdicts on where robots are, in [s]."""
 
+AGAIN = 10.0
+"""Time from one try to prepare checks to the next, in [s]."""
+
 MakeChecker = Callable[[Description], Checker]
 
 
@@ -45,6 +48,7 @@ class Judges:
         """
         self._desk, self._make, self._seen = desk, make, seen
         self._checkers: dict[int, Checker] = {}
+        self._failed: dict[int, tuple[Exception, float]] = {}
         self._live: dict[ShownRobot, LiveJudge] = {}
         self._lock = threading.Condition()
         self._states: dict[ShownRobot, RobotState] = {}
@@ -86,7 +90,11 @@ class Judges:
             for robot, motion, then, failed in motions:
                 self._try(partial(self._motion, robot, motion, then), failed)
             for robot, state in states.items():
-                self._try(partial(self._state, robot, state))
+                if not self._failure(robot):
+                    self._try(partial(self._state, robot, state))
+                if self._failure(robot):
+                    with self._lock:  # it may stand still until the next try
+                        self._states.setdefault(robot, state)
             time.sleep(PERIOD)
 
     def _try(
@@ -117,10 +125,21 @@ class Judges:
 
     def _checker(self, robot: ShownRobot) -> Checker:
         """Prepare the checks of a robot, or of one like it."""
-        number = id(robot.description)
+        number, failure = id(robot.description), self._failure(robot)
+        if failure is not None:
+            raise failure
         if number not in self._checkers:
-            self._checkers[number] = self._make(robot.description)
+            try:
+                self._checkers[number] = self._make(robot.description)
+            except Exception as error:
+                self._failed[number] = error, time.monotonic() + AGAIN
+                raise
         return self._checkers[number]
+
+    def _failure(self, robot: ShownRobot) -> Exception | None:
+        """Return why checks could not be prepared, unless it is time to try again."""
+        error, until = self._failed.get(id(robot.description), (None, 0.0))
+        return error if time.monotonic() < until else None
 
 
 def _raise(error: Exception) -> None:
