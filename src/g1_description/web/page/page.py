@@ -217,15 +217,14 @@ class Page:
         self, states: Mapping[ShownRobot, tuple[RobotState, RobotState | None]]
     ) -> None:
         """Keep the first robot in the middle, if that is wanted."""
+        if self._view is None or not self._view.follow.value:
+            self._stage.follow(np.zeros(2))
+            return
         if any(s.base is not None and s.base.has_gizmo for s in self._shown):
             return  # which would run away from the mouse
-        place = np.zeros(2)
-        if self._view is not None and self._view.follow.value:
-            state = states.get(self._shown[0].robot)
-            if state is None or state[0].base is None:
-                return
-            place = state[0].base[:2]
-        self._stage.follow(place)
+        state, _ = states.get(self._shown[0].robot, (None, None))
+        if state is not None and state.base is not None:
+            self._stage.follow(state.base[:2])
 
     def _tell_lack(
         self, states: Mapping[ShownRobot, tuple[RobotState, RobotState | None]]
