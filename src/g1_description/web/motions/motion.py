@@ -147,7 +147,8 @@ class MotionPanel:
             # The usual rate goes without saying: a file that has times says no more.
             motion = self._world.read(path, robot, None if rate == RATE else rate)
         except MotionError as error:
-            raise MotionError(str(error).replace(path.name, name)) from error
+            text = str(error).replace(str(path), name).replace(path.name, name)
+            raise MotionError(text) from error
         self._desk.post(("open", robot), lambda: self.open(name, robot, motion))
         times = motion.trajectory.times
         return f"{name}: {times[-1] - times[0]:.2f} s, {len(times)} samples."

@@ -13,6 +13,7 @@ import re
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
+from secrets import token_hex
 from tempfile import TemporaryDirectory
 from typing import Callable
 from urllib.parse import parse_qs
@@ -87,7 +88,9 @@ class Uploads:
         await browser.send(json.dumps({"state": "ready"}))
         with TemporaryDirectory(prefix="g1_description_upload_") as folder:
             found = SUFFIX.search(name)
-            path = Path(folder, "file" + (found.group() if found else ""))
+            suffix = found.group() if found else ""
+            # A name that no sentence has: the person's own takes its place there.
+            path = Path(folder, f"upload_{token_hex(4)}{suffix}")
             await self._store(browser, path, size)
             loop = asyncio.get_running_loop()
             return await loop.run_in_executor(self._threads, self._hand_on, name, path)
