@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import unittest
 from pathlib import Path
 
@@ -17,6 +18,7 @@ import rospy
 import rostest
 import yaml
 from sensor_msgs.msg import JointState
+from std_srvs.srv import Empty
 from support import browser
 from support.pictures import read_picture, share_changed
 from support.ros_testing import (
@@ -60,9 +62,20 @@ class Command:
             stderr=subprocess.STDOUT,
             start_new_session=True,
         )
-        told = iter(self._process.stdout.readline, b"")
-        found = (re.search(rb"open (http://\S+)", line) for line in told)
-        self.address = next(filter(None, found)).group(1).decode()
+        self._told, found = [], None
+        for line in self._process.stdout:
+            self._told.append(line.decode())
+            found = re.search(r"open (http://\S+)", self._told[-1])
+            if found:
+                break
+        if found is None:
+            raise AssertionError("".join(self._told) or "the command said nothing")
+        self.address = found.group(1)
+        threading.Thread(target=self._drain, daemon=True).start()
+
+    def _drain(self):
+        """Read on: who cannot write stops."""
+        self._told += [line.decode() for line in self._process.stdout]
 
     def __enter__(self):
         """Give itself."""
@@ -74,7 +87,7 @@ class Command:
 
     def close(self):
         self._process.send_signal(signal.SIGINT)
-        self._process.communicate(timeout=DEADLINE)
+        self._process.wait(DEADLINE)
 
 
 def write_motion(path):
@@ -125,6 +138,12 @@ class TestWeb(unittest.TestCase):
         self.page.wait_for(
             lambda: self.is_at(joint, position, tolerance), f"{joint} at {position}"
         )
+
+    def now(self):
+        """Give states that came after this was called."""
+        self.states.clear()
+        wait_for(lambda: len(self.states.messages) > 10, "more states")
+        return self.states.messages
 
     def is_at(self, joint, position, tolerance=1e-3):
         newest = self.states.messages[-1:]
@@ -212,14 +231,75 @@ class TestWeb(unittest.TestCase):
         self.page.wait_for(lambda: slider.value() == 0.2, "the slider")
         self.states.clear()
         for text, position in (("-0.05", -0.05), ("1.05", 1.05), ("-0.5", -0.5)):
-            slider.type_keys(text)
+            slider.type_keys(text, "Enter")
             self.wait_at(ELBOW, position)
             self.page.wait_for(lambda p=position: slider.value() == p, "the slider")
         been = {round(position_of(m, ELBOW), 6) for m in self.states.messages}
         self.assertLessEqual(been, {0.2, -0.05, 1.05, -0.5})
-        for text in ("knee", "-", ""):
-            slider.type_keys(text)
-            self.assertEqual(slider.shown(), "-0.5")
+        for text in ("knee", "-", "1e-3", "0x1", "0,5"):
+            slider.type_keys(text, "Tab")
+            self.assertEqual(slider.shown(), "-0.5", text)
+        for keys in (("", "Delete"), ("0.3", "Escape")):
+            slider.type_keys(*keys, "Tab")
+            self.assertEqual(slider.shown(), "-0.5", keys)
+        self.assertEqual({round(position_of(m, ELBOW), 6) for m in self.now()}, {-0.5})
+
+    def test_what_is_typed_is_not_mixed_with_where_the_robot_is(self):
+        slider = self.slider(ARM, "left_elbow")
+        self.command(**{ELBOW: 0.2})
+        self.page.wait_for(lambda: slider.value() == 0.2, "the slider")
+        slider.type_keys("-0")
+        self.command(**{ELBOW: 0.7})
+        self.page.wait_for(lambda: slider.value() == 0.7, "the slider elsewhere")
+        self.assertEqual(slider.shown(), "-0")
+        self.page.raw.keyboard.type(".25")
+        self.page.raw.keyboard.press("Enter")
+        self.wait_at(ELBOW, -0.25)
+
+    def test_fields_are_left_as_people_leave_them(self):
+        page = self.page
+        page.open_tab("Robot")
+        page.toggle_folder("Base")
+        self.addCleanup(page.toggle_folder, "Base")
+        fields = page.element("x y z").locator("input")
+        fields.nth(2).wait_for()
+        before = [fields.nth(n).input_value() for n in range(3)]
+        fields.nth(0).click(click_count=3)
+        for text in ("0.5", "-0.25", "1.5"):
+            page.raw.keyboard.type(text)
+            page.raw.keyboard.press("Tab")
+        page.wait_for(
+            lambda: (
+                [fields.nth(n).input_value() for n in range(3)]
+                == ["0.5", "-0.25", "1.5"]
+            ),
+            "what was typed",
+        )
+        with PageClient(self.server.address) as client:
+            client.wait_for(
+                lambda: client.value("x y z") == [0.5, -0.25, 1.5], "the base"
+            )
+            fields.nth(0).click(click_count=3)
+            page.raw.keyboard.type("0")
+            page.field("Name").click()
+            page.raw.keyboard.type("pose_1")
+            self.assertEqual(page.field("Name").input_value(), "pose_1")
+            client.wait_for(lambda: client.value("x y z")[0] == 0.0, "the base again")
+        page.type_into("Name", "")
+        for number, text in enumerate(before):
+            page.raw.keyboard.press("Escape")
+            fields.nth(number).click(click_count=3)
+            page.raw.keyboard.type(text)
+            page.raw.keyboard.press("Enter")
+
+    def test_a_typed_number_is_stepped(self):
+        self.page.open_tab("Robot")
+        field = self.page.field("Seconds")
+        self.addCleanup(self.page.type_into, "Seconds", 0)
+        field.click(click_count=3)
+        self.page.raw.keyboard.type("5")
+        self.page.element("Seconds").locator("button").first.click()
+        self.page.wait_for(lambda: field.input_value() == "5.1", "a step on from it")
 
     def test_a_command_moves_the_slider(self):
         slider = self.slider(ARM, "left_elbow")
@@ -235,8 +315,9 @@ class TestWeb(unittest.TestCase):
         self.wait_at(KNEE, 0.3)  # else nobody sees when the next pose is taken
         self.take("zero")
         self.wait_at(KNEE, 0.0)
-        slider.type(1.5)
-        self.wait_at(KNEE, 1.5)
+        self.page.wait_for(lambda: slider.value() == 0.0, "the slider")
+        self.command(**{KNEE: 1.5})  # so that the slider shows what the node knows
+        self.page.wait_for(lambda: slider.value() == 1.5, "the slider")
         page.type_into("Name", "knee_up")
         page.press("Save pose")
         file = self.folder / "g1_description" / "poses.yaml"
@@ -279,6 +360,7 @@ class TestWeb(unittest.TestCase):
         page.toggle_folder("Simulator")
         self.addCleanup(page.toggle_folder, "Simulator")
         page.press("Pause")
+        self.addCleanup(rospy.ServiceProxy("/gazebo/unpause_physics", Empty))
         page.raw.get_by_role("button", name="Go on").wait_for()
         before = rospy.get_time()
         page.type_into("Steps", 250)
@@ -337,8 +419,11 @@ class TestWeb(unittest.TestCase):
 
     def test_the_configuration_is_copied(self):
         page = self.page
-        self.slider(LEG, "left_knee").type(0.6)
-        self.wait_at(KNEE, 0.6)
+        slider = self.slider(LEG, "left_knee")
+        slider.type(0.2)
+        self.wait_at(KNEE, 0.2)
+        self.command(**{KNEE: 0.6})
+        page.wait_for(lambda: slider.value() == 0.6, "the slider")
         page.open_tab("View")
         page.press("Copy as YAML")
         page.wait_for(lambda: page.clipboard().startswith("copied:"), "the YAML")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import sys
 import threading
+import time
 from pathlib import Path
 
 import numpy as np
@@ -15,11 +16,13 @@ from waiting import wait_for
 pytest.importorskip("viser", reason="viser is not installed")
 
 from g1_description.core.checks.thresholds import Thresholds
+from g1_description.core.errors import InvalidValueError
 from g1_description.core.motion.motion import Motion
 from g1_description.core.motion.trajectory import Trajectory
 from g1_description.core.transform import IDENTITY, compose
 from g1_description.core.urdf.reader import parse_urdf
 from g1_description.sim.checks.checker import Checker
+from g1_description.web.page import judges
 from g1_description.web.robots.files import FileWorld, StillRobot
 from g1_description.web.scene.robot import RED, rgb
 from g1_description.web.scene.tree import pose_of
@@ -217,8 +220,35 @@ def test_a_robot_that_is_followed_stays_in_the_middle(page):
     )
     one.set("Gizmo", False)
     one.wait_for(is_in_the_middle, "the robot in the middle at last")
+    one.set("Gizmo", True)
     one.set("Follow the robot", False)
     one.wait_for(lambda: place(one, "trunk")[0] == 2.0, "the robot where it is")
+
+
+def test_a_gizmo_that_is_pressed_and_not_dragged_moves_nothing(page):
+    one = page.client()
+    one.set("Gizmo", True)
+    (name,) = (n for n in list(one.nodes) if "/gizmos/" in n)
+    before = page.robot.state().base
+    turn, away = (1.0, 0.0, 0.0, 0.0), (5.0, 5.0, 5.0)
+    one.send("TransformControlsDragStartMessage", name=name, owner="")
+    one.send("TransformControlsDragEndMessage", name=name, owner="")
+    one.set("left_elbow", -0.5)
+    wait_for(lambda: page.position() == -0.5, "what came after it")
+    assert (page.robot.state().base == before).all()
+    message = {"name": name, "wxyz": turn, "position": away, "owner": ""}
+    one.send("TransformControlsUpdateMessage", **message)
+    wait_for(lambda: page.robot.state().base[0] == 5.0, "a base that is dragged")
+
+
+def test_who_is_quick_is_heard():
+    page = Open()
+    shown = page.show.page._shown[0]
+    slider = shown.joints._sliders["left_elbow_joint"]
+    slider.value = -0.75  # as a person's, before any state was shown
+    shown.joints.follow(page.robot.state())
+    assert slider.value == -0.75
+    page.close()
 
 
 def names_shown(client):
@@ -282,7 +312,7 @@ def test_nonsense_moves_nothing_and_the_page_goes_on(page):
     before = page.robot.state()
     for label in ("left_elbow", "x y z", "Roll pitch yaw", "Seconds", "Take", "Name"):
         uuid = one.element(label)["uuid"]
-        for value in (*NONSENSE, [math.nan] * 3, [1e300] * 3, ["a"] * 3):
+        for value in (*NONSENSE, [math.nan] * 3, [1e300] * 3, ["a"] * 3, [1.0, 2.0]):
             one.send("GuiUpdateMessage", uuid=uuid, updates={"value": value})
     one.send("GuiUpdateMessage", uuid="of nothing", updates={"value": 1.0})
     one.send("TransformControlsUpdateMessage", name="/none", wxyz=[9], position=[])
@@ -370,6 +400,29 @@ def test_a_saved_pose_can_be_taken_again(page, tmp_path, monkeypatch):
     wait_for(lambda: page.position() == 0.0, "a move away")
     client.set("Take", "high")
     wait_for(lambda: page.position() == pytest.approx(1.614429558), "the pose")
+
+
+def test_checks_that_cannot_be_prepared_are_tried_again_seldom(monkeypatch):
+    monkeypatch.setattr(judges, "AGAIN", 0.5)
+    page, tries = Open(), []
+
+    def make(robot):
+        tries.append(time.monotonic())
+        if len(tries) < 3:
+            raise InvalidValueError("The checks have no room.")
+        return Checker.of(robot, Thresholds())
+
+    page.show.page._judges._make = make
+    client = page.client()  # and the robot stands still
+
+    def says(text):
+        contents = (e.get("_markdown") for e in list(client.elements.values()))
+        return any(text in str(content) for content in contents)
+
+    client.wait_for(lambda: says("nothing found"), "a verdict at last")
+    assert len(tries) == 3
+    assert np.diff(tries).min() >= 0.5
+    page.close()
 
 
 def test_a_robot_without_joints_is_shown():

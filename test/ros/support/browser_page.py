@@ -236,11 +236,12 @@ class Slider:
         """Type a value into its field, as one who pastes it."""
         _type(self._field, value)
 
-    def type_keys(self, text, delay=30):
-        """Type a text into its field key by key, with so many [ms] between."""
+    def type_keys(self, text, *keys):
+        """Type a text over that of its field key by key, and press more keys."""
         self._field.click(click_count=3)
-        self._field.press_sequentially(text, delay=delay)
-        self._field.blur()
+        self._page.raw.keyboard.type(text, delay=20)
+        for key in keys:
+            self._page.raw.keyboard.press(key)
 
 
 def _type(field, value):

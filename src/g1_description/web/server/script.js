@@ -115,44 +115,65 @@
   }, true);
 
   // Viser takes each key for a value: "-0" of "-0.5" for 0, and "1" of "1.05" for where
-  // the robot shall go. So what is typed is kept from it until Enter, or the field is left.
-  let typed = null;  // { field, before }
+  // the robot shall go. So what is typed is kept from it until Enter, or the field is
+  // left, and meanwhile the field is kept from what viser writes.
+  const NUMBER = /^[+-]?(\d+\.?\d*|\.\d+)$/;
+  const native = Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value");
+  let typed = null;  // { field, property, shown }
   const isNumber = (field) => field instanceof HTMLInputElement && field.inputMode;
 
-  const { set: write } = Object.getOwnPropertyDescriptor(
-    HTMLInputElement.prototype, "value",
-  );
+  /** Keep a field for the person who types into it. */
+  function keep(field) {
+    if (typed?.field === field) return;
+    const property = Object.getOwnPropertyDescriptor(field, "value");  // React's
+    typed = { field, property, shown: field.value };
+    Object.defineProperty(field, "value", {
+      configurable: true,
+      get: native.get,
+      set(value) { if (typed?.field === field) typed.shown = String(value); },
+    });
+  }
 
-  /** Hand on what was typed; what is no number gives way to what was there. */
-  function commit(event) {
-    if (typed === null || event.target !== typed.field) return;
-    const { field, before } = typed;
-    const text = field.value.trim();
+  /** Give the field back; hand on what was typed, if that is a number. */
+  function commit() {
+    if (typed === null) return;
+    const { field, property, shown } = typed;
+    const text = native.get.call(field).trim();
     typed = null;
-    field.value = before;
-    if (text === "" || !Number.isFinite(Number(text))) return;
-    // As if all were replaced with one key: the field asks what was selected before.
-    field.setSelectionRange(0, before.length);
+    delete field.value;
+    if (property) Object.defineProperty(field, "value", property);
+    field.value = shown;
+    if (text === shown || text === "" || !field.isConnected) return;
+    if (!NUMBER.test(text)) return toast("'" + text + "' is no number such as -0.5.", true);
+    // As if all were replaced with one key: the field asks what was selected before, and
+    // takes the focus a little later, which may have gone elsewhere.
+    field.focus = () => {};
+    setTimeout(() => delete field.focus, 200);
+    field.setSelectionRange(0, shown.length);
     field.dispatchEvent(new KeyboardEvent("keydown", { bubbles: true }));
-    write.call(field, text);  // past React, so that it sees a change
+    native.set.call(field, text.replace("+", ""));  // past React: it sees a change
     field.setSelectionRange(text.length, text.length);
     field.dispatchEvent(new Event("input", { bubbles: true }));
   }
 
-  addEventListener("beforeinput", ({ target }) => {
-    if (isNumber(target) && typed?.field !== target) {
-      typed = { field: target, before: target.value };
-    }
+  addEventListener("beforeinput", (event) => {
+    if (event.isTrusted && isNumber(event.target)) keep(event.target);
   }, true);
   for (const name of ["input", "change"]) {
     addEventListener(name, (event) => {
-      if (event.isTrusted && isNumber(event.target)) event.stopImmediatePropagation();
+      if (event.isTrusted && event.target === typed?.field) event.stopImmediatePropagation();
     }, true);
   }
   addEventListener("keydown", (event) => {
-    if (["Enter", "ArrowUp", "ArrowDown"].includes(event.key)) commit(event);
+    if (event.key === "Escape" && typed !== null) native.set.call(typed.field, typed.shown);
+    if (["Enter", "Tab", "Escape", "ArrowUp", "ArrowDown"].includes(event.key)) commit();
   }, true);
-  addEventListener("blur", commit, true);
+  addEventListener("pointerdown", (event) => {
+    if (event.target !== typed?.field) commit();
+  }, true);
+  addEventListener("blur", (event) => {
+    if (event.target === typed?.field) commit();
+  }, true);
 
   // Viser tells of clicks only: a mouse that rests on the scene clicks with keys that
   // nobody holds together, and the name of the link is shown.
@@ -172,7 +193,9 @@
       target.dispatchEvent(new PointerEvent("pointerup", options));
     }, RESTS);
   }, true);
-  addEventListener("pointerdown", () => clearTimeout(resting), true);
+  for (const name of ["pointerdown", "pointerout", "wheel", "blur"]) {
+    addEventListener(name, () => clearTimeout(resting), { capture: true, passive: true });
+  }
 
   window.g1 = { upload, copy, toast };
 })();
