@@ -33,7 +33,7 @@ from .view import ViewPanel
 if TYPE_CHECKING:
     from viser import GuiTabGroupHandle, ViserServer
 
-RATE = 30.0
+RATE = 40.0
 """Pictures in a second at most, in [Hz]."""
 
 IDLE = 0.25
