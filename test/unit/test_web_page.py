@@ -161,6 +161,28 @@ def test_sliders_follow_whoever_moves_the_robot(page):
     client.wait_for(lambda: client.value("right_elbow") == 0.7, "the slider")
 
 
+def test_a_slider_that_was_late_to_hear_shows_the_robot_in_the_end(page):
+    one = page.client()
+    one.set("left_elbow", -0.5)
+    one.set("x y z", [1.0, 0.0, 1.0])
+    # What was on its way to the browser when the person moved them.
+    one.element("left_elbow")["value"] = 1.4794
+    one.element("x y z")["value"] = [0.0, 0.0, 1.0]
+    one.wait_for(lambda: one.value("left_elbow") == -0.5, "the slider")
+    one.wait_for(lambda: one.value("x y z") == [1.0, 0.0, 1.0], "the fields")
+
+
+def test_a_slider_ends_where_the_joint_is(page):
+    one = page.client()
+    one.set("right_elbow", 0.3)
+    page.robot.command({"left_elbow_joint": 0.7996})
+    page.world.changed.set()
+    one.wait_for(lambda: one.value("left_elbow") == 0.7996, "the slider on its way")
+    page.robot.command({"left_elbow_joint": 0.8})
+    page.world.changed.set()
+    one.wait_for(lambda: one.value("left_elbow") == 0.8, "the slider at its end")
+
+
 def test_nobody_fights_for_a_slider(page):
     one, other = page.client(), page.client()
     uuid = one.element("left_elbow")["uuid"]

@@ -5,6 +5,8 @@ from __future__ import annotations
 import time
 from typing import Any
 
+import numpy as np
+
 
 class Held:
     """Lets elements stay for a while where a person has put them.
@@ -39,11 +41,27 @@ class Held:
             self.hold(handle)
         return time.monotonic() < self._until.get(id(handle), 0.0)
 
-    def show(self, handle: Any, value: Any) -> None:
-        """Set the value of an element."""
-        handle.value = value
-        self._seen[id(handle)] = handle.value
+    def show(self, handle: Any, value: Any, tolerance: float = 0.0) -> None:
+        """Show a value, if it is another one.
+
+        A browser that sends a value does not hear of it, but may still get the one
+        before. So what was held is shown again in any case.
+
+        Args:
+            handle: The element.
+            value: A number, or some.
+            tolerance: By how much it may be another one.
+        """
+        was_held = self._until.pop(id(handle), None) is not None
+        is_same = np.shape(handle.value) == np.shape(value) and (
+            np.abs(np.subtract(handle.value, value)).max() <= tolerance
+        )
+        if is_same and was_held:
+            handle.value = np.add(value, 1.0)  # as viser sends only what changes
+        if was_held or not is_same:
+            handle.value = value
+            self._seen[id(handle)] = handle.value
 
     def let_go(self) -> None:
         """Hold nothing any more."""
-        self._until.clear()
+        self._until = dict.fromkeys(self._until, 0.0)

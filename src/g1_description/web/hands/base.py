@@ -15,16 +15,13 @@ from g1_description.web.robots.robot import RobotState, ShownRobot
 from g1_description.web.scene.stage import MAP
 from g1_description.web.scene.tree import pose_of, wxyz
 
-from .joints import HELD, PERIOD
+from .joints import FINE, HELD, PERIOD, STEP
 
 if TYPE_CHECKING:
     from viser import ViserServer
 
 LEAST_NORM = 0.1
 """A quaternion that is shorter has no direction."""
-
-FINE = 5e-5
-"""Fields show a change of at least so much, in [m] or [rad]."""
 
 
 class BasePanel:
@@ -47,10 +44,13 @@ class BasePanel:
                 "Gizmo", False, hint="arrows and rings that move the base"
             )
             self._place = gui.add_vector3(
-                "x y z", (0.0, 0.0, 0.0), step=0.01, hint="of the base in the map, in m"
+                "x y z",
+                (0.0, 0.0, 0.0),
+                step=0.001,
+                hint="of the base in the map, in m",
             )
             self._rpy = gui.add_vector3(
-                "Roll pitch yaw", (0.0, 0.0, 0.0), step=0.01, hint="in rad"
+                "Roll pitch yaw", (0.0, 0.0, 0.0), step=STEP, hint="in rad"
             )
         self._gizmo = server.scene.add_transform_controls(
             f"{MAP}/gizmos/{robot.name.replace('/', '_')}", scale=0.45, visible=False
@@ -112,8 +112,5 @@ class BasePanel:
         """Show a pose in the fields."""
         rpy = axes_to_rpy(to_axes(pose[3:]))
         for field, values in zip(self._fields, (pose[:3], rpy)):
-            # Also if there is something else than three numbers.
-            is_whole = np.shape(field.value) == (3,)
-            if not (is_whole and np.abs(values - field.value).max() <= FINE):
-                x, y, z = np.round(values, 4).tolist()
-                self._held.show(field, (x, y, z))
+            x, y, z = np.round(values, 4).tolist()
+            self._held.show(field, (x, y, z), FINE)

@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 STEP = 0.001
 """Of sliders, in [rad] or [m]."""
 
+FINE = 5e-5
+"""Sliders show a change of more than this, in [rad] or [m]."""
+
 UNLIMITED = {"prismatic": 1.0}
 """How far the slider of a joint without limits goes to both sides, by kind."""
 
@@ -93,9 +96,8 @@ class JointPanel:
             place = state.positions.get(name)
             if place is None or self._held.is_held(slider):
                 continue
-            value = round(min(max(place, slider.min), slider.max), 4)
-            if not abs(value - slider.value) < 0.5 * STEP:  # also if that is NaN
-                self._held.show(slider, value)
+            value = min(max(place, slider.min), slider.max)
+            self._held.show(slider, round(value, 4), FINE)
 
     def let_go(self) -> None:
         """Follow the robot again: it is moved by other means."""

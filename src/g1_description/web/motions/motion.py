@@ -264,7 +264,7 @@ class MotionPanel:
         if self._play.label != label:
             self._play.label = label
         value = round(min(max(at, player.begin), player.end), 3)
-        if not self._held.is_held(self._line) and value != self._line.value:
+        if not self._held.is_held(self._line):
             self._held.show(self._line, value)
 
 
