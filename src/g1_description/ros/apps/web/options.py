@@ -35,7 +35,7 @@ def parser() -> OneSentenceParser:
     made.add_argument(
         "--fps",
         type=number,
-        help="samples per second of files without times; default: 30",
+        help="samples per second of these files, if they have no times; default: 30",
     )
     made.add_argument(
         "--topic",
