@@ -33,7 +33,7 @@ class PageClient:
         bytes: How many came, as sent through the WebSocket.
         messages: How many came; several share a frame.
         times: When each name or uuid last changed, as of `time.monotonic`.
-        counts: How often each has.
+        counts: How often each has; by type and name, too.
         has_ended: Whether the connection has.
         error: What ended it, if it did not end in good order.
     """
@@ -105,6 +105,7 @@ class PageClient:
         things = self.elements if "uuid" in message else self.nodes
         self.times[kind if name is None else name] = time.monotonic()
         self.counts[kind if name is None else name] += 1
+        self.counts[kind, name] += 1
         if message.get("virtual") and name in things:
             return  # stands for what is there, below something of this page's own
         if kind in ("GuiRemoveMessage", "RemoveSceneNodeMessage"):

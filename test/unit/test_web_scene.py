@@ -21,6 +21,8 @@ from g1_description.core.robot.assembly import WORLD, root_in_base
 from g1_description.core.robot.kinematics import Kinematics
 from g1_description.core.transform import IDENTITY, compose
 from g1_description.core.urdf.reader import parse_urdf
+from g1_description.sim.marks.canvas import GREEN, ORANGE, RED
+from g1_description.web.scene.marks import SceneMarks
 from g1_description.web.scene.trails import last_links
 from g1_description.web.scene.tree import LinkTree, pose_of
 
@@ -58,6 +60,14 @@ class Seen:
             10.0,
         )
         return self._client.nodes
+
+    def made(self, name):
+        """Count how often lines were made."""
+        return self._client.counts["LineSegmentsMessage", name]
+
+    def updates(self, name):
+        """Count changes of a node, but those of its pose."""
+        return self._client.counts["SceneNodeUpdateMessage", name]
 
     def add_root(self):
         """Add a frame for a robot: no two have the same name."""
@@ -216,3 +226,61 @@ def test_limbs_of_others_end_in(name, ends):
 
 def test_a_limb_ends_in_the_last_link_that_moves():
     assert last_links(robot("a", "b", "c")) == ["c"]
+
+
+# --- marks ---
+
+
+def points_of(nodes, name, key):
+    """Give the points of a mark where they are, shape (n, 3)."""
+    node = nodes[f"/marks/{name}"]
+    points = np.asarray(node[key], dtype=float).reshape(-1, 3)
+    return points + node["position"]
+
+
+def test_marks_are_moved_and_formed_and_go(seen):
+    marks = SceneMarks(seen.server.scene, "/marks")
+    random = np.random.default_rng(5)
+    for number in range(3):
+        ball, line, corners = (random.normal(size=(n, 3)) for n in (1, 3, 6))
+        marks.ball("mass", ball[0], 0.1 + number, ORANGE, 0.5)
+        marks.line("mass", line, 0.01, RED)
+        marks.triangles("area", corners, GREEN, 0.4)
+        marks.text("area", ball[0], f"{number} mm", 0.03, RED)
+        marks.show()
+        nodes = seen.nodes()
+        assert nodes["/marks/mass/ball_0"]["position"] == pytest.approx(ball[0])
+        assert nodes["/marks/mass/ball_0"]["radius"] == pytest.approx(0.05 + number / 2)
+        np.testing.assert_allclose(
+            points_of(nodes, "mass/line_0", "points"), line[[0, 1, 1, 2]], atol=1e-4
+        )
+        np.testing.assert_allclose(
+            points_of(nodes, "area/triangles_6_0", "vertices"), corners, atol=1e-4
+        )
+        assert nodes["/marks/area/text_0"]["text"] == f"{number} mm"
+    assert seen.made("/marks/mass/line_0") == 1, "the same one is used again"
+    marks.line("mass", line, 0.01, RED)
+    marks.line("mass", line + 1.0, 0.01, RED)
+    marks.show()
+    left = {name for name in seen.nodes() if name.startswith("/marks/")}
+    assert left - {"/marks/mass", "/marks/area"} == {
+        "/marks/mass/line_0",
+        "/marks/mass/line_1",
+    }
+
+
+def test_what_keeps_its_form_is_only_moved(seen):
+    marks = SceneMarks(seen.server.scene, "/marks/still")
+    corners = np.random.default_rng(7).normal(size=(6, 3))
+    for shift in (0.0, 0.1, 0.7):
+        marks.triangles("area", corners + shift, GREEN, 0.4)
+        marks.line("area", corners + shift, 0.01, GREEN)
+        marks.show()
+        nodes = seen.nodes()
+    np.testing.assert_allclose(
+        points_of(nodes, "still/area/triangles_6_0", "vertices"),
+        corners + 0.7,
+        atol=1e-4,
+    )
+    assert seen.updates("/marks/still/area/triangles_6_0") == 0
+    assert seen.updates("/marks/still/area/line_0") == 0

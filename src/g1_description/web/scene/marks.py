@@ -22,7 +22,8 @@ class SceneMarks:
     """A canvas whose marks stay until the next ones are drawn.
 
     To change a mark costs viser a tenth of what a new one does, so those of a kind are
-    used again.
+    used again. A browser moves what is there at once and forms it a little later: lines
+    and triangles are formed about their middle, so that they do not stay behind.
     """
 
     def __init__(self, scene: SceneApi, path: str) -> None:
@@ -93,11 +94,13 @@ class SceneMarks:
         self, namespace: str, points: np.ndarray, width: float, color: Color
     ) -> None:
         """Add a line through points, shape (n, 3), of a width in [m]."""
+        middle = points.mean(axis=0)
         self._draw(
             namespace,
             "line",
             self._scene.add_line_segments,
-            points=np.stack([points[:-1], points[1:]], axis=1),
+            points=np.round(np.stack([points[:-1], points[1:]], axis=1) - middle, 5),
+            position=middle,
             colors=np.array(rgb(color), dtype=np.uint8),
             thickness=width,
         )
@@ -106,6 +109,7 @@ class SceneMarks:
         self, namespace: str, corners: np.ndarray, color: Color, alpha: float
     ) -> None:
         """Add triangles with corners of shape (3 n, 3)."""
+        middle = corners.mean(axis=0)
         self._draw(
             namespace,
             f"triangles_{len(corners)}",  # viser wants as many as before
@@ -115,7 +119,8 @@ class SceneMarks:
                 side="double",
                 cast_shadow=False,
             ),
-            vertices=corners,
+            vertices=np.round(corners - middle, 5),
+            position=middle,
             color=rgb(color),
             opacity=alpha,
         )
