@@ -60,7 +60,7 @@ def _motion(page: Page) -> None:
     """Go to the first of the findings."""
     page.open_tab("Motion")
     _wait_for_findings(page, 1)
-    page.raw.get_by_role("button", name="self_collision").first.click()
+    page.raw.get_by_role("button", name="self collision").first.click()
 
 
 def _compare(page: Page) -> None:
