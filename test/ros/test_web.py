@@ -251,6 +251,14 @@ class TestWeb(unittest.TestCase):
         slider.type_keys("-0")
         self.command(**{ELBOW: 0.7})
         self.page.wait_for(lambda: slider.value() == 0.7, "the slider elsewhere")
+        self.page.raw.evaluate(
+            "addEventListener('pointerdown', () => { window.pressed = true }, true)"
+        )
+        corner = self.page.canvas().bounding_box()
+        self.page.raw.mouse.move(corner["x"] + 5, corner["y"] + 5)
+        self.page.wait_for(
+            lambda: self.page.raw.evaluate("window.pressed"), "a mouse that rests"
+        )
         self.assertEqual(slider.shown(), "-0")
         self.page.raw.keyboard.type(".25")
         self.page.raw.keyboard.press("Enter")

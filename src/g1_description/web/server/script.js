@@ -169,7 +169,7 @@
     if (["Enter", "Tab", "Escape", "ArrowUp", "ArrowDown"].includes(event.key)) commit();
   }, true);
   addEventListener("pointerdown", (event) => {
-    if (event.target !== typed?.field) commit();
+    if (event.isTrusted && event.target !== typed?.field) commit();
   }, true);
   addEventListener("blur", (event) => {
     if (event.target === typed?.field) commit();
