@@ -37,6 +37,8 @@ WINDOW = (800, 640)
 SHARP = "?fixedDpr=1"
 """However slowly pictures come, they are as fine as others: they can be compared."""
 KNEE, ELBOW = "left_knee_joint", "left_elbow_joint"
+WHITE = 50
+"""Pixels of a name that are white, at least, and of others at most."""
 CLOCK = 0.021
 """Between two messages of the clock, in [s]."""
 LEG, ARM = "Left leg", "Left arm"
@@ -191,25 +193,34 @@ class TestWeb(unittest.TestCase):
 
     def test_a_link_is_named_where_the_mouse_rests(self):
         page = self.page
+        slider = self.slider(LEG, "left_knee")
+        self.command(**{KNEE: 0.5})  # so that the slider shows what is drawn
+        page.wait_for(lambda: slider.value() == 0.5, "the slider")
+        self.take("zero")
+        page.wait_for(lambda: slider.value() == 0.0, "the slider at zero")
+        toasts = page.raw.locator(".g1-toast")
+        page.wait_for(lambda: not toasts.count(), "a picture without messages")
         before = page.still()
         dark = np.argwhere(before.max(axis=2) < 90)
-        middle = dark[np.abs(dark - np.median(dark, axis=0)).sum(axis=1).argmin()]
+        off = np.abs(dark - np.median(dark, axis=0)).sum(axis=1)
+        row, column = dark[off.argmin()].tolist()
         corner = page.canvas().bounding_box()
-        x, y = corner["x"] + float(middle[1]), corner["y"] + float(middle[0])
+        x, y = corner["x"] + column, corner["y"] + row
 
         def light():
-            """Count the pixels that are white where the robot was."""
-            return ((page.scene() > 230) & (before < 200)).all(axis=2).sum()
+            """Count the pixels near the mouse that are white where the robot was."""
+            is_light = ((page.scene() > 230) & (before < 200)).all(axis=2)
+            return is_light[row - 40 : row + 40, column - 60 : column + 60].sum()
 
         def is_named():
             page.raw.mouse.move(0, 0)  # or the name would not come twice
             page.raw.mouse.move(x, y)
             page.raw.wait_for_timeout(500)
-            return light() > 50
+            return light() > WHITE
 
         page.wait_for(is_named, "the name on white")
         self.keep(page, "named")
-        page.wait_for(lambda: not light(), "no name any more")
+        page.wait_for(lambda: light() < WHITE, "no name any more")
         page.raw.mouse.move(0, 0)
 
     def test_a_slider_moves_the_robot(self):
@@ -407,7 +418,7 @@ class TestWeb(unittest.TestCase):
         )
         found.click()
         self.wait_at(ELBOW, 0.3)
-        self.assertEqual(page.slider("Time").value(), 3.0)
+        page.wait_for(lambda: page.slider("Time").value() == 3.0, "the time line")
 
     def test_a_file_is_dropped_and_another_refused(self):
         page = self.page
