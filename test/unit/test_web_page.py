@@ -348,6 +348,7 @@ def test_nonsense_moves_nothing_and_the_page_goes_on(page):
     assert (after.base == before.base).all()
     third = page.client()
     third.wait_for(lambda: third.value("left_elbow") == 0.0, "a slider that is whole")
+    third.wait_for(lambda: len(third.value("x y z")) == 3, "three numbers")
     third.wait_for(lambda: np.isfinite(third.value("x y z")).all(), "whole fields")
     assert not other.has_ended
 
