@@ -92,6 +92,7 @@ class Recorder:
         self._samples: list[_Sample] = []
         self._waiting: dict[int, _Sample] = {}
         self._recent: dict[int, JointState] = {}
+        self._is_matched = False
         self._lock = threading.Lock()
         self.heard = time.monotonic()
         """When the last state came, on the monotonic clock."""
@@ -259,7 +260,17 @@ class Recorder:
             if np.abs(apart).max(initial=0.0) < ROUNDING:
                 sample.positions = positions
                 sample.velocities = np.array(message.velocity)
+                self._begin_at(sample)
         return True
+
+    def _begin_at(self, sample: _Sample) -> None:
+        """Leave out what was recorded before the bridge was heard.
+
+        Its joints may be whole turns from those that follow.
+        """
+        while not self._is_matched and self._samples[0] is not sample:
+            self._waiting.pop(self._samples.pop(0).stamp, None)
+        self._is_matched = True
 
     def trajectory(self) -> tuple[Trajectory, int]:
         """Return what was recorded, from zero on, and the first stamp in [ns]."""
