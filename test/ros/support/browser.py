@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import importlib.util
+import os
 import shutil
 
 from .browser_page import DEADLINE, Page
@@ -68,7 +69,10 @@ class Browser:
         if self._browser._dispatcher_fiber.dead:
             # Ctrl-C tore Playwright's loop: it would wait for answers for ever.
             self._stack.pop_all()
-            self._browser._impl_obj._connection._transport._proc.terminate()
+            driver = self._browser._impl_obj._connection._transport._proc
+            driver.stdin.get_extra_info("pipe").close()  # it closes Chromium and ends
+            with contextlib.suppress(ChildProcessError):  # its end was seen elsewhere
+                os.waitid(os.P_PID, driver.pid, os.WEXITED | os.WNOWAIT)
         else:
             self._stack.close()
 
