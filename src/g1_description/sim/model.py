@@ -70,6 +70,9 @@ class Model(Structure):
         """Namespace that its spawner gave it; kept as data."""
         self.ode_joints: dict[str, dict[str, float]] = {}
         """What set_joint_properties gave, in Gazebo's words, by joint name."""
+        self.hull_deviations: dict[str, float] = {}
+        """Of its meshes whose hulls are thinned: the largest distance in [m] from the
+        hull in use, by the names of their files."""
         self.reset()
 
     def reset(self) -> None:

@@ -17,6 +17,7 @@ from g1_description.core.xml import decoded
 from g1_description.sim.physics import GRAVITY
 from g1_description.sim.world import World
 
+from .hulls import log_hulls
 from .parameters import GazeboParameters
 from .placement import place_robot
 
@@ -105,6 +106,7 @@ def spawn_robot(world: World, parameters: GazeboParameters) -> None:
     assembly, pose = place_robot(parameters.spawn, fixed and dynamic, dynamic)
     for line in world.spawn(name, assembly, pose, fixed):
         rospy.logwarn("%s: %s", name, line)
+    log_hulls(world.models[name])
     rospy.loginfo("%s: %s", name, figures(assembly, parameters.physics))
 
 

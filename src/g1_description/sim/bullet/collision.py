@@ -9,7 +9,7 @@ from typing import Any, Dict
 import numpy as np
 
 from g1_description.core.robot.description import Shape
-from g1_description.sim.meshes.hulls import cylinder_points, hull_points
+from g1_description.sim.meshes.hulls import cylinder_points, thinned_hulls
 from g1_description.sim.meshes.shapes import Mesh, is_there
 from g1_description.sim.meshes.stl import write_stl
 
@@ -17,6 +17,10 @@ from .client import BulletClient, pybullet
 
 MAX_TOGETHER = 16
 """Collision shapes that PyBullet takes in one call: of one more its process dies."""
+
+TOLERANCE = 1e-3
+"""Largest distance in [m] of a mesh from the hull that stands for it: fewer points make
+steps with contacts, and loading, faster."""
 
 Form = Dict[str, Any]
 """A collision shape in the words of ``createCollisionShapeArray``."""
@@ -54,7 +58,10 @@ class Forms:
         self._meshes = meshes
         self._folder = folder
         self._is_static = is_static
-        self._files: dict[str, str] = {}
+        self._files: dict[tuple[str, float], str] = {}
+        self.deviations: dict[str, float] = {}
+        """By meshes of which points were left out: how far the farthest of these is
+        from the hull in use, in [m]."""
         self._n_files = 0
 
     def of(self, shapes: Sequence[Shape], anchor: np.ndarray) -> list[Form]:
@@ -102,15 +109,22 @@ class Forms:
             return self._write([cylinder_points(*shape.size)])
         if shape.kind != "mesh":
             return ""
-        if shape.filename not in self._files:
-            mesh = self._meshes[shape.filename]
-            self._files[shape.filename] = self._mesh_file(mesh)
-        return self._files[shape.filename]
+        scale = max(map(abs, shape.size))
+        key = shape.filename, scale
+        if key not in self._files:
+            self._files[key] = self._mesh_file(shape.filename, scale)
+        return self._files[key]
 
-    def _mesh_file(self, mesh: Mesh) -> str:
-        """Write a mesh to a file; return its name."""
+    def _mesh_file(self, name: str, scale: float) -> str:
+        """Write a mesh, whose largest scale is given, to a file; return its name."""
+        mesh = self._meshes[name]
         if not self._is_static:
-            return self._write(hull_points(mesh))
+            hulls = thinned_hulls(mesh, TOLERANCE / scale if scale else 0.0)
+            deviation = max(deviation for _, deviation in hulls) * scale
+            if deviation:
+                known = self.deviations.get(name, 0.0)
+                self.deviations[name] = max(known, deviation)
+            return self._write([points for points, _ in hulls])
         if mesh.parts:
             corners = [part.corners.reshape(-1, 3) for part in mesh.parts]
             return self._write([np.concatenate(corners)])

@@ -67,6 +67,9 @@ class Loaded:
     """Names by PyBullet's numbers for its links from ``ROOT`` on. Where one has more
     shapes than PyBullet takes together, the next ones are of the same name."""
 
+    deviations: Mapping[str, float]
+    """As ``Forms.deviations``."""
+
 
 @dataclass(frozen=True)
 class _Row:
@@ -121,7 +124,7 @@ def create_body(
             ) from error
     _check_count(client, number, description.name, rows)
     _set_moments_and_limits(client, number, rows)
-    return Loaded(number, tuple(row.name for row in rows))
+    return Loaded(number, tuple(row.name for row in rows), forms.deviations)
 
 
 def _temporary_folder() -> str:

@@ -146,6 +146,7 @@ class Engine:
                     raise
                 left_out += (f"its contacts are not found: {error}",)
                 continue
+            model.hull_deviations.update(loaded.deviations)
             bodies.append(Body(self._client, loaded, model, tree, self._motors))
         for first, second in combinations(bodies, 2):
             first.pass_through(second)

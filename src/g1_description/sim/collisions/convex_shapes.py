@@ -10,10 +10,9 @@ import numpy as np
 from g1_description.core.robot.assembly import WORLD
 from g1_description.core.robot.description import Description, Link, Shape
 from g1_description.core.rotation import rotate
+from g1_description.sim.meshes.hull_vertices import hull_vertices, thinned
 from g1_description.sim.meshes.hulls import hull_points, outline
 from g1_description.sim.meshes.shapes import Mesh, find_meshes, is_there
-
-from .hull_vertices import hull_vertices, thinned
 
 TOLERANCE = 5e-4
 """How far a hull of very many points may stick out of the one that stands for it, in
@@ -138,4 +137,5 @@ def _hulls(
 
 def _few(points: np.ndarray) -> np.ndarray:
     """Select points whose hull is that of all, or almost, shape (m, 3)."""
-    return thinned(hull_vertices(points), TOLERANCE)
+    few, _ = thinned(hull_vertices(points), TOLERANCE)
+    return few

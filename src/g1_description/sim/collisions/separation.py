@@ -6,8 +6,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from g1_description.sim.meshes.hull_vertices import hull_normals
+
 from .convex_shapes import ConvexShape
-from .hull_vertices import hull_normals
 from .placing import Placed, turn
 
 ROUNDS = 4

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 from scipy.spatial import ConvexHull
 
 MAX_WHOLE = 128
-"""Most vertices of a hull that is not thinned: PyBullet's time grows with them."""
+"""Most points that are not thinned: PyBullet's time grows with them."""
 
-N_DIRECTIONS = 32
-"""Directions whose farthest vertices a thinned hull begins with."""
+DIRECTIONS = np.array(
+    [d for d in itertools.product((-1, 0, 1), repeat=3) if any(d)], np.float32
+)
+"""Directions whose farthest points a thinned hull begins with, shape (26, 3)."""
 
-MAX_ROUNDS = 20
-"""Most times that vertices are added to a thinned hull."""
+ROUNDING = 1e-6
+"""Largest error of a height above a face in single precision, per size of the hull."""
+
+TINY = np.finfo(float).tiny
+"""Instead of zero, to divide by."""
 
 HULL_ERRORS = (RuntimeError, ValueError)
 """What ConvexHull raises for flat or few points. Its own error is a RuntimeError, whose
@@ -50,37 +57,135 @@ def hull_normals(points: np.ndarray) -> np.ndarray:
         return np.zeros((0, 3))
 
 
-def thinned(vertices: np.ndarray, tolerance: float) -> np.ndarray:
-    """Leave out vertices of a hull that hardly stick out of the hull of the others.
+def thinned(points: np.ndarray, tolerance: float) -> tuple[np.ndarray, float]:
+    """Leave out points that hardly stick out of the convex hull of the others.
+
+    The hull of the farthest points in a few directions grows, each round, by the
+    farthest point outside of each of its faces, as in Barber, Dobkin and Huhdanpaa:
+    The quickhull algorithm for convex hulls, 1996.
 
     Args:
-        vertices: Of a convex hull, in [m], shape (n, 3).
-        tolerance: How far a vertex that is left out may lie outside of each plane of
-            the new hull, in [m].
+        points: In any frame, in [m], shape (n, 3).
+        tolerance: How far a point that is left out may be from the new hull, in [m].
 
     Returns:
-        Some of the vertices, or all where there are few, shape (m, 3).
+        Some of the points, or all where they are few or lie in a plane, shape (m, 3),
+        and how far the others are from their hull at most, in [m].
     """
-    if len(vertices) <= MAX_WHOLE:
-        return vertices
-    chosen = np.unique((vertices @ _directions().T).argmax(axis=0))
+    if len(points) <= MAX_WHOLE:
+        return points, 0.0
+    middle = points.mean(axis=0)
+    # In single precision all of this takes a fifth of the time.
+    centered = np.asarray(points - middle, np.float32)
+    first = np.unique((centered @ DIRECTIONS.T).argmax(axis=0))
     try:
-        for _ in range(MAX_ROUNDS):
-            planes = ConvexHull(vertices[chosen]).equations
-            outside = vertices @ planes[:, :3].T + planes[:, 3]
-            far = outside.max(axis=0) > tolerance
-            if not far.any():
-                return vertices[chosen]
-            chosen = np.union1d(chosen, outside[:, far].argmax(axis=0))
+        chosen, near = _grown(centered[first], centered, tolerance)
+        while True:
+            hull = ConvexHull(chosen)
+            distance = _distances(near, hull)
+            if distance.max(initial=0.0) <= tolerance:
+                break
+            # Beyond a sharp edge, points are farther from the hull than from planes.
+            chosen = np.concatenate([chosen, near[[distance.argmax()]]])
     except HULL_ERRORS:
-        pass
-    return vertices
+        return points, 0.0
+    return middle + hull.points, float(distance.max(initial=0.0))
 
 
-def _directions() -> np.ndarray:
-    """Spread unit vectors evenly, along a spiral, shape (``N_DIRECTIONS``, 3)."""
-    number = np.arange(N_DIRECTIONS) + 0.5
-    z = 1.0 - 2.0 * number / N_DIRECTIONS
-    angle = np.pi * (1.0 + 5.0**0.5) * number
-    across = np.sqrt(1.0 - z**2)
-    return np.stack([across * np.cos(angle), across * np.sin(angle), z], axis=-1)
+def _grown(
+    chosen: np.ndarray, points: np.ndarray, tolerance: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Add points until no other is far outside of a plane of the hull.
+
+    Args:
+        chosen: The points that the hull begins with, in [m], shape (n, 3).
+        points: All points, in [m], shape (m, 3).
+        tolerance: Largest distance from a plane, in [m].
+
+    Returns:
+        Chosen points, shape (k, 3), and those that may be outside of their hull, shape
+        (l, 3).
+    """
+    near = []
+    while len(points):
+        heights = _heights(points, ConvexHull(chosen))
+        face, height = heights.argmax(axis=1), heights.max(axis=1)
+        is_far = height > tolerance
+        near.append(points[~is_far & (height > _rounding(chosen))])
+        points, face, height = points[is_far], face[is_far], height[is_far]
+        farthest_first = np.argsort(-height)
+        _, first = np.unique(face[farthest_first], return_index=True)
+        chosen = np.concatenate([chosen, points[farthest_first[first]]])
+    return chosen, np.concatenate(near)
+
+
+def _heights(points: np.ndarray, hull: ConvexHull) -> np.ndarray:
+    """Find how high points are above the planes of a hull's faces.
+
+    Args:
+        points: In [m], shape (n, 3).
+        hull: The hull.
+
+    Returns:
+        In [m], shape (n, n_faces); negative below.
+    """
+    planes = hull.equations.astype(np.float32)
+    heights = points @ planes[:, :3].T
+    heights += planes[:, 3]
+    return heights
+
+
+def _rounding(points: np.ndarray) -> float:
+    """Return the largest height that is none but rounding, in [m].
+
+    Args:
+        points: Of the hull, in [m], shape (n, 3).
+    """
+    return ROUNDING * float(np.abs(points).max())
+
+
+def _distances(points: np.ndarray, hull: ConvexHull) -> np.ndarray:
+    """Find how far points are from a convex hull, in [m], shape (n,).
+
+    Args:
+        points: In [m], shape (n, 3).
+        hull: The hull.
+    """
+    heights = _heights(points, hull)
+    # The faces that a point sees.
+    number, face = np.nonzero(heights > _rounding(hull.points))
+    beside = _distances_beside(
+        points[number], hull.points[hull.simplices[face]], hull.equations[face, :3]
+    )
+    distances = np.full(len(points), np.inf)
+    np.minimum.at(distances, number, np.hypot(heights[number, face], beside))
+    return np.where(np.isinf(distances), 0.0, distances)
+
+
+def _distances_beside(
+    points: np.ndarray, corners: np.ndarray, normals: np.ndarray
+) -> np.ndarray:
+    """Find how far from triangles points are, along the planes of these.
+
+    Args:
+        points: One for each triangle, in [m], shape (n, 3).
+        corners: Of the triangles, in [m], shape (n, 3, 3).
+        normals: Of the triangles, shape (n, 3).
+
+    Returns:
+        In [m], shape (n,); zero above and below a triangle.
+    """
+    normals = normals[:, np.newaxis]
+    edges = np.roll(corners, -1, axis=1) - corners
+    to_point = points[:, np.newaxis] - corners
+    flat = to_point - _dot(to_point, normals) * normals
+    share = np.clip(_dot(flat, edges) / np.maximum(_dot(edges, edges), TINY), 0.0, 1.0)
+    to_edges = np.linalg.norm(flat - share * edges, axis=-1).min(axis=1)
+    side = _dot(np.cross(edges, flat), normals)[..., 0]
+    is_above = (side >= 0.0).all(axis=1) | (side <= 0.0).all(axis=1)
+    return np.where(is_above, 0.0, to_edges)
+
+
+def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Multiply vectors, shapes (..., 3); shape (..., 1)."""
+    return (a * b).sum(axis=-1, keepdims=True)

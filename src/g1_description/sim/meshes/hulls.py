@@ -10,6 +10,7 @@ import numpy as np
 
 from g1_description.core.robot.description import Shape
 
+from .hull_vertices import thinned
 from .shapes import Mesh
 from .stl import read_stl
 
@@ -48,6 +49,31 @@ def hull_points(mesh: Mesh) -> list[np.ndarray]:
     if len(parts) > MAX_HULLS:
         parts = [np.concatenate(parts)]
     return [_distinct(np.asarray(points, np.float32)) for points in parts]
+
+
+def thinned_hulls(mesh: Mesh, tolerance: float) -> list[tuple[np.ndarray, float]]:
+    """Return fewer points whose convex hulls stand for a mesh.
+
+    Args:
+        mesh: The mesh.
+        tolerance: How far other points of the mesh may be from them, in its unit.
+
+    Returns:
+        Points as `hull_points` has them, and how far the other points are from their
+        hull at most.
+    """
+    if mesh.parts:
+        return [thinned(points, tolerance) for points in hull_points(mesh)]
+    status = mesh.path.stat()
+    return [_thinned_stl(mesh.path, status.st_size, status.st_mtime_ns, tolerance)]
+
+
+@lru_cache(maxsize=MAX_FILES_KEPT)
+def _thinned_stl(
+    path: Path, size: int, changed: int, tolerance: float
+) -> tuple[np.ndarray, float]:
+    """Thin the hull of the corners in a file, as `thinned`."""
+    return thinned(_stl_points(path, size, changed), tolerance)
 
 
 @lru_cache(maxsize=MAX_FILES_KEPT)

@@ -24,6 +24,7 @@ from g1_description.core.sdf.world import Light, Sdf, SdfModel, read_sdf
 from g1_description.core.transform import IDENTITY, compose
 from g1_description.core.urdf.reader import parse_urdf
 from g1_description.core.xml import parse_xml
+from g1_description.ros.gazebo.hulls import log_hulls
 from g1_description.sim.entities import Frame
 
 from .base import FRAME_NOT_FOUND, Services, checked_pose
@@ -113,6 +114,7 @@ class SpawnServices(Services):
         left_out = self._world.spawn(request.model_name, content.assembly, pose)
         model = self._world.models[request.model_name]
         model.robot_namespace = request.robot_namespace
+        log_hulls(model)
         return parsed.left_out + left_out
 
 

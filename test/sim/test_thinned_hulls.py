@@ -1,0 +1,116 @@
+"""Hulls with fewer points, beside the nearest points that least squares find."""
+
+import numpy as np
+import pytest
+from conftest import VENDOR
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import nnls
+from scipy.spatial import ConvexHull
+
+from g1_description.core.files.uris import with_absolute_uris
+from g1_description.sim.meshes.hull_vertices import MAX_WHOLE, thinned
+
+WEIGHT = 1e3
+"""Of the sum of the shares, which is one."""
+
+
+def distance(points, hull):
+    """Find how far a point is from a convex hull: from the best mix of its corners."""
+    corners = np.vstack([hull.T, np.full(len(hull), WEIGHT)])
+    shares, _ = nnls(corners, np.append(points, WEIGHT))
+    return np.linalg.norm(hull.T @ (shares / shares.sum()) - points)
+
+
+def outermost(points, hull, number):
+    """Select the points that are highest above the planes of a hull."""
+    planes = ConvexHull(hull).equations
+    heights = (points @ planes[:, :3].T + planes[:, 3]).max(axis=1)
+    return points[np.argsort(-heights)[:number]]
+
+
+def blob(seed, n_points, sizes):
+    """Scatter points on a bent ellipsoid."""
+    random = np.random.RandomState(seed)
+    points = random.normal(size=(n_points, 3))
+    points /= np.linalg.norm(points, axis=1)[:, np.newaxis]
+    points[:, 2] += 0.3 * points[:, 0] ** 2
+    return points * sizes
+
+
+@given(
+    seed=st.integers(0, 1000),
+    n_points=st.integers(MAX_WHOLE + 1, 2000),
+    sizes=st.tuples(*[st.floats(0.01, 0.5)] * 3),
+    tolerance=st.floats(5e-4, 5e-3),
+)
+@settings(max_examples=20, deadline=None)
+def test_no_point_is_farther_than_is_said(seed, n_points, sizes, tolerance):
+    points = blob(seed, n_points, sizes)
+    few, deviation = thinned(points, tolerance)
+    assert deviation <= tolerance
+    found = [distance(p, few) for p in outermost(points, few, 5)]
+    assert max(found) <= deviation + 1e-6
+    # They are some of the points.
+    apart = np.abs(points[:, np.newaxis] - few).max(axis=2).min(axis=0)
+    assert apart.max() < 1e-6
+
+
+def test_the_deviation_is_that_of_the_farthest_point():
+    points = blob(1, 1000, (0.3, 0.2, 0.1))
+    few, deviation = thinned(points, 0.01)
+    assert len(few) < 100
+    far = max(distance(p, few) for p in outermost(points, few, 50))
+    assert deviation == pytest.approx(far, abs=1e-6)
+
+
+def test_a_blade_keeps_its_edge():
+    # A millimetre beyond the edge is a few micrometres above the planes beside it.
+    along, beyond = np.meshgrid(np.linspace(0.0, 0.2, 40), np.linspace(0.0, 0.2, 40))
+    sides = [np.stack([along, beyond, s * 0.002 * (0.2 - beyond)], -1) for s in (-1, 1)]
+    points = np.concatenate(sides).reshape(-1, 3)
+    points[:, 1] += 0.01 * np.sin(15.0 * points[:, 0])  # the edge is an arc
+    few, deviation = thinned(points, 1e-3)
+    assert deviation <= 1e-3
+    edge = points[points[:, 1] > 0.19]
+    assert max(distance(p, few) for p in edge) <= deviation + 1e-6
+
+
+def test_what_is_flat_or_small_is_left_alone():
+    square = np.random.RandomState(1).uniform(size=(500, 3)) * (1.0, 1.0, 0.0)
+    for points in (square, square[:, :1] * (1.0, 2.0, 3.0), square[:100]):
+        few, deviation = thinned(points, 1e-3)
+        assert few is points and deviation == 0.0
+
+
+def test_single_precision_and_far_from_the_origin():
+    points = blob(2, 3000, (0.3, 0.2, 0.1)) + np.array([40.0, -30.0, 0.0])
+    few, deviation = thinned(points.astype(np.float32), 1e-3)
+    assert MAX_WHOLE < len(few) < 1000 and deviation <= 1e-3
+    assert max(distance(p, few) for p in outermost(points, few, 3)) < 1.1e-3
+
+
+@pytest.mark.skipif(not VENDOR.exists(), reason="the vendor's model is not here")
+@pytest.mark.parametrize("name", ["torso_link", "pelvis", "left_ankle_roll_link"])
+def test_the_vendors_meshes_become_few_points(name):
+    import trimesh
+
+    mesh = trimesh.load(str(VENDOR.parent / "meshes" / f"{name}.STL"))
+    points = np.asarray(mesh.vertices)
+    few, deviation = thinned(points, 1e-3)
+    assert len(few) <= 300 and 5e-4 < deviation <= 1e-3
+    assert distance(outermost(points, few, 1)[0], few) == pytest.approx(
+        deviation, abs=2e-6
+    )
+
+
+def test_a_model_tells_how_far_its_meshes_are_from_their_hulls(make_world):
+    if not VENDOR.exists():
+        pytest.skip("the vendor's g1_29dof.urdf is not beside the repository")
+    bench = make_world("limp")
+    text = with_absolute_uris(VENDOR.read_text(), VENDOR.parent)
+    bench.spawn_urdf("g1", text, np.array([0.0, 0.0, 0.8, 0.0, 0.0, 0.0, 1.0]))
+    found = bench.model("g1").hull_deviations
+    by_file = {name.rpartition("/")[2]: value for name, value in found.items()}
+    assert 5e-4 < by_file["torso_link.STL"] <= 1e-3
+    assert len(by_file) > 10 and max(by_file.values()) <= 1e-3
