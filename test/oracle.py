@@ -51,6 +51,19 @@ def forward_kinematics(text, root_pose, positions):
     return poses
 
 
+def matrix_of(rotation):
+    """Give the matrix of a scipy Rotation, shape (3, 3).
+
+    Its own name for this is as_dcm before scipy 1.4, and as_matrix from there on.
+    """
+    return rotation.apply(np.eye(3)).T
+
+
+def angle_of(rotation):
+    """Give how far a scipy Rotation turns, in [rad]; scipy 1.3 has no magnitude."""
+    return np.linalg.norm(rotation.as_rotvec())
+
+
 def assert_poses_close(actual, expected, tolerance):
     """Compare poses in [m] and [rad]; q and -q are the same rotation."""
     np.testing.assert_allclose(actual[..., :3], expected[..., :3], atol=tolerance)

@@ -6,6 +6,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 from conftest import REPOSITORY
+from oracle import matrix_of
 from robots import link
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
@@ -280,7 +281,7 @@ class Oracle:
         self.result.clear()
         placed = []
         for (_, _, shape, center, *_), pose in ((first, pose_a), (second, pose_b)):
-            axes = Rotation.from_quat(pose[3:]).as_matrix()
+            axes = matrix_of(Rotation.from_quat(pose[3:]))
             place = self.fcl.Transform3f(axes, pose[:3] + axes @ center)
             placed += [shape, place]
         distance = self.fcl.distance(*placed, self.request, self.result)

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from lxml import etree
+from oracle import matrix_of
 from scipy.spatial.transform import Rotation
 
 from g1_description.core.errors import DescriptionError, NoSuchModelError
@@ -88,7 +89,7 @@ def matrix(pose):
     turn = Rotation.from_euler("xyz", pose[3:]) if len(pose) == 6 else None
     result = np.eye(4)
     result[:3, 3] = pose[:3]
-    result[:3, :3] = (turn or Rotation.from_quat(pose[3:])).as_matrix()
+    result[:3, :3] = matrix_of(turn or Rotation.from_quat(pose[3:]))
     return result
 
 
@@ -102,7 +103,7 @@ def screw(kind, point, direction, value):
     if kind == "prismatic":
         result[:3, 3] = direction * value
         return result
-    turn = Rotation.from_rotvec(direction * value).as_matrix()
+    turn = matrix_of(Rotation.from_rotvec(direction * value))
     result[:3, :3] = turn
     result[:3, 3] = point - turn @ point
     return result
@@ -116,10 +117,10 @@ def trees(draw):
     child or in the model, an axis in the joint or in the model.
     """
     names, parts = ["root"], []
-    rest = {"root": matrix(draw(POSE))}
+    first = draw(POSE)
+    rest = {"root": matrix(first)}
     motion, positions = {"root": np.eye(4)}, []
-    first = Rotation.from_matrix(rest["root"][:3, :3]).as_euler("xyz")
-    parts.append(link("root", f"<pose>{text([*rest['root'][:3, 3], *first])}</pose>"))
+    parts.append(link("root", f"<pose>{text(first)}</pose>"))
     for number in range(draw(st.integers(1, 5))):
         name, parent = f"link_{number}", draw(st.sampled_from(names))
         kind = draw(st.sampled_from(["revolute", "continuous", "prismatic", "fixed"]))
@@ -204,7 +205,7 @@ def test_the_inertia_is_turned_to_the_axes_of_the_link(pose, tensor):
     ).assembly.description.links[0]
     xx, xy, xz, yy, yz, zz = tensor
     given_tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    turn = Rotation.from_euler("xyz", pose[3:]).as_matrix()
+    turn = matrix_of(Rotation.from_euler("xyz", pose[3:]))
     assert found.inertial.mass == 2.5
     np.testing.assert_allclose(found.inertial.center_of_mass, pose[:3], atol=1e-12)
     for spin in np.eye(3):  # the energy of a spin does not depend on the axes
