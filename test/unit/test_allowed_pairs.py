@@ -67,6 +67,7 @@ HEAD = "robot: r\nsamples: 1\nseed: 0\n"
     ("text", "problem"),
     [
         ("", "must have robot, samples, seed, links, pairs"),
+        ("robot: a\nrobot: b", "line 2: found duplicate key"),
         ("- a", "must have robot"),
         (HEAD, "must have robot"),
         ("{", "line"),

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from ruamel.yaml import YAML
+from ruamel.yaml.constructor import DuplicateKeyError
 from ruamel.yaml.error import YAMLError
 
 from g1_description.core.errors import ThresholdError, cause
@@ -182,7 +183,7 @@ def read_thresholds(path: Path) -> Thresholds:
         content = YAML(typ="safe", pure=True).load(data.decode("utf-8"))
     except OSError as error:
         raise ThresholdError(f"{path} cannot be read: {error.strerror}.") from error
-    except (YAMLError, ValueError, RecursionError) as error:
+    except (YAMLError, DuplicateKeyError, ValueError, RecursionError) as error:
         raise ThresholdError(f"{path} is no YAML: {cause(error)}.") from error
     if not isinstance(content, dict):
         raise ThresholdError(f"{path} does not hold thresholds by name.")

@@ -33,10 +33,11 @@ def _load(text: str) -> object:
     """Read YAML."""
     # Only now: the library takes 40 ms, and a robot without a file does not need it.
     from ruamel.yaml import YAML, YAMLError
+    from ruamel.yaml.constructor import DuplicateKeyError
 
     try:
         return YAML(typ="safe", pure=True).load(text)
-    except (YAMLError, RecursionError, ValueError) as error:
+    except (YAMLError, DuplicateKeyError, RecursionError, ValueError) as error:
         mark = getattr(error, "problem_mark", None)
         where = f"line {mark.line + 1}: " if mark else ""
         problem = str(getattr(error, "problem", None) or error).splitlines()[0]

@@ -79,10 +79,11 @@ def _load(text: str) -> object:
     """Read YAML; an empty text is an empty mapping."""
     # Only now: the library takes 40 ms, and only physics with motors needs it.
     from ruamel.yaml import YAML, YAMLError
+    from ruamel.yaml.constructor import DuplicateKeyError
 
     try:
         content = YAML(typ="safe", pure=True).load(text)
-    except (YAMLError, RecursionError, ValueError) as error:
+    except (YAMLError, DuplicateKeyError, RecursionError, ValueError) as error:
         mark = getattr(error, "problem_mark", None)
         where = f"line {mark.line + 1}: " if mark else ""
         problem = str(getattr(error, "problem", None) or error).splitlines()[0]
