@@ -215,6 +215,7 @@ class BridgeHealth:
     def _report_joints(self, robot: RobotStatus, status):
         """Report on one robot's joints."""
         seen = robot.observation
+        status.add("listeners to tf_joint_states", robot.tf_listeners)
         if seen is None or self._is_stale:
             status.summary(WARN, "no link states come")
             return status

@@ -199,6 +199,7 @@ class BridgedRobot:
         self.player.flush()
         self._joint_states.flush()
         self._tf_joint_states.flush()
+        self.status.tf_listeners = self._tf_joint_states.get_num_connections()
 
     def begin_again(self) -> None:
         """Forget everything: time began again."""

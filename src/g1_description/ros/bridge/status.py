@@ -60,6 +60,9 @@ class RobotStatus:
     other_publishers: tuple[str, ...] = ()
     """Other nodes that publish its joint states."""
 
+    tf_listeners: int = 0
+    """How many nodes hear the joint states that go to TF."""
+
     start: float = field(default_factory=time.monotonic)
     """When the bridge began, on the monotonic clock in [s]."""
 
