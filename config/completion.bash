@@ -29,6 +29,8 @@ _g1_description_rosrun() {
     local word=${COMP_WORDS[COMP_CWORD]} before=${COMP_WORDS[COMP_CWORD-1]}
     if [[ $COMP_CWORD -ge 3 && ${COMP_WORDS[1]} == g1_description && ${COMP_WORDS[2]} =~ ^(check|collision_pairs|play|record|web)$ ]]; then
         _g1_description_file "$word" "$before"
+    elif [[ $COMP_CWORD -ge 3 && ${COMP_WORDS[1]} == g1_description && ${COMP_WORDS[2]} == doctor ]]; then
+        _g1_description_doctor "$word" "$before"
     elif [[ $COMP_CWORD -lt 3 || ${COMP_WORDS[1]} != g1_description || ${COMP_WORDS[2]} != pose ]]; then
         _g1_description_otherwise rosrun "$@"
     elif [[ $before == --file ]]; then
@@ -42,6 +44,17 @@ _g1_description_rosrun() {
     else
         mapfile -t COMPREPLY < <(compgen -W "$(_g1_description_poses)" -- "$word")
     fi
+}
+
+# Complete an option of the doctor, or the link that it stops at.
+_g1_description_doctor() {
+    local words=
+    if [[ $2 == --until ]]; then
+        words="python packages master address nodes description meshes simulator clock time link_states bridge model urdf joint_states state_publisher tf diagnostics picture"
+    elif [[ $1 == -* ]]; then
+        words="--help --json --namespace --until"
+    fi
+    mapfile -t COMPREPLY < <(compgen -W "$words" -- "$1")
 }
 
 # Complete an option, or a file, of a command whose other arguments are files.

@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 from conftest import REPOSITORY
 
+from g1_description.core.doctor.links import LINKS
+
 ROSBASH = [
     *Path("/opt/ros").glob("*/share/rosbash/rosbash"),
     Path("/usr/share/bash-completion/completions/rosbash"),
@@ -70,6 +72,9 @@ DISPLAY = ("roslaunch", "g1_description", "display.launch")
         ([*RUN, "check", "--c"], ["--collisions", "--csv"]),
         ([*RUN, "check", "a.csv", "--json", str(REPOSITORY / "READ")], [README]),
         ([*RUN, "check", "a.csv", "--jobs", ""], []),
+        ([*RUN, "doctor", "--j"], ["--json"]),
+        ([*RUN, "doctor", "--until", "li"], ["link_states"]),
+        ([*RUN, "doctor", "--namespace", ""], []),
         ([*RUN, "collision_pairs", "--s"], ["--samples", "--seed"]),
         ([*RUN, "play", "--s"], ["--speed", "--start-here"]),
         ([*RUN, "play", str(REPOSITORY / "READ")], [README]),
@@ -92,7 +97,8 @@ def test_names_are_completed_where_they_belong(words, expected):
 
 
 @pytest.mark.parametrize(
-    "command", ["check", "collision_pairs", "pose", "play", "record", "web"]
+    "command",
+    ["check", "collision_pairs", "doctor", "pose", "play", "record", "web"],
 )
 def test_all_options_are_completed(command):
     run = [sys.executable, REPOSITORY / "scripts" / command, "--help"]
@@ -102,6 +108,10 @@ def test_all_options_are_completed(command):
     ).stdout
     options = {*re.findall(r"--[a-z][a-z-]*", text)}
     assert {*complete(*RUN, command, "--")} == options | {"--help"}
+
+
+def test_all_links_of_the_doctor_are_completed():
+    assert complete(*RUN, "doctor", "--until", "") == [*LINKS]
 
 
 def test_poses_of_the_user_are_completed_too(home):

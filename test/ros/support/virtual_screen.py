@@ -16,12 +16,13 @@ DEADLINE = 60.0
 class VirtualScreen:
     """An X server, Xvfb, on a display number that was free."""
 
-    def __init__(self, width, height):
+    def __init__(self, width, height, *options):
         """Start it, and return when it takes clients.
 
         Args:
             width: [px]
             height: [px]
+            options: More options of Xvfb.
         """
         self._stack = contextlib.ExitStack()
         with self._stack:
@@ -33,7 +34,8 @@ class VirtualScreen:
                     f"Xvfb -displayfd {its} -screen 0 {width}x{height}x24"
                     f" -fbdir {folder} -nocursor -nolisten tcp"
                 )
-                self._server = subprocess.Popen(command.split(), pass_fds=[its])
+                words = [*command.split(), *options]
+                self._server = subprocess.Popen(words, pass_fds=[its])
                 self._stack.callback(self._end)
                 pipe.close()  # so that reading ends when the server fails
                 number = display.readline().strip()

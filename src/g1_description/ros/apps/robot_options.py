@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import re
 
-import rosgraph
+NAME = re.compile(r"[A-Za-z]\w*(/\w+)*", re.ASCII)
+"""A name of ROS without slashes around. rosgraph has this too, but cannot be imported
+where the command is to say that ROS is missing."""
 
 
 def add_namespace(parser: argparse.ArgumentParser) -> None:
@@ -20,6 +23,6 @@ def add_namespace(parser: argparse.ArgumentParser) -> None:
 def _namespace(text: str) -> str:
     """Read a namespace."""
     name = text.strip("/")
-    if name and not rosgraph.names.is_legal_name(name):
+    if name and not NAME.fullmatch(name):
         raise argparse.ArgumentTypeError(f"'{text}' is no ROS name")
     return name

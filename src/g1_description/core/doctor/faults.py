@@ -1,0 +1,184 @@
+"""What may be broken: for each fault a sentence, and the command that mends it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+DISPLAY = "roslaunch g1_description display.launch"
+GAZEBO = "roslaunch g1_description gazebo.launch"
+BROWSER = "roslaunch g1_description web.launch"
+
+TABLE = {
+    "wrong_python": (
+        "{which} is {python}, which is not the Python of ROS: {reason}.",
+        "export PATH={folder}:$PATH",
+    ),
+    "no_workspace": (
+        "The workspace of this package is not sourced in this shell: {reason}.",
+        "source {setup}",
+    ),
+    "no_package": (
+        "{python} lacks what the nodes need: {reason}.",
+        "{python} -m pip install {package}",
+    ),
+    "no_pybullet": (
+        "{python} lacks PyBullet, without which the simulator cannot start: {reason}.",
+        "{python} -m pip install {package}",
+    ),
+    "bad_master_uri": (
+        "ROS_MASTER_URI is '{uri}', which is no address like http://localhost:11311.",
+        "export ROS_MASTER_URI=http://localhost:11311",
+    ),
+    "no_master": ("There is no master at {uri}: {reason}.", DISPLAY),
+    "no_remote_master": (
+        "There is no master at {uri}: {reason}.",
+        "ssh {host} roscore",
+    ),
+    "wrong_ros_ip": (
+        "{variable} is {value}, and {reason}: no node of this shell can be reached.",
+        "{cure}",
+    ),
+    "wrong_node_address": (
+        "{node} gives {uri} as its address, and {reason}.",
+        "unset ROS_HOSTNAME; export ROS_IP=$(hostname -I | cut -d' ' -f1)  "
+        "# on its machine, in the shell that starts {node} again",
+    ),
+    "dead_node": (
+        "{node} is registered at {uri}, but nothing answers there: {reason}.",
+        "yes | rosnode cleanup",
+    ),
+    "no_description": (
+        "There is no robot on the parameter {parameter}, in /{namespace} or above.",
+        DISPLAY,
+    ),
+    "bad_description": (
+        "The parameter {parameter} does not hold a robot: {reason}",
+        DISPLAY,
+    ),
+    "missing_meshes": (
+        "The robot on {parameter} has meshes that are not on this machine: {meshes}.",
+        "{cure}",
+    ),
+    "no_simulator": ("There is no simulator: nothing serves {service}.", GAZEBO),
+    "hung_simulator": (
+        "{node} does not answer {service} within {seconds:g} s.",
+        GAZEBO,
+    ),
+    "no_link_states": (
+        "There is a simulator, but nothing publishes {topic}, so the bridge is blind.",
+        GAZEBO,
+    ),
+    "no_clock": (
+        "/use_sim_time is true, but nothing publishes /clock: time never begins.",
+        "rosparam set /use_sim_time false  # then start the nodes again",
+    ),
+    "two_clocks": (
+        "/clock comes from {nodes}, so time jumps to and fro.",
+        "rosnode kill {other}",
+    ),
+    "paused": (
+        "Simulated time is paused: the robot and what is shown of it stand still.",
+        "rosservice call {gazebo}/unpause_physics",
+    ),
+    "silent_clock": (
+        "{node} is not paused, but nothing came on /clock within {seconds:g} s.",
+        GAZEBO,
+    ),
+    "silent_simulator": (
+        "{node} runs, but nothing came on {topic} within {seconds:g} s.",
+        GAZEBO,
+    ),
+    "no_bridge": (
+        "There is no link_states_bridge that publishes {topic}{others}.",
+        "{cure}",
+    ),
+    "two_bridges": (
+        "Two bridges publish {topic}, {nodes}: readers get the states of both.",
+        "rosnode kill {other}",
+    ),
+    "no_model": (
+        "The simulator has no model called {model}, which {bridge} shows; it has "
+        "{models}.",
+        "{cure}",
+    ),
+    "other_urdf": (
+        "The model {model} in the simulator is not the robot on {parameter}: {reason}.",
+        "rosservice call {gazebo}/delete_model {model} && rosrun gazebo_ros "
+        "spawn_model -urdf -param {parameter} -model {model}",
+    ),
+    "two_joint_states": (
+        "{topic} comes from {nodes}, and {own} is its owner: readers get both.",
+        "rosnode kill {other}",
+    ),
+    "no_joint_states": (
+        "{node} runs, but nothing came on {topic} within {seconds:g} s.",
+        "rosnode kill {node}  # its launch file starts it again",
+    ),
+    "no_state_publisher": (
+        "There is no robot_state_publisher that turns {topic} into TF.",
+        "{cure}",
+    ),
+    "two_tf_owners": (
+        "TF gets {edge} from {nodes}, so the robot jumps to and fro.",
+        "rosnode kill {other}",
+    ),
+    "no_tf": ("TF lacks {edges}, which {owner} should send.", "{cure}"),
+    "bad_diagnostics": (
+        "{node} reports on /diagnostics: {text}.",
+        "rostopic echo /diagnostics  # which has the figures",
+    ),
+    "no_display": (
+        "Nothing shows the robot, and RViz cannot: DISPLAY is empty, there is no "
+        "screen.",
+        BROWSER,
+    ),
+    "dead_display": (
+        "Nothing shows the robot, and RViz cannot: no X server answers on DISPLAY "
+        "{display}.",
+        BROWSER,
+    ),
+    "no_gl": (
+        "Nothing shows the robot, and RViz cannot: {reason} on DISPLAY {display}, not "
+        "even in software.",
+        BROWSER,
+    ),
+    "only_software_gl": (
+        "Nothing shows the robot, and RViz cannot without software rendering: "
+        "{reason} on DISPLAY {display}.",
+        "LIBGL_ALWAYS_SOFTWARE=1 roslaunch g1_description rviz.launch",
+    ),
+    "no_picture": (
+        "Nothing shows the robot: neither RViz nor the browser view runs.",
+        "roslaunch g1_description rviz.launch",
+    ),
+    "no_answer": (
+        "The walk stopped, as the link '{link}' took more than {seconds:g} s.",
+        "yes | rosnode cleanup",
+    ),
+}
+"""Sentence and command by the fault's name, with what is filled in."""
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A broken link."""
+
+    name: str
+    """As in ``TABLE``."""
+
+    sentence: str
+    """What is wrong."""
+
+    cure: str
+    """The command that mends it."""
+
+
+def fault(name: str, **words: object) -> Fault:
+    """Fill in what the table has of a fault.
+
+    Args:
+        name: The fault.
+        words: What its sentence and its command name.
+    """
+    sentence, cure = TABLE[name]
+    return Fault(name, sentence.format(**words), cure.format(**words))

@@ -1,0 +1,154 @@
+"""The nodes that the doctor looks at, as processes of a test, and a walk along them."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import time
+from contextlib import ExitStack
+
+import rosgraph
+import roslib.packages
+from diagnostic_msgs.msg import DiagnosticArray
+
+from g1_description.core.doctor.links import BROKEN, LINKS, OK
+from g1_description.ros.apps.doctor.walk import Walk
+
+from .ros_testing import DEADLINE, Connected, program, wait_for
+
+NAMES = list(LINKS)
+
+
+def publishers(topic):
+    """List the nodes that publish a topic, or serve a service, of a full name."""
+    state = rosgraph.Master("/test").getSystemState()
+    return [
+        n for i in (0, 2) for name, nodes in state[i] if name == topic for n in nodes
+    ]
+
+
+def wait_slowly(condition, what):
+    """Wait for a condition that costs processor time to ask for."""
+    due = 0.0
+
+    def ask():
+        nonlocal due
+        if time.monotonic() < due:
+            return None
+        result = condition()
+        due = time.monotonic() + 0.2
+        return result
+
+    return wait_for(ask, what)
+
+
+class Started:
+    """A node in a process of its own."""
+
+    def __init__(self, name, topic, *command, **environment):
+        """Start it, and wait until it is ready.
+
+        Args:
+            name: Its full name.
+            topic: What it publishes, or serves, last of all.
+            command: The program, and its arguments.
+            environment: More variables; those that are None are left out.
+        """
+        variables = {**os.environ, **environment}
+        self.process = subprocess.Popen(
+            [*command, f"__name:={name[1:]}"],
+            env={k: value for k, value in variables.items() if value is not None},
+            start_new_session=True,
+        )
+        self.name, self.topic = name, topic
+        wait_slowly(lambda: name in publishers(topic), f"{name} with {topic}")
+
+    def end(self, number=signal.SIGINT):
+        """End it, and wait until the master knows, if that is told."""
+        if self.process.poll() is None:
+            os.killpg(self.process.pid, number)
+        self.process.wait(DEADLINE)
+        if number != signal.SIGKILL:
+            wait_slowly(lambda: self.name not in publishers(self.topic), "its end")
+
+
+def start_bridge(name, *arguments):
+    """Start a bridge."""
+    executable = program("link_states_bridge.py")
+    return Started(name, "/tf_joint_states", executable, *arguments)
+
+
+def start_simulator(*arguments):
+    """Start the stand-in."""
+    topic = "/gazebo/set_parameters"  # its last service
+    return Started("/gazebo", topic, program("gazebo_stand_in.py"), *arguments)
+
+
+def start_state_publisher(*arguments):
+    """Start robot_state_publisher as bridge.launch does."""
+    name = "robot_state_publisher"
+    remapped = "joint_states:=tf_joint_states", "_ignore_timestamp:=true"
+    command = roslib.packages.find_node(name, name)[0]
+    return Started(f"/{name}", "/tf", command, *remapped, *arguments)
+
+
+PARTS = {
+    "simulator": start_simulator,
+    "bridge": lambda *words: start_bridge("/link_states_bridge", *words),
+    "state_publisher": start_state_publisher,
+}
+
+
+class Patient:
+    """A whole chain, without a picture."""
+
+    def __init__(self):
+        """Start it."""
+        with ExitStack() as stack:
+            self._parts = {}
+            stack.callback(self._end)
+            self.heal()
+            self.diagnostics = Connected("/diagnostics", DiagnosticArray)
+            self._stack = stack.pop_all()
+
+    def start(self, part, *arguments):
+        """Start a part."""
+        self._parts[part] = PARTS[part](*arguments)
+
+    def stop(self, part):
+        """End a part."""
+        self._parts.pop(part).end()
+
+    def heal(self):
+        """Start what is missing, and wait until all is whole."""
+        for part in PARTS:
+            if part not in self._parts:
+                self.start(part)
+        wait_slowly(lambda: walk("tf") is None, "a whole chain")
+
+    def close(self):
+        """End all."""
+        self.diagnostics.close()
+        self._stack.close()
+
+    def _end(self):
+        """End all parts."""
+        for part in list(self._parts):
+            self.stop(part)
+
+
+def walk(until="diagnostics", namespace=""):
+    """Walk from the master to a link; check that one at most is broken.
+
+    Returns:
+        The fault, None if all is whole.
+    """
+    names = NAMES[NAMES.index("master") : NAMES.index(until) + 1]
+    found = list(Walk(namespace, names).run())
+    broken = [one for one in found if one.state == BROKEN]
+    assert len(broken) <= 1 and [one.name for one in found] == names
+    if broken:
+        before = found[: found.index(broken[0])]
+        assert all(one.state == OK for one in before)
+    return broken[0].fault if broken else None

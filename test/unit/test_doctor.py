@@ -1,0 +1,337 @@
+"""What the doctor decides, and that its command needs the standard library alone."""
+
+import json
+import os
+import re
+import string
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from conftest import REPOSITORY
+
+from g1_description.core.doctor import robot, shell
+from g1_description.core.doctor.faults import TABLE, fault
+from g1_description.core.doctor.links import LINKS
+from g1_description.core.doctor.nodes import (
+    UNKNOWN_HOST,
+    Graph,
+    NodeAnswer,
+    node_addresses,
+)
+from g1_description.core.robot.kinematics import Kinematics
+from g1_description.core.robot.lumping import lump_fixed_joints
+from g1_description.core.transform import IDENTITY
+from g1_description.core.urdf.reader import parse_urdf
+
+URDF = (REPOSITORY / "urdf" / "g1_29dof.urdf").read_text()
+PAGE = (REPOSITORY / "docs" / "doctor.md").read_text()
+MODEL, WORLD = "g1_robot", ("ground_plane",)
+HERE = "http://127.0.0.1:1/"
+
+
+def name_of(found):
+    return found and found.name
+
+
+def command(*words, python=(sys.executable,), **environment):
+    return subprocess.run(
+        [*python, REPOSITORY / "scripts" / "doctor", *words],
+        env={**os.environ, "ROS_MASTER_URI": "http://localhost:1", **environment},
+        capture_output=True,
+        text=True,
+    )
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--until", "heaven"], "invalid choice: 'heaven'"),
+        (["--namespace", "a b"], "'a b' is no ROS name"),
+        (["robot"], "unrecognized arguments: robot"),
+    ],
+)
+def test_a_wrong_command_line_ends_with_a_sentence_and_2(words, told):
+    run = command(*words)
+    assert (run.returncode, run.stdout) == (2, "")
+    assert told in run.stderr and len(run.stderr.splitlines()) == 1
+
+
+def test_a_python_without_anything_names_what_it_lacks():
+    """It has no packages, not even those of the distribution."""
+    run = command("--json", python=(sys.executable, "-I", "-S"))
+    assert run.stderr == ""
+    told = json.loads(run.stdout)
+    assert [link["name"] for link in told["links"]] == [*LINKS]
+
+
+def test_the_command_imports_the_standard_library_alone():
+    code = (
+        "import sys; sys.path.append('src'); known = {*sys.modules}\n"
+        "import g1_description.ros.apps.doctor.doctor\n"
+        "print(*{name.partition('.')[0] for name in {*sys.modules} - known})"
+    )
+    run = [sys.executable, "-I", "-S", "-c", code]
+    loaded = subprocess.run(run, cwd=REPOSITORY, stdout=subprocess.PIPE, text=True)
+    found = {*loaded.stdout.split()} - {"g1_description"}
+    known = {*getattr(sys, "stdlib_module_names", found)}
+    assert "argparse" in found
+    assert found <= known
+
+
+def test_all_faults_and_links_are_on_the_page():
+    assert {*re.findall(r"^\| `(\w+)` \|", PAGE, flags=re.M)} == {
+        "doctor",
+        *LINKS,
+        *TABLE,
+    }
+
+
+def test_each_fault_is_a_sentence_and_a_command():
+    for name, (sentence, cure) in TABLE.items():
+        fields = {f for text in (sentence, cure) for _, f, _, _ in _parsed(text) if f}
+        made = fault(name, **dict.fromkeys(fields, 1))
+        assert re.match(r"[A-Z/1].*[.1]$", made.sentence), name
+        assert made.cure
+
+
+def _parsed(text):
+    return string.Formatter().parse(text)
+
+
+# --- this shell ---------------------------------------------------------------------
+
+LACKS = {"rospy": "ModuleNotFoundError: No module named 'rospy'"}
+GOOD = shell.Interpreter("/usr/bin/python3", {})
+BARE = shell.Interpreter("/opt/bare/bin/python3", LACKS)
+
+
+@pytest.mark.parametrize(
+    ("own", "first", "name"),
+    [
+        (GOOD, GOOD, None),
+        (BARE, GOOD, "wrong_python"),
+        (GOOD, BARE, "wrong_python"),
+        (GOOD, shell.Interpreter("", {}), "wrong_python"),
+        (shell.Interpreter("/usr/bin/python3", LACKS), GOOD, "no_workspace"),
+        (
+            shell.Interpreter("/usr/bin/python3", {"gazebo_msgs.msg": "absent"}),
+            GOOD,
+            "no_workspace",
+        ),
+    ],
+)
+def test_pythons(own, first, name):
+    assert name_of(shell.python(own, first, "/usr/bin", "setup.bash")) == name
+
+
+def test_the_packages_of_the_nodes():
+    def judge(module, needs_pybullet=True):
+        own = shell.Interpreter("python3", {module: "absent"} if module else {})
+        return shell.packages(own, needs_pybullet)
+
+    assert judge("") is None
+    assert name_of(judge("numpy")) == "no_package"
+    assert name_of(judge("pybullet")) == "no_pybullet"
+    assert judge("pybullet", needs_pybullet=False) is None
+
+
+@pytest.mark.parametrize(
+    ("uri", "is_right"),
+    [
+        ("http://localhost:11311", True),
+        ("http://10.0.0.7:11311/", True),
+        ("http://[::1]:11311", True),
+        ("localhost:11311", False),
+        ("http://localhost", False),
+        ("http://localhost:port", False),
+        ("https://localhost:11311", False),
+        ("", False),
+    ],
+)
+def test_addresses_of_masters(uri, is_right):
+    assert (shell.master_uri(uri) is None) == is_right
+
+
+@pytest.mark.parametrize(
+    ("addresses", "master_is_here", "is_right"),
+    [
+        ({"127.0.0.1": True}, True, True),
+        ({"127.0.0.1": True}, False, False),
+        ({"127.0.1.1": True, "10.0.0.7": True}, False, True),
+        ({"10.0.0.7": True}, False, True),
+        ({"10.0.0.8": False}, True, False),
+        ({}, True, False),
+    ],
+)
+def test_own_addresses(addresses, master_is_here, is_right):
+    found = shell.own_address(("ROS_IP", "x"), addresses, master_is_here, "10.0.0.7")
+    assert (found is None) == is_right
+    if found:
+        assert found.cure == "unset ROS_HOSTNAME; export ROS_IP=10.0.0.7"
+
+
+# --- nodes --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("answer", "master_is_here", "name"),
+    [
+        (NodeAnswer(HERE, "", {"/tf", "/rosout"}), True, None),
+        (NodeAnswer(HERE, "", {"/other", "/rosout"}), True, "wrong_node_address"),
+        (NodeAnswer("http://x:1", UNKNOWN_HOST), True, "wrong_node_address"),
+        (NodeAnswer("http://10.0.0.9:1", "no answer"), True, "wrong_node_address"),
+        (NodeAnswer(HERE, "no answer", is_here=True), True, "dead_node"),
+        (
+            NodeAnswer(HERE, "no answer", is_here=True, is_loopback=True),
+            False,
+            "wrong_node_address",
+        ),
+    ],
+)
+def test_addresses_of_nodes(answer, master_is_here, name):
+    graph = Graph({"/tf": ["/a"], "/rosout": ["/a"]})
+    assert name_of(node_addresses(graph, {"/a": answer}, master_is_here)) == name
+
+
+@pytest.mark.parametrize(
+    ("graph", "matters"),
+    [
+        (Graph({"/left/joint_states": ["/a"]}), True),
+        (Graph({}, {"/left/tf_joint_states": ["/a"]}), True),
+        (Graph({}, {}, {"/gazebo/set_model_configuration": ["/a"]}), True),
+        (Graph({"/rosout": ["/a"]}, {"/joint_states": ["/a"]}), False),
+        (Graph({"/tf": ["/b"], "/my_joint_states": ["/a"]}), False),
+    ],
+)
+def test_a_dead_node_matters_in_the_chain_only(graph, matters):
+    dead = NodeAnswer(HERE, "nothing listens there", is_here=True)
+    assert (node_addresses(graph, {"/a": dead}, True) is not None) == matters
+
+
+def test_a_graph_without_some_nodes():
+    graph = Graph({"/a": ["/1", "/2"], "/b": ["/2"]}, {"/a": ["/2"]}, {"/s": ["/1"]})
+    assert graph.nodes == ["/1", "/2"]
+    assert graph.of({"/1"}) == Graph({"/a": ["/1"]}, {}, {"/s": ["/1"]})
+
+
+# --- the robot ----------------------------------------------------------------------
+
+
+def simulated(text, angle=0.3):
+    """Give the links of a robot as a simulator has them: scoped names and poses."""
+    lumped = lump_fixed_joints(parse_urdf(text)).description
+    kinematics = Kinematics(lumped)
+    positions = np.full(len(lumped.movable_joints), angle)
+    poses = kinematics.link_poses(IDENTITY, positions)
+    names = [f"{MODEL}::{name}" for name in lumped.link_names]
+    return [*names, "ground_plane::link"], np.vstack([poses, [0, 0, 0, 0, 0, 0, 1]])
+
+
+def changed(joint, tag, old, new):
+    """Change an attribute below a joint of the G1."""
+    begin = URDF.index(f'<joint name="{joint}"')
+    place = URDF.index(f"<{tag} ", begin)
+    end = URDF.index("/>", place)
+    text = re.sub(old, new, URDF[place:end], count=1)
+    assert text != URDF[place:end]
+    return URDF[:place] + text + URDF[end:]
+
+
+@pytest.mark.parametrize(
+    ("spawned", "told"),
+    [
+        (URDF, ""),
+        (URDF.replace("left_knee_link", "left_shin"), "no link left_knee_link"),
+        (
+            changed("left_knee_joint", "axis", r'xyz="[^"]*"', 'xyz="1 0 0"'),
+            "axes of left_knee_joint",
+        ),
+        (
+            changed("left_knee_joint", "origin", r'xyz="\S+', 'xyz="0.05'),
+            "left_knee_joint is",
+        ),
+    ],
+    ids=["same", "link", "axis", "origin"],
+)
+def test_another_robot_is_told_from_the_described_one(spawned, told):
+    found = robot.difference(parse_urdf(URDF), MODEL, *simulated(spawned))
+    assert told in found and bool(found) == bool(told)
+
+
+def test_a_robot_with_more_links_is_another():
+    less = re.sub(r"left_wrist_yaw", "hidden", URDF)
+    found = robot.difference(parse_urdf(less), MODEL, *simulated(URDF))
+    assert "left_wrist_yaw_link" in found or "hidden" in found
+
+
+def test_models_and_what_mends_their_names():
+    def judge(*models):
+        return robot.model(MODEL, models, "/bridge", "/robot_description")
+
+    assert judge(MODEL, *WORLD) is None
+    assert robot.model("a::b", ["a"], "/bridge", "/r") is None
+    assert judge("g1", *WORLD).cure.startswith("rosparam set /bridge/model_name g1 ")
+    assert "spawn_model" in judge(*WORLD).cure
+    assert "spawn_model" in judge("table", "lamp", *WORLD).cure
+
+
+def test_one_publisher_is_enough():
+    def judge(*nodes):
+        return robot.publishers("two_clocks", nodes, ["/gazebo"])
+
+    assert judge() is None and judge("/gazebo") is None and judge("/bag") is None
+    assert judge("/gazebo", "/bag").cure == "rosnode kill /bag"
+    assert judge("/bag", "/gazebo").cure == "rosnode kill /bag"
+
+
+OWN = ["/bridge", "/rsp"]
+
+
+@pytest.mark.parametrize(
+    ("pairs", "killed"),
+    [
+        ({("/rsp", "a")}, ""),
+        ({("/rsp", "a"), ("/bridge", "a")}, ""),  # fixed joints, when time stood still
+        ({("/rsp", "a"), ("/other", "a")}, "/other"),
+        ({("/rsp", "a"), ("/other", "b")}, "/other"),
+        ({("/rsp", "a"), ("/rsp", "b")}, "/rsp"),
+        ({("/rsp", "a"), ("/bridge", "b")}, "/rsp"),
+        ({("/one", "a"), ("/two", "a")}, "/two"),
+    ],
+)
+def test_owners_of_edges(pairs, killed):
+    found = robot.tf_owners({"x": pairs, "y": {("/rsp", "x")}}, OWN)
+    assert (found.cure if found else "") == (killed and f"rosnode kill {killed}")
+
+
+def test_missing_edges_and_who_should_send_them():
+    edges = {"b": {("/rsp", "a")}}
+    assert robot.missing_edges(edges, [("a", "b"), ("b", "c")]) == [("b", "c")]
+    start = "/left/tf_joint_states", "left"
+    base = [("map", "a")]
+    of_base = robot.no_tf([("map", "a")], base, ("/bridge", "/rsp"), start)
+    assert "/bridge should send" in of_base.sentence
+    of_joint = robot.no_tf([("a", "b")], base, ("/bridge", "/rsp"), start)
+    assert "/rsp should send" in of_joint.sentence
+    assert "__ns:=left _tf_prefix:='left'" in of_joint.cure
+
+
+def test_diagnostics_that_are_a_fault():
+    def judge(name, level):
+        return robot.diagnostics("/bridge", {f"bridge: {name}": (level, "text")})
+
+    assert judge("link states", 0) is None
+    assert "link states: text" in judge("link states", 1).sentence
+    assert judge("commands", 1) is None and judge("commands", 2) is not None
+
+
+def test_meshes_that_are_missing():
+    def cure(*lost):
+        return robot.meshes(lost, "/robot_description", "/here").cure
+
+    assert robot.meshes([], "/robot_description", "/here") is None
+    assert cure("file:///here/meshes/a.stl") == "git -C /here checkout -- meshes"
+    assert "model:=FILE" in cure("file:///there/a.stl", "file:///here/a.stl")
+    assert "workspace with robots" in cure("package://robots/a.stl")
