@@ -18,7 +18,7 @@ DIRECTIONS = np.array(
 ROUNDING = 1e-6
 """Largest error of a height above a face in single precision, per size of the hull."""
 
-TINY = np.finfo(float).tiny
+TINY = 1e-300
 """Instead of zero, to divide by."""
 
 HULL_ERRORS = (RuntimeError, ValueError)
