@@ -6,7 +6,7 @@ effect at once, and the same calls at the same steps give the same bits.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -170,7 +170,7 @@ class World(Contents):
         """
         model = self.model(name)
         report = model.set_positions(positions)
-        self._write_joints(model, report.changed)
+        self._engine.write_joints(model, report.changed)
         self.motions.release(model, model.joint_rows(positions))
         return report
 
@@ -234,13 +234,8 @@ class World(Contents):
         placed = place_link(entity, joint, pose, twist * self.is_dynamic)
         rows = model.joint_rows([placed.joint])
         self.motions.release(model, rows)
-        self._write_joints(model, rows)
+        self._engine.write_joints(model, rows)
         return placed
-
-    def _write_joints(self, model: Model, rows: Iterable[int]) -> None:
-        """Write some of a model's movable joints to its bodies."""
-        for body in self._engine.teleported(model):
-            body.write_joints(rows)
 
     def set_link_properties(
         self, entity: LinkEntity, inertial: Inertial, has_gravity: bool

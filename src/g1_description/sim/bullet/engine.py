@@ -99,6 +99,11 @@ class Engine:
         for body in self.teleported(model):
             body.write()
 
+    def write_joints(self, model: Model, rows: Iterable[int]) -> None:
+        """Write some of a model's movable joints to its bodies."""
+        for body in self.teleported(model):
+            body.write_joints(rows)
+
     def note_moved(self, model: Model) -> None:
         """Note that a model was put elsewhere in ``kinematic`` physics.
 
