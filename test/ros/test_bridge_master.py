@@ -6,8 +6,10 @@ import signal
 import socket
 import subprocess
 import sys
+import tempfile
 import time
 import unittest
+from pathlib import Path
 
 import rosgraph
 import rospy
@@ -17,7 +19,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from support.bridge.arm import JOINTS, URDF, arm_states, shows
 from support.bridge.process import Bridge
-from support.ros_testing import Repeated, wait_for
+from support.ros_testing import Repeated, program, wait_for
 from support.wire.raw_publisher import RawPublisher
 from support.wire.raw_service import Simulator
 from support.wire.raw_subscriber import RawSubscriber
@@ -29,6 +31,8 @@ AWAY = 500
 BEGIN = time.monotonic() - 100.0
 """When the simulated time was zero, on the monotonic clock."""
 OWN = {"/joint_states", "/tf", "/tf_static", "/diagnostics", "/rosout"}
+OTHERS = ("gazebo_stand_in.py", "checker.py", "web.py", "replay.py")
+"""Programs of the other nodes that run for long."""
 
 
 def free_port():
@@ -244,13 +248,62 @@ class TestBridgeMaster(unittest.TestCase):
         self.core.send_signal(signal.SIGCONT)
         self.assert_known()
 
+    def test_all_other_nodes_are_known_to_a_new_master(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        motion = Path(folder.name, "motion.csv")
+        motion.write_text(f"time,{JOINTS[0]}\n0.0,0.0\n1.0,0.1\n")
+        self.core.master.setParam("/replay/motion", str(motion))
+        self.core.master.setParam("/web/port", 0)
+        for name in OTHERS:
+            self.start_node(name)
+        before = wait_for(self.known_when_all_are_up, "all nodes")
+        self.core.kill()
+        self.core.start()
+        wait_for(lambda: self.known() >= before, "all nodes to be known again")
+
+    def start_node(self, name):
+        """Start one of our nodes."""
+        process = subprocess.Popen(
+            [program(name), "/clock:=/no_clock"],
+            env={**os.environ, "ROS_MASTER_URI": self.core.uri},
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+        self.addCleanup(process.wait)
+        self.addCleanup(process.kill)
+
+    def known(self):
+        """List what the master knows: kinds of thing, their names, their nodes."""
+        state = self.core.master.getSystemState()
+        return {
+            (kind, name, node)
+            for kind, rows in zip(("topic", "reader", "service"), state)
+            for name, nodes in rows
+            for node in nodes
+        }
+
+    def known_when_all_are_up(self):
+        """Give ``known`` if each node offers what it offers last, else None."""
+        known = self.known()
+        wanted = (
+            ("service", "/gazebo/set_physics_properties", "/gazebo"),
+            ("topic", "/checker/markers", "/checker"),
+            ("topic", "/joint_commands", "/web"),
+            ("topic", "/joint_states", "/replay"),
+        )
+        return known if {*wanted} <= known else None
+
     def assert_known(self):
         """The master knows all topics of the bridge, once."""
-        published, subscribed, _ = self.core.master.getSystemState()
+        published, subscribed, services = self.core.master.getSystemState()
         topics = {topic for topic, nodes in published if nodes == [self.bridge.name]}
         self.assertLessEqual(OWN, topics)
         for topic in ("/clock", "/gazebo/link_states", "/joint_commands"):
             self.assertEqual(dict(subscribed)[topic], [self.bridge.name])
+        for service in ("get_loggers", "set_logger_level"):
+            offered = dict(services).get(f"{self.bridge.name}/{service}")
+            self.assertEqual(offered, [self.bridge.name])
         self.assertTrue(self.bridge.is_alive())
         self.assertEqual(self.bridge.trouble(), [])
 

@@ -3,12 +3,47 @@
 from __future__ import annotations
 
 import contextlib
+import threading
 from collections import Counter
+from typing import Callable
 
 import rosgraph
 import rospy
+from rospy.impl.registration import get_service_manager
 
-from .slave_api import slave_api
+from .slave_api import SLAVE_API_ERRORS, slave_api
+
+PERIOD = 1.0
+"""Time between two calls of the master in [s] of wall time; each costs some
+milliseconds of processor time."""
+
+
+def stay_registered(
+    period: float = PERIOD, look: Callable[[list], None] = lambda state: None
+) -> None:
+    """Call ``restore_connections`` again and again, until the node is shut down.
+
+    A thread of its own does it: the master may take long to answer, or be gone.
+
+    Args:
+        period: Time between two calls of the master in [s] of wall time.
+        look: Gets what the master's ``getSystemState`` returns each time.
+    """
+    stopped = threading.Event()
+
+    def run():
+        while not stopped.wait(period):
+            # Without a master, or with one that is starting, the next time will do.
+            with contextlib.suppress(*SLAVE_API_ERRORS, rosgraph.MasterException):
+                state = rosgraph.Master(rospy.get_name()).getSystemState()
+                if rospy.core.is_shutdown_requested():
+                    return
+                if restore_connections(state):
+                    rospy.loginfo("The master did not know this node; it does now.")
+                look(state)
+
+    rospy.on_shutdown(stopped.set)
+    threading.Thread(target=run, daemon=True).start()
 
 
 def restore_connections(state: list) -> bool:
@@ -50,7 +85,27 @@ def restore_connections(state: list) -> bool:
                 continue
             # rospy connects to those it is not connected to.
             node.publisherUpdate("/master", topic, addresses)
-    return registered
+    return _register_services(master, dict(state[2])) or registered
+
+
+def _register_services(master: rosgraph.Master, known: dict[str, list[str]]) -> bool:
+    """Register the services of this node that nobody is known to offer.
+
+    Among them are those of rospy itself, such as ``~get_loggers``.
+
+    Args:
+        master: Where to.
+        known: Nodes by service.
+
+    Returns:
+        Whether there were any.
+    """
+    # The slave API does not tell of services.
+    services = get_service_manager().get_services()
+    missing = [(name, uri) for name, uri in services if not known.get(name)]
+    for name, uri in missing:
+        master.registerService(name, uri, rospy.get_node_uri())
+    return bool(missing)
 
 
 def _addresses(master: rosgraph.Master, nodes: list[str]) -> list[str]:
