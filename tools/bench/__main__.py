@@ -17,6 +17,7 @@ from . import (
     growth,
     live,
     loading,
+    names,
     poses,
     rates,
     report,
@@ -47,6 +48,7 @@ PARTS = {
     "checker": checker,
     "browser": browser,
     "poses": poses,
+    "names": names,
     "streaming": streaming,
     "rates": rates,
     "foot": foot,
@@ -54,7 +56,7 @@ PARTS = {
     "soak": soak,
 }
 NAMED = [name for name in PARTS if name != "soak"]
-BUSY = ("browser", "checks", "poses", "rates", "foot", "tf")
+BUSY = ("browser", "checks", "poses", "names", "rates", "foot", "tf")
 USUAL = [name for name in NAMED if name not in BUSY]
 
 

@@ -126,6 +126,10 @@ class Program(Process):
             raise MeasurementError(f"a program ended: {' | '.join(lines)}")
         return True
 
+    def has_ended(self):
+        """Tell whether it has ended."""
+        return self._process.poll() is not None
+
     def result(self, timeout):
         """Wait for its end; give the JSON in the last line it printed.
 
@@ -194,6 +198,11 @@ class Graph:
         for program in self._programs:
             program.wait()
         self._folder.cleanup()
+
+    @property
+    def mark(self):
+        """Of its processes."""
+        return self._mark
 
     def start(self, command):
         """Start a program; give the ``Program``."""
