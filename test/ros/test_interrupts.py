@@ -3,6 +3,7 @@
 
 import contextlib
 import os
+import random
 import resource
 import signal
 import subprocess
@@ -30,6 +31,32 @@ OURS = "g1_description/ros/"
 STEPS = 4
 """Moments from a command's start to its end."""
 TIMEOUT = 60.0
+SEED = 1
+NODES = ("gazebo_stand_in.py", "link_states_bridge.py", "checker.py", "web.py")
+"""Programs that run until they are interrupted; tools/interrupts takes all."""
+APART = ("__ns:=/apart", "/clock:=/apart/clock", "_port:=0")
+"""Arguments of a node beside one of its name."""
+LATE = """
+import threading, rospy
+from g1_description.ros.node.lifecycle import at_shutdown, start_node
+
+start_node("late")
+begun, goes_on, called = threading.Event(), threading.Event(), threading.Event()
+
+def hold_up():
+    begun.set()
+    goes_on.wait()
+
+rospy.on_shutdown(hold_up)
+shutdown = threading.Thread(target=rospy.signal_shutdown, args=("test",))
+shutdown.start()
+begun.wait()
+threading.Timer(0.2, goes_on.set).start()
+at_shutdown(called.set)
+shutdown.join()
+print(called.is_set())
+"""
+"""Wants to hear of the end after that has begun."""
 
 
 def start(*words):
@@ -95,6 +122,20 @@ class TestInterrupts(unittest.TestCase):
         if "Traceback" not in errors:
             self.assertIn(process.returncode, ENDS, (delay, errors))
         return process.returncode
+
+    def test_nodes_while_they_start(self):
+        draw = random.Random(SEED)
+        for name in NODES:
+            self.code(draw.uniform(0.1, 0.9), (name, *APART))
+
+    def test_what_wants_to_hear_of_the_end_too_late_hears_it(self):
+        done = subprocess.run(
+            [sys.executable, "-c", LATE],
+            stdout=subprocess.PIPE,
+            timeout=TIMEOUT,
+            text=True,
+        )
+        self.assertEqual(done.stdout, "True\n")
 
     def test_pose(self):
         self.interrupt("pose", "squat", "--seconds", "0.5")

@@ -74,6 +74,18 @@ def handle_signals(handler: Callable) -> None:
             signal.signal(number, handler)
 
 
+def at_shutdown(action: Callable[[], object]) -> None:
+    """Call an action when the node is shut down, or now if it already is.
+
+    Args:
+        action: What to do; once or twice. ``rospy.on_shutdown`` alone forgets what
+            comes while the shutdown has begun and is not over.
+    """
+    rospy.on_shutdown(action)
+    if rospy.core.is_shutdown_requested():
+        action()
+
+
 @contextmanager
 def quiet_when_closing():
     """Ignore what publishing raises while rospy closes the topics.

@@ -13,7 +13,7 @@ import rospy
 
 from g1_description.core.errors import G1DescriptionError
 from g1_description.ros.bridge.parameters import wait_for_descriptions
-from g1_description.ros.node.lifecycle import start_node
+from g1_description.ros.node.lifecycle import at_shutdown, start_node
 from g1_description.ros.node.master import stay_registered
 from g1_description.ros.node.parameters import read_parameters
 from g1_description.sim.checks.checker import Checker
@@ -59,7 +59,7 @@ def main() -> None:
         sys.exit(1)
     except rospy.ROSInterruptException:  # before the robots were there
         return
-    tell_address(show, parameters.server, lambda text: rospy.loginfo("%s", text))
+    at_shutdown(show.stop)
     stay_registered()
-    rospy.on_shutdown(show.stop)
+    tell_address(show, parameters.server, lambda text: rospy.loginfo("%s", text))
     show.run()

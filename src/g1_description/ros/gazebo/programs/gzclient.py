@@ -10,7 +10,7 @@ import rospkg
 import rospy
 
 from g1_description.core.cli import Ignored, OneSentenceParser
-from g1_description.ros.node.lifecycle import own_arguments, start_node
+from g1_description.ros.node.lifecycle import at_shutdown, own_arguments, start_node
 
 NODE = "gazebo_gui"
 
@@ -44,7 +44,7 @@ def open_beside() -> None:
         rospy.loginfo("There is no screen: no window opens.")
         return
     window = subprocess.Popen([*rviz(), f"__name:={NODE}"])
-    rospy.on_shutdown(window.terminate)
+    at_shutdown(window.terminate)
 
 
 def main() -> None:
