@@ -9,11 +9,15 @@ import importlib
 import os
 import signal
 import sys
+import threading
 from collections.abc import Callable
 from typing import Any, NoReturn
 
 INTERRUPTED = 130
 """Exit code after Ctrl-C, as shells have it."""
+
+AGAIN = 0.05
+"""Time in [s] after which an interrupt that was ignored comes again."""
 
 
 def run(module: str, farewell: str = "interrupted.") -> None:
@@ -24,6 +28,7 @@ def run(module: str, farewell: str = "interrupted.") -> None:
             and may raise KeyboardInterrupt.
         farewell: What the command says then.
     """
+    sys.unraisablehook = _come_again
     # Some libraries take an interrupt of their import for something else.
     _answer_interrupt(_end_at_once)
     main = importlib.import_module(f".{module}", __package__).main
@@ -46,6 +51,22 @@ def _is_shut_down() -> bool:
     """Return whether a signal shut the node down: what fails then fails of that."""
     rospy = sys.modules.get("rospy")
     return rospy is not None and rospy.core.is_shutdown_requested()
+
+
+def _come_again(ignored: Any) -> None:
+    """Interrupt again where Python ignores an interrupt: in callbacks of its own.
+
+    Args:
+        ignored: What ``sys.unraisablehook`` is given.
+    """
+    if not issubclass(ignored.exc_type, KeyboardInterrupt):
+        sys.__unraisablehook__(ignored)
+        return
+    # From elsewhere: here it would be ignored again.
+    main = threading.main_thread().ident
+    timer = threading.Timer(AGAIN, signal.pthread_kill, (main, signal.SIGINT))
+    timer.daemon = True
+    timer.start()
 
 
 def _end_at_once(*_: object) -> NoReturn:

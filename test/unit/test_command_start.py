@@ -1,0 +1,31 @@
+"""Ctrl-C ends a command also where Python ignores the first one."""
+
+import threading
+import time
+from types import SimpleNamespace
+
+import pytest
+
+from g1_description.ros.apps import command_start
+
+DEADLINE = 10.0
+
+
+def test_an_interrupt_that_python_ignored_comes_again(capfd):
+    begin = time.monotonic()
+    with pytest.raises(KeyboardInterrupt):
+        command_start._come_again(SimpleNamespace(exc_type=KeyboardInterrupt))
+        threading.Event().wait(DEADLINE)
+    assert time.monotonic() < begin + DEADLINE
+    assert capfd.readouterr().err == ""
+
+
+def test_other_exceptions_that_python_ignored_are_told(capfd):
+    class Careless:
+        def __del__(self):
+            raise ValueError("dropped")
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("sys.unraisablehook", command_start._come_again)
+        Careless()
+    assert "ValueError: dropped" in capfd.readouterr().err
