@@ -8,6 +8,10 @@ PATH=/usr/bin:/bin:/usr/sbin:/sbin:$PATH
 export PATH
 unset CMAKE_PREFIX_PATH PYTHONHOME PYTHONPATH ROS_PACKAGE_PATH VIRTUAL_ENV
 
+# Bash alone goes on where a program took Ctrl-C for an answer: Python that is
+# interrupted while it starts ends with 1.
+trap 'exit 130' INT
+
 # say SENTENCE...: one line of progress.
 say() {
     printf '%s: %s\n' "$tool" "$*"

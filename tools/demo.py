@@ -51,6 +51,7 @@ class Demo:
         self.first_errors = []
         self.shown = set()
         self.screen = threading.Lock()
+        self.is_ending = threading.Event()
         self.meter = None
         self.mark = new_mark()
         handle, self.log_name = tempfile.mkstemp(prefix="g1_demo_", suffix=".log")
@@ -85,6 +86,8 @@ class Demo:
         """Write what roslaunch prints to the log, and errors on the screen."""
         for line in stream:
             plain = TERMINAL_CODE.sub("", line)
+            if "killing on exit" in plain:
+                self.is_ending.set()
             self.log.write(plain)
             self.log.flush()
             address = ADDRESS.search(plain)
@@ -149,12 +152,19 @@ class Demo:
         if self.meter is not None and self.meter.poll() is None:
             self.meter.kill()  # it may wait for long
         if self.roslaunch.poll() is None:
-            self.roslaunch.send_signal(signal.SIGINT)
+            self.interrupt()
             wait_for_end(self.mark, 30.0)
         end_processes(self.mark)
         for reader in self.readers:
             reader.join()
         self.log.close()
+
+    def interrupt(self):
+        """Interrupt roslaunch until it listens: while it starts it may lose that."""
+        while self.roslaunch.poll() is None:
+            self.roslaunch.send_signal(signal.SIGINT)
+            if self.is_ending.wait(1.0):
+                return
 
     def refusal(self):
         """Give the sentence with which arguments were refused, if they were.
