@@ -12,7 +12,9 @@ TOOLS = Path(__file__).resolve().parents[2] / "tools"
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("module", ["bench", "pictures", "shapes.compare"])
+@pytest.mark.parametrize(
+    "module", ["bench", "pictures", "shapes.compare", "soaking", "interrupting"]
+)
 def test_a_tool_starts(module):
     folders = [TOOLS, TOOLS.parent / "src", TOOLS.parent / "test" / "ros"]
     path = os.pathsep.join([*map(str, folders), *sys.path])

@@ -60,3 +60,27 @@ class Commands:
     def send(self, position):
         """Send positions in [rad], shape (n_joints,)."""
         self._publisher.publish(JointState(name=self._names, position=list(position)))
+
+
+def write_motion(file):
+    """Write a motion of 8 s: knees and arms go up and down, and the base with them."""
+    times = np.arange(0.0, 8.0, 1.0 / 50.0)
+    swing = 0.5 - 0.5 * np.cos(2.0 * np.pi * times / 4.0)
+    columns = {
+        "time": times,
+        "base_x": 0.0 * times,
+        "base_y": 0.0 * times,
+        "base_z": 0.8 - 0.1 * swing,
+        "base_qx": 0.0 * times,
+        "base_qy": 0.0 * times,
+        "base_qz": 0.0 * times,
+        "base_qw": 1.0 + 0.0 * times,
+    }
+    for side in ("left", "right"):
+        columns[f"{side}_hip_pitch_joint"] = -0.4 * swing
+        columns[f"{side}_knee_joint"] = 0.8 * swing
+        columns[f"{side}_ankle_pitch_joint"] = -0.4 * swing
+        columns[f"{side}_shoulder_pitch_joint"] = -0.9 * swing
+    header = ",".join(columns)
+    rows = np.stack([*columns.values()], axis=1)
+    np.savetxt(file, rows, delimiter=",", header=header, comments="", fmt="%.6f")

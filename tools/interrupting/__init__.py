@@ -1,0 +1,1 @@
+"""Ctrl-C at any moment. Called by tools/interrupts."""
