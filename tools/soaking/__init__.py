@@ -1,0 +1,1 @@
+"""The display for long, disturbed on purpose. Called by tools/soak."""
