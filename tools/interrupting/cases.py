@@ -52,6 +52,7 @@ def executables(folder, motion):
         "check --jobs": [motion, motion, "--jobs", 2],
         "checker.py": ["__ns:=/apart"],
         "collision_pairs": [MODEL, "--samples", 200, "-o", folder / "pairs.yaml"],
+        "doctor": [],
         "gazebo_stand_in.py": APART,
         "import_model": [MODEL, "--out", copy, "--force"],
         "link_states_bridge.py": ["__ns:=/apart"],
