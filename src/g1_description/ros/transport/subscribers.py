@@ -45,6 +45,10 @@ After that rospy drops it."""
 REFRESH_PERIOD = 0.5
 """Shortest time between two calls of getBusInfo, in [s]."""
 
+PATIENCE = 10.0
+"""Longest time in [s] that a connection is known before rospy tells the listener of it.
+On a busy machine the thread of its handshake may wait for seconds for its turn."""
+
 MAX_CALLS = 5
 """Number of times a node whose connection was closed is called again. A node that has
 not noticed the end of a connection ignores the call."""
@@ -114,7 +118,7 @@ class Subscribers(rospy.SubscribeListener):
         self._greet, self._on_newcomer = greet, on_newcomer
         self._changing = threading.RLock()
         self._connections: dict[int, tuple[int, bool]] = {}
-        self._strangers: set[int] = set()
+        self._strangers: dict[int, float] = {}  # since when, in [s]
         self._dismissed: dict[int, int] = {}
         self._refreshed = 0.0
         with warnings.catch_warnings():
@@ -123,7 +127,7 @@ class Subscribers(rospy.SubscribeListener):
             self.publisher = rospy.Publisher(name, kind, subscriber_listener=self)
         # rospy takes up subscribers before it knows the listener.
         self._update()
-        self._turn_away(self._strangers)
+        self._turn_away({*self._strangers})
 
     def peer_subscribe(self, topic_name, topic_publish, peer_publish) -> None:
         """Add a subscriber; rospy calls this in the thread of its handshake."""
@@ -137,7 +141,7 @@ class Subscribers(rospy.SubscribeListener):
                 if descriptor in (None, self._connections[number][0])
             ]
             if fitting:
-                self._strangers.remove(fitting[-1])
+                del self._strangers[fitting[-1]]
                 with contextlib.suppress(OSError):  # it is gone again
                     self._add(fitting[-1], partial(self._publish, peer_publish))
         self._on_newcomer()
@@ -163,9 +167,9 @@ class Subscribers(rospy.SubscribeListener):
         if self._changing.acquire(blocking=False):
             try:
                 self._refreshed = now
-                before = self._strangers
                 self._update()
-                self._turn_away(before & self._strangers)
+                since = self._strangers.items()
+                self._turn_away({n for n, begin in since if now - begin > PATIENCE})
             finally:
                 self._changing.release()
 
@@ -183,7 +187,8 @@ class Subscribers(rospy.SubscribeListener):
                 self.poll.unregister(self.peers[number].descriptor)
         self.peers = {n: peer for n, peer in self.peers.items() if n in here}
         self._dismissed = {n: k for n, k in self._dismissed.items() if n in here}
-        self._strangers = here - set(self.peers) - set(self._dismissed)
+        now, known = time.monotonic(), {*self.peers, *self._dismissed}
+        self._strangers = {n: self._strangers.get(n, now) for n in here - known}
         self._count_known()
 
     def _count_known(self) -> None:
