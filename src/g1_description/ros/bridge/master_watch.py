@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import rospy
 
-from g1_description.ros.node.master import stay_registered
+from g1_description.ros.node.master import stay_connected
 from g1_description.ros.node.throttled_log import ThrottledLog
 
 from .robot import BridgedRobot
@@ -16,7 +16,10 @@ PERIOD = 0.5
 
 
 class MasterWatch:
-    """Looks at the state of the graph, as the master has it."""
+    """Asks the master for the state of the graph, in a thread of its own.
+
+    The master may take long to answer, or be gone.
+    """
 
     def __init__(self, robots: Sequence[BridgedRobot], log: ThrottledLog) -> None:
         """Prepare.
@@ -29,11 +32,9 @@ class MasterWatch:
 
     def start(self) -> None:
         """Begin, until the node is shut down."""
-        stay_registered(
-            PERIOD, lambda state: self._find_other_publishers(dict(state[0]))
-        )
+        stay_connected(self._find_other_publishers, PERIOD)
 
-    def _find_other_publishers(self, publishers: dict[str, list[str]]) -> None:
+    def _find_other_publishers(self, publishers: Mapping[str, list[str]]) -> None:
         """Find other nodes that publish the robots' joint states; log new ones."""
         own = rospy.get_name()
         clocks = publishers.get("/clock", ())

@@ -14,6 +14,8 @@ from contextlib import contextmanager
 import rosgraph
 import rospy
 
+from g1_description.ros.transport.broken_networks import mend_broken_networks
+
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """What ends a node: Ctrl-C, ``kill``, and a terminal that is closed."""
 
@@ -29,10 +31,13 @@ def start_node(name: str, **options) -> None:
     the interrupted call holds. Here the system writes the signal's number into a
     socket, and a thread that reads it shuts the node down.
 
+    The node's connections go on after a network was broken.
+
     Args:
         name: The node's name.
         options: More for ``rospy.init_node``.
     """
+    mend_broken_networks()
     reader, writer = socket.socketpair()
     writer.setblocking(False)
     handle_signals(lambda *_: None)

@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import contextlib
+import socket
 import threading
+import time
 from collections import Counter
-from typing import Callable
+from collections.abc import Callable, Mapping
+from urllib.parse import urlparse
 
 import rosgraph
 import rospy
 from rospy.impl.registration import get_service_manager
+
+from g1_description.ros.transport.broken_connections import BrokenConnections
+from g1_description.ros.transport.broken_networks import answers_within
 
 from .slave_api import SLAVE_API_ERRORS, slave_api
 
@@ -17,33 +23,56 @@ PERIOD = 1.0
 """Time between two calls of the master in [s] of wall time; each costs some
 milliseconds of processor time."""
 
+LOOK_PERIOD = 0.1
+"""Time between two looks for broken connections in [s] of wall time."""
 
-def stay_registered(
-    period: float = PERIOD, look: Callable[[list], None] = lambda state: None
+ANSWER_TIMEOUT = 2.0
+"""Longest time in [s] that the master may take for an answer. After a break its answer
+to an old question may come late, and a new one is answered at once."""
+
+REACH_TIMEOUT = 0.5
+"""Longest time in [s] in which a node must be reached."""
+
+
+def stay_connected(
+    on_publishers: Callable[[Mapping[str, list[str]]], None] = lambda _: None,
+    period: float = PERIOD,
 ) -> None:
-    """Call ``restore_connections`` again and again, until the node is shut down.
-
-    A thread of its own does it: the master may take long to answer, or be gone.
+    """Keep this node registered and connected, from a thread, until it is shut down.
 
     Args:
+        on_publishers: Called with the nodes that publish each topic, again and again.
         period: Time between two calls of the master in [s] of wall time.
-        look: Gets what the master's ``getSystemState`` returns each time.
     """
-    stopped = threading.Event()
+    stopped, broken = threading.Event(), BrokenConnections()
 
     def run():
-        while not stopped.wait(period):
-            # Without a master, or with one that is starting, the next time will do.
-            with contextlib.suppress(*SLAVE_API_ERRORS, rosgraph.MasterException):
-                state = rosgraph.Master(rospy.get_name()).getSystemState()
-                if rospy.core.is_shutdown_requested():
-                    return
-                if restore_connections(state):
-                    rospy.loginfo("The master did not know this node; it does now.")
-                look(state)
+        due = time.monotonic() + period
+        while not stopped.wait(LOOK_PERIOD):
+            is_due = time.monotonic() >= due
+            if broken.close():
+                due = 0.0  # as soon as they have ended
+            elif is_due:
+                _ask_master(on_publishers)
+                due = time.monotonic() + period
 
     rospy.on_shutdown(stopped.set)
     threading.Thread(target=run, daemon=True).start()
+
+
+def _ask_master(
+    on_publishers: Callable[[Mapping[str, list[str]]], None],
+) -> None:
+    """Restore what the master does not know, and hand on what it knows."""
+    # Without a master, or with one that is starting, the next time will do.
+    ignored = contextlib.suppress(*SLAVE_API_ERRORS, rosgraph.MasterException)
+    with ignored, answers_within(ANSWER_TIMEOUT):
+        state = rosgraph.Master(rospy.get_name()).getSystemState()
+        if rospy.core.is_shutdown_requested():
+            return
+        if restore_connections(state):
+            rospy.loginfo("The master did not know this node; it does now.")
+        on_publishers(dict(state[0]))
 
 
 def restore_connections(state: list) -> bool:
@@ -109,9 +138,17 @@ def _register_services(master: rosgraph.Master, known: dict[str, list[str]]) -> 
 
 
 def _addresses(master: rosgraph.Master, nodes: list[str]) -> list[str]:
-    """Ask the master where nodes are; one that has just gone is left out."""
+    """Ask the master where nodes are; those that are gone are left out.
+
+    rospy asks a node that does not answer for ever, in a thread for each time that it
+    is told of it. The master does not notice that a host died, and names its nodes.
+    """
     addresses = []
     for node in nodes:
-        with contextlib.suppress(rosgraph.MasterError):
-            addresses.append(master.lookupNode(node))
+        with contextlib.suppress(rosgraph.MasterError, OSError):
+            address = master.lookupNode(node)
+            parts = urlparse(address)
+            place = parts.hostname, parts.port
+            socket.create_connection(place, REACH_TIMEOUT).close()
+            addresses.append(address)
     return addresses
