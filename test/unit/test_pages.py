@@ -31,7 +31,7 @@ PACKAGES = {
 
 FOREIGN_NODES = {("tf", "tf_echo")}
 FOREIGN = {"cd", "git", "source", "catkin_make", "pip", "pip3", "python3"}
-FOREIGN |= {"python", "rosbag", "rostopic", "ssh"}
+FOREIGN |= {"export", "python", "rosbag", "rosnode", "rostopic", "ssh", "sudo"}
 """Commands of others, taken on trust."""
 
 FOLDERS = {path.name for path in ROOT.iterdir() if path.is_dir()}

@@ -1,0 +1,1 @@
+"""ROS on several hosts, which are network namespaces of this machine."""
