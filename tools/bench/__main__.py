@@ -17,6 +17,7 @@ from . import (
     growth,
     live,
     loading,
+    machines,
     names,
     poses,
     rates,
@@ -52,11 +53,12 @@ PARTS = {
     "streaming": streaming,
     "rates": rates,
     "foot": foot,
+    "machines": machines,
     "tf": transforms,
     "soak": soak,
 }
 NAMED = [name for name in PARTS if name != "soak"]
-BUSY = ("browser", "checks", "poses", "names", "rates", "foot", "tf")
+BUSY = ("browser", "checks", "poses", "names", "rates", "foot", "machines", "tf")
 USUAL = [name for name in NAMED if name not in BUSY]
 
 
