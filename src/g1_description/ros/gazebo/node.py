@@ -54,6 +54,9 @@ machine beyond this is not caught up."""
 MAX_PENDING = 100
 """Pending calls above which a subscriber's thread waits for its message's turn."""
 
+SWITCH_INTERVAL = 2e-4
+"""Longest in [s] that the loop's Python keeps a caller's thread from running."""
+
 HUSH_POLL = 0.01
 """Wait before checking again whether states may be published, in [s]."""
 
@@ -282,6 +285,7 @@ def main(given=None, on_start=lambda: None) -> None:
             parameter server.
         on_start: Called when the node can log.
     """
+    sys.setswitchinterval(SWITCH_INTERVAL)
     serve_as_roscpp()
     answer_as_roscpp()
     start_node("gazebo", disable_rosout=True)
