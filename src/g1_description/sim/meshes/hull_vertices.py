@@ -2,21 +2,14 @@
 
 from __future__ import annotations
 
-import itertools
-
 import numpy as np
 from scipy.spatial import ConvexHull
 
 MAX_WHOLE = 128
 """Most points that are not thinned: PyBullet's time grows with them."""
 
-DIRECTIONS = np.array(
-    [d for d in itertools.product((-1, 0, 1), repeat=3) if any(d)], np.float32
-)
-"""Directions whose farthest points a thinned hull begins with, shape (26, 3)."""
-
-ROUNDING = 1e-6
-"""Largest error of a height above a face in single precision, per size of the hull."""
+ROUNDING = 1e-12
+"""Largest error of a height above a face, per size of the hull."""
 
 TINY = 1e-300
 """Instead of zero, to divide by."""
@@ -60,10 +53,6 @@ def hull_normals(points: np.ndarray) -> np.ndarray:
 def thinned(points: np.ndarray, tolerance: float) -> tuple[np.ndarray, float]:
     """Leave out points that hardly stick out of the convex hull of the others.
 
-    The hull of the farthest points in a few directions grows, each round, by the
-    farthest point outside of each of its faces, as in Barber, Dobkin and Huhdanpaa:
-    The quickhull algorithm for convex hulls, 1996.
-
     Args:
         points: In any frame, in [m], shape (n, 3).
         tolerance: How far a point that is left out may be from the new hull, in [m].
@@ -74,74 +63,19 @@ def thinned(points: np.ndarray, tolerance: float) -> tuple[np.ndarray, float]:
     """
     if len(points) <= MAX_WHOLE:
         return points, 0.0
-    middle = points.mean(axis=0)
-    # In single precision all of this takes a fifth of the time.
-    centered = np.asarray(points - middle, np.float32)
-    first = np.unique((centered @ DIRECTIONS.T).argmax(axis=0))
     try:
-        chosen, near = _grown(centered[first], centered, tolerance)
+        # Qhull leaves out, and lists as coplanar, what is not W outside of a face.
+        hull = ConvexHull(points, qhull_options=f"Qt Qc W{tolerance:.9g}")
+        chosen, near = points[hull.vertices], points[hull.coplanar[:, 0]]
         while True:
-            hull = ConvexHull(chosen)
-            distance = _distances(near, hull)
-            if distance.max(initial=0.0) <= tolerance:
-                break
+            distance = _distances(near, ConvexHull(chosen))
+            deviation = float(distance.max(initial=0.0))
+            if deviation <= tolerance:
+                return chosen, deviation
             # Beyond a sharp edge, points are farther from the hull than from planes.
             chosen = np.concatenate([chosen, near[[distance.argmax()]]])
     except HULL_ERRORS:
         return points, 0.0
-    return middle + hull.points, float(distance.max(initial=0.0))
-
-
-def _grown(
-    chosen: np.ndarray, points: np.ndarray, tolerance: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Add points until no other is far outside of a plane of the hull.
-
-    Args:
-        chosen: The points that the hull begins with, in [m], shape (n, 3).
-        points: All points, in [m], shape (m, 3).
-        tolerance: Largest distance from a plane, in [m].
-
-    Returns:
-        Chosen points, shape (k, 3), and those that may be outside of their hull, shape
-        (l, 3).
-    """
-    near = []
-    while len(points):
-        heights = _heights(points, ConvexHull(chosen))
-        face, height = heights.argmax(axis=1), heights.max(axis=1)
-        is_far = height > tolerance
-        near.append(points[~is_far & (height > _rounding(chosen))])
-        points, face, height = points[is_far], face[is_far], height[is_far]
-        farthest_first = np.argsort(-height)
-        _, first = np.unique(face[farthest_first], return_index=True)
-        chosen = np.concatenate([chosen, points[farthest_first[first]]])
-    return chosen, np.concatenate(near)
-
-
-def _heights(points: np.ndarray, hull: ConvexHull) -> np.ndarray:
-    """Find how high points are above the planes of a hull's faces.
-
-    Args:
-        points: In [m], shape (n, 3).
-        hull: The hull.
-
-    Returns:
-        In [m], shape (n, n_faces); negative below.
-    """
-    planes = hull.equations.astype(np.float32)
-    heights = points @ planes[:, :3].T
-    heights += planes[:, 3]
-    return heights
-
-
-def _rounding(points: np.ndarray) -> float:
-    """Return the largest height that is none but rounding, in [m].
-
-    Args:
-        points: Of the hull, in [m], shape (n, 3).
-    """
-    return ROUNDING * float(np.abs(points).max())
 
 
 def _distances(points: np.ndarray, hull: ConvexHull) -> np.ndarray:
@@ -151,9 +85,10 @@ def _distances(points: np.ndarray, hull: ConvexHull) -> np.ndarray:
         points: In [m], shape (n, 3).
         hull: The hull.
     """
-    heights = _heights(points, hull)
-    # The faces that a point sees.
-    number, face = np.nonzero(heights > _rounding(hull.points))
+    heights = points @ hull.equations[:, :3].T
+    heights += hull.equations[:, 3]
+    rounding = ROUNDING * np.abs(hull.points).max()
+    number, face = np.nonzero(heights > rounding)  # the faces that a point sees
     beside = _distances_beside(
         points[number], hull.points[hull.simplices[face]], hull.equations[face, :3]
     )
