@@ -8,7 +8,8 @@ bridge. For the highest real-time factor, ~set_real_time_factor is 0. All but ki
 start five simulated seconds after the robot is released: in hold it stands and rests by
 then. "hold, moved" sets a joint twenty times a second. Service calls are timed on one
 connection while physics runs: in kinematic, and while a robot lies, where the simulator
-is busy all the time. Their target there is 1.2 times what a step takes.
+is busy all the time. Their target there is 1.2 times what a step takes. The figure of
+"display.launch" is of all that it starts, with master and roslaunch, at default rates.
 """
 
 from __future__ import annotations
@@ -20,8 +21,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .nodes import EACH_STEP, Graph, wait_for
+from .nodes import EACH_STEP, Graph, Process, wait_for
 from .start_up import VENDOR
+from processes import marked_processes
 from tcpros import Service
 
 CALLS = 2000
@@ -132,8 +134,21 @@ def run(bench):
             continue
         with bench.attempt(case.name):
             peaks.append(measure_case(bench, case))
+    with bench.attempt("display.launch"):
+        measure_display(bench)
     for name, peak in zip(("simulator", "bridge"), zip(*peaks)):
         bench.add(f"{name}: peak of memory, the largest of these", max(peak), "MB")
+
+
+def measure_display(bench):
+    """Measure all processes of display.launch at its default rate, without RViz."""
+    with Graph() as graph, graph.launch(bench.model):
+        Display(graph)
+        time.sleep(SETTLE)
+        meters = [Process(pid).meter() for pid in marked_processes(graph.mark)]
+        time.sleep(bench.seconds(10.0))
+        shares = [100.0 * cpu / wall for cpu, wall in (meter() for meter in meters)]
+    bench.add("display.launch: all its processes", sum(shares), "%", "<= 35")
 
 
 def measure_case(bench, case):
