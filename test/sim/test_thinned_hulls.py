@@ -1,5 +1,7 @@
 """Hulls with fewer points, beside the nearest points that least squares find."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from conftest import VENDOR
@@ -9,7 +11,10 @@ from scipy.optimize import nnls
 from scipy.spatial import ConvexHull
 
 from g1_description.core.files.uris import with_absolute_uris
+from g1_description.sim.meshes.contents import Part
 from g1_description.sim.meshes.hull_vertices import MAX_WHOLE, thinned
+from g1_description.sim.meshes.hulls import thinned_hulls
+from g1_description.sim.meshes.shapes import Mesh
 
 WEIGHT = 1e3
 """Of the sum of the shares, which is one."""
@@ -88,6 +93,19 @@ def test_single_precision_and_far_from_the_origin():
     few, deviation = thinned(points.astype(np.float32), 1e-3)
     assert MAX_WHOLE < len(few) < 1000 and deviation <= 1e-3
     assert max(distance(p, few) for p in outermost(points, few, 3)) < 1.1e-3
+
+
+@pytest.mark.parametrize("radius", [0.001, 0.005, 0.05, 2.0])
+def test_a_ball_keeps_its_volume(radius):
+    number = np.arange(1000) + 0.5
+    z, turn = 1.0 - number / 500.0, np.pi * (1.0 + 5.0**0.5) * number
+    across = np.sqrt(1.0 - z**2)
+    ball = np.stack([across * np.cos(turn), across * np.sin(turn), z], -1) * radius
+    corners = ball[ConvexHull(ball).simplices]
+    parts = (Part(corners, np.zeros_like(corners), None),)
+    ((few, deviation),) = thinned_hulls(Mesh(Path("ball.stl"), parts), 1e-3)
+    assert ConvexHull(few).volume > 0.9 * ConvexHull(ball).volume
+    assert deviation <= min(1e-3, 0.04 * radius)
 
 
 @pytest.mark.skipif(not VENDOR.exists(), reason="the vendor's model is not here")

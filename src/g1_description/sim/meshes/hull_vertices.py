@@ -11,6 +11,9 @@ MAX_WHOLE = 128
 ROUNDING = 1e-12
 """Largest error of a height above a face, per size of the hull."""
 
+MAX_HEIGHTS = 2_000_000
+"""Heights of points above faces that are computed at once: 16 MB."""
+
 TINY = 1e-300
 """Instead of zero, to divide by."""
 
@@ -73,7 +76,7 @@ def thinned(points: np.ndarray, tolerance: float) -> tuple[np.ndarray, float]:
             if deviation <= tolerance:
                 return chosen, deviation
             # Beyond a sharp edge, points are farther from the hull than from planes.
-            chosen = np.concatenate([chosen, near[[distance.argmax()]]])
+            chosen = np.concatenate([chosen, near[distance > tolerance]])
     except HULL_ERRORS:
         return points, 0.0
 
@@ -85,6 +88,9 @@ def _distances(points: np.ndarray, hull: ConvexHull) -> np.ndarray:
         points: In [m], shape (n, 3).
         hull: The hull.
     """
+    if len(points) * len(hull.equations) > MAX_HEIGHTS and len(points) > 1:
+        halves = np.array_split(points, 2)
+        return np.concatenate([_distances(half, hull) for half in halves])
     heights = points @ hull.equations[:, :3].T
     heights += hull.equations[:, 3]
     rounding = ROUNDING * np.abs(hull.points).max()

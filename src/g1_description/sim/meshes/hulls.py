@@ -17,6 +17,10 @@ from .stl import read_stl
 MAX_HULLS = 100
 """A mesh of more parts becomes one convex hull, instead of one for each."""
 
+MAX_SHARE = 0.02
+"""Largest distance of a thinned hull from its mesh, per shortest side of its box: a
+ball keeps nine tenths of its volume."""
+
 MAX_FILES_KEPT = 64
 """Files whose points are remembered: a robot is loaded more than once."""
 
@@ -56,14 +60,15 @@ def thinned_hulls(mesh: Mesh, tolerance: float) -> list[tuple[np.ndarray, float]
 
     Args:
         mesh: The mesh.
-        tolerance: How far other points of the mesh may be from them, in its unit.
+        tolerance: How far other points of the mesh may be from them, in its unit; less
+            for small meshes, which would not keep their form.
 
     Returns:
         Points as `hull_points` has them, and how far the other points are from their
         hull at most.
     """
     if mesh.parts:
-        return [thinned(points, tolerance) for points in hull_points(mesh)]
+        return [_thinned(points, tolerance) for points in hull_points(mesh)]
     status = mesh.path.stat()
     return [_thinned_stl(mesh.path, status.st_size, status.st_mtime_ns, tolerance)]
 
@@ -72,8 +77,13 @@ def thinned_hulls(mesh: Mesh, tolerance: float) -> list[tuple[np.ndarray, float]
 def _thinned_stl(
     path: Path, size: int, changed: int, tolerance: float
 ) -> tuple[np.ndarray, float]:
-    """Thin the hull of the corners in a file, as `thinned`."""
-    return thinned(_stl_points(path, size, changed), tolerance)
+    """Thin the hull of the corners in a file."""
+    return _thinned(_stl_points(path, size, changed), tolerance)
+
+
+def _thinned(points: np.ndarray, tolerance: float) -> tuple[np.ndarray, float]:
+    """Thin a hull, as `thinned`, but with a tolerance that is small beside its size."""
+    return thinned(points, min(tolerance, MAX_SHARE * np.ptp(points, axis=0).min()))
 
 
 @lru_cache(maxsize=MAX_FILES_KEPT)
