@@ -42,30 +42,27 @@ def start_node(name: str, **options) -> None:
     writer.setblocking(False)
     handle_signals(lambda *_: None)
     signal.set_wakeup_fd(writer.fileno(), warn_on_full_buffer=False)
-    ending = threading.Event()
+    codes: list[int] = []
 
     def end():
-        number = reader.recv(1)
-        if number:  # else the program has ended by itself
-            ending.set()
+        for number in reader.recv(1):  # none if the program has ended by itself
+            codes.append(128 + number)
             # rospy may wait for ever for a master that is not there.
-            last = threading.Timer(SHUTDOWN_TIMEOUT, os._exit, (128 + number[0],))
+            last = threading.Timer(SHUTDOWN_TIMEOUT, os._exit, codes)
             last.daemon = True
             last.start()
-            rospy.signal_shutdown(f"signal {number[0]}")
+            rospy.signal_shutdown(f"signal {number}")
 
     thread = threading.Thread(target=end, daemon=True)
     thread.start()
     # Keeps both sockets, and lets the node be unregistered before the program ends.
-    atexit.register(
-        lambda: ending.is_set() and writer and thread.join(SHUTDOWN_TIMEOUT)
-    )
+    atexit.register(lambda: codes and writer and thread.join(SHUTDOWN_TIMEOUT))
     try:
         rospy.init_node(name, disable_signals=True, **options)
     except rospy.ROSInitException as error:
         master = rosgraph.get_master_uri()
         message = f"{name}: rospy cannot start, is there a master at {master}? {error}"
-        sys.exit(1 if ending.is_set() else message)
+        sys.exit(codes[0] if codes else message)
 
 
 def handle_signals(handler: Callable) -> None:

@@ -17,6 +17,7 @@ from rospy.impl.registration import get_service_manager
 from g1_description.ros.transport.broken_connections import BrokenConnections
 from g1_description.ros.transport.broken_networks import answers_within
 
+from .lifecycle import at_shutdown
 from .slave_api import SLAVE_API_ERRORS, slave_api
 
 PERIOD = 1.0
@@ -56,7 +57,7 @@ def stay_connected(
                 _ask_master(on_publishers)
                 due = time.monotonic() + period
 
-    rospy.on_shutdown(stopped.set)
+    at_shutdown(stopped.set)
     threading.Thread(target=run, daemon=True).start()
 
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from http.client import HTTPException
 from urllib.parse import urlparse
+from xml.parsers.expat import ExpatError
 from xmlrpc.client import Error, ServerProxy
 
 import rosgraph.network
 import rospy
 
-SLAVE_API_ERRORS = (OSError, Error, HTTPException)
+SLAVE_API_ERRORS = (OSError, Error, ExpatError, HTTPException)
 """Exceptions that a call to a slave API may raise."""
 
 

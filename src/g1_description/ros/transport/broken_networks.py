@@ -39,9 +39,13 @@ DEAD_AFTER = 10
 """Time without an answer in [s] after which a connection that this node has made is
 closed; it makes another."""
 
-CALLER_DEAD_AFTER = 60
+CALLER_DEAD_AFTER = 3600
 """The same for a connection that another node has made. Many nodes, such as all of
-rospy's, do not make another: a break may last so long for them."""
+rospy's, do not make another: a break may last so long for them. So may a callback or a
+debugger that keeps one from reading, as Linux ends that, too."""
+
+MAX_QUESTIONS = 60
+"""Questions without an answer after which who only listens is done."""
 
 TRY_PERIOD = 1
 """Longest time between two tries to send, and between two questions of who only listens
@@ -119,7 +123,7 @@ def set_options(sock: socket.socket, dead_after: int) -> None:
         (socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1),
         (tcp, socket.TCP_KEEPIDLE, IDLE),
         (tcp, socket.TCP_KEEPINTVL, TRY_PERIOD),
-        (tcp, socket.TCP_KEEPCNT, dead_after),
+        (tcp, socket.TCP_KEEPCNT, min(dead_after, MAX_QUESTIONS)),
         (tcp, socket.TCP_USER_TIMEOUT, 1000 * dead_after),
         (tcp, TCP_RTO_MAX_MS, 1000 * TRY_PERIOD),
     )
