@@ -63,17 +63,18 @@ class WatchedPage:
         self.opened = time.monotonic()
         script = PROBE.read_text(encoding="utf-8")
         self.page = browser.open(f"{address}?fixedDpr=1", size, script=script)
-        self._offset = self._clock()
+        self._offset, self.clock_error = self._clock()
 
     def _clock(self):
-        """Find what to add to the page's times, both in [s]."""
+        """Find what to add to the page's times, and its largest error, in [s]."""
         offsets = []
         for _ in range(20):
             begin = time.monotonic()
             told = 1e-3 * self.ask("performance.now()")
             end = time.monotonic()
             offsets.append((end - begin, 0.5 * (begin + end) - told))
-        return min(offsets)[1]
+        width, offset = min(offsets)
+        return offset, 0.5 * width
 
     def ask(self, script, argument=None):
         """Evaluate JavaScript in the page."""

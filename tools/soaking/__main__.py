@@ -72,11 +72,11 @@ def arguments():
 
 def disturb(world, record, kind):
     """Do one of the things that should hurt nobody."""
-    record.note(kind)
     if kind == "kill":
         world.kill_simulator()
     else:
         world.restart_master()
+    record.note(kind)
 
 
 def watch(world, record, plan):

@@ -10,6 +10,8 @@ import contextlib
 import importlib.util
 import os
 import shutil
+import signal
+import threading
 
 from .browser_page import DEADLINE, Page
 
@@ -71,8 +73,11 @@ class Browser:
             self._stack.pop_all()
             driver = self._browser._impl_obj._connection._transport._proc
             driver.stdin.get_extra_info("pipe").close()  # it closes Chromium and ends
+            last = threading.Timer(DEADLINE, os.kill, (driver.pid, signal.SIGKILL))
+            last.start()
             with contextlib.suppress(ChildProcessError):  # its end was seen elsewhere
                 os.waitid(os.P_PID, driver.pid, os.WEXITED | os.WNOWAIT)
+            last.cancel()
         else:
             self._stack.close()
 

@@ -40,6 +40,10 @@ ROUNDING = 1e-6
 """Largest difference in [rad] or [m] between the same joints measured here and by the
 bridge."""
 
+MAX_CONNECT_TIME = 2_000_000_000
+"""Simulated time in [ns] in which a bridge that runs is connected to; what is recorded
+before a bridge that comes later counts."""
+
 MAX_RECENT = 5000
 """Joint states kept until the simulator's state with their stamp comes."""
 
@@ -264,12 +268,15 @@ class Recorder:
         return True
 
     def _begin_at(self, sample: _Sample) -> None:
-        """Leave out what was recorded before the bridge was heard.
+        """Leave out the first instants, in which the bridge was not heard yet.
 
-        Its joints may be whole turns from those that follow.
+        Their joints may be whole turns from those that follow.
         """
-        while not self._is_matched and self._samples[0] is not sample:
-            self._waiting.pop(self._samples.pop(0).stamp, None)
+        early = sample.stamp - self._samples[0].stamp
+        is_connecting = early < MAX_CONNECT_TIME and not self.is_over
+        if is_connecting and not self._is_matched:
+            while self._samples[0] is not sample:
+                self._waiting.pop(self._samples.pop(0).stamp, None)
         self._is_matched = True
 
     def trajectory(self) -> tuple[Trajectory, int]:
