@@ -176,6 +176,8 @@ def report(tries, longest):
 def main():
     """Interrupt what was asked for."""
     given, tries = arguments(), []
+    # A shell that starts it in the background has it, and its children, ignore Ctrl-C.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     with tempfile.TemporaryDirectory(prefix="g1_interrupts_") as folder:
         known = chosen(cases(Path(folder)), given.names)
         with Graph() as graph, graph.launch(OWN_MODEL):

@@ -1,6 +1,7 @@
 """Run for long, disturb, tell. Called by tools/soak."""
 
 import argparse
+import contextlib
 import json
 import signal
 import sys
@@ -108,7 +109,9 @@ def run(given):
             if record is None:
                 raise
             record.say(f"ended early: {error!r}")
-            record.finish()
+            record.ended_early = True
+            with contextlib.suppress(*FAILURES):  # those that ended it
+                record.finish()
     return record
 
 
@@ -123,7 +126,7 @@ def main():
         given.json.write_text(json.dumps({**record.told(), **result}, indent=1))
     if given.page:
         report.write_page(record, result, given.page)
-    return 1 if result["faults"] else 0
+    return 1 if result["faults"] or record.ended_early else 0
 
 
 if __name__ == "__main__":

@@ -26,6 +26,8 @@ class Record:
         self.samples, self.events, self.lost = [], [], []
         self.latencies, self.kinds, self.counts = [], Counter(), Counter()
         self.unknown, self.texts = [], Counter()
+        self.tracebacks, self.restarts = [], {}
+        self.ended_early = False
         self._moves = (self.begin, 0)
         self._cpu, self._lines = {}, 0
 
