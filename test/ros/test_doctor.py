@@ -366,6 +366,13 @@ class TestDoctor(unittest.TestCase):
 
     # --- the picture ------------------------------------------------------------------
 
+    def test_the_browser_view_counts_before_a_page_is_open(self):
+        words = "_port:=0", "_controls:=true", "_read_only:=true"
+        page = Started("/web", "/web/set_logger_level", program("web.py"), *words)
+        self.addCleanup(page.end)
+        with mock.patch.dict(os.environ, DISPLAY=""):
+            self.assertIsNone(walk(until="picture"))
+
     def test_rviz_has_no_screen_or_no_opengl(self):
         environment = {**os.environ, "DISPLAY": ""}
         self.assertEqual(picture(environment).name, "no_display")

@@ -95,8 +95,9 @@ class RobotSetup:
         """The nodes that show the robot."""
         names = [name for name in self.graph.services if name.endswith(RVIZ_SERVICE)]
         rviz = [node for name in names for node in self.graph.services[name]]
-        readers = self.graph.subscribers.get(self.topic("joint_states"), [])
-        return rviz + [n for n in readers if {*self._of_node(n)} >= PAGE_PARAMETERS]
+        # Without an open page the browser view subscribes to nothing.
+        nodes = self.graph.nodes
+        return rviz + [n for n in nodes if {*self._of_node(n)} >= PAGE_PARAMETERS]
 
     @property
     def made_from(self) -> str:
