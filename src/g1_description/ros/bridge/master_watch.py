@@ -11,7 +11,7 @@ from g1_description.ros.node.throttled_log import ThrottledLog
 
 from .robot import BridgedRobot
 
-PERIOD = 0.5
+PERIOD = 1.0
 """Time between two looks in [s] of wall time."""
 
 

@@ -20,7 +20,7 @@ from g1_description.ros.transport.broken_networks import answers_within
 from .lifecycle import at_shutdown
 from .slave_api import SLAVE_API_ERRORS, slave_api
 
-PERIOD = 1.0
+PERIOD = 2.0
 """Time between two calls of the master in [s] of wall time; each costs some
 milliseconds of processor time."""
 
