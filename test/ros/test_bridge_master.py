@@ -251,6 +251,7 @@ class TestBridgeMaster(unittest.TestCase):
     def test_all_other_nodes_are_known_to_a_new_master(self):
         folder = tempfile.TemporaryDirectory()
         self.addCleanup(folder.cleanup)
+        self.errors = Path(folder.name, "errors")
         motion = Path(folder.name, "motion.csv")
         motion.write_text(f"time,{JOINTS[0]}\n0.0,0.0\n1.0,0.1\n")
         self.core.master.setParam("/replay/motion", str(motion))
@@ -260,7 +261,11 @@ class TestBridgeMaster(unittest.TestCase):
         before = wait_for(self.known_when_all_are_up, "all nodes")
         self.core.kill()
         self.core.start()
-        wait_for(lambda: self.known() >= before, "all nodes to be known again")
+        try:
+            wait_for(lambda: self.known() >= before, "all nodes to be known again")
+        except AssertionError as error:
+            lost = sorted(before - self.known())
+            self.fail(f"{error}: {lost}; {self.errors.read_text()}")
 
     def start_node(self, name):
         """Start one of our nodes."""
@@ -268,7 +273,7 @@ class TestBridgeMaster(unittest.TestCase):
             [program(name), "/clock:=/no_clock"],
             env={**os.environ, "ROS_MASTER_URI": self.core.uri},
             stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
+            stderr=self.errors.open("a"),
         )
         self.addCleanup(process.wait)
         self.addCleanup(process.kill)
