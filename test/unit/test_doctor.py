@@ -302,8 +302,27 @@ OWN = ["/bridge", "/rsp"]
     ],
 )
 def test_owners_of_edges(pairs, killed):
-    found = robot.tf_owners({"x": pairs, "y": {("/rsp", "x")}}, OWN)
+    edges = {"x": pairs, "y": {("/rsp", "x")}}
+    found = robot.tf_owners(edges, OWN, [("a", "x"), ("x", "y")], {})
     assert (found.cure if found else "") == (killed and f"rosnode kill {killed}")
+
+
+def test_frames_of_other_robots_are_not_judged():
+    """The bridge keeps their fixed joints from when time stood still."""
+    other = {"right/x": {("/bridge", "right/a"), ("/right/rsp", "right/a")}}
+    assert robot.tf_owners(other, OWN, [("left/a", "left/x")], {}) is None
+
+
+def test_bridges_share_the_static_edge_to_the_map():
+    def judge(*pairs, shared=("/bridge", "/second")):
+        edge = ("world", "map")
+        return robot.tf_owners({"map": {*pairs}}, OWN, [edge], {edge: shared})
+
+    both = ("/bridge", "world"), ("/second", "world")
+    assert judge(*both) is None
+    assert judge(*both, shared=()).cure == "rosnode kill /second"
+    assert judge(*both, ("/other", "world")) is not None
+    assert judge(("/bridge", "world"), ("/second", "odom")) is not None
 
 
 def test_missing_edges_and_who_should_send_them():

@@ -205,20 +205,30 @@ def _off_axis(
 
 
 def tf_owners(
-    edges: Mapping[str, set[tuple[str, str]]], chain: Iterable[str]
+    edges: Mapping[str, set[tuple[str, str]]],
+    chain: Iterable[str],
+    expected: Iterable[tuple[str, str]],
+    shared: Mapping[tuple[str, str], Iterable[str]],
 ) -> Fault | None:
-    """Judge that each frame has one parent, from one node.
+    """Judge that each frame of a robot has one parent, from one node.
 
     Args:
         edges: Who sends each edge: pairs of node and parent, by the child's frame.
         chain: The bridge and its robot_state_publisher, which both send fixed joints
             when time stands still.
+        expected: The robot's edges, parent and child: other frames are not judged.
+        shared: Who else may send an edge, such as the bridges of other robots, which
+            all send the same static one from the world to the map.
     """
     own = {*chain}
+    children = {child for _, child in expected}
     for child, found in sorted(edges.items()):
+        if child not in children:
+            continue
         nodes = sorted({node for node, _ in found})
         parents = sorted({parent for _, parent in found})
-        if len(parents) == 1 and (len(nodes) == 1 or {*nodes} <= own):
+        allowed = own | {*shared.get((parents[0], child), ())}
+        if len(parents) == 1 and (len(nodes) == 1 or {*nodes} <= allowed):
             continue
         if len(nodes) == 1:
             nodes = [f"{nodes[0]} alone"]

@@ -213,7 +213,8 @@ class RobotLinks:
             setup.graph.publishers,
             lambda edges: not decide.missing_edges(edges, expected),
         )
-        two = decide.tf_owners(found, [*setup.bridges, *setup.state_publishers])
+        chain = [*setup.bridges, *setup.state_publishers]
+        two = decide.tf_owners(found, chain, expected, setup.shared_edges(known))
         lost = decide.missing_edges(found, expected)
         if two or not lost:
             return two or f"{len(found)} edges"

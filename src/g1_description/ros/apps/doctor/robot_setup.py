@@ -122,6 +122,15 @@ class RobotSetup:
         moving = [(p.map_frame, prefix + base)] if base else []
         return [*moving, *static_edges(p, description, prefix)]
 
+    def shared_edges(
+        self, description: Description
+    ) -> dict[tuple[str, str], list[str]]:
+        """Give the bridges that may send each static edge: all send the same."""
+        found = self.graph.publishers.items()
+        bridges = [n for t, nodes in found if t.endswith(f"/{STATES}") for n in nodes]
+        edges = static_edges(self._parameters, description, self.robot.frame_prefix)
+        return dict.fromkeys(edges, bridges)
+
     def edges(self, description: Description) -> list[tuple[str, str]]:
         """List the edges that TF should have: parent and child."""
         prefix = self.robot.frame_prefix
