@@ -235,11 +235,10 @@ class TestDoctor(unittest.TestCase):
         for variable in ("ROS_HOSTNAME", "ROS_IP"):
             value = {"ROS_HOSTNAME": "nowhere.invalid", "ROS_IP": ELSEWHERE}[variable]
             environment = {"ROS_HOSTNAME": None, variable: value}
-            node = started_by_rostopic("/astray", "std_msgs/Empty", **environment)
+            topic = "/astray/joint_states"
+            node = started_by_rostopic(topic, "std_msgs/Empty", **environment)
             self.addCleanup(node.process.kill)
-            self.assert_fault(
-                "wrong_node_address", f"/astray_of_rostopic gives http://{value}"
-            )
+            self.assert_fault("wrong_node_address", f"{node.name} gives http://{value}")
             node.end(signal.SIGKILL)  # else it tries to reach itself
             rosnode.cleanup_master_blacklist(rosgraph.Master("/test"), [node.name])
 
@@ -397,7 +396,7 @@ class TestDoctor(unittest.TestCase):
 
 def started_by_rostopic(topic, kind, **environment):
     """Start a node that publishes nothing, but could."""
-    name = f"{topic}_of_rostopic"
+    name = f"/{topic[1:].replace('/', '_')}_of_rostopic"
     words = "/usr/bin/env", "rostopic", "pub", "-r", "0.1", topic, kind, "{}"
     return Started(name, topic, *words, **environment)
 

@@ -207,7 +207,9 @@ def test_addresses_of_nodes(answer, master_is_here, name):
 )
 def test_a_dead_node_matters_in_the_chain_only(graph, matters):
     dead = NodeAnswer(HERE, "nothing listens there", is_here=True)
-    assert (node_addresses(graph, {"/a": dead}, True) is not None) == matters
+    asleep = NodeAnswer("http://10.0.0.9:1", "no answer within 4 s")
+    for answer in (dead, asleep):
+        assert (node_addresses(graph, {"/a": answer}, True) is not None) == matters
 
 
 def test_a_graph_without_some_nodes():

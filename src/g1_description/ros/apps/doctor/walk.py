@@ -12,6 +12,7 @@ from g1_description.core.doctor import shell
 from g1_description.core.doctor.faults import Fault
 from g1_description.core.doctor.links import BROKEN, NOT_LOOKED_AT, OK, Walked
 from g1_description.core.doctor.nodes import node_addresses
+from g1_description.core.text import listed
 
 from . import machine, screen
 from .master import ERRORS, Master, reason_of
@@ -142,7 +143,8 @@ class Walk:
         self._robot = robot_links.RobotLinks(
             self._master, graph.of(alive), here, self._namespace
         )
-        return f"{len(alive)} answer"
+        silent = listed(sorted({*answers} - alive))
+        return f"{len(alive)} answer" + (f", not {silent}" if silent else "")
 
 
 def _stop_if_shut_down() -> None:
