@@ -212,6 +212,13 @@ def test_a_dead_node_matters_in_the_chain_only(graph, matters):
         assert (node_addresses(graph, {"/a": answer}, True) is not None) == matters
 
 
+def test_a_node_that_has_just_stopped_to_publish_is_no_other_one():
+    graph, answers = Graph({"/tf": ["/a"]}), {"/a": NodeAnswer(HERE, "", {"/rosout"})}
+    assert node_addresses(graph.still(graph), answers, True) is not None
+    assert node_addresses(graph.still(Graph({"/tf": ["/b"]})), answers, True) is None
+    assert node_addresses(graph.still(Graph()), answers, True) is None
+
+
 def test_a_graph_without_some_nodes():
     graph = Graph({"/a": ["/1", "/2"], "/b": ["/2"]}, {"/a": ["/2"]}, {"/s": ["/1"]})
     assert graph.nodes == ["/1", "/2"]

@@ -56,6 +56,18 @@ class Graph:
         """List what a node publishes."""
         return [topic for topic, nodes in self.publishers.items() if node in nodes]
 
+    def still(self, later: Graph) -> Graph:
+        """Return the graph without what its nodes have stopped to publish since.
+
+        Args:
+            later: What the master knows later.
+        """
+        kept = {
+            topic: [n for n in nodes if n in later.publishers.get(topic, ())]
+            for topic, nodes in self.publishers.items()
+        }
+        return Graph(kept, self.subscribers, self.services)
+
     def of(self, nodes: Set[str]) -> Graph:
         """Return the graph without all other nodes."""
         tables = (self.publishers, self.subscribers, self.services)

@@ -134,6 +134,7 @@ class Walk:
         """
         graph = self._master.graph()
         answers = self._master.ask_nodes(graph.nodes)
+        graph = graph.still(self._master.graph())  # some may have just stopped
         wrong = node_addresses(graph, answers, self._is_here)
         if wrong:
             return wrong
