@@ -355,6 +355,17 @@ def test_diagnostics_that_are_a_fault():
     assert judge("commands", 1) is None and judge("commands", 2) is not None
 
 
+def test_a_report_that_does_not_come_is_no_good_one():
+    good, bad = {"bridge: time": (0, "comes")}, {"bridge: time": (1, "stands")}
+
+    def judge(*rounds):
+        return name_of(robot.reports("/bridge", rounds, 4.0))
+
+    assert judge(good) is None and judge(bad, good) is None and judge({}, good) is None
+    assert judge({}) == judge({}, {}) == "no_diagnostics"
+    assert judge(bad, bad) == judge(bad, {}) == judge({}, bad) == "bad_diagnostics"
+
+
 def test_meshes_that_are_missing():
     def cure(*lost):
         return robot.meshes(lost, "/robot_description", "/here").cure

@@ -127,6 +127,10 @@ TABLE = {
         "{node} reports on /diagnostics: {text}.",
         "rostopic echo /diagnostics  # which has the figures",
     ),
+    "no_diagnostics": (
+        "{node} runs, but sent no report on /diagnostics within {seconds:g} s.",
+        "rosnode kill {node}  # its launch file starts it again",
+    ),
     "no_display": (
         "Nothing shows the robot, and RViz cannot: DISPLAY is empty, there is no "
         "screen.",

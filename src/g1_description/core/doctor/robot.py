@@ -268,3 +268,19 @@ def diagnostics(node: str, statuses: Mapping[str, tuple[int, str]]) -> Fault | N
         if level > (1 if name.endswith(": commands") else 0):
             return fault("bad_diagnostics", node=node, text=f"{name}: {text}")
     return None
+
+
+def reports(
+    node: str, rounds: Sequence[Mapping[str, tuple[int, str]]], seconds: float
+) -> Fault | None:
+    """Judge several reports of the bridge: what is bad must be so in all that came.
+
+    Args:
+        node: The bridge.
+        rounds: Statuses as for ``diagnostics``, one after the other; empty: none came.
+        seconds: How long each was waited for, in [s].
+    """
+    found = [diagnostics(node, statuses) for statuses in rounds if statuses]
+    if not found:
+        return fault("no_diagnostics", node=node, seconds=seconds * len(rounds))
+    return found[-1] if all(found) else None

@@ -226,12 +226,11 @@ class RobotLinks:
 
     def _diagnostics(self) -> Fault | str:
         """Hear what the bridge says of itself; what is bad must be so once more."""
-        node, found = self._setup.bridges[0], None
-        for _ in range(2):
-            found = decide.diagnostics(node, self._traffic.diagnostics(node))
-            if not found:
-                break
-        return found or node
+        node = self._setup.bridges[0]
+        rounds = [self._traffic.diagnostics(node)]
+        if decide.reports(node, rounds, WAIT):
+            rounds.append(self._traffic.diagnostics(node))
+        return decide.reports(node, rounds, WAIT) or node
 
     def _hung(self, service: str) -> Fault:
         """Tell that the simulator does not answer."""
