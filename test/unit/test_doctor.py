@@ -96,6 +96,12 @@ def test_each_fault_is_a_sentence_and_a_command():
         assert made.cure
 
 
+def test_a_walk_that_takes_too_long_blames_no_link():
+    made = fault("no_answer", link="tf", seconds=45.0)
+    assert "more than 45 s in all" in made.sentence
+    assert made.cure.startswith("rosrun g1_description doctor")
+
+
 def _parsed(text):
     return string.Formatter().parse(text)
 

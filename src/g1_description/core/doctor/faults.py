@@ -156,8 +156,9 @@ TABLE = {
         "roslaunch g1_description rviz.launch",
     ),
     "no_answer": (
-        "The walk stopped, as the link '{link}' took more than {seconds:g} s.",
-        "yes | rosnode cleanup",
+        "The walk took more than {seconds:g} s in all, and stopped at the link "
+        "'{link}'.",
+        "rosrun g1_description doctor  # again, when this machine is less busy",
     ),
 }
 """Sentence and command by the fault's name, with what is filled in."""
