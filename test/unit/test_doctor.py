@@ -6,6 +6,8 @@ import re
 import string
 import subprocess
 import sys
+import threading
+from xmlrpc.server import SimpleXMLRPCServer
 
 import numpy as np
 import pytest
@@ -13,7 +15,7 @@ from conftest import REPOSITORY
 
 from g1_description.core.doctor import robot, shell
 from g1_description.core.doctor.faults import TABLE, fault
-from g1_description.core.doctor.links import LINKS
+from g1_description.core.doctor.links import BROKEN, LINKS
 from g1_description.core.doctor.nodes import (
     UNKNOWN_HOST,
     Graph,
@@ -24,6 +26,8 @@ from g1_description.core.robot.kinematics import Kinematics
 from g1_description.core.robot.lumping import lump_fixed_joints
 from g1_description.core.transform import IDENTITY
 from g1_description.core.urdf.reader import parse_urdf
+from g1_description.ros.apps.doctor.master import Master
+from g1_description.ros.apps.doctor.walk import Walk
 
 URDF = (REPOSITORY / "urdf" / "g1_29dof.urdf").read_text()
 PAGE = (REPOSITORY / "docs" / "doctor.md").read_text()
@@ -100,6 +104,40 @@ def test_a_walk_that_takes_too_long_blames_no_link():
     made = fault("no_answer", link="tf", seconds=45.0)
     assert "more than 45 s in all" in made.sentence
     assert made.cure.startswith("rosrun g1_description doctor")
+
+
+def test_a_late_answer_of_the_master_is_asked_for_again():
+    calls = []
+
+    def look_up(caller, node):
+        calls.append(node)
+        if len(calls) == 1:
+            raise OSError("late")
+        return 1, "", "http://nowhere.invalid:1/"
+
+    with SimpleXMLRPCServer(("127.0.0.1", 0), logRequests=False) as server:
+        server.register_function(look_up, "lookupNode")
+        thread = threading.Thread(target=server.serve_forever, args=(0.01,))
+        thread.start()
+        master = Master(f"http://127.0.0.1:{server.server_address[1]}")
+        found = master.ask_nodes(["/a"])
+        server.shutdown()
+        thread.join()
+    assert found["/a"].problem == UNKNOWN_HOST and len(calls) == 2
+
+
+def test_a_question_that_fails_is_told_without_a_traceback(monkeypatch):
+    """No master is asked: what the walk asks fails at once."""
+
+    def fail():
+        raise TimeoutError
+
+    made = Walk("", ["nodes"])
+    monkeypatch.setattr(made, "_nodes", fail)
+    monkeypatch.setattr(made, "_ask_master", lambda: "it answers")
+    (found,) = made.run()
+    assert (found.state, found.remark) == (BROKEN, "unfinished")
+    assert "'nodes': no answer within" in found.fault.sentence
 
 
 def _parsed(text):

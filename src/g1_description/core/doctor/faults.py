@@ -155,6 +155,10 @@ TABLE = {
         "Nothing shows the robot: neither RViz nor the browser view runs.",
         "roslaunch g1_description rviz.launch",
     ),
+    "unfinished": (
+        "The walk cannot go on at the link '{link}': {reason}.",
+        "rosrun g1_description doctor  # again, when this machine is less busy",
+    ),
     "no_answer": (
         "The walk took more than {seconds:g} s in all, and stopped at the link "
         "'{link}'.",

@@ -127,10 +127,19 @@ class Master:
             answers = list(pool.map(self._ask_node, names))
         return {name: answer for name, answer in zip(names, answers) if answer}
 
+    def _lookup(self, node: str) -> str:
+        """Ask for the address of a node; once more if the master is late."""
+        try:
+            return str(ask(self.uri, "lookupNode", node))
+        except LookupError:
+            raise
+        except ERRORS:
+            return str(ask(self.uri, "lookupNode", node))
+
     def _ask_node(self, node: str) -> NodeAnswer | None:
         """Ask one node; None if the master does not know it any more."""
         try:
-            uri = str(ask(self.uri, "lookupNode", node))
+            uri = self._lookup(node)
         except LookupError:
             return None
         try:

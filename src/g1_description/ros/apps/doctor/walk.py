@@ -9,7 +9,7 @@ from importlib import import_module
 from typing import Any
 
 from g1_description.core.doctor import shell
-from g1_description.core.doctor.faults import Fault
+from g1_description.core.doctor.faults import Fault, fault
 from g1_description.core.doctor.links import BROKEN, NOT_LOOKED_AT, OK, Walked
 from g1_description.core.doctor.nodes import node_addresses
 from g1_description.core.text import listed
@@ -71,12 +71,14 @@ class Walk:
             if name == "picture":
                 return self._robot.viewers() or screen.own_picture()
             return self._robot.look(name)
-        except (*ERRORS, SystemExit):
+        except (*ERRORS, SystemExit) as error:
             _stop_if_shut_down()
             gone = self._ask_master()  # meanwhile
             if isinstance(gone, Fault):
                 return gone
-            raise
+            words = f"{type(error).__name__}: {error}"
+            reason = reason_of(error) if isinstance(error, OSError) else words
+            return fault("unfinished", link=name, reason=reason)
 
     def _python(self) -> Fault | str:
         """Import what is of ROS, by this Python and the one on PATH."""
