@@ -73,6 +73,11 @@ class RobotLinks:
         """Name the nodes that show the robot; empty if there is none."""
         return listed(self._setup.viewers)
 
+    def close(self) -> None:
+        """End what listens, if anything does."""
+        if "_traffic" in self.__dict__:  # else asking for it would begin it
+            self._traffic.close()
+
     @cached_property
     def _traffic(self) -> Traffic:
         """What listens and asks; it is a node from the first use on."""

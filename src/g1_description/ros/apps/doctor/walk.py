@@ -44,6 +44,14 @@ class Walk:
         Raises:
             KeyboardInterrupt: If a signal ends the walk.
         """
+        try:
+            yield from self._run()
+        finally:
+            if self._robot is not None:
+                self._robot.close()
+
+    def _run(self) -> Iterator[Walked]:
+        """Look at the links one by one."""
         names = iter(self._names)
         for name in names:
             self.current = name
