@@ -93,7 +93,7 @@ TABLE = {
         "{cure}",
     ),
     "two_bridges": (
-        "Two bridges publish {topic}, {nodes}: readers get the states of both.",
+        "Several bridges publish {topic}, {nodes}: readers get the states of all.",
         "rosnode kill {other}",
     ),
     "no_model": (
