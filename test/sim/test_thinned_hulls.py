@@ -88,6 +88,15 @@ def test_what_is_flat_or_small_is_left_alone():
         assert few is points and deviation == 0.0
 
 
+@pytest.mark.parametrize(("size", "tolerance"), [(0.3, 0.0), (4e4, 1e-3), (300.0, 1.0)])
+def test_any_size_and_no_tolerance(size, tolerance):
+    points = blob(3, 2000, (size, 0.7 * size, 0.4 * size)).astype(np.float32)
+    few, deviation = thinned(points, tolerance)
+    assert deviation <= tolerance
+    lost = ConvexHull(points).volume - ConvexHull(few).volume
+    assert lost <= ConvexHull(points).area * tolerance + 1e-9
+
+
 def test_single_precision_and_far_from_the_origin():
     points = blob(2, 3000, (0.3, 0.2, 0.1)) + np.array([40.0, -30.0, 0.0])
     few, deviation = thinned(points.astype(np.float32), 1e-3)

@@ -11,6 +11,10 @@ MAX_WHOLE = 128
 ROUNDING = 1e-12
 """Largest error of a height above a face, per size of the hull."""
 
+MAX_ROUNDS = 20
+"""Most times that points are put back; two or three are usual, and rounding errors that
+are larger than the tolerance would never end."""
+
 MAX_HEIGHTS = 2_000_000
 """Heights of points above faces that are computed at once: 16 MB."""
 
@@ -61,8 +65,9 @@ def thinned(points: np.ndarray, tolerance: float) -> tuple[np.ndarray, float]:
         tolerance: How far a point that is left out may be from the new hull, in [m].
 
     Returns:
-        Some of the points, or all where they are few or lie in a plane, shape (m, 3),
-        and how far the others are from their hull at most, in [m].
+        Some of the points, or all where they are few, lie in a plane or have rounding
+        errors larger than the tolerance, shape (m, 3); and how far the others are from
+        their hull at most, in [m].
     """
     if len(points) <= MAX_WHOLE:
         return points, 0.0
@@ -70,7 +75,7 @@ def thinned(points: np.ndarray, tolerance: float) -> tuple[np.ndarray, float]:
         # Qhull leaves out, and lists as coplanar, what is not W outside of a face.
         hull = ConvexHull(points, qhull_options=f"Qt Qc W{tolerance:.9g}")
         chosen, near = points[hull.vertices], points[hull.coplanar[:, 0]]
-        while True:
+        for _ in range(MAX_ROUNDS):
             distance = _distances(near, ConvexHull(chosen))
             deviation = float(distance.max(initial=0.0))
             if deviation <= tolerance:
@@ -78,7 +83,8 @@ def thinned(points: np.ndarray, tolerance: float) -> tuple[np.ndarray, float]:
             # Beyond a sharp edge, points are farther from the hull than from planes.
             chosen = np.concatenate([chosen, near[distance > tolerance]])
     except HULL_ERRORS:
-        return points, 0.0
+        pass
+    return points, 0.0
 
 
 def _distances(points: np.ndarray, hull: ConvexHull) -> np.ndarray:
