@@ -14,7 +14,7 @@ from gazebo_msgs.srv import GetModelState
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
 from support.pose_command import run
-from support.ros_testing import Listener, wait_for
+from support.ros_testing import Listener, Repeated, wait_for
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 
@@ -80,11 +80,13 @@ class TestPhysics(unittest.TestCase):
     def test_4_a_command_moves_a_joint_and_motors_hold_it(self):
         commands = rospy.Publisher("/joint_commands", JointState, queue_size=1)
         wait_for(commands.get_num_connections, "the bridge to listen")
-        self.states.clear()
-        commands.publish(JointState(name=["left_elbow_joint"], position=[0.5]))
-        names = self.states.wait().name
-        elbow = names.index("left_elbow_joint")
+        elbow = self.states.wait().name.index("left_elbow_joint")
+        command = JointState(name=["left_elbow_joint"], position=[0.5])
+        # Without motors the joint may be elsewhere by the next state.
+        repeated = Repeated(lambda: commands.publish(command), 0.05)
+        self.addCleanup(repeated.close)
         arrived = self.states.wait(lambda m: abs(m.position[elbow] - 0.5) < 0.02, "0.5")
+        repeated.close()
         if self.stands:
             later = self.states.wait(
                 lambda m: (m.header.stamp - arrived.header.stamp).to_sec() > 1.0, "1 s"
