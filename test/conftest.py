@@ -36,6 +36,16 @@ def g1(g1_file):
     return with_absolute_uris(g1_file.read_text(), g1_file.parent)
 
 
+@pytest.fixture(scope="session")
+def vendors_g1():
+    """Give the text of the vendor's file, with absolute mesh URIs."""
+    from g1_description.core.files.uris import with_absolute_uris
+
+    if not VENDOR.exists():
+        pytest.skip("the vendor's g1_29dof.urdf is not beside the repository")
+    return with_absolute_uris(VENDOR.read_text(), VENDOR.parent)
+
+
 @pytest.fixture
 def make_world():
     """Give what makes worlds, which end with the test."""

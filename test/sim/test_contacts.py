@@ -2,10 +2,8 @@
 
 import numpy as np
 import pytest
-from conftest import VENDOR
 from test_world import ARM
 
-from g1_description.core.files.uris import with_absolute_uris
 from g1_description.core.sdf.world import read_sdf
 
 GAZEBO_COLLAPSE = {
@@ -206,13 +204,10 @@ def test_a_ball_bounces_higher_the_more_restitution_it_has(make_world):
 
 
 @pytest.fixture()
-def collapse(make_world):
+def collapse(make_world, vendors_g1):
     """Give a world in which the vendor's G1 begins to fall."""
-    if not VENDOR.exists():
-        pytest.skip("the vendor's g1_29dof.urdf is not beside the repository")
     world = make_world("limp")
-    text = with_absolute_uris(VENDOR.read_text(), VENDOR.parent)
-    world.spawn_urdf("g1", text, np.array([0, 0, 0.79, 0, 0, 0, 1]))
+    world.spawn_urdf("g1", vendors_g1, np.array([0, 0, 0.79, 0, 0, 0, 1]))
     return world
 
 

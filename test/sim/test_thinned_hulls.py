@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from scipy.optimize import nnls
 from scipy.spatial import ConvexHull
 
-from g1_description.core.files.uris import with_absolute_uris
 from g1_description.sim.meshes.contents import Part
 from g1_description.sim.meshes.hull_vertices import MAX_WHOLE, thinned
 from g1_description.sim.meshes.hulls import thinned_hulls
@@ -131,12 +130,9 @@ def test_the_vendors_meshes_become_few_points(name):
     )
 
 
-def test_a_model_tells_how_far_its_meshes_are_from_their_hulls(make_world):
-    if not VENDOR.exists():
-        pytest.skip("the vendor's g1_29dof.urdf is not beside the repository")
+def test_a_model_tells_how_far_its_meshes_are_from_their_hulls(make_world, vendors_g1):
     bench = make_world("limp")
-    text = with_absolute_uris(VENDOR.read_text(), VENDOR.parent)
-    bench.spawn_urdf("g1", text, np.array([0.0, 0.0, 0.8, 0.0, 0.0, 0.0, 1.0]))
+    bench.spawn_urdf("g1", vendors_g1, np.array([0.0, 0.0, 0.8, 0.0, 0.0, 0.0, 1.0]))
     found = bench.model("g1").hull_deviations
     by_file = {name.rpartition("/")[2]: value for name, value in found.items()}
     assert 5e-4 < by_file["torso_link.STL"] <= 1e-3
