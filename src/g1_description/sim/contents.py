@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterable, Mapping
 from functools import cached_property
 from typing import TypeVar
@@ -145,6 +146,9 @@ class Contents:
         """Begin without any."""
         self.models: dict[str, Model] = {}
         self.lights: dict[str, Light] = {}
+        self.lock = threading.Lock()
+        """Where threads read while another one steps: held by a step only while it
+        changes what they see, by them as long as they read."""
 
     @cached_property
     def entities(self) -> Entities:

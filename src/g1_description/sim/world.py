@@ -33,9 +33,8 @@ from .physics import PhysicsProperties
 class World(Contents):
     """Models and lights under gravity, while time passes.
 
-    Physics ``kinematic``: what is set stays set, to the last bit; time runs,
-    nothing falls, contacts are still found. ``hold``: full dynamics, motors hold
-    the joints where they were last set. ``limp``: full dynamics, no motors.
+    Physics ``kinematic``: what is set stays set, to the last bit. ``hold``: dynamics,
+    and motors hold the joints where they were last set. ``limp``: dynamics, no motors.
     """
 
     def __init__(
@@ -76,11 +75,10 @@ class World(Contents):
             self.add_light(light)
         for model in content.models:
             try:
-                messages = self.spawn(model.name, model.assembly, model.pose)
+                for message in self.spawn(model.name, model.assembly, model.pose):
+                    left_out.append(f"{model.name}: {message}")
             except DescriptionError as error:
                 left_out.append(f"model {model.name} is left out: {error}".rstrip("."))
-            else:
-                left_out += [f"{model.name}: {message}" for message in messages]
         return left_out
 
     def close(self) -> None:
@@ -110,8 +108,7 @@ class World(Contents):
             name: Name in the world; must be free.
             assembly: What it is made of.
             pose: Pose of the model frame in the world, shape (7,).
-            fixed_base: Whether its root link does not move in ``hold`` and
-                ``limp``.
+            fixed_base: Whether physics does not move its root link.
 
         Returns:
             A message for each thing left out, and for joints that do not begin at zero.
@@ -128,9 +125,9 @@ class World(Contents):
         left_out = self._engine.add(model)
         self.models[name] = model
         self._forget_names()
-        is_gone = assembly.left_out and not model.link_names
-        nothing = ("nothing is left of the model",) if is_gone else ()
-        return assembly.left_out + left_out + nothing
+        if assembly.left_out and not model.link_names:
+            left_out += ("nothing is left of the model",)
+        return assembly.left_out + left_out
 
     def delete(self, name: str) -> None:
         """Remove a model.
@@ -147,19 +144,25 @@ class World(Contents):
 
     def step(self) -> None:
         """Compute one time step."""
-        self.time_ns += self.properties.step_ns
-        self.motions.step(self.time_ns)
+        time_ns = self.time_ns + self.properties.step_ns
         if self.is_dynamic:
-            self.forces.apply(self._engine, self.time_ns)
+            self.motions.step(time_ns)
+            self.forces.apply(self._engine, time_ns)
             self._engine.step()
-            self.motions.measure(self.time_ns)
+        with self.lock:
+            self.time_ns = time_ns
+            if self.is_dynamic:
+                self._engine.update_models()
+            else:
+                self.motions.step(time_ns)
+        self.motions.measure(time_ns)
 
     def set_joint_positions(self, name: str, positions: Mapping[str, float]) -> Report:
         """Teleport joints of a model; it holds them there in ``hold``.
 
         Args:
             name: The model.
-            positions: Positions in [rad] or [m] by joint name.
+            positions: In [rad] or [m], by joint name.
 
         Returns:
             What was not obeyed to the letter.
@@ -182,14 +185,12 @@ class World(Contents):
         Args:
             model: The model.
             pose: Pose in the frame, shape (7,).
-            twist: Velocity for the centers of mass and angular velocity, along
-                the frame's axes, shape (6,). In ``kinematic`` nothing moves by
-                itself, so it is ignored.
+            twist: Velocity for the centers of mass and angular velocity, along the
+                frame's axes, shape (6,). Ignored in ``kinematic``.
             frame: The reference frame.
         """
-        T_world_frame = frame.pose
-        turned = rotate(T_world_frame[3:], twist.reshape(2, 3)).reshape(6)
-        model.set_state(compose(T_world_frame, pose), turned * self.is_dynamic)
+        turned = rotate(frame.pose[3:], twist.reshape(2, 3)).reshape(6)
+        model.set_state(compose(frame.pose, pose), turned * self.is_dynamic)
         self.motions.release(model, base=True)
         self._engine.write(model)
 
@@ -201,9 +202,8 @@ class World(Contents):
         Args:
             model: The model.
             pose: Pose of the root link in the world, shape (7,).
-            twist: Velocity of the root link's center of mass and its angular
-                velocity, along the world's axes, shape (6,). Ignored in
-                ``kinematic``.
+            twist: Velocity of the root link's center of mass and its angular velocity,
+                along the world's axes, shape (6,). Ignored in ``kinematic``.
             tree: Which of the model's trees.
         """
         model.set_root_state(pose, twist * self.is_dynamic, tree)

@@ -11,11 +11,8 @@ Parameters: those of parameters.GazeboParameters
 
 from __future__ import annotations
 
-import contextlib
-import queue
 import sys
 import time
-from concurrent.futures import CancelledError, Future
 
 import rospy
 from gazebo_msgs.msg import LinkState, ModelState
@@ -40,6 +37,7 @@ from g1_description.ros.node.throttled_log import SHORT_PERIOD, ThrottledLog
 from g1_description.ros.transport.tcpros import serve_as_roscpp
 from g1_description.sim.world import World
 
+from .calls import Calls
 from .parameters import GazeboParameters
 from .reconfigure import offer_physics
 from .start import make_world, spawn_robot
@@ -51,9 +49,6 @@ MAX_WAIT = 0.1
 """Longest wait before looking whether to shut down, in [s]. Time lost to a busy
 machine beyond this is not caught up."""
 
-MAX_PENDING = 100
-"""Pending calls above which a subscriber's thread waits for its message's turn."""
-
 SWITCH_INTERVAL = 2e-4
 """Longest in [s] that the loop's Python keeps a caller's thread from running."""
 
@@ -62,7 +57,7 @@ HUSH_POLL = 0.01
 
 
 class GazeboNode:
-    """The loop. rospy's callbacks queue calls; only the loop touches the world."""
+    """The loop, which alone changes the world."""
 
     def __init__(self, world: World, parameters: GazeboParameters) -> None:
         """Make the topics and services.
@@ -75,8 +70,7 @@ class GazeboNode:
         messages = StatusMessages(parameters.strict_messages)
         self._stepper = Stepper(parameters.paused)
         self._physics = PhysicsServices(world, messages, self._stepper)
-        # Not a SimpleQueue: a signal during its get() can make it wait for ever.
-        self._calls: queue.Queue = queue.Queue()
+        self._calls = Calls(world.lock)
         network = parameters.enable_ros_network
         rospy.set_param("~enable_ros_network", network)
         self._topics = StateTopics(world, parameters)
@@ -96,7 +90,7 @@ class GazeboNode:
             rospy.Subscriber(
                 topic,
                 kind,
-                self._later_in_the_loop(self._warn_if_refused(topic, act)),
+                self._calls.later_in_the_loop(self._warn_if_refused(topic, act)),
                 queue_size=None,
                 tcp_nodelay=True,
             )
@@ -112,8 +106,10 @@ class GazeboNode:
             StepServices(world, messages, self._stepper),
         ):
             for name, kind, *handlers in services.table():
-                rospy.Service(f"~{name}", kind, self._in_the_loop(*handlers))
-        offer_physics(world.properties, self._in_the_loop(self._reconfigure))
+                is_read = name.startswith("get_")
+                serve = self._calls.read if is_read else self._calls.in_the_loop
+                rospy.Service(f"~{name}", kind, serve(*handlers))
+        offer_physics(world.properties, self._calls.in_the_loop(self._reconfigure))
 
     def _reconfigure(self, numbers: dict) -> dict:
         """Change the physics' numbers; return them as they are if that is refused."""
@@ -126,25 +122,6 @@ class GazeboNode:
         rospy.loginfo("physics dynamics reconfigure update complete")
         rospy.loginfo("physics dynamics reconfigure complete")
         return {}
-
-    def _in_the_loop(self, answer, prepare=lambda request: request):
-        """Make a callback that lets the loop answer, and waits for it.
-
-        Args:
-            answer: What answers, in the loop.
-            prepare: What is done with the request before, while time runs on.
-        """
-
-        def handler(request):
-            call: Future = Future()
-            self._calls.put((call, answer, prepare(request)))
-            try:
-                result = call.result()
-                return result.result() if isinstance(result, Future) else result
-            except CancelledError:
-                raise rospy.ServiceException("the simulator is shutting down") from None
-
-        return handler
 
     def _warn_if_refused(self, topic: str, act):
         """Make a callback that logs a warning where a message is refused."""
@@ -165,23 +142,6 @@ class GazeboNode:
             if details:
                 key = f"{message.model_name} set_model_trajectory"
                 self._log.warn(key, f"{message.model_name}: {details}", SHORT_PERIOD)
-
-        return callback
-
-    def _later_in_the_loop(self, act):
-        """Make a callback that lets the loop act, and waits only where much waits.
-
-        To wait each time would let messages pile up on a busy machine, where it takes
-        the loop long to get its turn.
-        """
-
-        def callback(message):
-            call: Future = Future()
-            call.add_done_callback(_log_failure)
-            self._calls.put((call, act, message))
-            if self._calls.qsize() > MAX_PENDING:
-                with contextlib.suppress(CancelledError):
-                    call.result()
 
         return callback
 
@@ -232,7 +192,7 @@ class GazeboNode:
 
     def _answer_all(self) -> None:
         """Answer the calls that have come until now."""
-        for _ in range(self._calls.qsize()):
+        for _ in range(len(self._calls)):
             self._answer_one(0.0)
 
     def _answer_one(self, wait: float) -> None:
@@ -241,15 +201,8 @@ class GazeboNode:
         Args:
             wait: Longest wait in [s].
         """
-        try:
-            call, answer, request = self._calls.get(wait > 0.0, wait)
-        except queue.Empty:
-            return
-        try:
-            call.set_result(answer(request))
-        except BaseException as error:  # the caller's thread raises it again
-            call.set_exception(error)
-        self._topics.change()
+        if self._calls.answer(wait):
+            self._topics.change()
 
     def _step(self) -> None:
         """Let a time step pass and publish the states after it."""
@@ -267,14 +220,7 @@ class GazeboNode:
     def _refuse(self) -> None:
         """Cancel the calls that nobody will answer any more."""
         self._stepper.cancel()
-        while not self._calls.empty():
-            self._calls.get()[0].cancel()
-
-
-def _log_failure(call: Future) -> None:
-    """Log the exception of a call that nobody waits for."""
-    if not call.cancelled() and call.exception() is not None:
-        rospy.logerr("A message could not be obeyed: %r", call.exception())
+        self._calls.cancel()
 
 
 def main(given=None, on_start=lambda: None) -> None:

@@ -14,10 +14,10 @@ from g1_description.core.motion.motors import Motors, read_motors
 from g1_description.core.robot.assembly import Assembly
 from g1_description.core.sdf.world import EMPTY_WORLD, Sdf, read_sdf
 from g1_description.core.xml import decoded
+from g1_description.ros.gazebo.services.spawn import log_hulls
 from g1_description.sim.physics import GRAVITY
 from g1_description.sim.world import World
 
-from .hulls import log_hulls
 from .parameters import GazeboParameters
 from .placement import place_robot
 

@@ -199,7 +199,7 @@ class Engine:
         self._is_sorted = False
 
     def step(self) -> None:
-        """Compute one time step, and give the models their new states."""
+        """Compute one time step; the models have their new states after an update."""
         if self._rest.is_resting:
             return
         self._sort()
@@ -211,6 +211,12 @@ class Engine:
         self._depenetration.apply(self._by_number, self.properties)
         self._client.stepSimulation()
         self._moving.read()
+
+    def update_models(self) -> None:
+        """Give the models the states that the step before has computed."""
+        if self._rest.is_resting:
+            return
+        self._moving.update_models()
         self._rest.update(self._moving.speed, self.properties.time_step)
         if self._rest.is_resting:
             self._moving.stop()

@@ -53,12 +53,13 @@ class MovingModels:
         rows = [rows for _, rows in jointed]
         self._rows = np.concatenate([np.zeros(0, dtype=int), *rows])
         self._speeds = np.zeros(1)
+        self._measured: list[MeasuredState] = []
         if self._models:
             forest, self._of_forest = _joined(self._models)
             self._kinematics = Kinematics(forest)
 
     def read(self) -> None:
-        """Read the state of all models from PyBullet."""
+        """Read the state of all models from PyBullet; they have it after an update."""
         if not self._models:
             return
         roots, root_twists = self._read_roots()
@@ -71,17 +72,20 @@ class MovingModels:
             roots, position, root_twists, velocity
         )
         poses, twists = poses[self._of_forest], twists[self._of_forest]
-        for model, root, joint, link in zip(
-            self._models, self._roots, self._joints, self._links
-        ):
-            model.set_measured_state(
-                MeasuredState(
-                    *(roots[root], root_twists[root]),
-                    *(position[joint], velocity[joint]),
-                    *(poses[link], twists[link]),
-                )
+        self._measured = [
+            MeasuredState(
+                *(roots[root], root_twists[root]),
+                *(position[joint], velocity[joint]),
+                *(poses[link], twists[link]),
             )
+            for root, joint, link in zip(self._roots, self._joints, self._links)
+        ]
         self._speeds = np.abs(np.concatenate([root_twists.ravel(), velocity]))
+
+    def update_models(self) -> None:
+        """Give all models the state that was read."""
+        for model, state in zip(self._models, self._measured):
+            model.set_measured_state(state)
 
     def _read_roots(self) -> tuple[np.ndarray, np.ndarray]:
         """Find the poses and twists of all roots; those that are fixed keep theirs.

@@ -1,6 +1,7 @@
 """gazebo_ros' services about joints, answered as the real Gazebo does.
 
-Everything here runs in the simulator's loop, between two steps.
+What changes the world runs in the simulator's loop, between two steps; what reads it
+(get_*) runs beside the loop, while nothing changes.
 """
 
 from __future__ import annotations

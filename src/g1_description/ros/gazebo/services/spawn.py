@@ -6,6 +6,7 @@ the simulator's loop, between two steps.
 
 from __future__ import annotations
 
+import posixpath
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -24,8 +25,8 @@ from g1_description.core.sdf.world import Light, Sdf, SdfModel, read_sdf
 from g1_description.core.transform import IDENTITY, compose
 from g1_description.core.urdf.reader import parse_urdf
 from g1_description.core.xml import parse_xml
-from g1_description.ros.gazebo.hulls import log_hulls
 from g1_description.sim.entities import Frame
+from g1_description.sim.model import Model
 
 from .base import FRAME_NOT_FOUND, Services, checked_pose
 
@@ -165,4 +166,25 @@ def _only_content(sdf: Sdf) -> SdfModel | Light:
     raise DescriptionError(
         f"It has {len(sdf.models)} models and {len(sdf.lights)} lights; one model or "
         f"light can be spawned at a time{left_out}."
+    )
+
+
+def log_hulls(model: Model) -> None:
+    """Log how far meshes of a model are from their hulls, where these are thinned.
+
+    Args:
+        model: The model, which has been loaded.
+    """
+    found = model.hull_deviations
+    if not found:
+        return
+    for name, deviation in found.items():
+        rospy.logdebug("%s: %s: %.2f mm", model.name, name, 1000.0 * deviation)
+    worst = max(found, key=found.__getitem__)
+    rospy.loginfo(
+        "%s: hulls of %d meshes are thinned; they are at most %.2f mm from these (%s).",
+        model.name,
+        len(found),
+        1000.0 * found[worst],
+        posixpath.basename(worst),
     )

@@ -1,0 +1,115 @@
+"""What clients ask of the world: done in the node's loop, or read beside it."""
+
+from __future__ import annotations
+
+import contextlib
+import queue
+import threading
+from concurrent.futures import CancelledError, Future
+
+import rospy
+
+MAX_PENDING = 100
+"""Pending calls above which a subscriber's thread waits for its message's turn."""
+
+
+class Calls:
+    """Callbacks of rospy, which run in its threads, and the calls that they queue.
+
+    Only the loop changes the world. Others read it while they hold its lock.
+    """
+
+    def __init__(self, lock: threading.Lock) -> None:
+        """Begin without any.
+
+        Args:
+            lock: Held while the world changes.
+        """
+        self._lock = lock
+        # Not a SimpleQueue: a signal during its get() can make it wait for ever.
+        self._queue: queue.Queue = queue.Queue()
+
+    def read(self, answer):
+        """Make a callback that answers at once, from the state after the last step.
+
+        The loop is not waited for: a robot that lies keeps it busy all the time.
+        """
+
+        def handler(request):
+            with self._lock:
+                return answer(request)
+
+        return handler
+
+    def in_the_loop(self, answer, prepare=lambda request: request):
+        """Make a callback that lets the loop answer, and waits for it.
+
+        Args:
+            answer: What answers, in the loop.
+            prepare: What is done with the request before, while time runs on.
+        """
+
+        def handler(request):
+            call: Future = Future()
+            self._queue.put((call, answer, prepare(request)))
+            try:
+                result = call.result()
+                return result.result() if isinstance(result, Future) else result
+            except CancelledError:
+                raise rospy.ServiceException("the simulator is shutting down") from None
+
+        return handler
+
+    def later_in_the_loop(self, act):
+        """Make a callback that lets the loop act, and waits only where much waits.
+
+        To wait each time would let messages pile up on a busy machine, where it takes
+        the loop long to get its turn.
+        """
+
+        def callback(message):
+            call: Future = Future()
+            call.add_done_callback(_log_failure)
+            self._queue.put((call, act, message))
+            if self._queue.qsize() > MAX_PENDING:
+                with contextlib.suppress(CancelledError):
+                    call.result()
+
+        return callback
+
+    def __len__(self) -> int:
+        """Count those that wait for the loop."""
+        return self._queue.qsize()
+
+    def answer(self, wait: float) -> bool:
+        """Wait for a call and answer it, if one comes; only the loop does.
+
+        Args:
+            wait: Longest wait in [s].
+
+        Returns:
+            Whether one came.
+        """
+        try:
+            call, answer, request = self._queue.get(wait > 0.0, wait)
+        except queue.Empty:
+            return False
+        try:
+            with self._lock:
+                result = answer(request)
+        except BaseException as error:  # the caller's thread raises it again
+            call.set_exception(error)
+        else:
+            call.set_result(result)
+        return True
+
+    def cancel(self) -> None:
+        """Cancel those that nobody will answer any more."""
+        while not self._queue.empty():
+            self._queue.get()[0].cancel()
+
+
+def _log_failure(call: Future) -> None:
+    """Log the exception of a call that nobody waits for."""
+    if not call.cancelled() and call.exception() is not None:
+        rospy.logerr("A message could not be obeyed: %r", call.exception())
