@@ -263,6 +263,29 @@ def test_a_gizmo_that_is_pressed_and_not_dragged_moves_nothing(page):
     wait_for(lambda: page.robot.state().base[0] == 5.0, "a base that is dragged")
 
 
+def test_a_gizmo_that_moves_while_the_page_draws_is_heard(page, monkeypatch):
+    one = page.client()
+    one.set("Gizmo", True)
+    base = page.show.page._shown[0].base
+    wait_for(lambda: base.has_gizmo, "the gizmo")
+    (name,) = (n for n in list(one.nodes) if "/gizmos/" in n)
+    is_busy, is_free = threading.Event(), threading.Event()
+
+    def take_long(_):
+        """Keep the thread that draws from its next picture."""
+        is_busy.set()
+        is_free.wait(60)
+
+    monkeypatch.setattr(page.robot, "command", take_long)
+    one.set("left_elbow", -0.5)
+    assert is_busy.wait(60)
+    away = {"wxyz": (1.0, 0.0, 0.0, 0.0), "position": (5.0, 5.0, 5.0), "owner": ""}
+    one.send("TransformControlsUpdateMessage", name=name, **away)
+    wait_for(lambda: base._gizmo.position[0] == 5.0, "a gizmo that is elsewhere")
+    is_free.set()
+    wait_for(lambda: page.robot.state().base[0] == 5.0, "a base that is dragged")
+
+
 def test_who_is_quick_is_heard():
     page = Open()
     shown = page.show.page._shown[0]

@@ -55,6 +55,7 @@ class BasePanel:
         self._gizmo = server.scene.add_transform_controls(
             f"{MAP}/gizmos/{robot.name.replace('/', '_')}", scale=0.45, visible=False
         )
+        self._gizmo_at = self._gizmo.position
         self._fields = self._place, self._rpy
         for field in self._fields:
             self._held.know(field)
@@ -80,7 +81,8 @@ class BasePanel:
 
     def _dragged(self) -> None:
         """Move the base to where the gizmo is."""
-        pose = pose_of(self._gizmo.position, self._gizmo.wxyz)
+        self._gizmo_at = self._gizmo.position
+        pose = pose_of(self._gizmo_at, self._gizmo.wxyz)
         self._command(pose)
         self._show_fields(pose)
 
@@ -104,9 +106,11 @@ class BasePanel:
         if any([self._held.is_held(field) for field in self._fields]):
             return
         self._show_fields(state.base)
-        if self._gizmo_on.value:
+        # Another object is a person's, of which _dragged is not told yet.
+        if self._gizmo_on.value and self._gizmo.position is self._gizmo_at:
             self._gizmo.position = state.base[:3]
             self._gizmo.wxyz = np.array(wxyz(state.base))
+            self._gizmo_at = self._gizmo.position
 
     def _show_fields(self, pose: np.ndarray) -> None:
         """Show a pose in the fields."""
