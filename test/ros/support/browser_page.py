@@ -225,12 +225,16 @@ class Slider:
     def drag(self, value):
         """Drag it with the mouse as near to a value as the pixels allow."""
         lower, upper = self.limits()
-        self._track.scroll_into_view_if_needed()
+        self._track.hover(trial=True)  # scrolls, and waits until it rests
         box, thumb = self._track.bounding_box(), self._thumb.bounding_box()
         y = box["y"] + box["height"] / 2
         start = thumb["x"] + thumb["width"] / 2
         end = box["x"] + box["width"] * (value - lower) / (upper - lower)
         self._page.drag((start, y), (end, y))
+
+    def tap(self):
+        """Touch its middle."""
+        self._track.tap()
 
     def type(self, value):
         """Type a value into its field, as one who pastes it."""
