@@ -1,15 +1,16 @@
 """The stand-in, with the display around it.
 
-The display runs without RViz and publishes the states of every step; the bridge
-receives them, and robot_state_publisher receives the bridge's. There is no other
-listener: the real-time factor comes from get_world_properties before and after a
-window, processor time from the system, and the number of received states from the
-bridge. For the highest real-time factor, ~set_real_time_factor is 0. All but kinematic
-start five simulated seconds after the robot is released: in hold it stands and rests by
-then. "hold, moved" sets a joint twenty times a second. Service calls are timed on one
-connection while physics runs: in kinematic, and while a robot lies, where the simulator
-is busy all the time. Their target there is 1.2 times what a step takes. The figure of
-"display.launch" is of all that it starts, with master and roslaunch, at default rates.
+The display runs without RViz and, unless a case is of the default rate, publishes the
+states of every step; the bridge receives them, and robot_state_publisher receives the
+bridge's. There is no other listener: the real-time factor comes from
+get_world_properties before and after a window, processor time from the system, and the
+number of received states from the bridge. For the highest real-time factor,
+~set_real_time_factor is 0. All but kinematic start five simulated seconds after the
+robot is released: in hold it stands and rests by then. "hold, moved" sets a joint
+twenty times a second. Service calls are timed on one connection while physics runs: in
+kinematic, and while a robot lies, where the simulator is busy all the time. Their
+target there is 1.2 times what a step takes. The figure of "display.launch" is of all
+that it starts, with master and roslaunch, at default rates.
 """
 
 from __future__ import annotations
@@ -52,6 +53,9 @@ class Case(NamedTuple):
     model: Path | None = None
     """Another model than that which is measured."""
 
+    rate: tuple = (EACH_STEP,)
+    """Arguments for the states' rate; none: as many as display.launch has."""
+
 
 CASES = (
     Case("kinematic", ("physics:=kinematic",), share="<= 30"),
@@ -59,7 +63,14 @@ CASES = (
     Case("hold, moved", ("physics:=hold",), moved=True),
     Case("limp, hanging", HANGING, highest="> 3.6"),
     Case("limp, lying", ("physics:=limp",), highest=">= 4"),
-    Case("vendor's, lying", ("physics:=limp",), highest=">= 2.5", model=VENDOR),
+    Case("vendor's, lying", ("physics:=limp",), model=VENDOR),
+    Case(
+        "vendor's, lying, default rate",
+        ("physics:=limp",),
+        highest=">= 2.5",
+        model=VENDOR,
+        rate=(),
+    ),
 )
 SERVICES = (
     ("get_model_state", ("g1_robot", "")),
@@ -153,7 +164,7 @@ def measure_display(bench):
 
 def measure_case(bench, case):
     """Run one; give the peaks of memory of simulator and bridge in [MB]."""
-    launched = (case.model or bench.model, EACH_STEP, *case.arguments)
+    launched = (case.model or bench.model, *case.rate, *case.arguments)
     with Graph() as graph, graph.launch(*launched):
         display = Display(graph)
         measure(bench, case, display)

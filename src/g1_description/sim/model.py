@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Callable, Tuple
 
 import numpy as np
 
@@ -16,6 +16,9 @@ from g1_description.core.rotation import cross, rotate
 from g1_description.core.transform import compose, inverse
 
 from .structure import Structure
+
+States = Tuple[np.ndarray, np.ndarray]
+"""Where things are, and how they move: as the arrays of ``Model``."""
 
 
 @dataclass
@@ -30,17 +33,6 @@ class Report:
 
     changed: list[int] = field(default_factory=list)
     """Rows of the movable joints that were not at rest at that position already."""
-
-
-class MeasuredState(NamedTuple):
-    """The state of a model that physics has computed: as the fields of ``Model``."""
-
-    root_poses: np.ndarray
-    root_twists: np.ndarray
-    position: np.ndarray
-    velocity: np.ndarray
-    poses: np.ndarray
-    twists: np.ndarray
 
 
 class Model(Structure):
@@ -89,11 +81,9 @@ class Model(Structure):
         """Velocities of the movable joints in [rad/s] or [m/s], shape (n_joints,)."""
         self.target = np.array(self.position)
         """Where the joints were last set: what motors hold, shape (n_joints,)."""
-        self.poses = np.zeros((len(self.link_names), 7))
-        """Poses of the link frames in the world, shape (n_links, 7)."""
-        self.twists = np.zeros((len(self.link_names), 6))
-        """Velocities of the link frames' origins and angular velocities, along the
-        world's axes, shape (n_links, 6)."""
+        n_links = len(self.link_names)
+        self._links: States | Callable[[], States]
+        self._links = np.zeros((n_links, 7)), np.zeros((n_links, 6))
         self._update_links()
 
     def _initial_root_poses(self) -> np.ndarray:
@@ -102,16 +92,23 @@ class Model(Structure):
         return np.array([compose(self.initial_pose, root) for root in roots])
 
     @property
+    def poses(self) -> np.ndarray:
+        """Poses of the link frames in the world, shape (n_links, 7)."""
+        return self._link_states()[0]
+
+    @property
+    def twists(self) -> np.ndarray:
+        """Twists of the link frames, along the world's axes, shape (n_links, 6)."""
+        return self._link_states()[1]
+
+    @property
     def pose(self) -> np.ndarray:
         """Pose of the model frame in the world, shape (7,)."""
         return compose(self.carrier_pose, self.T_carrier_model)
 
     @property
     def carrier_pose(self) -> np.ndarray:
-        """Pose in the world of what carries the model frame, shape (7,).
-
-        That is the canonical link where the file names one, else the first root.
-        """
+        """Pose of the canonical link where the file names one, else the first root."""
         if self.assembly.canonical:
             return self.poses[self.canonical_row]
         return self.root_poses[0]
@@ -127,23 +124,38 @@ class Model(Structure):
         self.velocity[:] = 0.0
         self._update_links()
 
-    def set_measured_state(self, state: MeasuredState) -> None:
-        """Set what physics has computed; targets stay."""
-        self.root_poses, self.root_twists = state.root_poses, state.root_twists
-        self.position, self.velocity = state.position, state.velocity
-        self.poses, self.twists = state.poses, state.twists
+    def set_measured_state(
+        self, roots: States, joints: States, links: Callable[[], States]
+    ) -> None:
+        """Set what physics has computed; targets stay.
+
+        Args:
+            roots: Poses and twists.
+            joints: Positions and velocities.
+            links: Computes poses and twists, when somebody looks.
+        """
+        self.root_poses, self.root_twists = roots
+        self.position, self.velocity = joints
+        self._links = links
+
+    def _link_states(self) -> States:
+        """Compute the links' poses and twists, if that was not done yet."""
+        links = self._links
+        if callable(links):
+            links = self._links = links()
+        return links
 
     def _update_links(self) -> None:
         """Compute all links' poses and twists from the roots and the joints."""
         if self.kinematics is None:
             return
         if self.root_twists.any() or self.velocity.any():
-            self.poses, self.twists = self.kinematics.link_states(
+            self._links = self.kinematics.link_states(
                 self.root_poses, self.position, self.root_twists, self.velocity
             )
         else:
-            self.poses = self.kinematics.link_poses(self.root_poses, self.position)
-            self.twists = np.zeros((len(self.link_names), 6))
+            poses = self.kinematics.link_poses(self.root_poses, self.position)
+            self._links = poses, np.zeros((len(self.link_names), 6))
 
     def set_positions(self, positions: Mapping[str, float]) -> Report:
         """Teleport joints: what hangs below moves rigidly and stands still.
@@ -189,11 +201,13 @@ class Model(Structure):
         """Set joints, given by their rows, and stop the links below them."""
         if self.kinematics is None:
             return
+        twists = self.twists
         self.position[rows] = positions
         self.target[rows] = positions
         self.velocity[rows] = 0.0
-        self.poses = self.kinematics.link_poses(self.root_poses, self.position)
-        self.twists[self.kinematics.links_below(rows)] = 0.0
+        twists[self.kinematics.links_below(rows)] = 0.0
+        poses = self.kinematics.link_poses(self.root_poses, self.position)
+        self._links = poses, twists
 
     def set_moving(self, wanted: Setpoint) -> None:
         """Set joints and base while they are on their way."""
@@ -236,13 +250,9 @@ class Model(Structure):
             linear = twist[:3] - cross(twist[3:], self._levers())
             self.twists[self._moving, :3] = linear[self._moving]
             self.twists[self._moving, 3:] = twist[3:]
-            self._copy_root_twists()
-
-    def _copy_root_twists(self) -> None:
-        """Copy the twists of the root links to the roots."""
-        for number, tree in enumerate(self.trees):
-            if not tree.fixed:
-                self.root_twists[number] = self.twists[tree.root_row]
+            for number, tree in enumerate(self.trees):
+                if not tree.fixed:
+                    self.root_twists[number] = self.twists[tree.root_row]
 
     def set_root_state(
         self, pose: np.ndarray, twist: np.ndarray, number: int = 0
@@ -284,9 +294,5 @@ class Model(Structure):
         self.root_twists[number] = 0.0
 
     def _levers(self) -> np.ndarray:
-        """Find the way from each link frame's origin to its center of mass.
-
-        Returns:
-            Along the world's axes, in [m], shape (n_links, 3).
-        """
+        """Find the way from each link's origin to its center of mass, (n_links, 3)."""
         return rotate(self.poses[:, 3:], self.centers)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cached_property, partial
 from itertools import chain
 
 import numpy as np
@@ -13,10 +14,36 @@ from g1_description.core.robot.description import Description, Joint, Link
 from g1_description.core.robot.kinematics import Kinematics
 from g1_description.core.rotation import cross
 from g1_description.core.transform import compose
-from g1_description.sim.model import MeasuredState, Model
+from g1_description.sim.model import Model, States
 
 from .body import Body
 from .client import BulletClient
+
+
+class _Links:
+    """The states of all links after a step, computed when somebody looks."""
+
+    def __init__(
+        self, kinematics: Kinematics, rows: np.ndarray, states: tuple[np.ndarray, ...]
+    ) -> None:
+        """Keep what they follow from.
+
+        Args:
+            kinematics: Of all models together.
+            rows: Which of its links are those of the models, shape (n_links,).
+            states: What ``Kinematics.link_states`` takes.
+        """
+        self._kinematics, self._rows, self._states = kinematics, rows, states
+
+    @cached_property
+    def _all(self) -> States:
+        poses, twists = self._kinematics.link_states(*self._states)
+        return poses[self._rows], twists[self._rows]
+
+    def of(self, rows: slice) -> States:
+        """Return the states of one model's links."""
+        poses, twists = self._all
+        return poses[rows], twists[rows]
 
 
 class MovingModels:
@@ -53,7 +80,7 @@ class MovingModels:
         rows = [rows for _, rows in jointed]
         self._rows = np.concatenate([np.zeros(0, dtype=int), *rows])
         self._speeds = np.zeros(1)
-        self._measured: list[MeasuredState] = []
+        self._measured: list[tuple] = []
         if self._models:
             forest, self._of_forest = _joined(self._models)
             self._kinematics = Kinematics(forest)
@@ -68,15 +95,13 @@ class MovingModels:
             state[:2] for body in self._jointed for state in body.joints.states()
         ] or np.zeros((0, 2))
         position, velocity = joints.T
-        poses, twists = self._kinematics.link_states(
-            roots, position, root_twists, velocity
-        )
-        poses, twists = poses[self._of_forest], twists[self._of_forest]
+        states = roots, position, root_twists, velocity
+        links = _Links(self._kinematics, self._of_forest, states)
         self._measured = [
-            MeasuredState(
-                *(roots[root], root_twists[root]),
-                *(position[joint], velocity[joint]),
-                *(poses[link], twists[link]),
+            (
+                (roots[root], root_twists[root]),
+                (position[joint], velocity[joint]),
+                partial(links.of, link),
             )
             for root, joint, link in zip(self._roots, self._joints, self._links)
         ]
@@ -85,7 +110,7 @@ class MovingModels:
     def update_models(self) -> None:
         """Give all models the state that was read."""
         for model, state in zip(self._models, self._measured):
-            model.set_measured_state(state)
+            model.set_measured_state(*state)
 
     def _read_roots(self) -> tuple[np.ndarray, np.ndarray]:
         """Find the poses and twists of all roots; those that are fixed keep theirs.
