@@ -251,6 +251,16 @@ class TestDoctor(unittest.TestCase):
         self.assertIsNone(walk("nodes"))
         self.assertEqual(publishers("/other"), [])
 
+    def test_a_node_that_hangs_is_told_and_the_cure_ends_it(self):
+        node = started_by_rostopic("/tf", "tf2_msgs/TFMessage")
+        self.addCleanup(node.process.kill)
+        self.assertIsNone(walk("nodes"))
+        node.process.send_signal(signal.SIGSTOP)
+        found = self.assert_fault("hung_node", node.name, f" {node.process.pid};")
+        self.cure(found)
+        self.assertEqual(node.process.wait(DEADLINE), -signal.SIGKILL)
+        self.assertIsNone(walk("nodes"))
+
     # --- the robot --------------------------------------------------------------------
 
     def test_the_description_is_absent_or_none(self):

@@ -226,7 +226,8 @@ def test_own_addresses(addresses, master_is_here, is_right):
         (NodeAnswer(HERE, "", {"/other", "/rosout"}), True, "wrong_node_address"),
         (NodeAnswer("http://x:1", UNKNOWN_HOST), True, "wrong_node_address"),
         (NodeAnswer("http://10.0.0.9:1", "no answer"), True, "wrong_node_address"),
-        (NodeAnswer(HERE, "no answer", is_here=True), True, "dead_node"),
+        (NodeAnswer(HERE, "nothing listens", is_here=True), True, "dead_node"),
+        (NodeAnswer(HERE, "no answer in 4 s", is_here=True), True, "hung_node"),
         (
             NodeAnswer(HERE, "no answer", is_here=True, is_loopback=True),
             False,

@@ -47,6 +47,10 @@ TABLE = {
         "{node} is registered at {uri}, but nothing answers there: {reason}.",
         "yes | rosnode cleanup",
     ),
+    "hung_node": (
+        "{node} at {uri} hangs, or was stopped as by Ctrl-Z: {reason}.",
+        "kill -KILL {process}; yes | rosnode cleanup  # then start {node} again",
+    ),
     "no_description": (
         "There is no robot on the parameter {parameter}, in /{namespace} or above.",
         DISPLAY,

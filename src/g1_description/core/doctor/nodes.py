@@ -16,6 +16,9 @@ STATES = "tf_joint_states"
 
 UNKNOWN_HOST, ANSWERS = "its host is not known here", ""
 
+SILENT = "no answer"
+"""How the problem of a node begins that takes connections and does not answer."""
+
 
 @dataclass(frozen=True)
 class NodeAnswer:
@@ -35,6 +38,9 @@ class NodeAnswer:
 
     is_loopback: bool = False
     """Whether its address means the machine that uses it."""
+
+    process: str = "PID"
+    """The number of its process, where it is on this machine and one may know it."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +100,8 @@ def node_addresses(
             continue  # nothing waits for it
         name, reason = _about(graph.topics_of(node), answer, master_is_here)
         if name:
-            return fault(name, node=node, uri=answer.uri, reason=reason)
+            details = {"uri": answer.uri, "process": answer.process}
+            return fault(name, node=node, reason=reason, **details)
     return None
 
 
@@ -113,7 +120,8 @@ def _about(
         return "wrong_node_address", why
     if answer.is_loopback and not master_is_here:
         return "wrong_node_address", "each machine takes that for itself"
-    return "dead_node", answer.problem
+    is_silent = answer.problem.startswith(SILENT)
+    return "hung_node" if is_silent else "dead_node", answer.problem
 
 
 def is_in_chain(graph: Graph, node: str) -> bool:

@@ -151,6 +151,29 @@ def is_own(address: str) -> bool:
     return False
 
 
+def process_listening(port: int) -> str:
+    """Find the process of this machine that listens on a port of TCP.
+
+    Returns:
+        Its number; empty if there is none, or another user's.
+    """
+    listening = "0A"  # the state's number in Linux's table
+    sockets = set()
+    for table in ("/proc/net/tcp", "/proc/net/tcp6"):
+        with contextlib.suppress(OSError):
+            rows = [line.split() for line in Path(table).read_text().splitlines()[1:]]
+            sockets |= {
+                f"socket:[{row[9]}]"
+                for row in rows
+                if row[3] == listening and int(row[1].rpartition(":")[2], 16) == port
+            }
+    for file in Path("/proc").glob("[0-9]*/fd/*"):
+        with contextlib.suppress(OSError):  # it has ended, or is another user's
+            if os.readlink(file) in sockets:
+                return file.parts[2]
+    return ""
+
+
 def address_towards(host: str) -> str:
     """Return this machine's address on the way to another; empty if there is none."""
     with contextlib.suppress(OSError), socket.socket(type=socket.SOCK_DGRAM) as one:

@@ -10,10 +10,10 @@ from typing import Any
 from xml.parsers.expat import ExpatError
 from xmlrpc.client import Error, ServerProxy, Transport
 
-from g1_description.core.doctor.nodes import UNKNOWN_HOST, Graph, NodeAnswer
+from g1_description.core.doctor.nodes import SILENT, UNKNOWN_HOST, Graph, NodeAnswer
 from g1_description.core.doctor.shell import host_of, is_loopback
 
-from .machine import addresses_of, is_own, within
+from .machine import addresses_of, is_own, process_listening, within
 
 TIMEOUT = 4.0
 """Longest wait for an answer of the master or a node, in [s]: machines may be busy.
@@ -65,10 +65,9 @@ def reason_of(error: BaseException) -> str:
         return UNKNOWN_HOST
     if isinstance(error, ConnectionRefusedError):
         return "nothing listens there"
-    if isinstance(error, TimeoutError):  # before 3.10, socket.timeout is another
-        return f"no answer within {TIMEOUT:g} s"
-    if isinstance(error, socket.timeout):
-        return f"no answer within {TIMEOUT:g} s"
+    # Before Python 3.10, socket.timeout is another.
+    if isinstance(error, (TimeoutError, socket.timeout)):
+        return f"{SILENT} within {TIMEOUT:g} s"
     if isinstance(error, OSError):
         return (error.strerror or str(error)).lower()
     return "what answers there is not of ROS"
@@ -143,7 +142,7 @@ class Master:
         except LookupError:
             return None
         try:
-            host, _ = host_of(uri)
+            host, port = host_of(uri)
         except ValueError:
             return NodeAnswer(uri, UNKNOWN_HOST)
         addresses = addresses_of(host)
@@ -155,5 +154,7 @@ class Master:
             topics = frozenset(str(row[0]) for row in ask(uri, "getPublications"))
         except ERRORS as error:
             problem = reason_of(error)
-            return NodeAnswer(uri, problem, is_here=is_here, is_loopback=stays)
+            found = process_listening(port) if is_here else ""
+            process = found or NodeAnswer.process
+            return NodeAnswer(uri, problem, frozenset(), is_here, stays, process)
         return NodeAnswer(uri, "", topics, is_here, stays)
