@@ -155,6 +155,20 @@ class TestLifecycle(unittest.TestCase):
             node.send_signal(kind)
             node.wait(DEADLINE)
 
+    def test_6_a_node_says_that_another_one_took_its_name(self):
+        command = [program("gazebo_stand_in.py"), "__name:=second"]
+        command += ["__ns:=/other", "/clock:=/other/clock"]
+        first = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+        self.addCleanup(first.kill)
+        wait_for(lambda: process_of("/other/second") == first.pid, "the first")
+        second = subprocess.Popen(command, stderr=subprocess.DEVNULL)
+        self.addCleanup(second.kill)
+        _, said = first.communicate(timeout=DEADLINE)
+        self.assertIn("Another node called /other/second has started", said)
+        wait_for(lambda: process_of("/other/second") == second.pid, "the second")
+        second.terminate()
+        second.wait(DEADLINE)
+
     def test_7_an_interrupt_ends_the_simulator_at_once(self):
         pid = wait_for(lambda: process_of("/gazebo"), "the simulator")
         os.kill(pid, signal.SIGINT)

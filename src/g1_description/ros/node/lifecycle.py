@@ -63,6 +63,16 @@ def start_node(name: str, **options) -> None:
         master = rosgraph.get_master_uri()
         message = f"{name}: rospy cannot start, is there a master at {master}? {error}"
         sys.exit(codes[0] if codes else message)
+    rospy.core.add_preshutdown_hook(_tell_of_namesake)
+
+
+def _tell_of_namesake(reason: str) -> None:
+    """Log why the node ends where another one of its name has started."""
+    if "same name" in reason:
+        rospy.logwarn(
+            "Another node called %s has started; the master ends this one.",
+            rospy.get_name(),
+        )
 
 
 def handle_signals(handler: Callable) -> None:
