@@ -36,9 +36,8 @@ class _String(ctypes.Structure):
     """An aiString.
 
     Its length has 32 bits since version 5.0.0, and had those of a size_t before: so
-    says the importer of Magnum, which reads both, and assimp's issue 1993 wanted it
-    for version 5; a types.h of 2019 has it. So 5.0.1 of Ubuntu 20.04 is as 5.2.5 of
-    Debian 12, which the tests ran with; 5.0.1 itself was not available.
+    says types.h of 5.0.1, which Ubuntu 20.04 has. The tests ran with that and with
+    5.2.5 of Debian 12.
     """
 
     _fields_ = (("length", ctypes.c_uint32), ("data", ctypes.c_char * 1024))
