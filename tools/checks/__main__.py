@@ -129,7 +129,8 @@ def main():
     """Run what was asked for."""
     is_quick = sys.argv[1:] == ["quick"]
     available = parts(is_quick)
-    names = chosen(list(available), QUICK if is_quick else sys.argv[1:])
+    patterns = [n for n in QUICK if n in available] if is_quick else sys.argv[1:]
+    names = chosen(list(available), patterns)
     found = {name: available[name] for name in names}
     # Also where SIGINT is ignored, as under nohup: so the programs here do not.
     for number in (signal.SIGINT, signal.SIGTERM):

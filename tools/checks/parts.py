@@ -9,10 +9,9 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from .outcome import Outcome, read_junit
-from .runner import ROOT, WORKSPACE, free_port
+from .runner import BIN, PACKAGE, PLACE, ROOT, WORKSPACE, free_port
 from processes import end_processes, marked_processes, wait_for_end
 
-BIN = ROOT / ".venv" / "bin"
 LINK_STATES_MD5 = "48c080191eb15c41858319b4d8a609c2"
 QUICK = ("ruff", "format", "mypy", "catkin_lint", "unit", "sim", "ros/display")
 """Parts of `tools/test quick`."""
@@ -68,7 +67,7 @@ def run_rostest(runner, file):
         environment["ROS_PACKAGE_PATH"] = os.pathsep.join(paths)
         link = ROOT / file
     else:
-        link = WORKSPACE / "src" / "g1_description" / file
+        link = PACKAGE / file
     code, text = runner.run(["rostest", link], environment)
 
     outcome = Outcome()
@@ -107,8 +106,7 @@ def run_launch(runner):
     outcome = Outcome()
     _, folder = runner.run(["rospack", "find", "roslaunch"])
     checker = Path(folder.splitlines()[-1]) / "scripts" / "roslaunch-check"
-    package = WORKSPACE / "src" / "g1_description"
-    files = {*package.glob("launch/*.launch"), *package.glob("interfaces/*/launch/*")}
+    files = {*PACKAGE.glob("launch/*.launch"), *PACKAGE.glob("interfaces/*/launch/*")}
     for file in sorted(files):
         results = runner.folder / "launch.xml"
         outcome.add(runner.check([checker, "-o", results, file]))
@@ -180,9 +178,8 @@ def parts(is_quick=False):
         Functions of a Runner that give an Outcome, by name, in the order to run.
     """
     ruff = BIN / "ruff"
-    package = WORKSPACE / "src" / "g1_description"
     # It looks for no package inside a package.
-    packages = [package, *sorted(package.glob("interfaces/*"))]
+    packages = [PACKAGE, *sorted(PACKAGE.glob("interfaces/*"))]
     lint = ["catkin_lint", "-W2", "--strict", "--offline", *packages]
     found = {
         "ruff": lambda runner: runner.check([ruff, "check"]),
@@ -200,4 +197,15 @@ def parts(is_quick=False):
     for file in sorted((ROOT / "examples").glob("*/test/*.test")):
         name = f"example/{file.stem}"
         found[name] = lambda runner, file=file: run_rostest(runner, file)
-    return {**{name: found[name] for name in LONGEST}, **found}
+    found = {**{name: found[name] for name in LONGEST}, **found}
+    return {name: found[name] for name in found if goes_with_the_interpreter(name)}
+
+
+def goes_with_the_interpreter(name):
+    """Tell whether a part can run with the Python that was chosen, by the part's name.
+
+    Only tests can with another one, and nodes only where it has tf2_py.
+    """
+    with_nodes = name.startswith(("ros/", "example/"))
+    has_nodes = (PLACE / "ros" / "tf2_py").exists()
+    return PLACE == ROOT or name in ("unit", "sim") or (with_nodes and has_nodes)

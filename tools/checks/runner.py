@@ -16,7 +16,12 @@ from processes import (
 )
 
 ROOT = Path(__file__).resolve().parents[2]
-WORKSPACE = ROOT / ".ws"
+PLACE = Path(os.environ.get("G1_DESCRIPTION_PLACE", ROOT))
+"""Where the environment and the workspace are; another Python has its own."""
+BIN = PLACE / ".venv" / "bin"
+WORKSPACE = PLACE / ".ws"
+PACKAGE = ROOT / ".ws" / "src" / "g1_description"
+"""The clone, as catkin sees it in both workspaces."""
 LIMIT = 75 * 60.0
 """[s] for all parts together."""
 PART_LIMIT = 1200.0
@@ -46,6 +51,8 @@ class Runner:
         )
         for name in ("DISPLAY", "PYTHONPATH", "ROS_IP"):
             os.environ.pop(name, None)
+        if PLACE != ROOT:  # tests are programs that take the first python3
+            os.environ["PATH"] = f"{PLACE}/bin{os.pathsep}{os.environ['PATH']}"
         self.plain = dict(os.environ)
         underlay = Path("/opt/ros/noetic/setup.bash")
         if underlay.exists():
