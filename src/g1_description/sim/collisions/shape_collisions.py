@@ -180,8 +180,9 @@ class ShapeCollisions:
         middle = np.where(is_near[:, np.newaxis], closest.middle, 0.0)
         gaps = self._gaps(placed, direction, middle)
         gaps.width[~is_near] = np.inf
-        is_doubtful = np.abs(gaps.width - closest.distance) > DOUBT
-        for row in np.flatnonzero(is_doubtful & is_near).tolist():
+        near = np.flatnonzero(is_near)  # numpy 1.17 warns of a comparison with NaN
+        off = np.abs(gaps.width[near] - closest.distance[near])
+        for row in near[off > DOUBT].tolist():
             self._reconsider(gaps, placed, row, middle[row])
         return gaps
 

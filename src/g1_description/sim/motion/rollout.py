@@ -176,7 +176,7 @@ class _Player:
         """
         self._world, self._model = world, model
         self._motion = complete(model, motion)
-        self._start_ns = world.time_ns - round(1e9 * self._motion.times[0])
+        self._start_ns = world.time_ns - round(1e9 * float(self._motion.times[0]))
         world.motions.play(model, self._motion, self._start_ns)
         step_ns = conditions.properties.step_ns
         end_ns = self._start_ns + round(1e9 * self._motion.duration)

@@ -39,7 +39,8 @@ def read_moments(
     motion = read_motion_file(
         Path(args.motion), description, args.motion_fps, args.motion_topic
     )
-    moments = _moments(motion, _times(args, motion.trajectory.times[0], motion))
+    begin = float(motion.trajectory.times[0])
+    moments = _moments(motion, _times(args, begin, motion))
     return [[now.with_joints(args.joints)] for now in moments], motion.notes
 
 

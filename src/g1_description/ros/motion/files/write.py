@@ -108,7 +108,8 @@ def _write_bag(
     import rosbag  # takes a third of a second
 
     t, frames = trajectory, BridgeParameters()
-    stamps = [begin + round((time - t.times[0]) * 1e9) for time in t.times.tolist()]
+    times = (t.times - t.times[0]).tolist()
+    stamps = [begin + round(time * 1e9) for time in times]
     if stamps[-1] > MAX_STAMP:
         raise MotionError(f"A bag can have no stamp {stamps[-1] / 1e9:g} s.")
     base = base_child(frames, robot)
