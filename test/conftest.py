@@ -9,6 +9,8 @@ one_thread()  # as our programs do, before anything imports numpy
 import pytest  # noqa: E402
 from hypothesis import settings  # noqa: E402
 
+import g1_description.web  # noqa: E402, F401  completes old libraries before viser comes
+
 settings.register_profile(
     "repeatable", derandomize=True, deadline=None, max_examples=40
 )

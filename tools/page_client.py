@@ -7,11 +7,11 @@ import socket
 import threading
 import time
 from collections import Counter
+from importlib.metadata import version
 from urllib.parse import urlsplit, urlunsplit
 
 import msgspec
 import numpy as np
-import viser
 import zstandard
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
@@ -52,7 +52,7 @@ class PageClient:
         self._news = threading.Condition()
         self._socket = connect(
             _websocket_address(address),
-            subprotocols=[f"viser-v{viser.__version__}"],
+            subprotocols=[f"viser-v{version('viser')}"],
             additional_headers=headers,
             compression=None,
             max_size=None,

@@ -1,0 +1,74 @@
+"""What viser needs that Ubuntu 20.04 does not have, with numpy 1.17 and Python 3.8.
+
+viser asks for no version of numpy, but names types of ``numpy.typing`` of 1.20 in
+annotations, by which it also converts arrays, and calls its ``broadcast_shapes``. In
+its messages stands the ``Literal`` of typing_extensions, which before Python 3.10.1 is
+not that of ``typing``, the only one that msgspec knows. The package imports this module
+before any other of its own, so before viser.
+"""
+
+from __future__ import annotations
+
+import sys
+import typing
+from functools import lru_cache
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+
+class _NDArray:
+    """Stands for an array with elements of some type."""
+
+    def __class_getitem__(cls, element: Any) -> type:
+        """Give the type of arrays with these elements."""
+        return _array_of(element)
+
+
+@lru_cache(maxsize=None)
+def _array_of(element: Any) -> type:
+    """Make a type that is the same for the same elements only: viser compares them."""
+    return type("NDArray", (np.ndarray,), {})
+
+
+def _typing() -> ModuleType:
+    """Make what annotations need of ``numpy.typing``."""
+    module: Any = ModuleType("numpy.typing", "Made by g1_description for viser.")
+    module.NDArray, module.ArrayLike, module.DTypeLike = _NDArray, Any, Any
+    return module
+
+
+def _broadcast_shapes(*shapes: Any) -> tuple[int, ...]:
+    """Give the shape that arrays of these shapes have together.
+
+    Args:
+        shapes: Of one array each: numbers of elements, or one number.
+
+    Raises:
+        ValueError: If they do not go together.
+    """
+    # Elements of no size take no memory.
+    return np.broadcast(*[np.empty(shape, dtype=[]) for shape in shapes]).shape
+
+
+def complete(numpy: Any, extensions: Any, modules: dict[str, Any]) -> None:
+    """Add what is not there.
+
+    Args:
+        numpy: The module to complete.
+        extensions: typing_extensions, likewise.
+        modules: Those that are imported, by name.
+    """
+    if not hasattr(numpy, "broadcast_shapes"):
+        numpy.broadcast_shapes = _broadcast_shapes
+        numpy.typing = modules["numpy.typing"] = _typing()
+    extensions.Literal = typing.Literal
+
+
+try:
+    import typing_extensions
+except ImportError:  # nor is viser there, and page_server says so
+    pass
+else:
+    complete(np, typing_extensions, sys.modules)
