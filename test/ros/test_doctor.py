@@ -4,6 +4,7 @@
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
@@ -13,6 +14,7 @@ import venv
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from unittest import mock
+from urllib.parse import urlparse
 
 import g1_description.srv
 import pybullet
@@ -251,15 +253,22 @@ class TestDoctor(unittest.TestCase):
         self.assertIsNone(walk("nodes"))
         self.assertEqual(publishers("/other"), [])
 
-    def test_a_node_that_hangs_is_told_and_the_cure_ends_it(self):
+    def test_a_stopped_node_is_told_and_the_cure_lets_it_go_on(self):
         node = started_by_rostopic("/tf", "tf2_msgs/TFMessage")
         self.addCleanup(node.process.kill)
-        self.assertIsNone(walk("nodes"))
         node.process.send_signal(signal.SIGSTOP)
-        found = self.assert_fault("hung_node", node.name, f" {node.process.pid};")
+        found = self.assert_fault("stopped_node", node.name, f" {node.process.pid}")
         self.cure(found)
-        self.assertEqual(node.process.wait(DEADLINE), -signal.SIGKILL)
         self.assertIsNone(walk("nodes"))
+        node.end(signal.SIGINT)
+
+    def test_what_takes_connections_and_is_silent_hangs(self):
+        node = started_by_rostopic("/tf", "tf2_msgs/TFMessage")
+        node.end(signal.SIGKILL)
+        port = urlparse(rosgraph.Master("/test").lookupNode(node.name)).port
+        with socket.create_server(("", port)):
+            self.assert_fault("hung_node", node.name)
+        self.cure(self.assert_fault("dead_node", node.name))
 
     # --- the robot --------------------------------------------------------------------
 

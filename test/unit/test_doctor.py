@@ -229,6 +229,11 @@ def test_own_addresses(addresses, master_is_here, is_right):
         (NodeAnswer(HERE, "nothing listens", is_here=True), True, "dead_node"),
         (NodeAnswer(HERE, "no answer in 4 s", is_here=True), True, "hung_node"),
         (
+            NodeAnswer(HERE, "no answer in 4 s", is_here=True, stopped="7"),
+            True,
+            "stopped_node",
+        ),
+        (
             NodeAnswer(HERE, "no answer", is_here=True, is_loopback=True),
             False,
             "wrong_node_address",

@@ -48,8 +48,12 @@ TABLE = {
         "yes | rosnode cleanup",
     ),
     "hung_node": (
-        "{node} at {uri} hangs, or was stopped as by Ctrl-Z: {reason}.",
-        "kill -KILL {process}; yes | rosnode cleanup  # then start {node} again",
+        "{node} is registered at {uri} and hangs: {reason}.",
+        "yes | rosnode cleanup  # once its process has been ended",
+    ),
+    "stopped_node": (
+        "{node} at {uri} has been stopped, as by Ctrl-Z: {reason}.",
+        "kill -CONT {process}",
     ),
     "no_description": (
         "There is no robot on the parameter {parameter}, in /{namespace} or above.",

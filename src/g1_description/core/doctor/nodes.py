@@ -39,8 +39,8 @@ class NodeAnswer:
     is_loopback: bool = False
     """Whether its address means the machine that uses it."""
 
-    process: str = "PID"
-    """The number of its process, where it is on this machine and one may know it."""
+    stopped: str = ""
+    """The number of the process at this address, if that has been stopped."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ def node_addresses(
             continue  # nothing waits for it
         name, reason = _about(graph.topics_of(node), answer, master_is_here)
         if name:
-            details = {"uri": answer.uri, "process": answer.process}
+            details = {"uri": answer.uri, "process": answer.stopped}
             return fault(name, node=node, reason=reason, **details)
     return None
 
@@ -120,8 +120,9 @@ def _about(
         return "wrong_node_address", why
     if answer.is_loopback and not master_is_here:
         return "wrong_node_address", "each machine takes that for itself"
-    is_silent = answer.problem.startswith(SILENT)
-    return "hung_node" if is_silent else "dead_node", answer.problem
+    if not answer.problem.startswith(SILENT):
+        return "dead_node", answer.problem
+    return "stopped_node" if answer.stopped else "hung_node", answer.problem
 
 
 def is_in_chain(graph: Graph, node: str) -> bool:

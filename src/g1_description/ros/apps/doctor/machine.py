@@ -151,27 +151,38 @@ def is_own(address: str) -> bool:
     return False
 
 
-def process_listening(port: int) -> str:
-    """Find the process of this machine that listens on a port of TCP.
+def stopped_process(port: int) -> str:
+    """Find a process of this machine that listens on a port of TCP and is stopped.
 
     Returns:
-        Its number; empty if there is none, or another user's.
+        Its number; empty if there is none, or only another user's.
     """
-    listening = "0A"  # the state's number in Linux's table
-    sockets = set()
+    sockets = _listening(port)
+    for process in filter(str.isdigit, os.listdir("/proc")):
+        with contextlib.suppress(OSError):  # it has ended, or is another user's
+            status = Path("/proc", process, "stat").read_text().rpartition(")")[2]
+            if status.split()[0] == "T" and sockets & _open_files(process):
+                return process
+    return ""
+
+
+def _open_files(process: str) -> set[str]:
+    """Read what a process has open, as Linux names it."""
+    folder = f"/proc/{process}/fd"
+    return {os.readlink(f"{folder}/{number}") for number in os.listdir(folder)}
+
+
+def _listening(port: int) -> set[str]:
+    """Find the sockets that listen on a port of TCP, as Linux names open files."""
+    state = "0A"  # Linux's number for it
+    found = set()
     for table in ("/proc/net/tcp", "/proc/net/tcp6"):
         with contextlib.suppress(OSError):
-            rows = [line.split() for line in Path(table).read_text().splitlines()[1:]]
-            sockets |= {
-                f"socket:[{row[9]}]"
-                for row in rows
-                if row[3] == listening and int(row[1].rpartition(":")[2], 16) == port
-            }
-    for file in Path("/proc").glob("[0-9]*/fd/*"):
-        with contextlib.suppress(OSError):  # it has ended, or is another user's
-            if os.readlink(file) in sockets:
-                return file.parts[2]
-    return ""
+            for line in Path(table).read_text().splitlines()[1:]:
+                row = line.split()
+                if row[3] == state and int(row[1].rpartition(":")[2], 16) == port:
+                    found.add(f"socket:[{row[9]}]")
+    return found
 
 
 def address_towards(host: str) -> str:

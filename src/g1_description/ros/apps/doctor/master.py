@@ -13,7 +13,7 @@ from xmlrpc.client import Error, ServerProxy, Transport
 from g1_description.core.doctor.nodes import SILENT, UNKNOWN_HOST, Graph, NodeAnswer
 from g1_description.core.doctor.shell import host_of, is_loopback
 
-from .machine import addresses_of, is_own, process_listening, within
+from .machine import addresses_of, is_own, stopped_process, within
 
 TIMEOUT = 4.0
 """Longest wait for an answer of the master or a node, in [s]: machines may be busy.
@@ -154,7 +154,7 @@ class Master:
             topics = frozenset(str(row[0]) for row in ask(uri, "getPublications"))
         except ERRORS as error:
             problem = reason_of(error)
-            found = process_listening(port) if is_here else ""
-            process = found or NodeAnswer.process
-            return NodeAnswer(uri, problem, frozenset(), is_here, stays, process)
+            may_be_stopped = is_here and problem.startswith(SILENT)
+            stopped = stopped_process(port) if may_be_stopped else ""
+            return NodeAnswer(uri, problem, frozenset(), is_here, stays, stopped)
         return NodeAnswer(uri, "", topics, is_here, stays)
