@@ -87,8 +87,12 @@ class TestShutdown(unittest.TestCase):
         self.end(prepare, signal.SIGINT)
 
     def test_while_fifty_clients_call(self):
+        bend = "set_model_configuration", "g1_robot", "", ["left_knee_joint"], [0.5]
+        look = "get_model_state", "g1_robot", ""
+
         def prepare(node):
-            return self.callers(node, 50, "get_model_state", "g1_robot", "")
+            waits = self.callers(node, 40, *bend), self.callers(node, 10, *look)
+            return lambda: [wait() for wait in waits]
 
         self.end(prepare, signal.SIGTERM)
 

@@ -147,8 +147,9 @@ class Contents:
         self.models: dict[str, Model] = {}
         self.lights: dict[str, Light] = {}
         self.lock = threading.Lock()
-        """Where threads read while another one steps: held by a step only while it
-        changes what they see, by them as long as they read."""
+        """For threads that read while another one steps and changes the world. A step
+        holds it only while it changes what they see; who changes anything otherwise
+        holds it, and does not step meanwhile."""
 
     @cached_property
     def entities(self) -> Entities:

@@ -1,6 +1,6 @@
 """The simulated world: models, lights, time, and what may be done to them.
 
-One thread calls it; nothing here knows ROS. Calls between two steps take
+One thread changes it; nothing here knows ROS. Calls between two steps take
 effect at once, and the same calls at the same steps give the same bits.
 """
 

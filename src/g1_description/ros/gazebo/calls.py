@@ -16,7 +16,8 @@ MAX_PENDING = 100
 class Calls:
     """Callbacks of rospy, which run in its threads, and the calls that they queue.
 
-    Only the loop changes the world. Others read it while they hold its lock.
+    Only the loop changes the world. Others read it while they hold its lock: they do
+    not wait for the step under way, but for a command that is being obeyed.
     """
 
     def __init__(self, lock: threading.Lock) -> None:
@@ -28,11 +29,23 @@ class Calls:
         self._lock = lock
         # Not a SimpleQueue: a signal during its get() can make it wait for ever.
         self._queue: queue.Queue = queue.Queue()
+        self._is_over = False
 
-    def read(self, answer):
+    def serve(self, name: str, answer, *prepare):
+        """Make the callback of a service: one that reads does not need the loop.
+
+        Args:
+            name: The service's; those that read begin with ``get_``.
+            answer: What answers.
+            prepare: What is done with the request before, while time runs on.
+        """
+        make = self._beside_the_loop if name.startswith("get_") else self.in_the_loop
+        return make(answer, *prepare)
+
+    def _beside_the_loop(self, answer):
         """Make a callback that answers at once, from the state after the last step.
 
-        The loop is not waited for: a robot that lies keeps it busy all the time.
+        A robot that lies keeps the loop busy all the time.
         """
 
         def handler(request):
@@ -52,6 +65,8 @@ class Calls:
         def handler(request):
             call: Future = Future()
             self._queue.put((call, answer, prepare(request)))
+            if self._is_over:
+                self.cancel()
             try:
                 result = call.result()
                 return result.result() if isinstance(result, Future) else result
@@ -104,9 +119,11 @@ class Calls:
         return True
 
     def cancel(self) -> None:
-        """Cancel those that nobody will answer any more."""
-        while not self._queue.empty():
-            self._queue.get()[0].cancel()
+        """Cancel all calls, also those to come; nobody answers any more."""
+        self._is_over = True
+        with contextlib.suppress(queue.Empty):
+            while True:
+                self._queue.get_nowait()[0].cancel()
 
 
 def _log_failure(call: Future) -> None:

@@ -106,9 +106,7 @@ class GazeboNode:
             StepServices(world, messages, self._stepper),
         ):
             for name, kind, *handlers in services.table():
-                is_read = name.startswith("get_")
-                serve = self._calls.read if is_read else self._calls.in_the_loop
-                rospy.Service(f"~{name}", kind, serve(*handlers))
+                rospy.Service(f"~{name}", kind, self._calls.serve(name, *handlers))
         offer_physics(world.properties, self._calls.in_the_loop(self._reconfigure))
 
     def _reconfigure(self, numbers: dict) -> dict:
