@@ -165,6 +165,7 @@ class TestLifecycle(unittest.TestCase):
         self.addCleanup(second.kill)
         _, said = first.communicate(timeout=DEADLINE)
         self.assertIn("Another node called /other/second has started", said)
+        self.assertNotIn("Traceback", said)
         wait_for(lambda: process_of("/other/second") == second.pid, "the second")
         second.terminate()
         second.wait(DEADLINE)

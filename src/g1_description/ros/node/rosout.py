@@ -42,7 +42,7 @@ class RosoutHandler(logging.Handler):
         try:
             self._topic.publish(message)
         except rospy.ROSException:
-            if not rospy.is_shutdown():
+            if not rospy.core.is_shutdown_requested():
                 self.handleError(record)
 
 
