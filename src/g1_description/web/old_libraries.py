@@ -48,12 +48,16 @@ def _broadcast_shapes(*shapes: Any) -> tuple[int, ...]:
     Raises:
         ValueError: If they do not go together.
     """
-    # Elements of no size take no memory.
-    return np.broadcast(*[np.empty(shape, dtype=[]) for shape in shapes]).shape
+    # numpy's own broadcast takes 32 at most; elements of no size take no memory.
+    together: tuple[int, ...] = ()
+    for shape in shapes:
+        arrays = np.empty(together, dtype=[]), np.empty(shape, dtype=[])
+        together = np.broadcast(*arrays).shape
+    return together
 
 
 def complete(numpy: Any, extensions: Any, modules: dict[str, Any]) -> None:
-    """Add what is not there.
+    """Add what is not there, and replace the ``Literal`` that msgspec does not know.
 
     Args:
         numpy: The module to complete.
@@ -63,7 +67,8 @@ def complete(numpy: Any, extensions: Any, modules: dict[str, Any]) -> None:
     if not hasattr(numpy, "broadcast_shapes"):
         numpy.broadcast_shapes = _broadcast_shapes
         numpy.typing = modules["numpy.typing"] = _typing()
-    extensions.Literal = typing.Literal
+    if sys.version_info < (3, 10, 1):
+        extensions.Literal = typing.Literal
 
 
 try:

@@ -55,7 +55,7 @@ class BasePanel:
         self._gizmo = server.scene.add_transform_controls(
             f"{MAP}/gizmos/{robot.name.replace('/', '_')}", scale=0.45, visible=False
         )
-        self._gizmo_at = self._gizmo.position
+        self._gizmo_turn = self._gizmo.wxyz
         self._fields = self._place, self._rpy
         for field in self._fields:
             self._held.know(field)
@@ -81,8 +81,8 @@ class BasePanel:
 
     def _dragged(self) -> None:
         """Move the base to where the gizmo is."""
-        self._gizmo_at = self._gizmo.position
-        pose = pose_of(self._gizmo_at, self._gizmo.wxyz)
+        self._gizmo_turn = self._gizmo.wxyz
+        pose = pose_of(self._gizmo.position, self._gizmo_turn)
         self._command(pose)
         self._show_fields(pose)
 
@@ -106,11 +106,11 @@ class BasePanel:
         if any([self._held.is_held(field) for field in self._fields]):
             return
         self._show_fields(state.base)
-        # Another object is a person's, of which _dragged is not told yet.
-        if self._gizmo_on.value and self._gizmo.position is self._gizmo_at:
+        # What is set here is written into viser's array; a person's comes as another
+        # one, the turn first, and _dragged may not be told of it yet.
+        if self._gizmo_on.value and self._gizmo.wxyz is self._gizmo_turn:
             self._gizmo.position = state.base[:3]
             self._gizmo.wxyz = np.array(wxyz(state.base))
-            self._gizmo_at = self._gizmo.position
 
     def _show_fields(self, pose: np.ndarray) -> None:
         """Show a pose in the fields."""
