@@ -49,6 +49,7 @@ class Bench(World):
         """Give the models the state that PyBullet has, as a step does."""
         self._engine._sort()
         self._engine._moving.read()
+        self._engine._moving.update_models()
 
     def spawn_urdf(self, name, text, pose, fixed_base=False):
         assembly = lump_fixed_joints(parse_urdf(text), self.is_dynamic)

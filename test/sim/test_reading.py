@@ -2,10 +2,12 @@
 
 import sys
 import threading
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
 from test_world import ARM
+from waiting import wait_for
 
 from g1_description.core.motion.trajectory import Trajectory
 
@@ -28,10 +30,11 @@ def seen(world):
 
 
 def read_on(world, found, is_over):
-    """Read until it is over, each time while nothing changes."""
+    """Read until it is over, each time while nothing changes; give what was seen."""
     while not is_over.is_set():
         with world.lock:
             found.add(seen(world))
+    return found
 
 
 @pytest.mark.parametrize("physics", ["kinematic", "limp"])
@@ -42,14 +45,15 @@ def test_it_is_of_one_step(make_world, busy_threads, physics):
         if not world.is_dynamic:
             world.motions.play(world.model(f"arm{number}"), SWING, 0)
     found, is_over = set(), threading.Event()
-    reader = threading.Thread(target=read_on, args=(world, found, is_over))
     states = {seen(world)}
-    reader.start()
-    for _ in range(STEPS):
-        world.step()
-        states.add(seen(world))
-    is_over.set()
-    reader.join()
+    with ThreadPoolExecutor(1) as pool:
+        reader = pool.submit(read_on, world, found, is_over)
+        wait_for(lambda: found, "a first look")
+        for _ in range(STEPS):
+            world.step()
+            states.add(seen(world))
+        is_over.set()
+        found = reader.result()
     assert len(found) > 1
     assert len(states) == STEPS + 1
     assert found <= states

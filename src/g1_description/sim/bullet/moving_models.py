@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 from itertools import chain
+from typing import Callable
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from .body import Body
 from .client import BulletClient
 
 
-class _Links:
+class _LinkStates:
     """The states of all links after a step, computed when somebody looks."""
 
     def __init__(
@@ -80,7 +81,7 @@ class MovingModels:
         rows = [rows for _, rows in jointed]
         self._rows = np.concatenate([np.zeros(0, dtype=int), *rows])
         self._speeds = np.zeros(1)
-        self._measured: list[tuple] = []
+        self._measured: list[tuple[States, States, Callable[[], States]]] = []
         if self._models:
             forest, self._of_forest = _joined(self._models)
             self._kinematics = Kinematics(forest)
@@ -96,7 +97,7 @@ class MovingModels:
         ] or np.zeros((0, 2))
         position, velocity = joints.T
         states = roots, position, root_twists, velocity
-        links = _Links(self._kinematics, self._of_forest, states)
+        links = _LinkStates(self._kinematics, self._of_forest, states)
         self._measured = [
             (
                 (roots[root], root_twists[root]),
