@@ -19,7 +19,8 @@ LONGEST = (
     *("sim", "ros/drop_in", "unit", "ros/fuzz", "ros/poses", "ros/snapshot"),
     *("ros/bridge_health", "ros/golden", "install", "ros/busy_poses"),
     *("ros/bridge_time", "ros/spawn_model", "ros/rviz_vendor", "ros/interrupts"),
-    *("ros/doctor", "ros/record", "ros/motion", "ros/clips"),
+    *("ros/doctor", "ros/record", "ros/motion", "ros/clips", "ros/web"),
+    *("ros/lifecycle", "ros/bridge_robots", "ros/hold"),
 )
 """Parts that begin first, as the end would wait for them."""
 
