@@ -26,6 +26,7 @@ from support.ros_testing import (
     REPOSITORY,
     Connected,
     Listener,
+    position_of,
     program,
     step_by,
     wait_for,
@@ -142,7 +143,8 @@ class TestRecord(unittest.TestCase):
 
         self.addCleanup(end)
         self.states.clear()
-        self.states.wait(lambda m: m.position[m.name.index(ELBOW)] > 0.1, "the wave")
+        rest = position_of(self.states.wait(), ELBOW)  # where the last one was left
+        self.states.wait(lambda m: rest != position_of(m, ELBOW) > 0.1, "the wave")
         return end
 
     def record(self, name, *arguments):
