@@ -255,3 +255,18 @@ def seen_from(frame: Frame, entity: Frame) -> tuple[np.ndarray, np.ndarray]:
     difference = (entity.twist - frame.twist).reshape(2, 3)
     twist = rotate(conjugate(T_world_frame[3:]), difference).reshape(6)
     return compose(inverse(T_world_frame), entity.pose), twist
+
+
+def in_world(
+    frame: Frame, pose: np.ndarray, twist: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Turn a pose and a twist from a frame's axes to the world's.
+
+    Args:
+        frame: The reference frame; its own twist does not count.
+        pose: Pose in the frame, shape (7,).
+        twist: Along the frame's axes, shape (6,).
+    """
+    T_world_frame = frame.pose
+    turned = rotate(T_world_frame[3:], twist.reshape(2, 3)).reshape(6)
+    return compose(T_world_frame, pose), turned

@@ -15,15 +15,13 @@ from g1_description.core.errors import DescriptionError
 from g1_description.core.motion.motors import Motors
 from g1_description.core.robot.assembly import Assembly
 from g1_description.core.robot.description import Inertial
-from g1_description.core.rotation import rotate
 from g1_description.core.sdf.world import EMPTY_WORLD, Sdf, read_sdf
-from g1_description.core.transform import compose
 from g1_description.sim.bullet.create_body import check_size
 from g1_description.sim.bullet.engine import Engine
 from g1_description.sim.motion.motions import Motions
 
 from .contents import Contents
-from .entities import Frame, JointEntity, LinkEntity
+from .entities import Frame, JointEntity, LinkEntity, in_world
 from .forces import ForceSchedule
 from .link_placing import Placed, joint_above, place_link
 from .model import Model, Report
@@ -33,8 +31,9 @@ from .physics import PhysicsProperties
 class World(Contents):
     """Models and lights under gravity, while time passes.
 
-    Physics ``kinematic``: what is set stays set, to the last bit. ``hold``: dynamics,
-    and motors hold the joints where they were last set. ``limp``: dynamics, no motors.
+    Physics ``kinematic``: what is set stays set, to the last bit; time runs, nothing
+    falls, contacts are still found. ``hold``: full dynamics, motors hold the joints
+    where they were last set. ``limp``: full dynamics, no motors.
     """
 
     def __init__(
@@ -186,11 +185,12 @@ class World(Contents):
             model: The model.
             pose: Pose in the frame, shape (7,).
             twist: Velocity for the centers of mass and angular velocity, along the
-                frame's axes, shape (6,). Ignored in ``kinematic``.
+                frame's axes, shape (6,). Ignored in ``kinematic``, where nothing moves
+                by itself.
             frame: The reference frame.
         """
-        turned = rotate(frame.pose[3:], twist.reshape(2, 3)).reshape(6)
-        model.set_state(compose(frame.pose, pose), turned * self.is_dynamic)
+        pose, twist = in_world(frame, pose, twist)
+        model.set_state(pose, twist * self.is_dynamic)
         self.motions.release(model, base=True)
         self._engine.write(model)
 

@@ -95,8 +95,8 @@ def node_addresses(
         master_is_here: Whether the master is on this machine.
     """
     for node, answer in sorted(answers.items()):
-        is_silent = answer.problem not in (ANSWERS, UNKNOWN_HOST)
-        if is_silent and not is_in_chain(graph, node):
+        is_unanswered = answer.problem not in (ANSWERS, UNKNOWN_HOST)
+        if is_unanswered and not is_in_chain(graph, node):
             continue  # nothing waits for it
         name, reason = _about(graph.topics_of(node), answer, master_is_here)
         if name:
