@@ -133,6 +133,14 @@ def test_it_shows_until_a_signal_ends_it_and_begins_again(number):
         assert again == address
 
 
+def test_it_ends_as_quietly_at_once_after_it_has_told_its_address():
+    for _ in range(2):
+        with opened("--model", ROBOT, "--port", 0) as (process, _):
+            process.send_signal(signal.SIGTERM)
+            output, errors = process.communicate(timeout=DEADLINE)
+        assert (process.returncode, output, errors) == (0, "", "")
+
+
 def test_ctrl_c_ends_it_also_while_somebody_looks():
     motion = DATA / "elbow.csv"
     with contextlib.ExitStack() as stack:

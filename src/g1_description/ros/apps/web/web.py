@@ -83,11 +83,12 @@ def web(args: argparse.Namespace) -> None:
     )
     for (file, motion), robot in zip(motions, world.robots):
         show.page.motion.open(file.name, robot, motion)
-    tell_address(show, options, notify)
     for number in (signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, signal.default_int_handler)
     with suppress(KeyboardInterrupt):  # that is how it ends
+        # Whoever waits for the address may end it in the same moment.
+        tell_address(show, options, notify)
         show.run()
 
 
