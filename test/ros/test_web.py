@@ -103,12 +103,12 @@ def write_motion(path):
     return path
 
 
-@unittest.skipIf(browser.missing(), browser.missing())
 def shows_robot(page):
     """Whether so much is dark as only the robot is."""
     return (page.scene().max(axis=2) < 90).mean() > 0.005
 
 
+@unittest.skipIf(browser.missing(), browser.missing())
 class TestWeb(unittest.TestCase):
     @classmethod
     def setUpClass(cls):

@@ -54,10 +54,13 @@ class Page:
         """
         end = time.monotonic() + timeout
         while time.monotonic() < end:
+            begin = time.monotonic()
             result = condition()
             if result:
                 return result
-            self.raw.wait_for_timeout(20)  # in which Playwright hands on events
+            # Pictures take all the processor there is, which the page needs, too.
+            pause = max(0.02, 2.0 * (time.monotonic() - begin))
+            self.raw.wait_for_timeout(1000 * pause)  # Playwright hands on events
         raise AssertionError(f"waited {timeout} s in vain for {what}; {self.problems}")
 
     # --- what is read ---------------------------------------------------------
