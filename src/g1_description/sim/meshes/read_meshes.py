@@ -82,6 +82,10 @@ def read(path: Path) -> dict[str, np.ndarray]:
         CannotReadError: If it cannot be read.
         MemoryError: If it takes too much memory.
     """
+    # Before the library: version 5.0 aborts at an STL that ends too early.
+    fault = _stl_fault(path) if path.suffix.lower() == ".stl" else ""
+    if fault:
+        raise CannotReadError(fault)
     library = Assimp()
     try:
         parts = [part for part in library.read(path) if len(part.corners)]
@@ -111,9 +115,6 @@ def _fault(library: Assimp, path: Path) -> str:
     It takes out what has corners that are no numbers, and then reports that
     nothing is left.
     """
-    fault = _stl_fault(path) if path.suffix.lower() == ".stl" else ""
-    if fault:
-        return fault
     try:
         parts = library.read(path, TRIANGULATE)
     except CannotReadError:
