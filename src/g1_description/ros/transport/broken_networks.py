@@ -22,6 +22,7 @@ import socket
 import threading
 import time
 from collections.abc import Iterator
+from operator import attrgetter
 from typing import Any
 from xmlrpc.client import Transport
 
@@ -90,7 +91,7 @@ def mend_broken_networks() -> None:
         connection._create_connection = _create_connection
         return connection
 
-    TCPROSTransport.socket = property(lambda self: getattr(self, _KEPT), set_socket)
+    TCPROSTransport.socket = property(attrgetter(_KEPT), set_socket)
     TCPROSTransport.connect = connect_in_time
     Transport.make_connection = make_connection_in_time
 
