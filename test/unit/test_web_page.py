@@ -225,14 +225,17 @@ def test_a_robot_that_is_followed_stays_in_the_middle(page):
     def is_in_the_middle():
         return np.allclose(place(one, "trunk")[:3], [0, 0, 1.0], atol=PRECISION)
 
+    def has_its_lines_under(x, y):
+        lines = np.array(one.nodes["/floor"]["position"][:2]) + [x, y]
+        return np.allclose(lines, np.round(lines), atol=PRECISION)
+
     one.wait_for(is_in_the_middle, "the robot in the middle")
-    floor = np.array(one.nodes["/floor"]["position"])
-    lines = (floor[:2] - [-7.3, 4.1]) / 1.0
-    np.testing.assert_allclose(lines, np.round(lines), atol=PRECISION)
-    assert np.abs(floor).max() < 1.0
+    assert has_its_lines_under(7.3, -4.1)
+    assert np.abs(one.nodes["/floor"]["position"]).max() < 1.0
     one.set("x y z", [1.0, 2.0, 1.0])
     one.wait_for(lambda: one.value("x y z") == [1.0, 2.0, 1.0], "the fields")
     wait_for(lambda: page.robot.state().base[0] == 1.0, "the base where it was put")
+    one.wait_for(lambda: has_its_lines_under(1.0, 2.0), "the floor under it")
     one.wait_for(is_in_the_middle, "the robot in the middle again")
     one.set("Gizmo", True)  # a map that moves would carry it away from the mouse
     wait_for(lambda: page.show.page._shown[0].base.has_gizmo, "the gizmo")
