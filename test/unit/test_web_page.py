@@ -226,7 +226,7 @@ def test_a_robot_that_is_followed_stays_in_the_middle(page):
         return np.allclose(place(one, "trunk")[:3], [0, 0, 1.0], atol=PRECISION)
 
     def has_its_lines_under(x, y):
-        lines = np.array(one.nodes["/floor"]["position"][:2]) + [x, y]
+        lines = np.add(one.nodes["/floor"]["position"][:2], [x, y])
         return np.allclose(lines, np.round(lines), atol=PRECISION)
 
     one.wait_for(is_in_the_middle, "the robot in the middle")
