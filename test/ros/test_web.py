@@ -124,7 +124,9 @@ class TestWeb(unittest.TestCase):
         wait_for(cls.commands.get_num_connections, "the bridge")
         cls.chromium = browser.Browser()
         cls.addClassCleanup(cls.chromium.close)
-        cls.page = cls.chromium.open(cls.server.address + SHARP, WINDOW)
+        cls.page = cls.chromium.open(
+            cls.server.address + SHARP, WINDOW, script=browser.JAGGED
+        )
         cls.page.wait_for(lambda: "Robot" in cls.page.text(), "the panel")
         cls.page.dismiss()
 
@@ -491,7 +493,9 @@ class TestWeb(unittest.TestCase):
         garbage.close()
 
     def test_a_phone_shows_the_robot_and_moves_it(self):
-        phone = self.chromium.open(self.server.address, phone=True)
+        phone = self.chromium.open(
+            self.server.address, phone=True, script=browser.JAGGED
+        )
         self.addCleanup(phone.close)
         phone.wait_for(lambda: "Robot" in phone.text(), "the panel")
         phone.dismiss()

@@ -26,6 +26,14 @@ FLAGS = (
     "--disable-dev-shm-usage",  # a container's /dev/shm is small
 )
 
+JAGGED = """
+const make = HTMLCanvasElement.prototype.getContext;
+HTMLCanvasElement.prototype.getContext = function (kind, options) {
+    return make.call(this, kind, {...options, antialias: false});
+};
+"""
+"""JavaScript for a page that draws without antialiasing: half the work in software."""
+
 
 def missing():
     """Say what is missing to run a browser; nothing if nothing is."""
