@@ -30,6 +30,8 @@ from g1_description.sim.batch.package import packed, unpacked
 from g1_description.sim.batch.processes import ATTEMPTS, Workers
 from g1_description.sim.batch.setup import Setup
 
+pytestmark = pytest.mark.slow
+
 SETUP = Setup(POST, plot=True)
 REACHES = (0.3, 1.2, 0.5)
 

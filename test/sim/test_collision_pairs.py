@@ -33,6 +33,8 @@ from g1_description.sim.collisions.find_pairs import (
 )
 from g1_description.sim.collisions.self_collisions import SelfCollisions
 
+pytestmark = pytest.mark.slow
+
 SHIPPED = REPOSITORY / "config" / "collisions_g1.yaml"
 POSES = parse_poses((REPOSITORY / "config" / "poses.yaml").read_text(), "poses.yaml")
 REVISION = REPOSITORY.parent / "shared/data/unitree_g1/g1_29dof_rev_1_0.urdf"

@@ -33,6 +33,7 @@ def scenes():
         scene.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("positions", [{}, BENT], ids=["zero", "bent"])
 @pytest.mark.parametrize("view", [(0, 0), (90, 0), (180, 0), (40, 20), (-50, -20)])
 def test_silhouettes_cover_each_other(scenes, view, positions):

@@ -34,6 +34,8 @@ from g1_description.sim.standing import standing_height
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "ros"))
 from support.fuzz.xml import broken_meshes
 
+pytestmark = pytest.mark.slow
+
 UP = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])
 ASIDE = np.array([1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])
 INERTIAL = (
@@ -379,7 +381,6 @@ def test_all_files_of_a_robot_are_read_by_one_process(tmp_path, counted):
     assert len(counted) == 2
 
 
-@pytest.mark.slow
 def test_hostile_files_end_no_one_and_take_no_other_file_with_them(
     make_world, tmp_path, counted, monkeypatch
 ):

@@ -135,6 +135,7 @@ def test_up_is_up(scene, name):
     assert (np.nonzero(mask != NOTHING)[0] < 100).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("angles", VIEWS.values())
 @pytest.mark.parametrize("aspect", [(640, 480), (300, 600)])
 def test_the_robot_fills_the_picture_but_for_a_margin(g1_scene, angles, aspect):

@@ -26,6 +26,8 @@ from g1_description.sim.motion.rollout import Conditions, rollout
 from g1_description.sim.motion.tracking import WATCH_TIME
 from g1_description.sim.physics import PhysicsProperties
 
+pytestmark = pytest.mark.slow
+
 DATA = REPOSITORY.parent / "shared" / "data"
 CLIPS = ("B_HandsUp", "M_ShortMove13", "J_ShortDance16_JazzWalk")
 ROWS = ("times", "wanted", "positions", "velocities", "efforts", "base_poses")
@@ -125,7 +127,6 @@ def g1_steps():
     return rollout(g1, lifted, Conditions(stops_at_fall=True))
 
 
-@pytest.mark.slow
 def test_the_same_motion_gives_the_same_bits_in_any_process():
     """Also after other motions."""
     first = g1_steps()
@@ -142,7 +143,6 @@ def test_the_same_motion_gives_the_same_bits_in_any_process():
     assert done.stdout.decode().strip() == digest(first)
 
 
-@pytest.mark.slow
 def test_a_g1_that_stands_stays_where_it_is(g1_file):
     g1 = parse_urdf(with_absolute_uris(g1_file.read_text(), g1_file.parent))
     motors = read_motors(REPOSITORY / "config" / "motors.yaml")
@@ -399,7 +399,6 @@ def test_conditions_that_make_no_sense_are_refused(rate):
         Conditions(properties=PhysicsProperties(time_step=0.0))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("clip", CLIPS)
 def test_clips_that_begin_on_the_toes_of_a_foot_fall_after_a_second(clip):
     file = DATA / "motions" / f"{clip}.csv"

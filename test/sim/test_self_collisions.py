@@ -183,6 +183,7 @@ def g1_robot(g1):
     )
 
 
+@pytest.mark.slow
 def test_the_order_of_frames_does_not_matter(g1_robot):
     """To the last bit: PyBullet keeps nothing, no sum depends on what is beside it."""
     _, collisions, poses = g1_robot
@@ -288,6 +289,7 @@ class Oracle:
         return distance - first[1] - second[1]
 
 
+@pytest.mark.slow
 def test_another_engine_agrees(g1_robot, g1_file):
     """On 2000 random configurations, but for touching within 1 mm.
 

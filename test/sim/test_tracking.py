@@ -18,6 +18,8 @@ from g1_description.core.urdf.reader import parse_urdf
 from g1_description.sim.motion.tracking import WATCH_TIME
 from g1_description.sim.standing import hanging_height, standing_height
 
+pytestmark = pytest.mark.slow
+
 POSES = parse_poses((REPOSITORY / "config" / "poses.yaml").read_text(), "poses.yaml")
 UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
 ELBOW, KNEE = "left_elbow_joint", "left_knee_joint"
@@ -61,7 +63,6 @@ def rms(errors):
     return np.sqrt((errors**2).mean(axis=0))
 
 
-@pytest.mark.slow
 def test_it_squats_and_stands_again_where_it_was(make_world, g1):
     """In a second each, standing free, on motors no stronger than the robot's."""
     world = make_world("hold")
@@ -78,7 +79,6 @@ def test_it_squats_and_stands_again_where_it_was(make_world, g1):
     assert down.report.fall_time is None and up.report.fall_time is None
 
 
-@pytest.mark.slow
 def test_arms_of_a_hanging_robot_follow_within_two_hundredths_rms(make_world, g1):
     world = make_world("hold")
     model = spawned(world, g1, fixed=True)

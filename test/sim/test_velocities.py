@@ -87,6 +87,7 @@ def assert_as_fast(measured, expected, tolerance):
     assert (np.abs(measured - expected).max(axis=0) / largest).max() < tolerance
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gravity", [0.0, -9.8])
 @every_robot
 def test_joints_are_as_fast_as_pybullet_says(make_world, file, gravity):

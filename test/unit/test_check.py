@@ -212,6 +212,7 @@ def test_a_name_may_be_no_text(folder, capsys):
         assert "caf\\" in (folder / report).read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_ctrl_c_writes_what_is_done(folder, jobs):
     write_motions(folder, *200 * [PASSES])

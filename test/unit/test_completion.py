@@ -96,6 +96,7 @@ def test_names_are_completed_where_they_belong(words, expected):
     assert complete(*words) == expected
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "command",
     ["check", "collision_pairs", "doctor", "pose", "play", "record", "web"],

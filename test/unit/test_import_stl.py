@@ -96,6 +96,7 @@ def apart(one, other, limit=np.inf):
     return deviation(*surfaces, limit)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_surfaces_are_as_far_apart_as_trimesh_says(seed):
     """Its own search, triangle by triangle, from corners and random points."""

@@ -17,7 +17,10 @@ HERE = (
         ["rospack", "find", "g1_description"], capture_output=True, check=False
     ).returncode
 )
-pytestmark = pytest.mark.skipif(not HERE, reason="no workspace is sourced")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(not HERE, reason="no workspace is sourced"),
+]
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -184,6 +184,7 @@ def test_only_one_module_imports_it(package, module):
     assert [n for n in LAYERS.paths if package in LAYERS.foreign(n)] == module.split()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("program", ["ros.bridge.node", "importer.command"])
 def test_the_bridge_and_the_import_do_without_pybullet(program):
     pytest.importorskip("rospy", reason="rospy is not there")

@@ -45,6 +45,7 @@ def programs():
                     yield path, text
 
 
+@pytest.mark.slow
 def test_all_code_calls_what_the_oldest_versions_have(names):
     found = {
         str(path.relative_to(REPOSITORY)): lines

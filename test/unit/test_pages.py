@@ -166,6 +166,7 @@ def test_files_that_a_page_names_exist(page):
     assert missing_files(page.read_text(encoding="utf-8")) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", PAGES, ids=NAMES)
 def test_commands_exist_with_their_arguments(page):
     pytest.importorskip("rospy", reason="rospy is not installed")

@@ -72,6 +72,7 @@ def finding(**changes):
     return Finding(**{**values, **changes})
 
 
+@pytest.mark.slow
 @given(st.lists(OUTCOMES, max_size=4), st.integers(0, 3))
 def test_json_holds_what_verdicts_do(outcomes, not_done):
     read = json.loads(json_text(outcomes, not_done))

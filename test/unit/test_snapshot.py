@@ -49,6 +49,7 @@ def last_line(run):
     return run.stderr.strip().splitlines()[-1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

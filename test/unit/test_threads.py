@@ -21,6 +21,7 @@ import {module}
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "module",
     [

@@ -24,6 +24,8 @@ from g1_description.ros.apps.web.options import parse
 sys.path.insert(0, str(REPOSITORY / "tools"))
 from page_client import PageClient
 
+pytestmark = pytest.mark.slow
+
 DATA = REPOSITORY / "test" / "data"
 ROBOT = str(DATA / "revolute.urdf")
 DEADLINE = 60.0

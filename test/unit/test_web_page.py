@@ -32,6 +32,8 @@ from g1_description.web.show import Show
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tools"))
 from page_client import PageClient
 
+pytestmark = pytest.mark.slow
+
 PRECISION = 1e-3
 """In [m] and [rad]: viser sends no change below 1e-5 of a number."""
 

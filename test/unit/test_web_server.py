@@ -158,6 +158,7 @@ from g1_description.web.server.page_server import PageServer
 """
 
 
+@pytest.mark.slow
 def test_nothing_is_printed_even_if_nobody_closes_it():
     code = "import websockets.sync.client as c\ns = PageServer(ServerOptions(port=0))\n"
     code += "w = c.connect(s.address.replace('http', 'ws'), "
@@ -165,6 +166,7 @@ def test_nothing_is_printed_even_if_nobody_closes_it():
     assert run(START + code) == ""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("missing", ["viser", "websockets", "msgspec"])
 def test_what_is_not_installed_is_named_when_the_page_opens(missing):
     code = "try: PageServer(ServerOptions(port=0))\n"

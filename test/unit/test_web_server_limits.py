@@ -23,6 +23,8 @@ from websockets.exceptions import InvalidStatus
 
 from g1_description.web.server import front_door, pipe
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def server():
