@@ -9,6 +9,7 @@ from g1_description.core.bridge.tf_filter import (
     ANSWER_DELAY,
     JOINTS_PERIOD,
     MAX_HOLD,
+    STILL_PERIOD,
     PoseThrottle,
     State,
     TfFilter,
@@ -161,10 +162,10 @@ def tf_filter():
     return TfFilter(PoseThrottle(0.005, 0.01, max_interval=10.0))
 
 
-def taken(tf_filter, number, height):
+def taken(tf_filter, number, height, joint=0.0):
     """Give the filter a state each millisecond; return what is shown of the last."""
     pose = np.array([0.0, 0.0, height, 0.0, 0.0, 0.0, 1.0])
-    state = State(1_000_000 * number, pose, np.zeros(1), number)
+    state = State(1_000_000 * number, pose, np.array([joint]), number)
     shown = tf_filter.next(state, 1e-3 * number, 0, False)
     return shown and (shown.state.message, shown.with_joints, shown.with_base)
 
@@ -175,12 +176,31 @@ def test_joints_go_with_each_base(tf_filter):
 
 
 def test_joints_go_by_themselves_while_the_base_stands_still(tf_filter):
-    shown = [taken(tf_filter, number, 1.0) for number in range(1, 102)]
+    shown = [taken(tf_filter, number, 1.0, 0.1 * number) for number in range(1, 102)]
     period = JOINTS_PERIOD // 1_000_000
     assert [one for one in shown if one] == [
         (1, True, True),
         *((1 + n * period, True, False) for n in range(1, 5)),
     ]
+
+
+def test_joints_that_stand_still_go_less_often(tf_filter):
+    shown = [taken(tf_filter, number, 1.0) for number in range(1, 202)]
+    period = STILL_PERIOD // 1_000_000
+    assert [one for one in shown if one] == [
+        (1, True, True),
+        *((1 + n * period, True, False) for n in range(1, 4)),
+    ]
+
+
+@pytest.mark.parametrize("last", [5, 30, 45])
+def test_the_last_state_before_joints_move_is_sent(tf_filter, last):
+    """But where one was sent less than a period before."""
+    joint = np.maximum(0.0, np.arange(100) - last)
+    shown = [taken(tf_filter, number, 1.0, joint[number]) for number in range(1, 60)]
+    numbers = [one[0] for one in shown if one]
+    period = JOINTS_PERIOD // 1_000_000
+    assert numbers[:2] == [1, max(last, 1 + period)]
 
 
 def test_joints_wait_for_the_base_while_it_moves_a_little(tf_filter):

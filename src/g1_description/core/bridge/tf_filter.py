@@ -25,6 +25,10 @@ JOINTS_PERIOD = 20_000_000
 """Longest time in [ns] between two joint states on TF: 50 Hz, the rate of
 robot_state_publisher itself."""
 
+STILL_PERIOD = 50_000_000
+"""The same in [ns] while no joint moves: each message makes robot_state_publisher ask
+the master three times for ``tf_prefix``, which costs as much as the message does."""
+
 
 class State(NamedTuple):
     """A robot at some time."""
@@ -179,8 +183,7 @@ class WholeStates:
             return held
         was_torn = self._is_torn or (self._base_moved and has_news)
         self._base_moved = bool(np.abs(state.pose - held.pose).max() > MIN_MOTION)
-        change = np.abs(state.joints - held.joints).max(initial=0.0)
-        joints_moved = change > MIN_MOTION
+        joints_moved = _differ(state.joints, held.joints)
         if is_under_way or (has_news and not joints_moved):
             self._is_torn, self._answered = True, now
         elif joints_moved or now - self._answered > ANSWER_DELAY:
@@ -200,7 +203,8 @@ class TfFilter:
 
     Where TF has the base and the joints of one state it interpolates neither. So the
     joints go there with each base, and by themselves, where they are due, as long as
-    the base stands still.
+    the base stands still. They are due less often while none of them moves; the last
+    state before one moves is sent, so that TF does not show its motion too early.
     """
 
     def __init__(self, throttle: PoseThrottle) -> None:
@@ -210,7 +214,8 @@ class TfFilter:
             throttle: Decides which poses of the base are worth sending.
         """
         self._throttle, self._whole_states = throttle, WholeStates()
-        self._joints_stamp = -JOINTS_PERIOD
+        self._joints_stamp = -STILL_PERIOD
+        self._joints = np.zeros(0)
 
     def next(
         self, state: State, now: float, commands: int, is_under_way: bool
@@ -223,8 +228,8 @@ class TfFilter:
         whole = self._whole_states.next(state, now, commands, is_under_way)
         if whole is None:
             return None
-        pose, age = whole.pose.tolist(), whole.stamp - self._joints_stamp
-        is_due = age >= JOINTS_PERIOD and self._throttle.is_near(pose)
+        pose = whole.pose.tolist()
+        is_due = self._is_due(whole, state) and self._throttle.is_near(pose)
         with_base = self._throttle.passes(1e-9 * whole.stamp, pose, whole.is_sample)
         return self._shown(whole, with_base or is_due, with_base)
 
@@ -244,10 +249,22 @@ class TfFilter:
         """Note what is sent of a state; joints go out once."""
         with_joints = wants_joints and state.stamp > self._joints_stamp
         if with_joints:
-            self._joints_stamp = state.stamp
+            self._joints_stamp, self._joints = state.stamp, state.joints
         return (
             Shown(state, with_joints, with_base) if with_joints or with_base else None
         )
+
+    def _is_due(self, state: State, newer: State) -> bool:
+        """Decide whether a state's joints are due by themselves.
+
+        Args:
+            state: The state.
+            newer: The state after it.
+        """
+        age = state.stamp - self._joints_stamp
+        if age < JOINTS_PERIOD or age >= STILL_PERIOD:
+            return age >= STILL_PERIOD
+        return any(_differ(one.joints, self._joints) for one in (state, newer))
 
     def passes_without_base(self, stamp: int) -> bool:
         """Decide on joint states at a time in [ns] whose base is unknown."""
@@ -264,4 +281,11 @@ class TfFilter:
         """Forget what was sent: time began again, or a listener is new."""
         self._throttle.reset()
         self._whole_states.reset()
-        self._joints_stamp = -JOINTS_PERIOD
+        self._joints_stamp = -STILL_PERIOD
+
+
+def _differ(joints: np.ndarray, others: np.ndarray) -> bool:
+    """Whether positions of joints differ, in number or by a motion."""
+    if len(joints) != len(others):
+        return True
+    return bool(np.abs(joints - others).max(initial=0.0) > MIN_MOTION)
