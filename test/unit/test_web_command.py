@@ -18,6 +18,7 @@ pytest.importorskip("rospy", reason="rospy is not installed")
 pytest.importorskip("viser", reason="viser is not installed")
 
 from conftest import REPOSITORY
+from waiting import wait_for
 
 from g1_description.ros.apps.web.options import parse
 
@@ -39,11 +40,10 @@ def command(*arguments, path=None, **options):
     return subprocess.Popen(
         [sys.executable, str(REPOSITORY / "scripts" / "web"), *map(str, arguments)],
         env={**os.environ, "PYTHONPATH": ":".join(str(p) for p in places if p)},
-        stdout=subprocess.PIPE,
+        **{"stdout": subprocess.PIPE, **options},
         stderr=subprocess.PIPE,
         universal_newlines=True,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
-        **options,
     )
 
 
@@ -135,12 +135,32 @@ def test_it_shows_until_a_signal_ends_it_and_begins_again(number):
         assert again == address
 
 
-def test_it_ends_as_quietly_at_once_after_it_has_told_its_address():
-    for _ in range(2):
-        with opened("--model", ROBOT, "--port", 0) as (process, _):
-            process.send_signal(signal.SIGTERM)
-            output, errors = process.communicate(timeout=DEADLINE)
-        assert (process.returncode, output, errors) == (0, "", "")
+@pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGTERM])
+def test_it_ends_as_quietly_while_it_tells_its_address(number):
+    """It is held up there: the pipe that it writes to is full."""
+    reader, writer = os.pipe()
+    os.set_blocking(writer, False)
+    with contextlib.suppress(BlockingIOError):
+        while True:
+            os.write(writer, bytes(1))
+    os.set_blocking(writer, True)
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    with command("--model", ROBOT, "--port", port, stdout=writer) as process:
+        os.close(writer)
+        wait_for(lambda: answers(port), "the page", DEADLINE)
+        process.send_signal(number)
+        with open(reader, "rb") as pipe:
+            pipe.read()
+        errors = process.stderr.read()
+    assert (process.returncode, errors) == (0, "")
+
+
+def answers(port):
+    """Whether there is a page."""
+    with contextlib.suppress(OSError), urlopen(f"http://127.0.0.1:{port}") as page:
+        return page.status == 200
 
 
 def test_ctrl_c_ends_it_also_while_somebody_looks():

@@ -70,24 +70,23 @@ def web(args: argparse.Namespace) -> None:
     Raises:
         G1DescriptionError: If a file cannot be read, or the page not be opened.
     """
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, signal.default_int_handler)
     thresholds = Thresholds()
     if args.thresholds is not None:
         thresholds = read_thresholds(args.thresholds)
     world, motions = make_world(args)
     options = ServerOptions(args.host, args.port, args.read_only)
-    show = Show(
-        world,
-        options,
-        lambda robot: Checker.of(robot, thresholds),
-        thresholds.floor_height,
-    )
-    for (file, motion), robot in zip(motions, world.robots):
-        show.page.motion.open(file.name, robot, motion)
-    for number in (signal.SIGTERM, signal.SIGHUP):
-        if signal.getsignal(number) is not signal.SIG_IGN:
-            signal.signal(number, signal.default_int_handler)
     with suppress(KeyboardInterrupt):  # that is how it ends
-        # Whoever waits for the address may end it in the same moment.
+        show = Show(
+            world,
+            options,
+            lambda robot: Checker.of(robot, thresholds),
+            thresholds.floor_height,
+        )
+        for (file, motion), robot in zip(motions, world.robots):
+            show.page.motion.open(file.name, robot, motion)
         tell_address(show, options, notify)
         show.run()
 
