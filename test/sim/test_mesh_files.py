@@ -142,6 +142,8 @@ def test_a_text_stl_has_the_triangles_that_are_written_there(tmp_path):
         "two solids": text + b"\n" + more,
         "no name": b"solid\n" + text.split(b"\n", 1)[1],
         "no end": text.rsplit(b"endsolid", 1)[0],
+        "byte order mark": b"\xef\xbb\xbf" + text,
+        "far to the right": b" " * 100 + text,
     }
     for name, data in texts.items():
         file = tmp_path / f"{name}.stl"

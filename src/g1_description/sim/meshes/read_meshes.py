@@ -82,8 +82,8 @@ def read(path: Path) -> dict[str, np.ndarray]:
         CannotReadError: If it cannot be read.
         MemoryError: If it takes too much memory.
     """
-    # Before the library: version 5.0 aborts at an STL that ends too early.
-    fault = _stl_fault(path) if path.suffix.lower() == ".stl" else ""
+    # Before the library: version 5.0 aborts at a binary STL that ends too early.
+    fault = _stl_fault(path, is_surely_binary=True)
     if fault:
         raise CannotReadError(fault)
     library = Assimp()
@@ -115,6 +115,9 @@ def _fault(library: Assimp, path: Path) -> str:
     It takes out what has corners that are no numbers, and then reports that
     nothing is left.
     """
+    fault = _stl_fault(path)
+    if fault:
+        return fault
     try:
         parts = library.read(path, TRIANGULATE)
     except CannotReadError:
@@ -125,8 +128,15 @@ def _fault(library: Assimp, path: Path) -> str:
     return "" if sound else "it has corners that are no numbers"
 
 
-def _stl_fault(path: Path) -> str:
-    """Say why a file is neither kind of STL; empty if that is not what is wrong."""
+def _stl_fault(path: Path, is_surely_binary: bool = False) -> str:
+    """Say why a file is neither kind of STL; empty if that is not what is wrong.
+
+    Args:
+        path: The file; one of another format has no such fault.
+        is_surely_binary: Whether to judge only what no reader takes for text.
+    """
+    if path.suffix.lower() != ".stl":
+        return ""
     try:
         with path.open("rb") as file:
             head = file.read(HEAD)
@@ -135,7 +145,9 @@ def _stl_fault(path: Path) -> str:
         return ""
     needed = binary_size(head)
     # The number of triangles has a zero byte, which text has not.
-    is_text = head.lstrip().startswith(b"solid") and b"\0" not in head
+    is_text = b"\0" not in head and (
+        is_surely_binary or head.lstrip().startswith(b"solid")
+    )
     if not size or size == needed or is_text:
         return ""
     return (
