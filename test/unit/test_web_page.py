@@ -232,7 +232,7 @@ def test_a_robot_that_is_followed_stays_in_the_middle(page):
         return np.allclose(lines, np.round(lines), atol=PRECISION)
 
     one.wait_for(is_in_the_middle, "the robot in the middle")
-    assert has_its_lines_under(7.3, -4.1)
+    one.wait_for(lambda: has_its_lines_under(7.3, -4.1), "the floor under it")
     assert np.abs(one.nodes["/floor"]["position"]).max() < 1.0
     one.set("x y z", [1.0, 2.0, 1.0])
     one.wait_for(lambda: one.value("x y z") == [1.0, 2.0, 1.0], "the fields")

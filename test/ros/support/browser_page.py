@@ -53,13 +53,15 @@ class Page:
             timeout: Longest wait in [s] of wall time.
         """
         end = time.monotonic() + timeout
-        while time.monotonic() < end:
+        while True:
             begin = time.monotonic()
             result = condition()
             if result:
                 return result
+            if begin > end:
+                break
             # Pictures take all the processor there is, which the page needs, too.
-            pause = max(0.02, 2.0 * (time.monotonic() - begin))
+            pause = min(max(0.02, time.monotonic() - begin), 0.5)
             self.raw.wait_for_timeout(1000 * pause)  # Playwright hands on events
         raise AssertionError(f"waited {timeout} s in vain for {what}; {self.problems}")
 
