@@ -1,6 +1,8 @@
 #!/usr/bin/env python3
 """The display launch: nodes up, topics flow, every frame reachable, steady TF."""
 
+import os
+import subprocess
 import sys
 import unittest
 import xml.etree.ElementTree as ET
@@ -15,7 +17,7 @@ from gazebo_msgs.msg import LinkStates, ModelStates
 from rosgraph_msgs.msg import Clock, Log
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
-from support.ros_testing import Listener, wait_for
+from support.ros_testing import DEADLINE, Listener, wait_for
 from tf2_msgs.msg import TFMessage
 
 
@@ -36,6 +38,24 @@ class TestDisplay(unittest.TestCase):
     def test_the_nodes_are_up(self):
         wanted = {"/gazebo", "/link_states_bridge", "/robot_state_publisher"}
         wait_for(lambda: wanted <= set(rosnode.get_node_names()), f"nodes {wanted}")
+
+    def test_a_second_one_is_refused_and_ends_nothing(self):
+        master = rosgraph.Master(rospy.get_name())
+        nodes = ("/gazebo", "/link_states_bridge", "/robot_state_publisher")
+        wait_for(lambda: set(nodes) <= set(rosnode.get_node_names()), f"{nodes}")
+        before = [master.lookupNode(node) for node in nodes]
+        second = subprocess.run(
+            ["roslaunch", "g1_description", "display.launch", "rviz:=false"],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            timeout=DEADLINE,
+        )
+        self.assertEqual(second.returncode, 1, second.stdout)
+        told = f"A node /gazebo runs at {os.environ['ROS_MASTER_URI']} already."
+        self.assertIn(told, second.stdout)
+        self.assertEqual([master.lookupNode(node) for node in nodes], before)
+        self.assertTrue(all(rosnode.rosnode_ping(node, 1) for node in nodes))
 
     def test_topics_flow(self):
         for topic, kind in (

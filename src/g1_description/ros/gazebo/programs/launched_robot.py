@@ -7,7 +7,10 @@ arguments too.
 from __future__ import annotations
 
 import argparse
+import os
+import socket
 import sys
+from xmlrpc.client import Error, ServerProxy
 
 from g1_description.core.cli import OneSentenceParser
 from g1_description.core.errors import G1DescriptionError, InvalidValueError
@@ -20,6 +23,11 @@ from g1_description.core.files.launch_arguments import (
 from g1_description.core.poses.pose import ZERO, check_pose, find_pose
 from g1_description.core.poses.store import read_poses
 from g1_description.core.robot.description import Description
+
+SIMULATOR = "/gazebo"
+
+TIMEOUT = 2.0
+"""Longest wait in [s] for an answer of the master, or of a simulator."""
 
 
 def launched_robot(model: str, given: dict[str, str]) -> str:
@@ -39,9 +47,31 @@ def launched_robot(model: str, given: dict[str, str]) -> str:
         raise InvalidValueError("model is empty; a URDF or xacro file is wanted.")
     check_for_empty({"model": model, **given}, words_of_parent())
     check_arguments(given)
+    if "sim" in given:
+        _check_for_simulator()
     robot = read_absolute(model)
     _check_pose(given.get("initial_pose", ZERO), robot.description)
     return robot.text
+
+
+def _check_for_simulator() -> None:
+    """Check that no simulator runs yet: the master would end it, and others with it."""
+    uri, caller = os.environ.get("ROS_MASTER_URI", ""), "/launched_robot"
+    timeout = socket.getdefaulttimeout()
+    socket.setdefaulttimeout(TIMEOUT)
+    try:
+        code, _, node = ServerProxy(uri).lookupNode(caller, SIMULATOR)
+        if code != 1:
+            return
+        ServerProxy(node).getPid(caller)
+    except (OSError, ValueError, Error):  # no master, or a simulator that died
+        return
+    finally:
+        socket.setdefaulttimeout(timeout)
+    raise InvalidValueError(
+        f"A node {SIMULATOR} runs at {uri} already. End it, or take a master of your "
+        "own: roslaunch -p 11411."
+    )
 
 
 def _check_pose(name: str, description: Description) -> None:
