@@ -2,10 +2,13 @@
 """The display launch: nodes up, topics flow, every frame reachable, steady TF."""
 
 import os
+import signal
+import socket
 import subprocess
 import sys
 import unittest
 import xml.etree.ElementTree as ET
+from contextlib import suppress
 
 import numpy as np
 import rosgraph
@@ -56,6 +59,24 @@ class TestDisplay(unittest.TestCase):
         self.assertIn(told, second.stdout)
         self.assertEqual([master.lookupNode(node) for node in nodes], before)
         self.assertTrue(all(rosnode.rosnode_ping(node, 1) for node in nodes))
+
+    def test_another_master_may_have_one(self):
+        """The option -p of roslaunch is not in the environment of what it starts."""
+        with socket.socket() as free:
+            free.bind(("127.0.0.1", 0))
+            port = str(free.getsockname()[1])
+        launch = ("roslaunch", "-p", port, "g1_description", "display.launch")
+        with subprocess.Popen([*launch, "rviz:=false"]) as other:
+            master = rosgraph.Master("/test", f"http://localhost:{port}")
+            self.addCleanup(other.terminate)
+
+            def has_a_simulator():
+                self.assertIsNone(other.poll())
+                with suppress(OSError, rosgraph.MasterException):
+                    return master.lookupNode("/gazebo")
+
+            wait_for(has_a_simulator, "another simulator")
+            other.send_signal(signal.SIGINT)
 
     def test_topics_flow(self):
         for topic, kind in (

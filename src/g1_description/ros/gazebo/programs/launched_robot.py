@@ -10,6 +10,7 @@ import argparse
 import os
 import socket
 import sys
+from pathlib import Path
 from xmlrpc.client import Error, ServerProxy
 
 from g1_description.core.cli import OneSentenceParser
@@ -48,15 +49,26 @@ def launched_robot(model: str, given: dict[str, str]) -> str:
     check_for_empty({"model": model, **given}, words_of_parent())
     check_arguments(given)
     if "sim" in given:
-        _check_for_simulator()
+        _check_for_simulator(words_of_parent())
     robot = read_absolute(model)
     _check_pose(given.get("initial_pose", ZERO), robot.description)
     return robot.text
 
 
-def _check_for_simulator() -> None:
-    """Check that no simulator runs yet: the master would end it, and others with it."""
-    uri, caller = os.environ.get("ROS_MASTER_URI", ""), "/launched_robot"
+def _check_for_simulator(words: list[str]) -> None:
+    """Check that no simulator runs yet: the master would end it, and others with it.
+
+    Args:
+        words: Command line of what reads the file. rostest has a master of its own, and
+            so has roslaunch with the option -p.
+    """
+    if not any(Path(word).name == "roslaunch" for word in words[:2]):
+        return
+    options = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    options.add_argument("-p", "--port")
+    port = options.parse_known_args(words)[0].port
+    uri = f"http://localhost:{port}" if port else os.environ.get("ROS_MASTER_URI", "")
+    caller = "/launched_robot"
     timeout = socket.getdefaulttimeout()
     socket.setdefaulttimeout(TIMEOUT)
     try:
