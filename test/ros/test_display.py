@@ -68,15 +68,16 @@ class TestDisplay(unittest.TestCase):
         launch = ("roslaunch", "-p", port, "g1_description", "display.launch")
         with subprocess.Popen([*launch, "rviz:=false"]) as other:
             master = rosgraph.Master("/test", f"http://localhost:{port}")
-            self.addCleanup(other.terminate)
 
             def has_a_simulator():
                 self.assertIsNone(other.poll())
                 with suppress(OSError, rosgraph.MasterException):
                     return master.lookupNode("/gazebo")
 
-            wait_for(has_a_simulator, "another simulator")
-            other.send_signal(signal.SIGINT)
+            try:
+                wait_for(has_a_simulator, "another simulator")
+            finally:
+                other.send_signal(signal.SIGINT)
 
     def test_topics_flow(self):
         for topic, kind in (
