@@ -262,9 +262,10 @@ class TfFilter:
             newer: The state after it.
         """
         age = state.stamp - self._joints_stamp
-        if age < JOINTS_PERIOD or age >= STILL_PERIOD:
-            return age >= STILL_PERIOD
-        return any(_differ(one.joints, self._joints) for one in (state, newer))
+        if age < JOINTS_PERIOD:
+            return False
+        moved = (_differ(one.joints, self._joints) for one in (state, newer))
+        return age >= STILL_PERIOD or any(moved)
 
     def passes_without_base(self, stamp: int) -> bool:
         """Decide on joint states at a time in [ns] whose base is unknown."""

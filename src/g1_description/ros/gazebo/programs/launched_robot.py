@@ -46,10 +46,11 @@ def launched_robot(model: str, given: dict[str, str]) -> str:
     """
     if not model.strip():
         raise InvalidValueError("model is empty; a URDF or xacro file is wanted.")
-    check_for_empty({"model": model, **given}, words_of_parent())
+    words = words_of_parent()
+    check_for_empty({"model": model, **given}, words)
     check_arguments(given)
     if "sim" in given:
-        _check_for_simulator(words_of_parent())
+        _check_for_simulator(words)
     robot = read_absolute(model)
     _check_pose(given.get("initial_pose", ZERO), robot.description)
     return robot.text
