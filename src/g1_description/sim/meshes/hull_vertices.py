@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-from scipy.spatial import ConvexHull
+
+if TYPE_CHECKING:
+    from scipy.spatial import ConvexHull
 
 MAX_WHOLE = 128
 """Most points that are not thinned: PyBullet's time grows with them."""
@@ -37,7 +41,7 @@ def hull_vertices(points: np.ndarray) -> np.ndarray:
     """
     points = np.unique(np.asarray(points, float), axis=0)
     try:
-        return points[np.sort(ConvexHull(points).vertices)]
+        return points[np.sort(_convex_hull(points).vertices)]
     except HULL_ERRORS:
         return points
 
@@ -52,7 +56,7 @@ def hull_normals(points: np.ndarray) -> np.ndarray:
         Unit vectors, shape (m, 3); none where there is no volume.
     """
     try:
-        return ConvexHull(points).equations[:, :3]
+        return _convex_hull(points).equations[:, :3]
     except HULL_ERRORS:
         return np.zeros((0, 3))
 
@@ -73,10 +77,10 @@ def thinned(points: np.ndarray, tolerance: float) -> tuple[np.ndarray, float]:
         return points, 0.0
     try:
         # Qhull leaves out, and lists as coplanar, what is not W outside of a face.
-        hull = ConvexHull(points, qhull_options=f"Qt Qc W{tolerance:.9g}")
+        hull = _convex_hull(points, f"Qt Qc W{tolerance:.9g}")
         chosen, near = points[hull.vertices], points[hull.coplanar[:, 0]]
         for _ in range(MAX_ROUNDS):
-            distance = _distances(near, ConvexHull(chosen))
+            distance = _distances(near, _convex_hull(chosen))
             deviation = float(distance.max(initial=0.0))
             if deviation <= tolerance:
                 return chosen, deviation
@@ -85,6 +89,14 @@ def thinned(points: np.ndarray, tolerance: float) -> tuple[np.ndarray, float]:
     except HULL_ERRORS:
         pass
     return points, 0.0
+
+
+def _convex_hull(points: np.ndarray, options: str | None = None) -> ConvexHull:
+    """Let Qhull compute a hull; raise one of HULL_ERRORS for flat or few points."""
+    # Only here: importing scipy takes a tenth of a second, and few starts need it.
+    from scipy.spatial import ConvexHull
+
+    return ConvexHull(points, qhull_options=options)
 
 
 def _distances(points: np.ndarray, hull: ConvexHull) -> np.ndarray:
