@@ -3,6 +3,7 @@
 import os
 import sys
 
+import numpy as np
 import pytest
 
 from g1_description.core.errors import DescriptionError
@@ -93,6 +94,12 @@ def test_bytes_that_are_in_no_encoding_of_the_file_are_refused(write, encoding):
     file = write("r.urdf")
     file.write_bytes(LATIN.format(encoding).encode("latin-1"))
     assert f"Line 2 of {file} is not UTF-8, and no other encoding" in refusal(file)
+
+
+def test_a_mesh_is_no_robot(tmp_path):
+    file = tmp_path / "link.stl"
+    file.write_bytes(b"binary STL".ljust(80) + np.arange(30, dtype="<f4").tobytes())
+    assert f"{file} is a binary file, as meshes are" in refusal(file)
 
 
 PREFIXED = (

@@ -72,6 +72,10 @@ def _read(path: Path) -> str:
     try:
         return decoded(data)
     except UnicodeDecodeError as error:
+        if b"\0" in data:
+            raise DescriptionError(
+                f"{path} is a binary file, as meshes are; a robot description is text."
+            ) from error
         line = data.count(b"\n", 0, error.start) + 1
         raise DescriptionError(
             f"Line {line} of {path} is not UTF-8, and no other encoding is declared "
