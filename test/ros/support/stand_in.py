@@ -1,5 +1,6 @@
 """The live node, started and ended by a test: its output, memory and end."""
 
+import resource
 import subprocess
 import tempfile
 import time
@@ -9,6 +10,12 @@ from .ros_testing import DEADLINE, process_of, program, wait_for
 from .wire.services import Services
 
 TROUBLE = (b"Traceback", b"Segmentation")
+
+
+def _used_by_children():
+    """Give the processor time in [s] of the children that have ended."""
+    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return usage.ru_utime + usage.ru_stime
 
 
 class Node:
@@ -82,11 +89,12 @@ class Node:
         return self.services.call("get_world_properties").sim_time
 
     def end(self, signal_number):
-        """Send a signal; give the time to the end in [s]."""
+        """Send a signal; give the time to the end, and of the processor, in [s]."""
         begin = time.monotonic()
+        used = self.seconds_of_processor() + _used_by_children()
         self.process.send_signal(signal_number)
         self.process.wait(DEADLINE)
-        return time.monotonic() - begin
+        return time.monotonic() - begin, _used_by_children() - used
 
     def kill(self):
         """Make sure that it is gone."""

@@ -15,6 +15,7 @@ import rosgraph
 import rospy
 
 from g1_description.ros.transport.broken_networks import mend_broken_networks
+from g1_description.ros.transport.xmlrpc_node import end_at_once
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """What ends a node: Ctrl-C, ``kill``, and a terminal that is closed."""
@@ -38,6 +39,7 @@ def start_node(name: str, **options) -> None:
         options: More for ``rospy.init_node``.
     """
     mend_broken_networks()
+    end_at_once()
     reader, writer = socket.socketpair()
     writer.setblocking(False)
     handle_signals(lambda *_: None)
