@@ -1,9 +1,11 @@
 """Start, interrupt, look. Called by tools/interrupts."""
 
 import argparse
+import contextlib
 import os
 import random
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -114,6 +116,32 @@ class Try:
         return found
 
 
+@contextlib.contextmanager
+def hidden_screen(home):
+    """Let what is started use a screen that nobody sees; tell whether there is one.
+
+    Args:
+        home: Folder where RViz leaves its settings.
+    """
+    if not shutil.which("Xvfb"):
+        yield False
+        return
+    reader, writer = os.pipe()
+    command = ["Xvfb", "-displayfd", str(writer), "-screen", "0", "1200x900x24"]
+    server = subprocess.Popen(
+        command, pass_fds=[writer], start_new_session=True, stderr=subprocess.DEVNULL
+    )
+    os.close(writer)
+    try:
+        with os.fdopen(reader) as numbers:
+            os.environ["DISPLAY"] = f":{numbers.readline().strip()}"
+        os.environ.update(HOME=str(home), LIBGL_ALWAYS_SOFTWARE="1")
+        yield True
+    finally:
+        server.terminate()
+        server.wait()
+
+
 def arguments():
     """Read the command line."""
     parser = argparse.ArgumentParser(prog="tools/interrupts")
@@ -178,8 +206,11 @@ def main():
     given, tries = arguments(), []
     # A shell that starts it in the background has it, and its children, ignore Ctrl-C.
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    with tempfile.TemporaryDirectory(prefix="g1_interrupts_") as folder:
-        known = chosen(cases(Path(folder)), given.names)
+    with contextlib.ExitStack() as stack:
+        folder = tempfile.TemporaryDirectory(prefix="g1_interrupts_")
+        folder = Path(stack.enter_context(folder))
+        has_screen = stack.enter_context(hidden_screen(folder))
+        known = chosen(cases(folder, has_screen), given.names)
         with Graph() as graph, graph.launch(OWN_MODEL):
             graph.node("/robot_state_publisher")
             try:

@@ -9,15 +9,16 @@ ROOT = Path(__file__).resolve().parents[2]
 MODEL = ROOT / "urdf" / "g1_29dof.urdf"
 APART = ("__ns:=/apart", "/clock:=/apart/clock")
 """Remappings of a node that runs beside one of its name."""
-WITHOUT_SCREEN = {"display.launch", "display_and_gazebo.launch", "two_robots.launch"}
-WITHOUT_SCREEN |= {"view.launch", "replay.launch"}
+WITH_RVIZ = {"display.launch", "display_and_gazebo.launch", "two_robots.launch"}
+WITH_RVIZ |= {"view.launch", "replay.launch"}
 
 
-def cases(folder):
+def cases(folder, has_screen):
     """List what can be interrupted.
 
     Args:
         folder: Where the commands may write.
+        has_screen: Whether RViz can be shown.
 
     Returns:
         Words of the command by name. ``{port}`` stands for a free port.
@@ -34,9 +35,14 @@ def cases(folder):
     found["tools/demo"] = [ROOT / "tools" / "demo", "rviz:=false"]
     for file in sorted((ROOT / "launch").glob("*.launch")):
         if file.name != "rviz.launch":  # all of it is ROS' own
-            words = launch_arguments(file.name, motion)
-            words = ("-p", "{port}", "g1_description", file.name, *words)
-            found[file.name] = ["roslaunch", *words]
+            command = ["roslaunch", "-p", "{port}", "g1_description", file.name]
+            command += launch_arguments(file.name, motion)
+            if file.name not in WITH_RVIZ:
+                found[file.name] = command
+                continue
+            found[file.name] = [*command, "rviz:=false"]
+            if has_screen:
+                found[f"{file.name} rviz"] = [*command, "rviz:=true"]
     world = ("-p", "{port}", "gazebo_ros", "empty_world.launch", "gui:=false")
     found["empty_world.launch"] = ["roslaunch", *world]
     return {name: [str(word) for word in words] for name, words in found.items()}
@@ -79,8 +85,8 @@ def executables(folder, motion):
 
 def launch_arguments(name, motion):
     """Give the arguments of a launch file."""
-    words = ["rviz:=false"] if name in WITHOUT_SCREEN else []
-    if name in WITHOUT_SCREEN or name == "web.launch":
+    words = []
+    if name in WITH_RVIZ or name == "web.launch":
         words.append("port:=0")
     if name in ("display.launch", "view.launch"):
         words += ["web:=true", "checks:=true"]
