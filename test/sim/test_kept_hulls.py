@@ -76,16 +76,56 @@ def test_few_points_need_no_file():
     assert not files()
 
 
-@pytest.mark.parametrize("damage", ["empty", "cut", "text", "another array"])
+def test_what_cannot_be_thinned_needs_no_file():
+    flat = POINTS * np.float32([1, 1, 0])
+    few, deviation = thinned_once(flat, TOLERANCE)
+    assert (few.tolist(), deviation) == (flat.tolist(), 0.0)
+    assert not files()
+
+
+@pytest.mark.parametrize("damage", ["empty", "cut", "text", "encrypted"])
 def test_a_damaged_file_is_written_again(damage):
     check()
     (file,) = files()
     whole = file.read_bytes()
-    if damage == "another array":
-        np.savez(str(file), vertices=POINTS)
-    else:
-        content = {"empty": b"", "cut": whole[:-40], "text": b"no archive"}[damage]
-        file.write_bytes(content)
+    encrypted = whole.replace(
+        b"PK\x01\x02\x14\x03\x14\0\0", b"PK\x01\x02\x14\x03\x14\0\1"
+    )
+    damaged = {"empty": b"", "cut": whole[:-40], "text": b"no archive"}
+    file.write_bytes(damaged.get(damage, encrypted))
+    assert file.read_bytes() != whole
+    check()
+    assert file.read_bytes() == whole
+
+
+@pytest.mark.parametrize(
+    "arrays",
+    [
+        {"vertices": POINTS},
+        {"points": POINTS[:9]},
+        {"points": POINTS[:9].astype(float), "deviation": 0.0},
+        {"points": POINTS[:9, :2], "deviation": 0.0},
+        {"points": POINTS[:9, 0], "deviation": 0.0},
+        {"points": POINTS[:0], "deviation": 0.0},
+        {"points": POINTS, "deviation": 0.0},
+        {"points": POINTS[:9], "deviation": "none"},
+    ],
+)
+def test_a_file_of_something_else_is_written_again(arrays):
+    check()
+    (file,) = files()
+    whole = file.read_bytes()
+    np.savez(str(file), **arrays)
+    check()
+    assert file.read_bytes() == whole
+
+
+def test_a_lone_array_is_written_again():
+    check()
+    (file,) = files()
+    whole = file.read_bytes()
+    with file.open("wb") as stream:
+        np.save(stream, POINTS)
     check()
     assert file.read_bytes() == whole
 

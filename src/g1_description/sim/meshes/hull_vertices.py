@@ -40,8 +40,9 @@ def hull_vertices(points: np.ndarray) -> np.ndarray:
         The vertices, shape (m, 3); every point once if they lie in a plane.
     """
     points = np.unique(np.asarray(points, float), axis=0)
+    convex_hull = _qhull()
     try:
-        return points[np.sort(_convex_hull(points).vertices)]
+        return points[np.sort(convex_hull(points).vertices)]
     except HULL_ERRORS:
         return points
 
@@ -55,8 +56,9 @@ def hull_normals(points: np.ndarray) -> np.ndarray:
     Returns:
         Unit vectors, shape (m, 3); none where there is no volume.
     """
+    convex_hull = _qhull()
     try:
-        return _convex_hull(points).equations[:, :3]
+        return convex_hull(points).equations[:, :3]
     except HULL_ERRORS:
         return np.zeros((0, 3))
 
@@ -75,12 +77,13 @@ def thinned(points: np.ndarray, tolerance: float) -> tuple[np.ndarray, float]:
     """
     if len(points) <= MAX_WHOLE:
         return points, 0.0
+    convex_hull = _qhull()
     try:
         # Qhull leaves out, and lists as coplanar, what is not W outside of a face.
-        hull = _convex_hull(points, f"Qt Qc W{tolerance:.9g}")
+        hull = convex_hull(points, qhull_options=f"Qt Qc W{tolerance:.9g}")
         chosen, near = points[hull.vertices], points[hull.coplanar[:, 0]]
         for _ in range(MAX_ROUNDS):
-            distance = _distances(near, _convex_hull(chosen))
+            distance = _distances(near, convex_hull(chosen))
             deviation = float(distance.max(initial=0.0))
             if deviation <= tolerance:
                 return chosen, deviation
@@ -91,12 +94,11 @@ def thinned(points: np.ndarray, tolerance: float) -> tuple[np.ndarray, float]:
     return points, 0.0
 
 
-def _convex_hull(points: np.ndarray, options: str | None = None) -> ConvexHull:
-    """Let Qhull compute a hull; raise one of HULL_ERRORS for flat or few points."""
-    # Only here: importing scipy takes a tenth of a second, and few starts need it.
+def _qhull() -> type[ConvexHull]:
+    """Import what computes hulls: that takes a tenth of a second, and few need it."""
     from scipy.spatial import ConvexHull
 
-    return ConvexHull(points, qhull_options=options)
+    return ConvexHull
 
 
 def _distances(points: np.ndarray, hull: ConvexHull) -> np.ndarray:

@@ -1,6 +1,7 @@
 """Thinned hulls of earlier runs, in files.
 
-Thinning the vendor's meshes takes half a second, and every start would do it again.
+Thinning the vendor's meshes takes half a second, and every start would do it again. The
+files may come from another version of scipy: its hulls keep the tolerance as well.
 """
 
 from __future__ import annotations
@@ -10,7 +11,6 @@ import io
 import os
 import zipfile
 from contextlib import suppress
-from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -21,10 +21,16 @@ from g1_description.core.files.atomic import write_whole
 from . import hull_vertices
 
 MAX_FILES = 1000
-"""Most files that are kept: some 3 MB."""
+"""Most files that are kept; of usual meshes they have two or three kilobytes."""
 
-READ_ERRORS = (OSError, EOFError, KeyError, ValueError, zipfile.BadZipFile)
-"""What numpy raises of a file that it did not write, or not to the end."""
+READ_ERRORS = (
+    *(OSError, EOFError, KeyError, ValueError, zipfile.BadZipFile),
+    *(AttributeError, RuntimeError, TypeError),
+)
+"""What numpy raises of a file that was not written here, or not to the end."""
+
+_METHOD = Path(hull_vertices.__file__).read_bytes()
+"""The text of the code that thins: another one may choose other points."""
 
 
 def thinned_once(points: np.ndarray, tolerance: float) -> tuple[np.ndarray, float]:
@@ -42,9 +48,11 @@ def thinned_once(points: np.ndarray, tolerance: float) -> tuple[np.ndarray, floa
         return hull_vertices.thinned(points, tolerance)
     file = folder / f"{_key(points, tolerance)}.npz"
     kept = _read(file)
-    if kept:
+    if kept and _may_be_of(kept[0], points):
         return kept
     few, deviation = hull_vertices.thinned(points, tolerance)
+    if few is points:  # they cannot be thinned
+        return few, deviation
     content = io.BytesIO()
     np.savez(content, points=few, deviation=deviation)
     with suppress(InvalidValueError):  # a home that cannot be written is slower only
@@ -63,16 +71,10 @@ def hull_folder() -> Path | None:
 
 def _key(points: np.ndarray, tolerance: float) -> str:
     """Name what is thinned, and how."""
-    key = hashlib.blake2b(_method(), digest_size=16)
+    key = hashlib.blake2b(_METHOD, digest_size=16)
     key.update(f" {tolerance!r} ".encode())
-    key.update(np.ascontiguousarray(points).tobytes())
+    key.update(points.tobytes())
     return key.hexdigest()
-
-
-@lru_cache(maxsize=None)
-def _method() -> bytes:
-    """Give the text of the code that thins: another one may choose other points."""
-    return Path(hull_vertices.__file__).read_bytes()
 
 
 def _read(file: Path) -> tuple[np.ndarray, float] | None:
@@ -85,9 +87,18 @@ def _read(file: Path) -> tuple[np.ndarray, float] | None:
         return None
 
 
+def _may_be_of(few: np.ndarray, points: np.ndarray) -> bool:
+    """Return whether an array can be some of these points."""
+    return (
+        few.dtype == points.dtype
+        and few.shape[1:] == points.shape[1:]
+        and 0 < len(few) < len(points)
+    )
+
+
 def _make_room(folder: Path) -> None:
     """Delete the oldest files, if there are too many."""
     with suppress(OSError):
-        files = sorted(folder.glob("*.npz"), key=lambda file: file.stat().st_mtime)
+        files = sorted(folder.iterdir(), key=lambda file: file.stat().st_mtime)
         for file in files[:-MAX_FILES]:
             file.unlink()
