@@ -4,7 +4,6 @@
 import contextlib
 import os
 import random
-import resource
 import signal
 import subprocess
 import sys
@@ -18,6 +17,7 @@ from sensor_msgs.msg import JointState
 from support.ros_testing import (
     REPOSITORY,
     Connected,
+    children_time,
     processor_time,
     program,
     wait_for,
@@ -67,12 +67,6 @@ def start(*words):
         text=True,
         start_new_session=True,
     )
-
-
-def children_time():
-    """Give the processor time of all that was started here and has ended in [s]."""
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
 
 
 class TestInterrupts(unittest.TestCase):

@@ -1,21 +1,21 @@
 """The live node, started and ended by a test: its output, memory and end."""
 
-import resource
 import subprocess
 import tempfile
 import time
 from pathlib import Path
 
-from .ros_testing import DEADLINE, process_of, program, wait_for
+from .ros_testing import (
+    DEADLINE,
+    children_time,
+    process_of,
+    processor_time,
+    program,
+    wait_for,
+)
 from .wire.services import Services
 
 TROUBLE = (b"Traceback", b"Segmentation")
-
-
-def _used_by_children():
-    """Give the processor time in [s] of the children that have ended."""
-    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return usage.ru_utime + usage.ru_stime
 
 
 class Node:
@@ -91,10 +91,10 @@ class Node:
     def end(self, signal_number):
         """Send a signal; give the time to the end, and of the processor, in [s]."""
         begin = time.monotonic()
-        used = self.seconds_of_processor() + _used_by_children()
+        used = processor_time(self.pid) + children_time()
         self.process.send_signal(signal_number)
         self.process.wait(DEADLINE)
-        return time.monotonic() - begin, _used_by_children() - used
+        return time.monotonic() - begin, children_time() - used
 
     def kill(self):
         """Make sure that it is gone."""

@@ -32,7 +32,8 @@ def start_node(name: str, **options) -> None:
     the interrupted call holds. Here the system writes the signal's number into a
     socket, and a thread that reads it shuts the node down.
 
-    The node's connections go on after a network was broken.
+    The node's connections go on after a network was broken, and its end does not wait
+    for rospy.
 
     Args:
         name: The node's name.
