@@ -12,7 +12,7 @@ from layers import MOST_IN_A_ROOM, Layers
 SOURCE = Path(__file__).parents[2] / "src" / "g1_description"
 LAYERS = Layers(SOURCE)
 STANDARD = {"__future__", "argparse", "array", "collections", "contextlib", "copy"}
-STANDARD |= {"base64", "csv", "html", "json"}
+STANDARD |= {"base64", "codecs", "csv", "html", "json"}
 STANDARD |= {"dataclasses", "difflib", "enum", "functools", "io", "itertools", "math"}
 STANDARD |= {"logging", "os", "pathlib", "pickle", "pickletools", "re", "shutil"}
 STANDARD |= {"shlex", "stat", "zipfile", "zlib"}

@@ -96,6 +96,12 @@ def test_bytes_that_are_in_no_encoding_of_the_file_are_refused(write, encoding):
     assert f"Line 2 of {file} is not UTF-8, and no other encoding" in refusal(file)
 
 
+def test_utf_16_is_no_binary_file(tmp_path):
+    file = tmp_path / "robot.urdf"
+    file.write_bytes(LATIN.format("utf-16").encode("utf-16"))
+    assert f"Line 1 of {file} is not UTF-8" in refusal(file)
+
+
 def test_a_mesh_is_no_robot(tmp_path):
     file = tmp_path / "link.stl"
     file.write_bytes(b"binary STL".ljust(80) + np.arange(30, dtype="<f4").tobytes())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import os
 import subprocess
 import sys
@@ -15,6 +16,9 @@ from g1_description.core.xml import decoded
 
 from .find import find_model_file, split_arguments
 from .model_files import MAX_FILE_SIZE
+
+UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+"""How text begins that is full of zero bytes."""
 
 XACRO_TIMEOUT = 60.0
 """Longest time that xacro may take, in [s]."""
@@ -72,7 +76,7 @@ def _read(path: Path) -> str:
     try:
         return decoded(data)
     except UnicodeDecodeError as error:
-        if b"\0" in data:
+        if b"\0" in data and not data.startswith(UTF_16):
             raise DescriptionError(
                 f"{path} is a binary file, as meshes are; a robot description is text."
             ) from error
