@@ -7,6 +7,7 @@ import random
 import re
 import shutil
 import signal
+import site
 import subprocess
 import sys
 import tempfile
@@ -16,8 +17,9 @@ from pathlib import Path
 
 from bench.figures import OWN_MODEL
 from bench.nodes import Graph, free_port
+from support.virtual_screen import VirtualScreen
 
-from .cases import cases
+from .cases import WITH_RVIZ, cases
 from processes import (
     end_processes,
     marked_environment,
@@ -38,6 +40,10 @@ TROUBLE = re.compile(
 )
 
 
+NO_MASTER = "could not contact master"
+"""What roslaunch says 10 s after its own master was interrupted in its start."""
+
+
 def is_foreign(text, words):
     """Tell whether tracebacks are not ours: of roslaunch, or of Python, as it started.
 
@@ -52,19 +58,20 @@ def is_foreign(text, words):
 class Try:
     """One interrupt."""
 
-    def __init__(self, name, words, delay):
+    def __init__(self, name, words, delay, more):
         """Start a command; interrupt it; wait for its end.
 
         Args:
             name: What it is called.
             words: The command.
             delay: Time from the start to the signal in [s].
+            more: What it needs in its environment.
         """
         self.name, self.delay = name, delay
         mark = new_mark()
         with tempfile.TemporaryDirectory(prefix="g1_interrupts_") as folder:
             port = free_port()
-            environment = {**os.environ, "ROS_LOG_DIR": folder}
+            environment = {**os.environ, **more, "ROS_LOG_DIR": folder}
             if "tools/" in words[0]:
                 environment["ROS_MASTER_URI"] = f"http://localhost:{port}"
             with tempfile.TemporaryFile() as output:
@@ -86,6 +93,7 @@ class Try:
             logs = Path(folder).rglob("*-std*.log")
             texts += [log.read_text(errors="replace") for log in logs]
         self.text = "\n".join(texts)
+        self.was_lost |= NO_MASTER in self.text
         self.is_foreign = is_foreign(self.text, words)
 
     def _interrupt(self, process, mark):
@@ -118,28 +126,20 @@ class Try:
 
 @contextlib.contextmanager
 def hidden_screen(home):
-    """Let what is started use a screen that nobody sees; tell whether there is one.
+    """Give what RViz needs on a screen that nobody sees; None where there is no Xvfb.
 
     Args:
-        home: Folder where RViz leaves its settings.
+        home: Folder where it leaves its settings.
     """
     if not shutil.which("Xvfb"):
-        yield False
+        yield None
         return
-    reader, writer = os.pipe()
-    command = ["Xvfb", "-displayfd", str(writer), "-screen", "0", "1200x900x24"]
-    server = subprocess.Popen(
-        command, pass_fds=[writer], start_new_session=True, stderr=subprocess.DEVNULL
-    )
-    os.close(writer)
+    screen = VirtualScreen(1200, 900)
     try:
-        with os.fdopen(reader) as numbers:
-            os.environ["DISPLAY"] = f":{numbers.readline().strip()}"
-        os.environ.update(HOME=str(home), LIBGL_ALWAYS_SOFTWARE="1")
-        yield True
+        display = {"DISPLAY": screen.display, "LIBGL_ALWAYS_SOFTWARE": "1"}
+        yield {**display, "HOME": str(home), "PYTHONUSERBASE": site.getuserbase()}
     finally:
-        server.terminate()
-        server.wait()
+        screen.stop()
 
 
 def arguments():
@@ -182,7 +182,7 @@ def report(tries, longest):
     names = (
         "tries",
         "over before",
-        "lost by roslaunch",
+        "lost by roslaunch, or its master",
         "traceback of Python or roslaunch",
     )
     print(f"\n| name | {' | '.join(names)} | longest end, s | exit codes | faults |")
@@ -207,15 +207,16 @@ def main():
     # A shell that starts it in the background has it, and its children, ignore Ctrl-C.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     with contextlib.ExitStack() as stack:
-        folder = tempfile.TemporaryDirectory(prefix="g1_interrupts_")
-        folder = Path(stack.enter_context(folder))
-        has_screen = stack.enter_context(hidden_screen(folder))
-        known = chosen(cases(folder, has_screen), given.names)
+        temporary = tempfile.TemporaryDirectory(prefix="g1_interrupts_")
+        folder = Path(stack.enter_context(temporary))
+        screen = stack.enter_context(hidden_screen(folder))
+        known = chosen(cases(folder, screen is not None), given.names)
         with Graph() as graph, graph.launch(OWN_MODEL):
             graph.node("/robot_state_publisher")
             try:
                 for name, delay in attempts(known, given.tries, given.seed):
-                    one = Try(name, known[name], delay)
+                    more = screen if name.endswith(WITH_RVIZ) else {}
+                    one = Try(name, known[name], delay, more)
                     tries.append(one)
                     if one.faults(given.longest):
                         print(f"\n=== {name} after {delay:.3f} s, code {one.code}:")

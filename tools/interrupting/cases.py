@@ -9,8 +9,10 @@ ROOT = Path(__file__).resolve().parents[2]
 MODEL = ROOT / "urdf" / "g1_29dof.urdf"
 APART = ("__ns:=/apart", "/clock:=/apart/clock")
 """Remappings of a node that runs beside one of its name."""
-WITH_RVIZ = {"display.launch", "display_and_gazebo.launch", "two_robots.launch"}
-WITH_RVIZ |= {"view.launch", "replay.launch"}
+WITH_RVIZ = " with RViz"
+"""How the names of cases end that need a screen."""
+MAY_SHOW_RVIZ = {"display.launch", "display_and_gazebo.launch", "two_robots.launch"}
+MAY_SHOW_RVIZ |= {"view.launch", "replay.launch"}
 
 
 def cases(folder, has_screen):
@@ -37,12 +39,12 @@ def cases(folder, has_screen):
         if file.name != "rviz.launch":  # all of it is ROS' own
             command = ["roslaunch", "-p", "{port}", "g1_description", file.name]
             command += launch_arguments(file.name, motion)
-            if file.name not in WITH_RVIZ:
+            if file.name not in MAY_SHOW_RVIZ:
                 found[file.name] = command
                 continue
             found[file.name] = [*command, "rviz:=false"]
             if has_screen:
-                found[f"{file.name} rviz"] = [*command, "rviz:=true"]
+                found[file.name + WITH_RVIZ] = [*command, "rviz:=true"]
     world = ("-p", "{port}", "gazebo_ros", "empty_world.launch", "gui:=false")
     found["empty_world.launch"] = ["roslaunch", *world]
     return {name: [str(word) for word in words] for name, words in found.items()}
@@ -86,7 +88,7 @@ def executables(folder, motion):
 def launch_arguments(name, motion):
     """Give the arguments of a launch file."""
     words = []
-    if name in WITH_RVIZ or name == "web.launch":
+    if name in MAY_SHOW_RVIZ or name == "web.launch":
         words.append("port:=0")
     if name in ("display.launch", "view.launch"):
         words += ["web:=true", "checks:=true"]
