@@ -19,7 +19,9 @@ STANDARD |= {"shlex", "stat", "zipfile", "zlib"}
 STANDARD |= {"subprocess", "sys", "tempfile", "types", "typing"}
 STANDARD |= {"urllib", "xml"}
 FOREIGN = {
-    "core": STANDARD | {"lxml", "numpy", "rospkg", "ruamel", "urdf_parser_py", "xacro"},
+    "core": STANDARD
+    | {"signal", "threading"}
+    | {"lxml", "numpy", "rospkg", "ruamel", "urdf_parser_py", "xacro"},
     "sim": STANDARD
     | {"ctypes", "resource", "signal", "struct", "time", "warnings", "numpy", "PIL"}
     | {"concurrent", "hashlib", "multiprocessing", "threading", "traceback", "uuid"}

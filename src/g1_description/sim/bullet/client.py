@@ -7,6 +7,8 @@ import ctypes
 import os
 from collections.abc import Iterator
 
+from g1_description.core.interrupts import uninterrupted
+
 
 @contextlib.contextmanager
 def _muted() -> Iterator[None]:
@@ -33,5 +35,5 @@ with _muted():  # it prints its build time
 
 def connect() -> BulletClient:
     """Make a PyBullet of one's own."""
-    with _muted():
+    with uninterrupted(), _muted():  # half made, it complains when it is deleted
         return BulletClient(pybullet.DIRECT)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from g1_description.core.interrupts import uninterrupted
 
 if TYPE_CHECKING:
     from scipy.spatial import ConvexHull
@@ -80,7 +83,7 @@ def thinned(points: np.ndarray, tolerance: float) -> tuple[np.ndarray, float]:
     convex_hull = _qhull()
     try:
         # Qhull leaves out, and lists as coplanar, what is not W outside of a face.
-        hull = convex_hull(points, qhull_options=f"Qt Qc W{tolerance:.9g}")
+        hull = convex_hull(points, f"Qt Qc W{tolerance:.9g}")
         chosen, near = points[hull.vertices], points[hull.coplanar[:, 0]]
         for _ in range(MAX_ROUNDS):
             distance = _distances(near, convex_hull(chosen))
@@ -94,11 +97,19 @@ def thinned(points: np.ndarray, tolerance: float) -> tuple[np.ndarray, float]:
     return points, 0.0
 
 
-def _qhull() -> type[ConvexHull]:
-    """Import what computes hulls: that takes a tenth of a second, and few need it."""
-    from scipy.spatial import ConvexHull
+def _qhull() -> Callable[..., ConvexHull]:
+    """Import what computes hulls: that takes a tenth of a second, and few need it.
 
-    return ConvexHull
+    scipy loses an interrupt in its import, and dies of one where it begins a hull.
+    """
+    with uninterrupted():
+        from scipy.spatial import ConvexHull
+
+    def compute(points: np.ndarray, options: str | None = None) -> ConvexHull:
+        with uninterrupted():
+            return ConvexHull(points, qhull_options=options)
+
+    return compute
 
 
 def _distances(points: np.ndarray, hull: ConvexHull) -> np.ndarray:

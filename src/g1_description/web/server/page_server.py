@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from g1_description.core.errors import PageServerError
+from g1_description.core.interrupts import uninterrupted
 
 from .address import ServerOptions, is_loopback, listen, origin
 
@@ -99,8 +100,9 @@ def _check_installed() -> None:
         PageServerError: If something is not installed.
     """
     try:
-        import trimesh  # noqa: F401
-        import viser  # noqa: F401
-        import websockets.asyncio.server  # noqa: F401  older ones have none
+        with uninterrupted():  # scipy, which they import, loses an interrupt
+            import trimesh  # noqa: F401
+            import viser  # noqa: F401
+            import websockets.asyncio.server  # noqa: F401  older ones have none
     except ImportError as error:
         raise PageServerError(MISSING.format(error.name or "viser")) from None
