@@ -69,6 +69,24 @@ def refused(*arguments, **options):
     return line
 
 
+GREEDY = """
+import os, signal
+try:
+    os.kill(os.getpid(), signal.SIGINT)
+except:
+    pass
+raise ModuleNotFoundError("No module named 'trimesh'", name="trimesh")
+"""
+"""A module that catches everything while it is imported, as some of scipy's do."""
+
+
+def test_an_interrupt_of_its_imports_is_not_lost(tmp_path):
+    (tmp_path / "trimesh.py").write_text(GREEDY)
+    with command("--model", ROBOT, "--port", 0, path=tmp_path) as process:
+        output, errors = process.communicate(timeout=DEADLINE)
+    assert (process.returncode, output, errors) == (0, "", "")
+
+
 def test_without_viser_it_says_how_to_get_it(tmp_path):
     (tmp_path / "viser").mkdir()
     (tmp_path / "viser" / "__init__.py").write_text(
