@@ -57,6 +57,19 @@ shutdown.join()
 print(called.is_set())
 """
 """Wants to hear of the end after that has begun."""
+TWICE = """
+import os, signal, threading, rospy
+from g1_description.ros.node.lifecycle import start_node
+
+start_node("twice")
+answers = next(t for t in threading.enumerate() if t.name.startswith("Thread-1"))
+os.kill(os.getpid(), signal.SIGINT)
+rospy.spin()
+answers.join()
+os.kill(os.getpid(), signal.SIGINT)
+print("ended")
+"""
+"""Is interrupted again after it has ended as a node."""
 
 
 def start(*words):
@@ -130,6 +143,15 @@ class TestInterrupts(unittest.TestCase):
             text=True,
         )
         self.assertEqual(done.stdout, "True\n")
+
+    def test_a_second_signal_is_as_quiet(self):
+        done = subprocess.run(
+            [sys.executable, "-c", TWICE],
+            capture_output=True,
+            timeout=TIMEOUT,
+            text=True,
+        )
+        self.assertEqual((done.stdout, done.stderr), ("ended\n", ""))
 
     def test_pose(self):
         self.interrupt("pose", "squat", "--seconds", "0.5")

@@ -58,8 +58,10 @@ def start_node(name: str, **options) -> None:
 
     thread = threading.Thread(target=end, daemon=True)
     thread.start()
-    # Keeps both sockets, and lets the node be unregistered before the program ends.
-    atexit.register(lambda: codes and writer and thread.join(SHUTDOWN_TIMEOUT))
+    # Keeps both sockets, as a second signal is written, too; and lets the node be
+    # unregistered before the program ends.
+    sockets = reader, writer
+    atexit.register(lambda: codes and sockets and thread.join(SHUTDOWN_TIMEOUT))
     try:
         rospy.init_node(name, disable_signals=True, **options)
     except rospy.ROSInitException as error:
