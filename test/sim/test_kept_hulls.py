@@ -56,7 +56,7 @@ def test_another_process_takes_it_without_scipy(tmp_path):
     assert np.load(str(few)).tolist() == expected.tolist()
 
 
-@pytest.mark.parametrize("change", ["size", "order", "tolerance", "the type"])
+@pytest.mark.parametrize("change", ["size", "order", "tolerance", "type"])
 def test_what_is_thinned_otherwise_is_another_hull(change):
     check()
     if change == "size":

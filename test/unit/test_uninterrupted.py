@@ -9,10 +9,10 @@ import threading
 import pytest
 from waiting import DEADLINE
 
-from g1_description.core.interrupts import HELD_BACK, uninterrupted
+from g1_description.core.interrupts import ENDING_SIGNALS, uninterrupted
 
 IMPORT = """
-import os, signal, sys, threading
+import os, signal, sys
 from g1_description.core.interrupts import uninterrupted
 class Hook:
     def find_spec(self, name, path=None, target=None):
@@ -33,15 +33,15 @@ except KeyboardInterrupt:
 @pytest.fixture(name="came")
 def _came():
     came = []
-    before = {number: signal.getsignal(number) for number in HELD_BACK}
-    for number in HELD_BACK:
+    before = {number: signal.getsignal(number) for number in ENDING_SIGNALS}
+    for number in ENDING_SIGNALS:
         signal.signal(number, lambda number, _: came.append(number))
     yield came
     for number, handler in before.items():
         signal.signal(number, handler)
 
 
-@pytest.mark.parametrize("number", HELD_BACK)
+@pytest.mark.parametrize("number", ENDING_SIGNALS)
 def test_a_signal_waits(came, number):
     with uninterrupted():
         os.kill(os.getpid(), number)
@@ -53,9 +53,9 @@ def test_a_signal_waits(came, number):
 
 def test_many_signals_are_one(came):
     with uninterrupted():
-        for number in HELD_BACK:
+        for number in ENDING_SIGNALS:
             os.kill(os.getpid(), number)
-    assert came == [HELD_BACK[0]]
+    assert came == [ENDING_SIGNALS[0]]
 
 
 def test_nothing_comes_where_nothing_came(came):

@@ -7,7 +7,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-HELD_BACK = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """What ends programs: Ctrl-C, ``kill``, and a terminal that is closed."""
 
 
@@ -21,7 +21,7 @@ def uninterrupted() -> Iterator[None]:
     came: list[int] = []
     handlers = {}
     if threading.current_thread() is threading.main_thread():  # others see no signal
-        handlers = {number: signal.getsignal(number) for number in HELD_BACK}
+        handlers = {number: signal.getsignal(number) for number in ENDING_SIGNALS}
         handlers = {n: answer for n, answer in handlers.items() if callable(answer)}
     for number in handlers:
         signal.signal(number, lambda number, _: came.append(number))

@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from g1_description.core.errors import DescriptionError
+from g1_description.core.interrupts import ENDING_SIGNALS
 
 
 class Folder:
@@ -107,8 +108,7 @@ def _umask() -> int:
 @contextmanager
 def undisturbed() -> Iterator[None]:
     """Ignore signals for the moment that a few renames take."""
-    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-    former = {number: signal.signal(number, signal.SIG_IGN) for number in numbers}
+    former = {n: signal.signal(n, signal.SIG_IGN) for n in ENDING_SIGNALS}
     try:
         yield
     finally:

@@ -14,11 +14,9 @@ from contextlib import contextmanager
 import rosgraph
 import rospy
 
+from g1_description.core.interrupts import ENDING_SIGNALS
 from g1_description.ros.transport.broken_networks import mend_broken_networks
 from g1_description.ros.transport.xmlrpc_node import end_at_once
-
-SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-"""What ends a node: Ctrl-C, ``kill``, and a terminal that is closed."""
 
 SHUTDOWN_TIMEOUT = 1.8
 """Longest time from a signal to the end of the program, in [s]."""
@@ -85,7 +83,7 @@ def handle_signals(handler: Callable) -> None:
 
     ``nohup`` has its program ignore that the terminal is closed; that stays so.
     """
-    for number in SIGNALS:
+    for number in ENDING_SIGNALS:
         is_ignored = signal.getsignal(number) == signal.SIG_IGN
         if not (number == signal.SIGHUP and is_ignored):
             signal.signal(number, handler)
