@@ -11,6 +11,7 @@ from pathlib import Path
 import rosnode
 import rospy
 import rostest
+from g1_description.srv import SetRealTimeFactor
 from gazebo_msgs.msg import LinkStates
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -19,6 +20,7 @@ from support.ros_testing import (
     DEADLINE,
     Launch,
     Listener,
+    NodeLog,
     position_of,
     process_of,
     processor_time,
@@ -26,6 +28,9 @@ from support.ros_testing import (
     wait_for,
 )
 from tf2_msgs.msg import TFMessage
+
+OLD = 45.0
+"""Simulated time in [s] after which states of a new simulator seem old."""
 
 
 def has_ended(pid):
@@ -169,6 +174,23 @@ class TestLifecycle(unittest.TestCase):
         wait_for(lambda: process_of("/other/second") == second.pid, "the second")
         second.terminate()
         second.wait(DEADLINE)
+
+    def test_6_a_new_simulator_tells_its_time_before_its_states(self):
+        """robot_state_publisher complains of states 30 s older than its clock."""
+        node = "/robot_state_publisher"
+        log = NodeLog(node)
+        self.addCleanup(log.close)
+        rospy.ServiceProxy("/gazebo/set_real_time_factor", SetRealTimeFactor)(0.0)
+        wait_for(lambda: rospy.Time.now().to_sec() > OLD, "an old clock")
+        log.clear()
+        pid = wait_for(lambda: process_of("/gazebo"), "the simulator")
+        os.kill(pid, signal.SIGKILL)
+        log.wait(
+            lambda m: m.name == node and "Moved backwards in time" in m.msg,
+            "the new time",
+        )
+        told = [m.msg for m in log.messages if m.name == node]
+        self.assertFalse([line for line in told if "seconds old" in line], told)
 
     def test_7_an_interrupt_ends_the_simulator_at_once(self):
         pid = wait_for(lambda: process_of("/gazebo"), "the simulator")

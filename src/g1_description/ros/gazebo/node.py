@@ -40,7 +40,7 @@ from g1_description.sim.world import World
 from .calls import Calls
 from .parameters import GazeboParameters
 from .reconfigure import offer_physics
-from .start import make_world, spawn_robot
+from .start import count_listeners, make_world, spawn_robot
 from .stepper import Stepper
 from .topics import StateTopics
 from .tracking import TrackingTopic
@@ -73,7 +73,7 @@ class GazeboNode:
         self._calls = Calls(world.lock)
         network = parameters.enable_ros_network
         rospy.set_param("~enable_ros_network", network)
-        self._topics = StateTopics(world, parameters)
+        self._topics = StateTopics(world, parameters, count_listeners())
         self._tracking = TrackingTopic(world) if network else None
         if not network:
             return

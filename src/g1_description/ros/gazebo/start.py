@@ -1,10 +1,15 @@
-"""What the stand-in begins with: a world file and a robot."""
+"""What the stand-in begins with: a world file, a robot, and who listens already."""
 
 from __future__ import annotations
 
+import math
+import os
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
+from xmlrpc.client import ServerProxy
 
+import rosgraph
 import rospy
 
 from g1_description.core.errors import DescriptionError, InvalidValueError
@@ -15,11 +20,48 @@ from g1_description.core.robot.assembly import Assembly
 from g1_description.core.sdf.world import EMPTY_WORLD, Sdf, read_sdf
 from g1_description.core.xml import decoded
 from g1_description.ros.gazebo.services.spawn import log_hulls
+from g1_description.ros.node.slave_api import SLAVE_API_ERRORS
+from g1_description.ros.transport.broken_networks import answers_within
 from g1_description.sim.physics import GRAVITY
 from g1_description.sim.world import World
 
 from .parameters import GazeboParameters
 from .placement import place_robot
+
+LAUNCH_TIME = 1.0
+"""A node that was started at most this long before the simulator, in [s], is of the
+same launch and knows no time."""
+
+ANSWER_TIMEOUT = 0.5
+"""Longest time in [s] that a node may take to answer."""
+
+
+def count_listeners() -> int:
+    """Count the nodes that listen to /clock, if one may know an older time.
+
+    Returns:
+        How many there are; 0 if all were started with this node, or after it. Nodes
+        that do not answer are left out, those of other hosts are taken for old.
+    """
+    master = rosgraph.Master(rospy.get_name())
+    _, subscribers, _ = master.getSystemState()
+    starts = []
+    for node in dict(subscribers).get(rospy.resolve_name("/clock"), ()):
+        ignored = suppress(*SLAVE_API_ERRORS, rosgraph.MasterError)
+        with ignored, answers_within(ANSWER_TIMEOUT):
+            api = ServerProxy(master.lookupNode(node))
+            starts.append(_start_of(api.getPid(rospy.get_name())[2]))
+    is_any_old = min(starts, default=math.inf) < _start_of(os.getpid()) - LAUNCH_TIME
+    return len(starts) if is_any_old else 0
+
+
+def _start_of(process: int) -> float:
+    """Return when a process was started, in [s] of system time; 0 if it is unknown."""
+    try:
+        line = Path(f"/proc/{process}/stat").read_text(encoding="utf-8")
+    except OSError:
+        return 0.0
+    return int(line.rsplit(")", 1)[1].split()[19]) / os.sysconf("SC_CLK_TCK")
 
 
 def make_world(parameters: GazeboParameters) -> tuple[World, GazeboParameters]:

@@ -33,6 +33,10 @@ SETTLE_TIME = 0.1
 """While time stands still a change is shown this long after it, in [s] of wall time: a
 script that sets and then steps has stepped by then."""
 
+INTRODUCTION = 1.0
+"""Longest time in [s] of wall time in which listeners of an earlier simulator must have
+connected to the new /clock. Those of roscpp take up to a quarter of a second."""
+
 STALL_TIMEOUT = 0.5
 """A subscriber that takes nothing for this long is not waited for, in [s]."""
 
@@ -40,18 +44,24 @@ STALL_TIMEOUT = 0.5
 class StateTopics:
     """First the time, then the states of that time, to whom listens."""
 
-    def __init__(self, world: World, parameters: GazeboParameters) -> None:
+    def __init__(
+        self, world: World, parameters: GazeboParameters, n_listeners: int = 0
+    ) -> None:
         """Advertise the topics.
 
         Args:
             world: Whose states the messages hold.
             parameters: Which steps are published, and whether more than /clock is.
+            n_listeners: How many nodes must listen to /clock before there is more, as
+                one of them may know the time of an earlier simulator.
         """
         self._world = world
         self._parameters = parameters
         self._seq = 0
         self._clock_ns = self._sent_ns = world.time_ns
-        self._sent = self._hushed_until = self._changed = time.monotonic()
+        self._sent = self._changed = time.monotonic()
+        self._n_awaited, self._awaited_until = n_listeners, self._sent + INTRODUCTION
+        self._hushed_until = self._sent + (RESET_SILENCE if n_listeners else 0.0)
         self._is_settled = False
         self._shown: tuple[int, bytes] | None = None
         self._links, self._models = LinkStatesEncoder(), LinkStatesEncoder()
@@ -105,6 +115,8 @@ class StateTopics:
     def is_hushed(self, paused: bool) -> bool:
         """Return whether nothing may be published yet, because time has gone back.
 
+        It has, too, for those who listened to an earlier simulator.
+
         Args:
             paused: Whether time stands still: then /clock shows it at once, since it is
                 silent while a client looks, and hardly anything is on its way.
@@ -119,7 +131,23 @@ class StateTopics:
             self._publish_clock()
             self._sent_ns = self._world.time_ns
             self._hushed_until = now + RESET_SILENCE if is_heard else now
+        if self._n_awaited:
+            self._introduce(now)
         return now < self._hushed_until
+
+    def _introduce(self, now: float) -> None:
+        """Show the time to those who know an older one.
+
+        Args:
+            now: Wall time in [s].
+        """
+        if now >= self._hushed_until:
+            self._n_awaited = 0
+            return
+        self._publish_clock()
+        is_complete = self._clock.get_num_connections() >= self._n_awaited
+        if not is_complete and now < self._awaited_until:
+            self._hushed_until = now + RESET_SILENCE
 
     def change(self) -> None:
         """Note that the world may have changed while time stands still."""
