@@ -3,7 +3,6 @@
 
 import os
 import signal
-import socket
 import subprocess
 import sys
 import tempfile
@@ -19,7 +18,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from support.bridge.arm import JOINTS, URDF, arm_states, shows
 from support.bridge.process import Bridge
-from support.ros_testing import Repeated, program, wait_for
+from support.ros_testing import Repeated, free_port, program, wait_for
 from support.wire.raw_publisher import RawPublisher
 from support.wire.raw_service import Simulator
 from support.wire.raw_subscriber import RawSubscriber
@@ -36,12 +35,6 @@ QUIET = 1.5
 
 OTHERS = ("gazebo_stand_in.py", "checker.py", "web.py", "replay.py")
 """Programs of the other nodes that run for long."""
-
-
-def free_port():
-    """Find a TCP port that nobody listens on."""
-    with socket.create_server(("localhost", 0)) as listener:
-        return listener.getsockname()[1]
 
 
 class Core:

@@ -3,7 +3,6 @@
 
 import os
 import signal
-import socket
 import subprocess
 import sys
 import unittest
@@ -20,7 +19,7 @@ from gazebo_msgs.msg import LinkStates, ModelStates
 from rosgraph_msgs.msg import Clock, Log
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
-from support.ros_testing import DEADLINE, Listener, wait_for
+from support.ros_testing import DEADLINE, Listener, free_port, wait_for
 from tf2_msgs.msg import TFMessage
 
 
@@ -62,9 +61,7 @@ class TestDisplay(unittest.TestCase):
 
     def test_another_master_may_have_one(self):
         """The option -p of roslaunch is not in the environment of what it starts."""
-        with socket.socket() as free:
-            free.bind(("127.0.0.1", 0))
-            port = str(free.getsockname()[1])
+        port = str(free_port())
         launch = ("roslaunch", "-p", port, "g1_description", "display.launch")
         with subprocess.Popen([*launch, "rviz:=false"]) as other:
             master = rosgraph.Master("/test", f"http://localhost:{port}")

@@ -4,6 +4,7 @@ import socket
 import time
 
 import pytest
+from ports import free_port
 
 pytest.importorskip("rospy", reason="rospy is not there")
 pytest.importorskip("g1_description.srv", reason="no workspace is sourced")
@@ -31,9 +32,7 @@ def port():
 
 
 def test_without_a_master_it_does_not_wait(monkeypatch):
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        uri = f"http://127.0.0.1:{free.getsockname()[1]}"
+    uri = f"http://127.0.0.1:{free_port()}"
     monkeypatch.setenv("ROS_MASTER_URI", uri)
     text, duration = refused()
     assert text.startswith(f"No ROS master answers at {uri}: ")

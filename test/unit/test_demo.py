@@ -1,11 +1,11 @@
 """The demo: what it says when roslaunch refuses its arguments."""
 
 import os
-import socket
 import subprocess
 
 import pytest
 from conftest import REPOSITORY
+from ports import free_port
 
 pytest.importorskip("rospy", reason="rospy is not installed")
 
@@ -19,12 +19,9 @@ pytest.importorskip("rospy", reason="rospy is not installed")
     ],
 )
 def test_wrong_arguments_end_it_with_their_sentence_alone(argument, words):
-    with socket.socket() as taken:
-        taken.bind(("localhost", 0))
-        port = taken.getsockname()[1]
     run = subprocess.run(
         ["/usr/bin/python3", REPOSITORY / "tools" / "demo.py", argument],
-        env={**os.environ, "ROS_MASTER_URI": f"http://localhost:{port}"},
+        env={**os.environ, "ROS_MASTER_URI": f"http://localhost:{free_port()}"},
         capture_output=True,
         text=True,
     )

@@ -112,6 +112,7 @@ def test_a_wrong_argument_ends_the_launch_with_a_sentence(argument, words):
     [
         ("model:=", "model:= is empty; without it, /"),
         ("physics:=", "physics:= is empty; without it, kinematic is taken."),
+        ("robot_name:=", "robot_name:= is empty; without it, g1_robot is taken."),
     ],
 )
 def test_an_empty_argument_ends_the_launch_with_a_sentence(argument, words):

@@ -18,6 +18,7 @@ pytest.importorskip("rospy", reason="rospy is not installed")
 pytest.importorskip("viser", reason="viser is not installed")
 
 from conftest import REPOSITORY
+from ports import free_port
 from waiting import wait_for
 
 from g1_description.ros.apps.web.options import parse
@@ -162,9 +163,7 @@ def test_it_ends_as_quietly_while_it_tells_its_address(number):
         while True:
             os.write(writer, bytes(1))
     os.set_blocking(writer, True)
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
+    port = free_port()
     with command("--model", ROBOT, "--port", port, stdout=writer) as process:
         os.close(writer)
         wait_for(lambda: answers(port), "the page", DEADLINE)
