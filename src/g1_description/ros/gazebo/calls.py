@@ -9,6 +9,8 @@ from concurrent.futures import CancelledError, Future
 
 import rospy
 
+from g1_description.ros.transport.prompt_service import Callers
+
 MAX_PENDING = 100
 """Pending calls above which a subscriber's thread waits for its message's turn."""
 
@@ -27,6 +29,8 @@ class Calls:
             lock: Held while the world changes.
         """
         self._lock = lock
+        self.callers = Callers()
+        """Of services, whose callbacks run in their threads."""
         # Not a SimpleQueue: a signal during its get() can make it wait for ever.
         self._queue: queue.Queue = queue.Queue()
         self._is_over = False
@@ -68,12 +72,18 @@ class Calls:
             if self._is_over:
                 self.cancel()
             try:
-                result = call.result()
-                return result.result() if isinstance(result, Future) else result
+                result = self._result(call)
+                return self._result(result) if isinstance(result, Future) else result
             except CancelledError:
                 raise rospy.ServiceException("the simulator is shutting down") from None
 
         return handler
+
+    def _result(self, call: Future):
+        """Wait for the loop; whatever comes of it, the caller is on its way again."""
+        call.add_done_callback(lambda _: self.callers.begin())
+        self.callers.end()
+        return call.result()
 
     def later_in_the_loop(self, act):
         """Make a callback that lets the loop act, and waits only where much waits.
