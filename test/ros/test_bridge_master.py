@@ -18,11 +18,12 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from support.bridge.arm import JOINTS, URDF, arm_states, shows
 from support.bridge.process import Bridge
-from support.ros_testing import Repeated, free_port, program, wait_for
+from support.ros_testing import Repeated, program, wait_for
 from support.wire.raw_publisher import RawPublisher
 from support.wire.raw_service import Simulator
 from support.wire.raw_subscriber import RawSubscriber
 
+from ports import free_port
 from tcpros import body_of
 
 AWAY = 500

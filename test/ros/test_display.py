@@ -19,8 +19,10 @@ from gazebo_msgs.msg import LinkStates, ModelStates
 from rosgraph_msgs.msg import Clock, Log
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
-from support.ros_testing import DEADLINE, Listener, free_port, wait_for
+from support.ros_testing import DEADLINE, Listener, wait_for
 from tf2_msgs.msg import TFMessage
+
+from ports import free_port
 
 
 def matrix_of(buffer, frame):

@@ -1,5 +1,7 @@
 """Which calls of clients wait for the simulator's loop, and for what else."""
 
+import itertools
+import socket
 import threading
 import time
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -10,10 +12,15 @@ from waiting import wait_for
 pytest.importorskip("rospy", reason="rospy is not installed")
 
 import rospy
+from rospy.impl.tcpros_base import TCPROSTransport
+from rospy.impl.tcpros_service import TCPROSServiceClient
+from std_srvs.srv import SetBool, SetBoolRequest
 
 from g1_description.ros.gazebo.calls import Calls
+from g1_description.ros.transport.prompt_service import PromptService
 
 DEADLINE = 60.0
+NUMBERS = itertools.count()
 
 
 @pytest.fixture
@@ -77,59 +84,80 @@ def test_nobody_waits_for_a_loop_that_is_over(calls, client):
             answer.result(DEADLINE)
 
 
-def test_the_loop_lets_a_caller_finish_that_has_its_answer(calls, client):
-    """A step would keep it from answering until the step is over."""
-    change = calls.serve("set_model_state", double)
-    is_sent = threading.Event()
+@pytest.fixture
+def request_of(calls):
+    """Send a request to a service of rospy's, through a pair of sockets."""
+    here, there = socket.socketpair()
 
-    def answer_a_client():
-        calls.callers.begin()
-        change(21)
-        is_sent.wait(DEADLINE)
-        calls.callers.end()
+    def send(handler):
+        name = f"served_{next(NUMBERS)}"  # rospy keeps names for ever
+        service = PromptService(name, SetBool, handler, calls.callers)
+        server = TCPROSTransport(service.protocol, name)
+        server.set_socket(there, "client")
+        arguments = server, {"persistent": "1"}
+        threading.Thread(target=service.handle, args=arguments, daemon=True).start()
+        client = TCPROSTransport(TCPROSServiceClient(name, SetBool), name)
+        client.set_socket(here, "server")
+        client.send_message(SetBoolRequest(True), 0)
+        return client.receive_once
 
-    caller = client.submit(answer_a_client)
-    wait_for(lambda: len(calls), "a call")
-    assert (
-        duration_of(calls.callers.let_finish, DEADLINE) < 1.0
-    )  # it waits for the loop
-    assert calls.answer(0.0)
-    assert duration_of(calls.callers.let_finish, 0.2) >= 0.2
-    threading.Timer(0.2, is_sent.set).start()
-    assert 0.1 < duration_of(calls.callers.let_finish, DEADLINE) < 10.0
-    caller.result(DEADLINE)
+    with here, there:
+        yield send
+        here.shutdown(socket.SHUT_RDWR)
+
+
+def test_the_loop_lets_those_finish_who_answer(calls, request_of):
+    """A step would stop their threads until it is over."""
+    is_answering, go_on = threading.Event(), threading.Event()
+
+    def answer(_):
+        is_answering.set()
+        assert go_on.wait(DEADLINE)
+        return True, ""
+
+    answered = request_of(calls.serve("get_model_state", answer))
+    assert is_answering.wait(DEADLINE)
+    assert waits(calls, 0.2)
+    threading.Timer(0.2, go_on.set).start()
+    assert not waits(calls, DEADLINE)
+    assert answered()[0].success
 
 
 @pytest.mark.parametrize("outcome", ["answer", "error", "later", "cancelled"])
-def test_no_caller_is_counted_who_has_left(calls, client, outcome):
-    """The loop would wait for it before each step."""
+def test_the_loop_waits_for_nobody_who_waits_for_it(calls, request_of, outcome):
     later = Future()
 
     def act(_):
         if outcome == "error":
             raise ValueError(outcome)
-        return later if outcome == "later" else outcome
+        return later if outcome == "later" else (True, "")
 
-    def answer_a_client():
-        calls.callers.begin()
-        try:
-            calls.serve("step", act)(None)
-        finally:
-            calls.callers.end()
+    def prepare(request):
+        assert not waits(calls, DEADLINE)  # parsing may take a second
+        return request
 
-    caller = client.submit(answer_a_client)
+    answered = request_of(calls.serve("set_model_state", act, prepare))
     wait_for(lambda: len(calls), "a call")
+    assert not waits(calls, DEADLINE)
     if outcome == "cancelled":
         calls.cancel()
     else:
         assert calls.answer(0.0)
-    later.set_result(outcome)
-    caller.exception(DEADLINE)
-    assert duration_of(calls.callers.let_finish, DEADLINE) < 1.0
+    if outcome == "later":
+        assert not waits(calls, DEADLINE)
+    later.set_result((True, ""))
+    if outcome in ("answer", "later"):
+        assert answered()[0].success
+    else:
+        with pytest.raises(rospy.ServiceException):
+            answered()
+    assert not waits(calls, DEADLINE)
+    calls.callers.begin()  # nobody has been counted off twice
+    assert waits(calls, 0.2)
 
 
-def duration_of(act, *arguments):
-    """Give how long a call takes, in [s]."""
-    begin = time.monotonic()
-    act(*arguments)
-    return time.monotonic() - begin
+def waits(calls, seconds):
+    """Whether the loop waits for callers as long as it may."""
+    end = time.monotonic() + seconds
+    calls.callers.let_finish(end)
+    return time.monotonic() >= end

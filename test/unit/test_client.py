@@ -4,6 +4,7 @@ import socket
 import time
 
 import pytest
+
 from ports import free_port
 
 pytest.importorskip("rospy", reason="rospy is not there")

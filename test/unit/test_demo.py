@@ -5,6 +5,7 @@ import subprocess
 
 import pytest
 from conftest import REPOSITORY
+
 from ports import free_port
 
 pytest.importorskip("rospy", reason="rospy is not installed")

@@ -18,10 +18,11 @@ pytest.importorskip("rospy", reason="rospy is not installed")
 pytest.importorskip("viser", reason="viser is not installed")
 
 from conftest import REPOSITORY
-from ports import free_port
 from waiting import wait_for
 
 from g1_description.ros.apps.web.options import parse
+
+from ports import free_port
 
 sys.path.insert(0, str(REPOSITORY / "tools"))
 from page_client import PageClient

@@ -6,6 +6,7 @@ import contextlib
 import queue
 import threading
 from concurrent.futures import CancelledError, Future
+from functools import partial
 
 import rospy
 
@@ -58,7 +59,7 @@ class Calls:
 
         return handler
 
-    def in_the_loop(self, answer, prepare=lambda request: request):
+    def in_the_loop(self, answer, prepare=None):
         """Make a callback that lets the loop answer, and waits for it.
 
         Args:
@@ -67,23 +68,28 @@ class Calls:
         """
 
         def handler(request):
+            if prepare:
+                request = self._prepared(request, prepare)
             call: Future = Future()
-            self._queue.put((call, answer, prepare(request)))
+            call.add_done_callback(lambda _: self.callers.begin())
+            self._queue.put((call, answer, request))
             if self._is_over:
                 self.cancel()
+            self.callers.end()
             try:
-                result = self._result(call)
-                return self._result(result) if isinstance(result, Future) else result
+                return call.result()
             except CancelledError:
                 raise rospy.ServiceException("the simulator is shutting down") from None
 
         return handler
 
-    def _result(self, call: Future):
-        """Wait for the loop; whatever comes of it, the caller is on its way again."""
-        call.add_done_callback(lambda _: self.callers.begin())
+    def _prepared(self, request, prepare):
+        """Prepare a request, for which the loop does not wait."""
         self.callers.end()
-        return call.result()
+        try:
+            return prepare(request)
+        finally:
+            self.callers.begin()
 
     def later_in_the_loop(self, act):
         """Make a callback that lets the loop act, and waits only where much waits.
@@ -125,7 +131,10 @@ class Calls:
         except BaseException as error:  # the caller's thread raises it again
             call.set_exception(error)
         else:
-            call.set_result(result)
+            if isinstance(result, Future):
+                result.add_done_callback(partial(_hand_on, call))
+            else:
+                call.set_result(result)
         return True
 
     def cancel(self) -> None:
@@ -134,6 +143,16 @@ class Calls:
         with contextlib.suppress(queue.Empty):
             while True:
                 self._queue.get_nowait()[0].cancel()
+
+
+def _hand_on(call: Future, result: Future) -> None:
+    """Answer a call with what has come later."""
+    if result.cancelled():
+        call.cancel()
+    elif result.exception():
+        call.set_exception(result.exception())
+    else:
+        call.set_result(result.result())
 
 
 def _log_failure(call: Future) -> None:

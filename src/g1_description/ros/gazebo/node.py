@@ -41,7 +41,7 @@ from g1_description.sim.world import World
 from .calls import Calls
 from .parameters import GazeboParameters
 from .reconfigure import offer_physics
-from .start import count_listeners, make_world, spawn_robot
+from .start import find_listeners, make_world, spawn_robot
 from .stepper import Stepper
 from .topics import StateTopics
 from .tracking import TrackingTopic
@@ -77,7 +77,8 @@ class GazeboNode:
         self._calls = Calls(world.lock)
         network = parameters.enable_ros_network
         rospy.set_param("~enable_ros_network", network)
-        self._topics = StateTopics(world, parameters, count_listeners())
+        listeners = find_listeners() if network else ()
+        self._topics = StateTopics(world, parameters, listeners)
         self._tracking = TrackingTopic(world) if network else None
         if not network:
             return
@@ -194,12 +195,12 @@ class GazeboNode:
         return wanted and self._world.properties.step_ns > 0
 
     def _answer_all(self) -> None:
-        """Answer the calls that have come until now, and let callers have them."""
-        self._calls.callers.let_finish(CALLERS_TIME)
-        if len(self._calls):
-            for _ in range(len(self._calls)):
-                self._answer_one(0.0)
-            self._calls.callers.let_finish(CALLERS_TIME)
+        """Answer the calls that have come until now; let callers have the answers."""
+        end = time.monotonic() + CALLERS_TIME
+        self._calls.callers.let_finish(end)
+        for _ in range(len(self._calls)):
+            self._answer_one(0.0)
+        self._calls.callers.let_finish(end)
 
     def _answer_one(self, wait: float) -> None:
         """Wait for a call and answer it, if one comes.

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import math
 import os
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
+from urllib.parse import urlparse
 from xmlrpc.client import ServerProxy
 
 import rosgraph
+import rosgraph.network
 import rospy
 
 from g1_description.core.errors import DescriptionError, InvalidValueError
@@ -20,6 +21,7 @@ from g1_description.core.robot.assembly import Assembly
 from g1_description.core.sdf.world import EMPTY_WORLD, Sdf, read_sdf
 from g1_description.core.xml import decoded
 from g1_description.ros.gazebo.services.spawn import log_hulls
+from g1_description.ros.node.master import reachable
 from g1_description.ros.node.slave_api import SLAVE_API_ERRORS
 from g1_description.ros.transport.broken_networks import answers_within
 from g1_description.sim.physics import GRAVITY
@@ -33,35 +35,48 @@ LAUNCH_TIME = 1.0
 same launch and knows no time."""
 
 ANSWER_TIMEOUT = 0.5
-"""Longest time in [s] that a node may take to answer."""
+"""Longest time in [s] that a node may take to answer a question."""
 
 
-def count_listeners() -> int:
-    """Count the nodes that listen to /clock, if one may know an older time.
+def find_listeners() -> frozenset[str]:
+    """Find the nodes that listen to /clock, if one may know an older time.
 
     Returns:
-        How many there are; 0 if all were started with this node, or after it. Nodes
-        that do not answer are left out, those of other hosts are taken for old.
+        Names of the nodes that answer; none if all were started with this node, or
+        after it. Nodes on other hosts are taken for old.
     """
-    master = rosgraph.Master(rospy.get_name())
-    _, subscribers, _ = master.getSystemState()
-    starts = []
-    for node in dict(subscribers).get(rospy.resolve_name("/clock"), ()):
-        ignored = suppress(*SLAVE_API_ERRORS, rosgraph.MasterError)
-        with ignored, answers_within(ANSWER_TIMEOUT):
-            api = ServerProxy(master.lookupNode(node))
-            starts.append(_start_of(api.getPid(rospy.get_name())[2]))
-    is_any_old = min(starts, default=math.inf) < _start_of(os.getpid()) - LAUNCH_TIME
-    return len(starts) if is_any_old else 0
+    name, starts = rospy.get_name(), {}
+    ignored = suppress(*SLAVE_API_ERRORS, rosgraph.MasterException)
+    with ignored, answers_within(ANSWER_TIMEOUT):
+        master = rosgraph.Master(name)
+        _, subscribers, _ = master.getSystemState()
+        listeners = {*dict(subscribers).get(rospy.resolve_name("/clock"), ())} - {name}
+        for node, address in reachable(master, listeners).items():
+            with suppress(*SLAVE_API_ERRORS, TypeError, ValueError):
+                starts[node] = _start_of_node(address)
+    begin = _start_of(os.getpid()) - LAUNCH_TIME
+    is_any_old = any(start < begin for start in starts.values())
+    return frozenset(starts) if is_any_old else frozenset()
+
+
+def _start_of_node(address: str) -> float:
+    """Return when a node was started, as ``_start_of``; 0 if it is on another host."""
+    if not rosgraph.network.is_local_address(urlparse(address).hostname):
+        return 0.0
+    _, _, process = ServerProxy(address).getPid(rospy.get_name())
+    return _start_of(int(process))
 
 
 def _start_of(process: int) -> float:
-    """Return when a process was started, in [s] of system time; 0 if it is unknown."""
+    """Return when a process was started, in [s] since the system was.
+
+    It is 0 for one that is not seen, as in another container.
+    """
     try:
-        line = Path(f"/proc/{process}/stat").read_text(encoding="utf-8")
+        line = Path(f"/proc/{process}/stat").read_bytes()
     except OSError:
         return 0.0
-    return int(line.rsplit(")", 1)[1].split()[19]) / os.sysconf("SC_CLK_TCK")
+    return int(line.rsplit(b")", 1)[1].split()[19]) / os.sysconf("SC_CLK_TCK")
 
 
 def make_world(parameters: GazeboParameters) -> tuple[World, GazeboParameters]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import struct
 import time
+from collections.abc import Collection
 
 from gazebo_msgs.msg import LinkStates, ModelStates, WorldState
 from rosgraph_msgs.msg import Clock
@@ -37,6 +38,9 @@ INTRODUCTION = 1.0
 """Longest time in [s] of wall time in which listeners of an earlier simulator must have
 connected to the new /clock. Those of roscpp take up to a quarter of a second."""
 
+CLOCK_PERIOD = 0.01
+"""Time between two messages of /clock meanwhile, in [s]."""
+
 STALL_TIMEOUT = 0.5
 """A subscriber that takes nothing for this long is not waited for, in [s]."""
 
@@ -45,23 +49,27 @@ class StateTopics:
     """First the time, then the states of that time, to whom listens."""
 
     def __init__(
-        self, world: World, parameters: GazeboParameters, n_listeners: int = 0
+        self,
+        world: World,
+        parameters: GazeboParameters,
+        listeners: Collection[str] = (),
     ) -> None:
         """Advertise the topics.
 
         Args:
             world: Whose states the messages hold.
             parameters: Which steps are published, and whether more than /clock is.
-            n_listeners: How many nodes must listen to /clock before there is more, as
-                one of them may know the time of an earlier simulator.
+            listeners: Nodes that must listen to /clock before there is more, as one of
+                them may know the time of an earlier simulator.
         """
         self._world = world
         self._parameters = parameters
         self._seq = 0
         self._clock_ns = self._sent_ns = world.time_ns
         self._sent = self._changed = time.monotonic()
-        self._n_awaited, self._awaited_until = n_listeners, self._sent + INTRODUCTION
-        self._hushed_until = self._sent + (RESET_SILENCE if n_listeners else 0.0)
+        self._awaited, self._awaited_until = listeners, math.inf
+        self._hushed_until = math.inf if listeners else self._sent
+        self._introduced = self._sent
         self._is_settled = False
         self._shown: tuple[int, bytes] | None = None
         self._links, self._models = LinkStatesEncoder(), LinkStatesEncoder()
@@ -115,7 +123,8 @@ class StateTopics:
     def is_hushed(self, paused: bool) -> bool:
         """Return whether nothing may be published yet, because time has gone back.
 
-        It has, too, for those who listened to an earlier simulator.
+        It has, too, for those who listened to an earlier simulator. /clock is
+        published here, when it is its turn.
 
         Args:
             paused: Whether time stands still: then /clock shows it at once, since it is
@@ -131,23 +140,27 @@ class StateTopics:
             self._publish_clock()
             self._sent_ns = self._world.time_ns
             self._hushed_until = now + RESET_SILENCE if is_heard else now
-        if self._n_awaited:
+        if self._awaited:
             self._introduce(now)
         return now < self._hushed_until
 
     def _introduce(self, now: float) -> None:
-        """Show the time to those who know an older one.
+        """Show the time to those who know an older one, until all have it.
 
         Args:
             now: Wall time in [s].
         """
-        if now >= self._hushed_until:
-            self._n_awaited = 0
-            return
-        self._publish_clock()
-        is_complete = self._clock.get_num_connections() >= self._n_awaited
-        if not is_complete and now < self._awaited_until:
+        is_first = self._hushed_until == math.inf
+        if is_first:  # before, the node had services to advertise
+            self._awaited_until = now + INTRODUCTION
+        is_complete = all(self._clock.is_heard_by(node) for node in self._awaited)
+        if is_first or (not is_complete and now < self._awaited_until):
             self._hushed_until = now + RESET_SILENCE
+        if now >= self._hushed_until:
+            self._awaited = ()
+        elif is_first or now >= self._introduced + CLOCK_PERIOD:
+            self._introduced = now
+            self._publish_clock()
 
     def change(self) -> None:
         """Note that the world may have changed while time stands still."""

@@ -7,7 +7,7 @@ import socket
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from urllib.parse import urlparse
 
 import rosgraph
@@ -110,7 +110,7 @@ def restore_connections(state: list) -> bool:
                 addresses = master.registerSubscriber(topic, kind, uri)
                 registered = True
             elif len(publishers.get(topic, ())) > connections[topic]:
-                addresses = _addresses(master, publishers[topic])
+                addresses = [*reachable(master, publishers[topic]).values()]
             else:
                 continue
             # rospy connects to those it is not connected to.
@@ -138,18 +138,25 @@ def _register_services(master: rosgraph.Master, known: dict[str, list[str]]) -> 
     return bool(missing)
 
 
-def _addresses(master: rosgraph.Master, nodes: list[str]) -> list[str]:
+def reachable(master: rosgraph.Master, nodes: Iterable[str]) -> dict[str, str]:
     """Ask the master where nodes are; those that are gone are left out.
 
     rospy asks a node that does not answer for ever, in a thread for each time that it
     is told of it. The master does not notice that a host died, and names its nodes.
+
+    Args:
+        master: Whom to ask.
+        nodes: Their names.
+
+    Returns:
+        Addresses of their slave APIs by name.
     """
-    addresses = []
+    addresses = {}
     for node in nodes:
         with contextlib.suppress(rosgraph.MasterError, OSError):
             address = master.lookupNode(node)
             parts = urlparse(address)
             place = parts.hostname, parts.port
             socket.create_connection(place, REACH_TIMEOUT).close()
-            addresses.append(address)
+            addresses[node] = address
     return addresses

@@ -63,6 +63,14 @@ class DirectPublisher:
         """Return the number of subscribers."""
         return self._publisher.get_num_connections()
 
+    def is_heard_by(self, node: str) -> bool:
+        """Return whether a node has connected.
+
+        Args:
+            node: Its full name.
+        """
+        return self._publisher.impl.has_connection(node)
+
     def publish(self, message) -> None:
         """Send a message to all subscribers that have room, keep it for the others.
 
