@@ -44,8 +44,7 @@ Nodes written with roscpp register once with a master; for robot_state_publisher
 and RViz the tool does it again. The nodes of this package do it themselves, with
 their services. Parameters live in the master; the tool puts them into the new one.
 
-TF warnings are those of RViz: after a simulator was killed, states of the new one
-come before RViz has its clock; and from the end of a master until it knows the next
+TF warnings are those of RViz: from the end of a master until it knows the next
 one, RViz gets transforms of robot_state_publisher twice, which others do not.
 """
 
