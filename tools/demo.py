@@ -4,6 +4,7 @@ Called by tools/demo, which sets up the environment.
 """
 
 import json
+import math
 import os
 import re
 import signal
@@ -17,7 +18,13 @@ import xmlrpc.client
 from pathlib import Path
 from xml.etree import ElementTree
 
-from processes import end_processes, marked_environment, new_mark, wait_for_end
+from processes import (
+    end_processes,
+    marked_environment,
+    marked_processes,
+    new_mark,
+    wait_for_end,
+)
 
 ROOT = Path(__file__).resolve().parents[1]
 SIMULATOR = "/gazebo"
@@ -27,6 +34,9 @@ TERMINAL_CODE = re.compile("\x1b(\\][^\a]*\a|[^a-zA-Z]*[a-zA-Z])")
 WORTH_SHOWING = re.compile(r"\[ ?(WARN|ERROR|FATAL)(?!.*KDL does not support a root)")
 # Below the block of advice only these are shown, so that it stays on the screen.
 STILL_WORTH_SHOWING = re.compile(r"\[ ?(ERROR|FATAL)")
+# Longest time in [s] in which roslaunch may clean up after all the nodes.
+ALONE = 1.0
+ROSLAUNCH = re.compile(r"/roslaunch |/rosmaster ")
 NUMBER = re.compile(r"\d+")
 # Where the browser view is: its token is told nowhere else.
 ADDRESS = re.compile(r"open http://\S+|Whoever has this address .*")
@@ -153,18 +163,32 @@ class Demo:
             self.meter.kill()  # it may wait for long
         if self.roslaunch.poll() is None:
             self.interrupt()
-            wait_for_end(self.mark, 30.0)
         end_processes(self.mark)
         for reader in self.readers:
             reader.join()
         self.log.close()
 
     def interrupt(self):
-        """Interrupt roslaunch until it listens: while it starts it may lose that."""
-        while self.roslaunch.poll() is None:
-            self.roslaunch.send_signal(signal.SIGINT)
-            if self.is_ending.wait(1.0):
+        """Interrupt roslaunch until it listens, and wait until all has ended.
+
+        While it starts, it may lose an interrupt, wait ten seconds for the master that
+        it has just ended, or hang. So it has a moment once its nodes are gone.
+        """
+        now = time.monotonic()
+        end, due, alone_since = now + 30.0, now, math.inf
+        while self.roslaunch.poll() is None and now < end:
+            if now >= due and not self.is_ending.is_set():
+                self.roslaunch.send_signal(signal.SIGINT)
+                due = now + 1.0
+            time.sleep(0.05)
+            now = time.monotonic()
+            others = marked_processes(self.mark).values()
+            is_alone = all(ROSLAUNCH.search(command) for command in others)
+            alone_since = min(alone_since, now) if is_alone else math.inf
+            if now > alone_since + ALONE:
+                self.roslaunch.kill()
                 return
+        wait_for_end(self.mark, end - now)
 
     def refusal(self):
         """Give the sentence with which arguments were refused, if they were.
