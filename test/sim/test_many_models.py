@@ -72,6 +72,28 @@ def test_their_links_are_where_their_joints_bring_them(make_world):
             assert_poses_close(pose, expected[link], 1e-9)
 
 
+def test_links_that_were_placed_are_seen_late_as_they_are_seen_at_once(make_world):
+    """Where scipy has them; what is below stands still, what is above does not."""
+    world = make_world("limp")
+    model = throw(world, "arm", 0)
+    world.run(0.2)
+    before = np.array(model.twists)
+    world.set_joint_positions("arm", {"slide": 0.2})
+    for count in range(2000):  # nobody looks at the links until all are done
+        world.set_joint_positions("arm", {"turn": 1e-3 * count})
+    placed = dict(zip(model.joint_names, model.position))
+    assert placed["slide"] == 0.2 and placed["turn"] == 1.999
+    twists = np.array(model.twists)
+    expected = forward_kinematics(ARM, model.root_poses[0], placed)
+    for row, link in enumerate(model.link_names):
+        assert_poses_close(model.poses[row], expected[link], 1e-9)
+        moves = link in ("base", "upper")
+        np.testing.assert_array_equal(twists[row], before[row] if moves else 0.0)
+    world.set_joint_positions("arm", {"hinge": 0.5})
+    np.testing.assert_array_equal(model.twists[0], before[0])
+    assert not model.twists[1:].any()
+
+
 def processor_time(world, steps=100):
     """Give the least that some steps cost, in [s]."""
     spent = []
