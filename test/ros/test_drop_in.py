@@ -23,6 +23,7 @@ import rostest
 import tf2_ros
 from gazebo_msgs.msg import ModelStates
 from gazebo_msgs.srv import GetWorldProperties
+from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
 from support.burners import Burners
@@ -185,6 +186,7 @@ class TestDropIn(unittest.TestCase):
 
     @unittest.skipUnless(LAUNCH.exists(), f"{LAUNCH.name} is not there")
     @unittest.skipUnless(NODE.exists(), f"{NODE.name} is not there")
+    @unittest.skipUnless(hasattr(Rotation, "magnitude"), "that node needs scipy 1.4")
     def test_the_launch_file_of_someone_else_with_its_own_node(self):
         self.launch(self.copy(NODE))
         self.check_that_it_runs(0.79)

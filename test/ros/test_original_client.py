@@ -7,6 +7,7 @@ import unittest
 
 import rospy
 import rostest
+from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 from support.ros_testing import DEADLINE, SHARED, Listener, wait_for
 
@@ -14,6 +15,7 @@ CLIENT = SHARED / "clients" / "link_states_bridge_original.py"
 
 
 @unittest.skipUnless(CLIENT.exists(), f"{CLIENT.name} is not there")
+@unittest.skipUnless(hasattr(Rotation, "magnitude"), "that node needs scipy 1.4")
 class TestOriginalClient(unittest.TestCase):
     def test_it_publishes_29_joints_and_its_commands_are_obeyed(self):
         client = subprocess.Popen([sys.executable, str(CLIENT)])

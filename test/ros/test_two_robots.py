@@ -52,7 +52,7 @@ class TestTwoRobots(unittest.TestCase):
         commands.publish(JointState(name=[ELBOW], position=[0.5]))
 
         def is_at(position):
-            return lambda m: position_of(m, ELBOW) == position
+            return lambda m: abs(position_of(m, ELBOW) - position) < 1e-12
 
         states["left"].wait(is_at(0.5), "a bent elbow")
         states["right"].clear()
