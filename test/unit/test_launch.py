@@ -35,11 +35,11 @@ def roslaunch(option, *arguments, file="display.launch", **environment):
     return run_script(FOUND, *words, environment={**os.environ, **environment})
 
 
-def started(option, *arguments):
-    """Start roslaunch itself: empty arguments are read off its command line."""
+def started(option, *arguments, cwd=None):
+    """Start roslaunch itself, whose command line is read."""
     words = ["roslaunch", *option.split(), "g1_description", "display.launch"]
     return subprocess.run(
-        [*words, *arguments], capture_output=True, text=True, check=False
+        [*words, *arguments], capture_output=True, text=True, check=False, cwd=cwd
     )
 
 
@@ -113,10 +113,38 @@ def test_a_wrong_argument_ends_the_launch_with_a_sentence(argument, words):
         ("model:=", "model:= is empty; without it, /"),
         ("physics:=", "physics:= is empty; without it, kinematic is taken."),
         ("robot_name:=", "robot_name:= is empty; without it, g1_robot is taken."),
+        ("trails:=pelvs", "trails has pelvs, which no robot has; there are pelvis,"),
+        ("port:=99999", "port is '99999'; it is a whole number from 0 to 65535."),
+        ("motors:=my.yaml", "motors is 'my.yaml', which is no full path."),
+        ("thresholds:=/nowhere.yaml", "no file /nowhere.yaml, which thresholds names."),
+        ("rvizconfig:=/nowhere.rviz", "no file /nowhere.rviz, which rvizconfig names."),
     ],
 )
-def test_an_empty_argument_ends_the_launch_with_a_sentence(argument, words):
+def test_what_is_on_the_command_line_alone_is_checked_too(argument, words):
     assert_refused(started("--nodes", argument), words)
+
+
+def test_a_relative_file_is_told_with_its_full_path(tmp_path):
+    (tmp_path / "own.yaml").touch()
+    run = started("--nodes", "thresholds:=own.yaml", cwd=tmp_path)
+    assert_refused(run, f"which is no full path; {tmp_path / 'own.yaml'} is.")
+
+
+def test_arguments_of_others_launch_files_are_theirs(tmp_path):
+    file = tmp_path / "robot.launch"
+    include = '<include file="$(find g1_description)/launch/display.launch"/>'
+    file.write_text(f'<launch><arg name="port"/>{include}</launch>')
+    words = ["roslaunch", "--nodes", file, "port:=/dev/ttyUSB0"]
+    run = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert "/link_states_bridge" in run.stdout
+
+
+@pytest.mark.parametrize("name", ["display", "display_and_gazebo"])
+def test_own_launch_files_are_known_by_their_paths_too(name):
+    file = REPOSITORY / "launch" / f"{name}.launch"
+    words = ["roslaunch", "--nodes", file, "port:=-1"]
+    run = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert_refused(run, "port is '-1'; it is")
 
 
 def assert_refused(run, words):

@@ -10,6 +10,8 @@ from pathlib import Path
 from g1_description.core.errors import InvalidValueError, UnknownNameError
 from g1_description.core.text import listed, similar_first
 
+from .share import PACKAGE, share_folder
+
 PHYSICS = ("kinematic", "hold", "limp")
 
 CHOICES = {"sim": ("standin", "gazebo"), "physics": PHYSICS}
@@ -20,6 +22,11 @@ FLAGS = ("fixed_base", "paused", "use_sim_time")
 
 NUMBERS = ("x", "y", "z", "R", "P", "Y", "rate")
 """Arguments that are numbers; empty where they need not be given."""
+
+FILES = ("motors", "thresholds", "rvizconfig")
+"""Arguments that are files, empty where they need not be given."""
+
+MAX_PORT = 65535
 
 
 def check_arguments(given: Mapping[str, str]) -> None:
@@ -51,6 +58,14 @@ def check_arguments(given: Mapping[str, str]) -> None:
             f"rate is {given['rate']}; it is a number of states per second, at most "
             "1e6, or 0 for all there are."
         )
+    for name in FILES:
+        if given.get(name):
+            _check_file(name, Path(given[name]))
+    port = given.get("port", "0")
+    if not (port.isdecimal() and int(port) <= MAX_PORT):
+        raise InvalidValueError(
+            f"port is '{port}'; it is a whole number from 0 to {MAX_PORT}."
+        )
 
 
 def _check_number(name: str, text: str) -> None:
@@ -61,6 +76,15 @@ def _check_number(name: str, text: str) -> None:
         finite = False
     if not finite:
         raise InvalidValueError(f"{name} is '{text}', which is no finite number.")
+
+
+def _check_file(name: str, file: Path) -> None:
+    """Check that there is a file: nodes run in a folder other than roslaunch's."""
+    if not file.is_absolute():
+        near = f"; {file.resolve()} is" if file.is_file() else ""
+        raise InvalidValueError(f"{name} is '{file}', which is no full path{near}.")
+    if not file.is_file():
+        raise UnknownNameError(f"There is no file {file}, which {name} names.")
 
 
 def check_for_empty(given: Mapping[str, str], words: list[str]) -> None:
@@ -79,6 +103,25 @@ def check_for_empty(given: Mapping[str, str], words: list[str]) -> None:
     for name, value in given.items():
         if value and f"{name}:=" in words:
             raise InvalidValueError(f"{name}:= is empty; without it, {value} is taken.")
+
+
+def given_to_own_file(words: list[str]) -> dict[str, str]:
+    """Return the arguments that roslaunch gives to a launch file of this package.
+
+    In other files an argument of the same name may be anything.
+
+    Args:
+        words: The command line of roslaunch.
+
+    Returns:
+        Values by name, without those that are empty.
+    """
+    own = share_folder() / "launch"
+    files = (Path(word) for word in words if word.endswith(".launch"))
+    if PACKAGE not in words and own not in (file.resolve().parent for file in files):
+        return {}
+    pairs = (word.partition(":=") for word in words)
+    return {name: value for name, equals, value in pairs if equals and value}
 
 
 def words_of_parent() -> list[str]:

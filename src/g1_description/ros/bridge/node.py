@@ -28,7 +28,7 @@ from tf2_msgs.msg import TFMessage
 from g1_description.core.bridge.estimator import JointStateEstimator
 from g1_description.core.bridge.stamps import RisingStamps
 from g1_description.core.errors import G1DescriptionError
-from g1_description.core.robot.description import Description
+from g1_description.core.robot.description import Description, check_trails
 from g1_description.core.text import listed
 from g1_description.ros.motion.action.controllers import Controller
 from g1_description.ros.motion.action.follow_joint_trajectory import (
@@ -37,7 +37,6 @@ from g1_description.ros.motion.action.follow_joint_trajectory import (
 )
 from g1_description.ros.motion.map_frame import MapFrame
 from g1_description.ros.motion.topics import MotionTopics
-from g1_description.ros.motion.trails import check_trails
 from g1_description.ros.node.lifecycle import quiet_when_closing, start_node
 from g1_description.ros.node.parameters import read_parameters
 from g1_description.ros.node.throttled_log import SHORT_PERIOD, ThrottledLog

@@ -14,11 +14,9 @@ from geometry_msgs.msg import Point
 from visualization_msgs.msg import Marker, MarkerArray
 
 from g1_description.core.bridge.estimator import Observation
-from g1_description.core.errors import UnknownNameError
 from g1_description.core.robot.assembly import WORLD
 from g1_description.core.robot.description import Description
 from g1_description.core.robot.kinematics import Kinematics
-from g1_description.core.text import listed, similar_first
 from g1_description.ros.wire.conversions import stamp_from_ns
 
 POINT_PERIOD = 20_000_000
@@ -106,18 +104,3 @@ class Trails:
             marker.points = [Point(*point) for point in path.tolist()]
             markers.markers.append(marker)
         self._publisher.publish(markers)
-
-
-def check_trails(links: Sequence[str], robots: Sequence[Description]) -> None:
-    """Check that there is a robot with each link.
-
-    Raises:
-        UnknownNameError: If there is none.
-    """
-    names = dict.fromkeys(name for robot in robots for name in robot.link_names)
-    unknown = [link for link in links if link not in names]
-    if unknown:
-        near = listed(similar_first(unknown[0], names))
-        raise UnknownNameError(
-            f"~trails has {listed(unknown)}, which no robot has; there are {near}."
-        )

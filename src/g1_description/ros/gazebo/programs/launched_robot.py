@@ -19,11 +19,12 @@ from g1_description.core.files.absolute_urdf import read_absolute
 from g1_description.core.files.launch_arguments import (
     check_arguments,
     check_for_empty,
+    given_to_own_file,
     words_of_parent,
 )
 from g1_description.core.poses.pose import ZERO, check_pose, find_pose
 from g1_description.core.poses.store import read_poses
-from g1_description.core.robot.description import Description
+from g1_description.core.robot.description import Description, check_trails
 
 SIMULATOR = "/gazebo"
 
@@ -48,11 +49,13 @@ def launched_robot(model: str, given: dict[str, str]) -> str:
         raise InvalidValueError("model is empty; a URDF or xacro file is wanted.")
     words = words_of_parent()
     check_for_empty({"model": model, **given}, words)
+    given = {**given_to_own_file(words), **given}
     check_arguments(given)
     if "sim" in given:
         _check_for_simulator(words)
     robot = read_absolute(model)
     _check_pose(given.get("initial_pose", ZERO), robot.description)
+    check_trails(given.get("trails", "").split(), [robot.description])
     return robot.text
 
 
