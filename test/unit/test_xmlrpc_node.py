@@ -1,13 +1,18 @@
-"""The end of a node's XML-RPC server, with rospy's own threads."""
+"""Start and end of a node's XML-RPC server, with rospy's own threads."""
 
 import threading
+import time
 
 import pytest
 from rosgraph.xmlrpc import XmlRpcNode
 from rospy.impl.masterslave import ROSHandler
 from waiting import DEADLINE, wait_for
 
-from g1_description.ros.transport.xmlrpc_node import end_at_once
+from g1_description.ros.transport.xmlrpc_node import (
+    MAX_WAIT,
+    end_at_once,
+    start_at_once,
+)
 
 
 class Patient(threading.Condition):
@@ -61,3 +66,26 @@ def test_a_node_that_has_not_started_ends_as_well(node):
     node.shutdown("the test")
     assert node.is_shutdown
     node.shutdown("again")
+
+
+@pytest.fixture(name="handler")
+def _handler(monkeypatch):
+    original = ROSHandler._is_registered
+    monkeypatch.setattr(ROSHandler, "_is_registered", original)  # put back later
+    start_at_once()
+    return ROSHandler("/starts", "http://localhost:1")
+
+
+def test_a_look_waits_for_the_registration(handler):
+    """Rospy sleeps after a look in vain, however soon the registration comes."""
+    timer = threading.Timer(0.02, setattr, (handler.reg_man, "registered", True))
+    looks, begin = 1, time.monotonic()
+    timer.start()
+    while not handler._is_registered():
+        looks += 1
+    assert time.monotonic() - begin >= (looks - 1) * MAX_WAIT
+    timer.join()
+
+
+def test_a_look_in_vain_ends(handler):
+    assert not handler._is_registered()

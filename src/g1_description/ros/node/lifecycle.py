@@ -16,7 +16,7 @@ import rospy
 
 from g1_description.core.interrupts import ENDING_SIGNALS
 from g1_description.ros.transport.broken_networks import mend_broken_networks
-from g1_description.ros.transport.xmlrpc_node import end_at_once
+from g1_description.ros.transport.xmlrpc_node import end_at_once, start_at_once
 
 SHUTDOWN_TIMEOUT = 1.8
 """Longest time from a signal to the end of the program, in [s]."""
@@ -30,14 +30,15 @@ def start_node(name: str, **options) -> None:
     the interrupted call holds. Here the system writes the signal's number into a
     socket, and a thread that reads it shuts the node down.
 
-    The node's connections go on after a network was broken, and its end does not wait
-    for rospy.
+    The node's connections go on after a network was broken, and neither its start nor
+    its end waits for rospy.
 
     Args:
         name: The node's name.
         options: More for ``rospy.init_node``.
     """
     mend_broken_networks()
+    start_at_once()
     end_at_once()
     reader, writer = socket.socketpair()
     writer.setblocking(False)
