@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Callable, Tuple
 
 import numpy as np
@@ -13,7 +12,6 @@ from g1_description.core.bounds import MAX_VALUE
 from g1_description.core.errors import InvalidValueError
 from g1_description.core.motion.playlist import Setpoint
 from g1_description.core.robot.assembly import Assembly
-from g1_description.core.robot.kinematics import Kinematics
 from g1_description.core.rotation import cross, rotate
 from g1_description.core.transform import compose, inverse
 
@@ -35,43 +33,6 @@ class Report:
 
     changed: list[int] = field(default_factory=list)
     """Rows of the movable joints that were not at rest at that position already."""
-
-
-class _Placed:
-    """Links after joints were placed: those below them stand still where they are now.
-
-    Their states are computed when somebody looks, as those of a step are: while a
-    robot moves, the next step is there first.
-    """
-
-    def __init__(
-        self,
-        before: States | Callable[[], States],
-        placed: np.ndarray,
-        place: Callable[[], np.ndarray],
-        kinematics: Kinematics,
-    ) -> None:
-        """Keep what they follow from.
-
-        Args:
-            before: States of the links before.
-            placed: Which of the joints were placed, shape (n_joints,).
-            place: Computes the poses of the links, shape (n_links, 7).
-            kinematics: Of the model.
-        """
-        if isinstance(before, _Placed):  # nobody has looked in between
-            placed = placed | before._placed
-            before = before._before
-        self._before: States | Callable[[], States] = before
-        self._placed: np.ndarray = placed
-        self._place, self._kinematics = place, kinematics
-
-    def __call__(self) -> States:
-        """Compute poses and twists."""
-        before = self._before
-        twists = np.array((before() if callable(before) else before)[1])
-        twists[self._kinematics.links_below(self._placed)] = 0.0
-        return self._place(), twists
 
 
 class Model(Structure):
@@ -123,6 +84,7 @@ class Model(Structure):
         n_links = len(self.link_names)
         self._links: States | Callable[[], States]
         self._links = np.zeros((n_links, 7)), np.zeros((n_links, 6))
+        self._placed: Callable[[], States] | None = None
         self._update_links()
 
     def _initial_root_poses(self) -> np.ndarray:
@@ -238,17 +200,28 @@ class Model(Structure):
         )
 
     def _place_joints(self, rows: np.ndarray, positions: np.ndarray) -> None:
-        """Set joints, given by their rows, and stop the links below them."""
-        if self.kinematics is None:
+        """Set joints, given by their rows, and stop the links below them.
+
+        The links are placed when somebody looks: while a robot moves, the next step is
+        there first.
+        """
+        kinematics = self.kinematics
+        if kinematics is None:
             return
         self.position[rows] = positions
         self.target[rows] = positions
         self.velocity[rows] = 0.0
-        placed = np.zeros(len(self.joint_names), dtype=bool)
-        placed[rows] = True
-        now = np.array(self.root_poses), np.array(self.position)
-        place = partial(self.kinematics.link_poses, *now)
-        self._links = _Placed(self._links, placed, place, self.kinematics)
+        if self._links is self._placed:  # each would keep the one before
+            self._link_states()
+        before = self._links
+        roots, position = np.array(self.root_poses), np.array(self.position)
+
+        def placed() -> States:
+            twists = np.array((before() if callable(before) else before)[1])
+            twists[kinematics.links_below(rows)] = 0.0
+            return kinematics.link_poses(roots, position), twists
+
+        self._links = self._placed = placed
 
     def set_moving(self, wanted: Setpoint) -> None:
         """Set joints and base while they are on their way."""

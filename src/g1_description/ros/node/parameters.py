@@ -46,14 +46,20 @@ def read_parameters(kind, given=None):
     Raises:
         InvalidValueError: If one has the wrong type or is out of its range.
     """
+    own = rospy.get_param(rospy.get_name(), {})  # all of them by one call
+    found = {**(given or {}), **(own if isinstance(own, dict) else {})}
+    return _filled(kind, found)
+
+
+def _filled(kind, found):
+    """Make a dataclass of values by name; what is not among them has its default."""
     values = {}
     for field in fields(kind):
         if is_dataclass(field.default_factory):
-            values[field.name] = read_parameters(field.default_factory, given)
-            continue
-        default = (given or {}).get(field.name, field.default)
-        value = rospy.get_param(f"~{field.name}", default)
-        values[field.name] = _converted(field.name, value, field.default)
+            values[field.name] = _filled(field.default_factory, found)
+        else:
+            value = found.get(field.name, field.default)
+            values[field.name] = _converted(field.name, value, field.default)
     return kind(**values)
 
 
