@@ -48,16 +48,17 @@ class TestDisplay(unittest.TestCase):
         nodes = ("/gazebo", "/link_states_bridge", "/robot_state_publisher")
         wait_for(lambda: set(nodes) <= set(rosnode.get_node_names()), f"{nodes}")
         before = [master.lookupNode(node) for node in nodes]
-        second = subprocess.run(
-            ["roslaunch", "g1_description", "display.launch", "rviz:=false"],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            timeout=DEADLINE,
-        )
-        self.assertEqual(second.returncode, 1, second.stdout)
-        told = f"A node /gazebo runs at {os.environ['ROS_MASTER_URI']} already."
-        self.assertIn(told, second.stdout)
+        for file, node in (("display", "gazebo"), ("bridge", "link_states_bridge")):
+            second = subprocess.run(
+                ["roslaunch", "g1_description", f"{file}.launch"],
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                text=True,
+                timeout=DEADLINE,
+            )
+            self.assertEqual(second.returncode, 1, second.stdout)
+            told = f"A node /{node} runs at {os.environ['ROS_MASTER_URI']} already."
+            self.assertIn(told, second.stdout)
         self.assertEqual([master.lookupNode(node) for node in nodes], before)
         self.assertTrue(all(rosnode.rosnode_ping(node, 1) for node in nodes))
 

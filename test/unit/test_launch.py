@@ -115,6 +115,9 @@ def test_a_wrong_argument_ends_the_launch_with_a_sentence(argument, words):
         ("robot_name:=", "robot_name:= is empty; without it, g1_robot is taken."),
         ("trails:=pelvs", "trails has pelvs, which no robot has; there are pelvis,"),
         ("port:=99999", "port is '99999'; it is a whole number from 0 to 65535."),
+        ("host:=203.0.113.9", "host is '203.0.113.9', where this machine cannot"),
+        ("ghost:=ja", "ghost is 'ja'; it is either true or false."),
+        ("web:=2", "web is '2'; it is either true or false."),
         ("motors:=my.yaml", "motors is 'my.yaml', which is no full path."),
         ("thresholds:=/nowhere.yaml", "no file /nowhere.yaml, which thresholds names."),
         ("rvizconfig:=/nowhere.rviz", "no file /nowhere.rviz, which rvizconfig names."),
@@ -122,6 +125,23 @@ def test_a_wrong_argument_ends_the_launch_with_a_sentence(argument, words):
 )
 def test_what_is_on_the_command_line_alone_is_checked_too(argument, words):
     assert_refused(started("--nodes", argument), words)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["base:=a b c d e f"], "base is 'a b c d e f'; it is 'X Y Z YAW PITCH ROLL'"),
+        (["base:=1,2"], "base is '1,2'; it is 'X Y Z YAW PITCH ROLL', six numbers"),
+        (["base:=0 0 1 0 0 0", "root:=pelvs"], "root is 'pelvs', but the links are p"),
+    ],
+)
+def test_a_base_of_a_view_that_is_none_is_refused(arguments, words):
+    assert_refused(roslaunch("--nodes", *arguments, file="view.launch"), words)
+
+
+def test_a_base_of_a_view_is_taken():
+    arguments = "base:=0 0 0.793 0 0 0", "rviz:=false"
+    assert "/base" in roslaunch("--nodes", *arguments, file="view.launch").stdout
 
 
 def test_a_relative_file_is_told_with_its_full_path(tmp_path):

@@ -17,8 +17,21 @@ PHYSICS = ("kinematic", "hold", "limp")
 CHOICES = {"sim": ("standin", "gazebo"), "physics": PHYSICS}
 """What there is, by argument."""
 
-FLAGS = ("fixed_base", "paused", "use_sim_time")
-"""Arguments that are true or false."""
+FLAGS = (
+    "fixed_base",
+    "paused",
+    "use_sim_time",
+    "respawn_gazebo",
+    "gui",
+    "ghost",
+    "read_only",
+    "robot_state_publisher",
+    "loop",
+    "web",
+    "checks",
+    "rviz",
+)
+"""Arguments that are true or false; roslaunch takes 1 and 0 for some of them, too."""
 
 NUMBERS = ("x", "y", "z", "R", "P", "Y", "rate")
 """Arguments that are numbers; empty where they need not be given."""
@@ -46,7 +59,7 @@ def check_arguments(given: Mapping[str, str]) -> None:
                 f"There is no {name} '{given[name]}'; there are {known}."
             )
     for name in FLAGS:
-        if given.get(name, "true").lower() not in ("true", "false"):
+        if given.get(name, "true").lower() not in ("true", "false", "1", "0"):
             raise InvalidValueError(
                 f"{name} is '{given[name]}'; it is either true or false."
             )
@@ -58,6 +71,12 @@ def check_arguments(given: Mapping[str, str]) -> None:
             f"rate is {given['rate']}; it is a number of states per second, at most "
             "1e6, or 0 for all there are."
         )
+    base = given.get("base", "").split()
+    if base and not (len(base) in (6, 7) and all(map(_is_finite, base))):
+        raise InvalidValueError(
+            f"base is '{given['base']}'; it is 'X Y Z YAW PITCH ROLL', six numbers in "
+            "[m] and [rad]."
+        )
     for name in FILES:
         if given.get(name):
             _check_file(name, Path(given[name]))
@@ -68,13 +87,17 @@ def check_arguments(given: Mapping[str, str]) -> None:
         )
 
 
+def _is_finite(text: str) -> bool:
+    """Return whether a text is a finite number."""
+    try:
+        return math.isfinite(float(text))
+    except ValueError:
+        return False
+
+
 def _check_number(name: str, text: str) -> None:
     """Check that a text is a finite number."""
-    try:
-        finite = math.isfinite(float(text))
-    except ValueError:
-        finite = False
-    if not finite:
+    if not _is_finite(text):
         raise InvalidValueError(f"{name} is '{text}', which is no finite number.")
 
 
@@ -105,6 +128,17 @@ def check_for_empty(given: Mapping[str, str], words: list[str]) -> None:
             raise InvalidValueError(f"{name}:= is empty; without it, {value} is taken.")
 
 
+def is_own_file(words: list[str]) -> bool:
+    """Return whether roslaunch was given a launch file of this package.
+
+    Args:
+        words: The command line of roslaunch.
+    """
+    own = share_folder() / "launch"
+    files = (Path(word) for word in words if word.endswith(".launch"))
+    return PACKAGE in words or own in (file.resolve().parent for file in files)
+
+
 def given_to_own_file(words: list[str]) -> dict[str, str]:
     """Return the arguments that roslaunch gives to a launch file of this package.
 
@@ -116,11 +150,7 @@ def given_to_own_file(words: list[str]) -> dict[str, str]:
     Returns:
         Values by name, without those that are empty.
     """
-    own = share_folder() / "launch"
-    files = (Path(word) for word in words if word.endswith(".launch"))
-    if PACKAGE not in words and own not in (file.resolve().parent for file in files):
-        return {}
-    pairs = (word.partition(":=") for word in words)
+    pairs = (word.partition(":=") for word in words if is_own_file(words))
     return {name: value for name, equals, value in pairs if equals and value}
 
 
