@@ -50,13 +50,16 @@ def test_a_namespace_may_be_written_as_in_a_launch_file():
 
 
 class Dying(SimpleXMLRPCRequestHandler):
-    """A master that hangs up when it is asked for a robot."""
+    """A master that hangs up when it is asked for a robot, or a node's parameters."""
 
     rpc_paths = ()
+    own = b"<string>/spawn_urdf</string>"
+    """A node's name, which is in each request; twice where it asks for all it has."""
 
     def decode_request_content(self, data):
         """Read a request, or end the connection without an answer."""
-        if b"robot_description" not in data:
+        is_for_all = b"getParam" in data and data.count(self.own) == 2
+        if b"robot_description" not in data and not is_for_all:
             return super().decode_request_content(data)
         self.close_connection = True
         return None

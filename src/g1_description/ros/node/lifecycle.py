@@ -31,7 +31,8 @@ def start_node(name: str, **options) -> None:
     socket, and a thread that reads it shuts the node down.
 
     The node's connections go on after a network was broken, and neither its start nor
-    its end waits for rospy.
+    its end waits for rospy. What it logs is in a file or a pipe at once: Python would keep
+    it back there until there is more.
 
     Args:
         name: The node's name.
@@ -40,6 +41,7 @@ def start_node(name: str, **options) -> None:
     mend_broken_networks()
     start_at_once()
     end_at_once()
+    sys.stdout.reconfigure(line_buffering=True)
     reader, writer = socket.socketpair()
     writer.setblocking(False)
     handle_signals(lambda *_: None)
