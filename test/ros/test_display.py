@@ -48,9 +48,10 @@ class TestDisplay(unittest.TestCase):
         nodes = ("/gazebo", "/link_states_bridge", "/robot_state_publisher")
         wait_for(lambda: set(nodes) <= set(rosnode.get_node_names()), f"{nodes}")
         before = [master.lookupNode(node) for node in nodes]
-        for file, node in (("display", "gazebo"), ("bridge", "link_states_bridge")):
+        bridge = ("link_states_bridge", "bridge.launch")
+        for node, *words in (("gazebo", "display.launch", "rviz:=false"), bridge):
             second = subprocess.run(
-                ["roslaunch", "g1_description", f"{file}.launch"],
+                ["roslaunch", "g1_description", *words],
                 stdout=subprocess.PIPE,
                 stderr=subprocess.STDOUT,
                 text=True,

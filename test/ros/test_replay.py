@@ -157,7 +157,7 @@ class TestReplay(unittest.TestCase):
             ("Two motions are given", (f"_motion:={MOTION}", f"_bag:={MOTION}")),
             ("elbow.csv is no bag", (f"_bag:={MOTION}", "_topic:=motion")),
             (
-                "'nothing.csv' is no full path; $PWD/nothing.csv is one.",
+                "'nothing.csv' is not an absolute path; $PWD/nothing.csv is one.",
                 ("_motion:=nothing.csv",),
             ),
             ("~speed is 0.0", (f"_motion:={MOTION}", "_speed:=0")),

@@ -3,12 +3,17 @@
 import os
 import shutil
 import subprocess
+import threading
+from contextlib import contextmanager
+from xmlrpc.server import SimpleXMLRPCServer
 
 import pytest
 from conftest import REPOSITORY
 from forked import run_script
 
-from g1_description.core.files.launch_arguments import CHOICES
+from g1_description.core.errors import InvalidValueError
+from g1_description.core.files.launch_arguments import CHOICES, given_to_own_file
+from g1_description.ros.gazebo.programs import launched_robot
 
 FOUND = shutil.which("rospack") and shutil.which("roslaunch")
 HERE = (
@@ -115,10 +120,10 @@ def test_a_wrong_argument_ends_the_launch_with_a_sentence(argument, words):
         ("robot_name:=", "robot_name:= is empty; without it, g1_robot is taken."),
         ("trails:=pelvs", "trails has pelvs, which no robot has; there are pelvis,"),
         ("port:=99999", "port is '99999'; it is a whole number from 0 to 65535."),
-        ("host:=203.0.113.9", "host is '203.0.113.9', where this machine cannot"),
         ("ghost:=ja", "ghost is 'ja'; it is either true or false."),
         ("web:=2", "web is '2'; it is either true or false."),
-        ("motors:=my.yaml", "motors is 'my.yaml', which is no full path."),
+        ("use_sim_time:=1", "use_sim_time is '1'; it is either true or false."),
+        ("motors:=my.yaml", "motors is 'my.yaml', which is not an absolute path."),
         ("thresholds:=/nowhere.yaml", "no file /nowhere.yaml, which thresholds names."),
         ("rvizconfig:=/nowhere.rviz", "no file /nowhere.rviz, which rvizconfig names."),
     ],
@@ -135,19 +140,32 @@ def test_what_is_on_the_command_line_alone_is_checked_too(argument, words):
         (["base:=0 0 1 0 0 0", "root:=pelvs"], "root is 'pelvs', but the links are p"),
     ],
 )
-def test_a_base_of_a_view_that_is_none_is_refused(arguments, words):
+def test_a_wrong_base_of_a_view_is_refused(arguments, words):
     assert_refused(roslaunch("--nodes", *arguments, file="view.launch"), words)
 
 
-def test_a_base_of_a_view_is_taken():
-    arguments = "base:=0 0 0.793 0 0 0", "rviz:=false"
+@pytest.mark.parametrize("root", ["pelvis", "left/pelvis", "/pelvis"])
+def test_a_base_of_a_view_is_taken(root):
+    arguments = "base:=0 0 0.793 0 0 0", "rviz:=false", f"root:={root}"
     assert "/base" in roslaunch("--nodes", *arguments, file="view.launch").stdout
+
+
+def test_what_roslaunch_takes_for_true_is_taken():
+    run = started("--nodes", "web:=1", "checks:=1", "ghost:=0")
+    assert "/web" in run.stdout and "/checker" in run.stdout
+
+
+def test_an_argument_that_the_file_does_not_have_is_not_checked():
+    words = ["roslaunch", "--nodes", "g1_description", "two_robots.launch"]
+    words += ["trails:=left_foo", "rviz:=false"]
+    run = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert "/left/robot_state_publisher" in run.stdout, run.stderr
 
 
 def test_a_relative_file_is_told_with_its_full_path(tmp_path):
     (tmp_path / "own.yaml").touch()
     run = started("--nodes", "thresholds:=own.yaml", cwd=tmp_path)
-    assert_refused(run, f"which is no full path; {tmp_path / 'own.yaml'} is.")
+    assert_refused(run, f"which is not an absolute path; {tmp_path / 'own.yaml'} is.")
 
 
 def test_arguments_of_others_launch_files_are_theirs(tmp_path):
@@ -159,12 +177,88 @@ def test_arguments_of_others_launch_files_are_theirs(tmp_path):
     assert "/link_states_bridge" in run.stdout
 
 
+def test_others_files_are_theirs_in_the_folder_of_our_launch_files_too(tmp_path):
+    words = ["/usr/bin/roslaunch", "my_robot", "robot.launch", "port:=/dev/ttyUSB0"]
+    with working_in(REPOSITORY / "launch"):
+        assert given_to_own_file(words) == {}
+        assert given_to_own_file([*words, "web.launch"]) == {"port": "/dev/ttyUSB0"}
+
+
 @pytest.mark.parametrize("name", ["display", "display_and_gazebo"])
 def test_own_launch_files_are_known_by_their_paths_too(name):
     file = REPOSITORY / "launch" / f"{name}.launch"
     words = ["roslaunch", "--nodes", file, "port:=-1"]
     run = subprocess.run(words, capture_output=True, text=True, check=False)
     assert_refused(run, "port is '-1'; it is")
+
+
+@contextmanager
+def working_in(folder):
+    """Work in a folder for a while."""
+    before = os.getcwd()
+    os.chdir(folder)
+    try:
+        yield
+    finally:
+        os.chdir(before)
+
+
+class Master:
+    """A master that knows some nodes, and is each of them."""
+
+    def __init__(self, uri, names):
+        self._uri, self._names = uri, names
+
+    def _dispatch(self, method, words):
+        if method == "getPid":
+            return [1, "", 1]
+        assert method == "lookupNode"
+        return [1, "", self._uri] if words[1] in self._names else [-1, "", 0]
+
+
+@pytest.fixture
+def master(monkeypatch):
+    """Run a master of nodes in two namespaces; give its address."""
+    with SimpleXMLRPCServer(("localhost", 0), logRequests=False) as server:
+        uri = f"http://localhost:{server.server_address[1]}"
+        server.register_instance(Master(uri, ["/web", "/left/checker"]))
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        monkeypatch.setenv("ROS_MASTER_URI", uri)
+        yield uri
+        server.shutdown()
+        thread.join()
+
+
+@pytest.mark.parametrize(
+    ("namespace", "node", "words", "runs"),
+    [
+        ("/", "web", ["g1_description", "web.launch"], "/web"),
+        ("/", "/web", ["my_robot", "robot.launch"], "/web"),
+        ("/left", "checker", ["g1_description", "checks.launch"], "/left/checker"),
+        ("/", "checker", ["g1_description", "checks.launch"], ""),
+        ("/left", "web", ["g1_description", "web.launch"], ""),
+        ("/", "web", ["my_robot", "robot.launch"], ""),
+        ("/", "web", ["--nodes", "g1_description", "web.launch"], ""),
+    ],
+)
+def test_a_node_that_runs_is_not_launched_again(
+    monkeypatch, master, namespace, node, words, runs
+):
+    monkeypatch.setenv("ROS_NAMESPACE", namespace)
+    words = ["/usr/bin/python3", "/usr/bin/roslaunch", *words]
+    if not runs:
+        launched_robot._check_for_node(node, words)
+        return
+    with pytest.raises(InvalidValueError, match=f"A node {runs} runs at {master} al"):
+        launched_robot._check_for_node(node, words)
+
+
+def test_a_page_beside_a_page_is_refused(master):
+    for file in ("web.launch", "view.launch"):
+        words = ["roslaunch", "g1_description", file, "web:=true", "rviz:=false"]
+        run = subprocess.run(words, capture_output=True, text=True, check=False)
+        assert f"A node /web runs at {master} already." in run.stderr
 
 
 def assert_refused(run, words):

@@ -211,8 +211,10 @@ class Model(Structure):
         self.position[rows] = positions
         self.target[rows] = positions
         self.velocity[rows] = 0.0
-        if self._links is self._placed:  # each would keep the one before
+        if self._links is self._placed:  # else they would nest, one per command
             self._link_states()
+        # These may be computed from the arrays that were just written: then they are
+        # other than before for the links below these joints alone, which are not used.
         before = self._links
         roots, position = np.array(self.root_poses), np.array(self.position)
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from xml.etree import ElementTree
 
 from g1_description.core.errors import InvalidValueError, UnknownNameError
+from g1_description.core.robot.description import Description
 from g1_description.core.text import listed, similar_first
 
 from .share import PACKAGE, share_folder
@@ -17,21 +19,11 @@ PHYSICS = ("kinematic", "hold", "limp")
 CHOICES = {"sim": ("standin", "gazebo"), "physics": PHYSICS}
 """What there is, by argument."""
 
-FLAGS = (
-    "fixed_base",
-    "paused",
-    "use_sim_time",
-    "respawn_gazebo",
-    "gui",
-    "ghost",
-    "read_only",
-    "robot_state_publisher",
-    "loop",
-    "web",
-    "checks",
-    "rviz",
-)
-"""Arguments that are true or false; roslaunch takes 1 and 0 for some of them, too."""
+FLAGS = ("fixed_base", "paused", "use_sim_time", "respawn_gazebo")
+"""Arguments that are true or false."""
+
+SWITCHES = ("ghost", "web", "read_only", "checks", "rviz", "loop")
+"""Arguments that roslaunch takes for true or false if they are 1 or 0, too."""
 
 NUMBERS = ("x", "y", "z", "R", "P", "Y", "rate")
 """Arguments that are numbers; empty where they need not be given."""
@@ -40,6 +32,7 @@ FILES = ("motors", "thresholds", "rvizconfig")
 """Arguments that are files, empty where they need not be given."""
 
 MAX_PORT = 65535
+"""The largest number of a TCP port."""
 
 
 def check_arguments(given: Mapping[str, str]) -> None:
@@ -50,7 +43,7 @@ def check_arguments(given: Mapping[str, str]) -> None:
 
     Raises:
         UnknownNameError: If something is requested that does not exist.
-        InvalidValueError: If a number is none, or what is true or false is neither.
+        InvalidValueError: If a value is none that the argument can have.
     """
     for name, choices in CHOICES.items():
         if given.get(name, choices[0]) not in choices:
@@ -58,11 +51,12 @@ def check_arguments(given: Mapping[str, str]) -> None:
             raise UnknownNameError(
                 f"There is no {name} '{given[name]}'; there are {known}."
             )
-    for name in FLAGS:
-        if given.get(name, "true").lower() not in ("true", "false", "1", "0"):
-            raise InvalidValueError(
-                f"{name} is '{given[name]}'; it is either true or false."
-            )
+    for names, words in ((FLAGS, ()), (SWITCHES, ("1", "0"))):
+        for name in names:
+            if given.get(name, "true").lower() not in ("true", "false", *words):
+                raise InvalidValueError(
+                    f"{name} is '{given[name]}'; it is either true or false."
+                )
     for name in NUMBERS:
         if given.get(name):
             _check_number(name, given[name])
@@ -71,19 +65,50 @@ def check_arguments(given: Mapping[str, str]) -> None:
             f"rate is {given['rate']}; it is a number of states per second, at most "
             "1e6, or 0 for all there are."
         )
-    base = given.get("base", "").split()
-    if base and not (len(base) in (6, 7) and all(map(_is_finite, base))):
-        raise InvalidValueError(
-            f"base is '{given['base']}'; it is 'X Y Z YAW PITCH ROLL', six numbers in "
-            "[m] and [rad]."
-        )
     for name in FILES:
         if given.get(name):
             _check_file(name, Path(given[name]))
-    port = given.get("port", "0")
-    if not (port.isdecimal() and int(port) <= MAX_PORT):
+    _check_port(given.get("port", "0"))
+    _check_base(given.get("base", ""))
+
+
+def check_trails(
+    name: str, links: Sequence[str], robots: Sequence[Description]
+) -> None:
+    """Check that each link whose path is wanted is one of a robot.
+
+    Args:
+        name: Of the argument or parameter that has the links.
+        links: The links.
+        robots: The robots.
+
+    Raises:
+        UnknownNameError: If a link is none of theirs.
+    """
+    names = dict.fromkeys(link for robot in robots for link in robot.link_names)
+    unknown = [link for link in links if link not in names]
+    if unknown:
+        near = listed(similar_first(unknown[0], names))
+        raise UnknownNameError(
+            f"{name} has {listed(unknown)}, which no robot has; there are {near}."
+        )
+
+
+def _check_port(text: str) -> None:
+    """Check that a text is the number of a port."""
+    if not (text.isdecimal() and int(text) <= MAX_PORT):
         raise InvalidValueError(
-            f"port is '{port}'; it is a whole number from 0 to {MAX_PORT}."
+            f"port is '{text}'; it is a whole number from 0 to {MAX_PORT}."
+        )
+
+
+def _check_base(text: str) -> None:
+    """Check that a text is a place, as static_transform_publisher of tf takes it."""
+    words = text.split()
+    if words and not (len(words) in (6, 7) and all(map(_is_finite, words))):
+        raise InvalidValueError(
+            f"base is '{text}'; it is 'X Y Z YAW PITCH ROLL', six numbers in [m] and "
+            "[rad], or seven with a quaternion."
         )
 
 
@@ -105,7 +130,9 @@ def _check_file(name: str, file: Path) -> None:
     """Check that there is a file: nodes run in a folder other than roslaunch's."""
     if not file.is_absolute():
         near = f"; {file.resolve()} is" if file.is_file() else ""
-        raise InvalidValueError(f"{name} is '{file}', which is no full path{near}.")
+        raise InvalidValueError(
+            f"{name} is '{file}', which is not an absolute path{near}."
+        )
     if not file.is_file():
         raise UnknownNameError(f"There is no file {file}, which {name} names.")
 
@@ -128,15 +155,22 @@ def check_for_empty(given: Mapping[str, str], words: list[str]) -> None:
             raise InvalidValueError(f"{name}:= is empty; without it, {value} is taken.")
 
 
-def is_own_file(words: list[str]) -> bool:
-    """Return whether roslaunch was given a launch file of this package.
+def own_file(words: list[str]) -> Path | None:
+    """Find the launch file of this package that roslaunch was given.
 
     Args:
         words: The command line of roslaunch.
+
+    Returns:
+        Its path; None if it was given others' files alone.
     """
-    own = share_folder() / "launch"
-    files = (Path(word) for word in words if word.endswith(".launch"))
-    return PACKAGE in words or own in (file.resolve().parent for file in files)
+    folder = share_folder() / "launch"
+    for word in words:
+        file = folder / word if PACKAGE in words else Path(word).resolve()
+        is_own = file.resolve().parent == folder and file.suffix == ".launch"
+        if is_own and file.is_file():
+            return file
+    return None
 
 
 def given_to_own_file(words: list[str]) -> dict[str, str]:
@@ -148,10 +182,14 @@ def given_to_own_file(words: list[str]) -> dict[str, str]:
         words: The command line of roslaunch.
 
     Returns:
-        Values by name, without those that are empty.
+        Values by name, of those arguments that the file has; without empty ones.
     """
-    pairs = (word.partition(":=") for word in words if is_own_file(words))
-    return {name: value for name, equals, value in pairs if equals and value}
+    file = own_file(words)
+    if file is None:
+        return {}
+    names = {arg.get("name") for arg in ElementTree.parse(file).iter("arg")}
+    pairs = (word.partition(":=") for word in words)
+    return {n: value for n, equals, value in pairs if equals and value and n in names}
 
 
 def words_of_parent() -> list[str]:

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-
-from g1_description.core.errors import UnknownNameError
-from g1_description.core.text import listed, similar_first
 
 from .tree import below
 
@@ -198,18 +194,3 @@ class Description:
         """Sum of the masses the file gives, in [kg]; None where it gives none."""
         masses = [link.inertial.mass for link in self.links if link.inertial]
         return sum(masses) if masses else None
-
-
-def check_trails(links: Sequence[str], robots: Sequence[Description]) -> None:
-    """Check that each link of the argument ``trails`` is one of a robot.
-
-    Raises:
-        UnknownNameError: If one is not.
-    """
-    names = dict.fromkeys(name for robot in robots for name in robot.link_names)
-    unknown = [link for link in links if link not in names]
-    if unknown:
-        near = listed(similar_first(unknown[0], names))
-        raise UnknownNameError(
-            f"trails has {listed(unknown)}, which no robot has; there are {near}."
-        )

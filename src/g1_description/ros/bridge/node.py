@@ -28,7 +28,8 @@ from tf2_msgs.msg import TFMessage
 from g1_description.core.bridge.estimator import JointStateEstimator
 from g1_description.core.bridge.stamps import RisingStamps
 from g1_description.core.errors import G1DescriptionError
-from g1_description.core.robot.description import Description, check_trails
+from g1_description.core.files.launch_arguments import check_trails
+from g1_description.core.robot.description import Description
 from g1_description.core.text import listed
 from g1_description.ros.motion.action.controllers import Controller
 from g1_description.ros.motion.action.follow_joint_trajectory import (
@@ -238,7 +239,7 @@ def main() -> None:
         parameters = read_parameters(BridgeParameters)
         robots = wait_for_descriptions(parameters.each_robot)
         controllers = [controllers_of(*robot) for robot in robots]
-        check_trails(parameters.trails.split(), [one for _, one in robots])
+        check_trails("~trails", parameters.trails.split(), [one for _, one in robots])
     except G1DescriptionError as error:
         rospy.logfatal("%s", error)
         sys.exit(1)

@@ -59,7 +59,9 @@ class CheckerParameters:
         for name in ("thresholds", "pairs"):
             file = getattr(self, name)
             if file and not Path(file).is_absolute():
-                raise InvalidValueError(f"~{name} is '{file}', which is no full path.")
+                raise InvalidValueError(
+                    f"~{name} is '{file}', which is not an absolute path."
+                )
 
     def read_thresholds(self) -> Thresholds:
         """Read the file of thresholds.

@@ -69,7 +69,7 @@ class ReplayParameters:
             raise InvalidValueError("Two motions are given, motion:= and bag:=.")
         if not Path(self.file).is_absolute():
             hint = "" if self.file.startswith("~") else f"; $PWD/{self.file} is one"
-            raise InvalidValueError(f"'{self.file}' is no full path{hint}.")
+            raise InvalidValueError(f"'{self.file}' is not an absolute path{hint}.")
         check_range(self, "fps", 0.0, 1e6)
         check_range(self, "speed", 1e-3, 1e3)
         check_range(self, "publish_rate", 0.1, 1e3)

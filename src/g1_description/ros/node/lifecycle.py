@@ -31,8 +31,8 @@ def start_node(name: str, **options) -> None:
     socket, and a thread that reads it shuts the node down.
 
     The node's connections go on after a network was broken, and neither its start nor
-    its end waits for rospy. What it logs is in a file or a pipe at once: Python would keep
-    it back there until there is more.
+    its end waits for rospy. What it logs is in a file or a pipe at once: Python would
+    keep it back there until there is more.
 
     Args:
         name: The node's name.

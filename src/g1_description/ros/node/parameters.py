@@ -46,8 +46,13 @@ def read_parameters(kind, given=None):
     Raises:
         InvalidValueError: If one has the wrong type or is out of its range.
     """
-    own = rospy.get_param(rospy.get_name(), {})  # all of them by one call
+    name = rospy.get_name()
+    own = rospy.get_param(name, {})  # all of them by one call
     found = {**(given or {}), **(own if isinstance(own, dict) else {})}
+    for field in default_parameters(kind):
+        place = rospy.resolve_name(f"~{field}")
+        if place != f"{name}/{field}" and rospy.has_param(place):  # it is remapped
+            found[field] = rospy.get_param(place)
     return _filled(kind, found)
 
 

@@ -21,12 +21,14 @@ import time
 from contextlib import suppress
 
 from rosgraph.xmlrpc import XmlRpcNode
+from rospy.core import is_shutdown
 from rospy.impl.masterslave import ROSHandler
 
 MAX_WAIT = 0.1
-"""Longest wait in [s] for the registration, then rospy looks whether to go on."""
+"""Longest wait in [s] for the registration; then rospy sleeps as long, and looks again.
+"""
 
-POLL = 0.001
+POLL = 0.005
 """Time in [s] from one look to the next."""
 
 _is_registered = getattr(ROSHandler, "_is_registered", None)
@@ -42,7 +44,7 @@ def start_at_once() -> None:
 def _wait_for_registration(handler: ROSHandler) -> bool:
     """Wait until the master knows the node; return whether it does."""
     end = time.monotonic() + MAX_WAIT
-    while not _is_registered(handler) and time.monotonic() < end:
+    while not _is_registered(handler) and not is_shutdown() and time.monotonic() < end:
         time.sleep(POLL)
     return bool(_is_registered(handler))
 

@@ -59,7 +59,7 @@ class WebParameters:
         """Check files."""
         if self.thresholds and not Path(self.thresholds).is_absolute():
             raise InvalidValueError(
-                f"~thresholds is '{self.thresholds}', which is no full path."
+                f"~thresholds is '{self.thresholds}', which is not an absolute path."
             )
 
     @property

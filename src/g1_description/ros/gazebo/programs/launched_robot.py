@@ -1,20 +1,21 @@
 """The command that a launch file loads the robot with.
 
 roslaunch runs it while it reads the file, before any node: so it checks the other
-arguments too, and that no node is there yet whose name one of the file has. Files that
-have no robot run it for these checks alone.
+arguments too, and that none of the file's nodes runs already. Files without a robot run
+it for these checks alone.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
+import posixpath
 import socket
 import sys
+from http.client import HTTPException
 from pathlib import Path
+from xml.parsers.expat import ExpatError
 from xmlrpc.client import Error, ServerProxy
-
-import rosgraph.names
 
 from g1_description.core.cli import OneSentenceParser
 from g1_description.core.errors import (
@@ -26,14 +27,23 @@ from g1_description.core.files.absolute_urdf import read_absolute
 from g1_description.core.files.launch_arguments import (
     check_arguments,
     check_for_empty,
+    check_trails,
     given_to_own_file,
-    is_own_file,
+    own_file,
     words_of_parent,
 )
 from g1_description.core.poses.pose import ZERO, check_pose, find_pose
 from g1_description.core.poses.store import read_poses
-from g1_description.core.robot.description import Description, check_trails
+from g1_description.core.robot.description import Description
 from g1_description.core.text import listed, similar_first
+
+SWITCHED = (("web", "web"), ("checker", "checks"))
+"""Nodes that a launch file starts if an argument is true, and the arguments."""
+
+QUESTIONS = frozenset(
+    ("--nodes", "--files", "--args", "--ros-args", "--dump-params", "--find-node")
+)
+"""Options of roslaunch with which it starts nothing."""
 
 TIMEOUT = 2.0
 """Longest wait in [s] for an answer of the master, or of a node."""
@@ -60,50 +70,33 @@ def launched_robot(model: str | None, given: dict[str, str], nodes: list[str]) -
     check_for_empty({"model": model or "", **given}, words)
     given = {**given_to_own_file(words), **given}
     check_arguments(given)
-    if "host" in given:
-        _check_host(given["host"])
-    for node in nodes:
+    for node in (*nodes, *(n for n, switch in SWITCHED if _is_on(given.get(switch)))):
         _check_for_node(node, words)
     if model is None:
         return ""
     robot = read_absolute(model)
     _check_pose(given.get("initial_pose", ZERO), robot.description)
-    check_trails(given.get("trails", "").split(), [robot.description])
-    root = given.get("root")
-    if given.get("base") and root not in robot.description.link_names:
-        raise UnknownNameError(
-            f"root is '{root}', but the links are "
-            f"{listed(similar_first(str(root), robot.description.link_names))}."
-        )
+    check_trails("trails", given.get("trails", "").split(), [robot.description])
+    if given.get("base"):
+        _check_root(given.get("root", ""), robot.description)
     return robot.text
-
-
-def _check_host(host: str) -> None:
-    """Check that the browser view can listen there."""
-    try:
-        address = socket.getaddrinfo(host, 0, type=socket.SOCK_STREAM)[0]
-        with socket.socket(address[0], socket.SOCK_STREAM) as listener:
-            listener.bind(address[4])
-    except OSError as error:
-        raise InvalidValueError(
-            f"host is '{host}', where this machine cannot listen: {error}."
-        ) from error
 
 
 def _check_for_node(name: str, words: list[str]) -> None:
     """Check that a node does not run yet: the master would end it, and others with it.
 
     Args:
-        name: Its name. What is no full name may be in any namespace where the launch
-            file is not of this package, and is not looked for.
+        name: Its name. A relative one is looked up for this package's files only:
+            others may include them in any namespace.
         words: Command line of what reads the file. rostest has a master of its own, and
             so has roslaunch with the option -p.
     """
-    if not any(Path(word).name == "roslaunch" for word in words[:2]):
+    is_launched = any(Path(word).name == "roslaunch" for word in words[:2])
+    if not is_launched or QUESTIONS.intersection(words):
         return
-    if not name.startswith("/") and not is_own_file(words):
+    if not name.startswith("/") and own_file(words) is None:
         return
-    name = rosgraph.names.resolve_name(name, rosgraph.names.get_ros_namespace())
+    name = posixpath.join("/", os.environ.get("ROS_NAMESPACE", ""), name)
     options = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
     options.add_argument("-p", "--port")
     port = options.parse_known_args(words)[0].port
@@ -116,14 +109,27 @@ def _check_for_node(name: str, words: list[str]) -> None:
         if code != 1:
             return
         ServerProxy(node).getPid(caller)
-    except (OSError, ValueError, Error):  # no master, or a node that died
-        return
+    except (OSError, ValueError, Error, HTTPException, ExpatError):
+        return  # no master, or a node that died
     finally:
         socket.setdefaulttimeout(timeout)
     raise InvalidValueError(
         f"A node {name} runs at {uri} already. End it, or take a master of your own: "
         "roslaunch -p 11411."
     )
+
+
+def _is_on(switch: str | None) -> bool:
+    """Return whether an argument is true, as roslaunch writes it."""
+    return switch is not None and switch.lower() in ("true", "1")
+
+
+def _check_root(frame: str, description: Description) -> None:
+    """Check that a frame, with or without a prefix, is one of the robot's links."""
+    links, name = description.link_names, frame.rpartition("/")[2]
+    if name not in links:
+        near = listed(similar_first(name, links))
+        raise UnknownNameError(f"root is '{frame}', but the links are {near}.")
 
 
 def _check_pose(name: str, description: Description) -> None:
