@@ -6,6 +6,12 @@ import platform
 import sys
 from pathlib import Path
 
+CAUTION = (
+    "Virtual machines are up to three times slower at some hours than at others. "
+    "Ratios of one run tell more than times, and targets were set for a fast hour."
+)
+"""What to bear in mind with all figures."""
+
 
 def machine():
     """Describe the machine in a few words."""
@@ -85,7 +91,7 @@ def write_page(bench, command, file, texts):
     known = facts(bench, command)
     lines += ["| | |", "| --- | --- |"]
     lines += [f"| {name} | {fact} |" for name, fact in known.items()]
-    lines += ["", summary(bench)]
+    lines += ["", f"{summary(bench)} {CAUTION}"]
     for part in dict.fromkeys(figure.part for figure in bench.figures):
         lines += ["", f"## {part}", "", texts[part].strip(), "", *table(bench, part)]
     if bench.left_out:
