@@ -41,7 +41,8 @@ def start_node(name: str, **options) -> None:
     mend_broken_networks()
     start_at_once()
     end_at_once()
-    sys.stdout.reconfigure(line_buffering=True)
+    for stream in sys.stdout, sys.stderr:  # Python 3.8 holds back errors, too
+        stream.reconfigure(line_buffering=True)
     reader, writer = socket.socketpair()
     writer.setblocking(False)
     handle_signals(lambda *_: None)
