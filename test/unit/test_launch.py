@@ -4,7 +4,6 @@ import os
 import shutil
 import subprocess
 import threading
-from contextlib import contextmanager
 from xmlrpc.server import SimpleXMLRPCServer
 
 import pytest
@@ -40,11 +39,16 @@ def roslaunch(option, *arguments, file="display.launch", **environment):
     return run_script(FOUND, *words, environment={**os.environ, **environment})
 
 
-def started(option, *arguments, cwd=None):
-    """Start roslaunch itself, whose command line is read."""
-    words = ["roslaunch", *option.split(), "g1_description", "display.launch"]
+def started(option, *arguments, **options):
+    """Start roslaunch itself with the display; its command line is read."""
+    words = [*option.split(), "g1_description", "display.launch", *arguments]
+    return roslaunch_itself(*words, **options)
+
+
+def roslaunch_itself(*words, cwd=None):
+    """Start roslaunch itself with any words."""
     return subprocess.run(
-        [*words, *arguments], capture_output=True, text=True, check=False, cwd=cwd
+        ["roslaunch", *words], capture_output=True, text=True, check=False, cwd=cwd
     )
 
 
@@ -156,9 +160,8 @@ def test_what_roslaunch_takes_for_true_is_taken():
 
 
 def test_an_argument_that_the_file_does_not_have_is_not_checked():
-    words = ["roslaunch", "--nodes", "g1_description", "two_robots.launch"]
-    words += ["trails:=left_foo", "rviz:=false"]
-    run = subprocess.run(words, capture_output=True, text=True, check=False)
+    words = ("g1_description", "two_robots.launch", "trails:=left_foo", "rviz:=false")
+    run = roslaunch_itself("--nodes", *words)
     assert "/left/robot_state_publisher" in run.stdout, run.stderr
 
 
@@ -172,35 +175,21 @@ def test_arguments_of_others_launch_files_are_theirs(tmp_path):
     file = tmp_path / "robot.launch"
     include = '<include file="$(find g1_description)/launch/display.launch"/>'
     file.write_text(f'<launch><arg name="port"/>{include}</launch>')
-    words = ["roslaunch", "--nodes", file, "port:=/dev/ttyUSB0"]
-    run = subprocess.run(words, capture_output=True, text=True, check=False)
+    run = roslaunch_itself("--nodes", file, "port:=/dev/ttyUSB0")
     assert "/link_states_bridge" in run.stdout
 
 
-def test_others_files_are_theirs_in_the_folder_of_our_launch_files_too(tmp_path):
+def test_others_files_are_theirs_in_the_folder_of_our_launch_files_too(monkeypatch):
     words = ["/usr/bin/roslaunch", "my_robot", "robot.launch", "port:=/dev/ttyUSB0"]
-    with working_in(REPOSITORY / "launch"):
-        assert given_to_own_file(words) == {}
-        assert given_to_own_file([*words, "web.launch"]) == {"port": "/dev/ttyUSB0"}
+    monkeypatch.chdir(REPOSITORY / "launch")
+    assert given_to_own_file(words) == {}
+    assert given_to_own_file([*words, "web.launch"]) == {"port": "/dev/ttyUSB0"}
 
 
 @pytest.mark.parametrize("name", ["display", "display_and_gazebo"])
 def test_own_launch_files_are_known_by_their_paths_too(name):
     file = REPOSITORY / "launch" / f"{name}.launch"
-    words = ["roslaunch", "--nodes", file, "port:=-1"]
-    run = subprocess.run(words, capture_output=True, text=True, check=False)
-    assert_refused(run, "port is '-1'; it is")
-
-
-@contextmanager
-def working_in(folder):
-    """Work in a folder for a while."""
-    before = os.getcwd()
-    os.chdir(folder)
-    try:
-        yield
-    finally:
-        os.chdir(before)
+    assert_refused(roslaunch_itself("--nodes", file, "port:=-1"), "port is '-1'; it is")
 
 
 class Master:
@@ -256,8 +245,8 @@ def test_a_node_that_runs_is_not_launched_again(
 
 def test_a_page_beside_a_page_is_refused(master):
     for file in ("web.launch", "view.launch"):
-        words = ["roslaunch", "g1_description", file, "web:=true", "rviz:=false"]
-        run = subprocess.run(words, capture_output=True, text=True, check=False)
+        words = ("g1_description", file, "web:=true", "rviz:=false")
+        run = roslaunch_itself(*words)
         assert f"A node /web runs at {master} already." in run.stderr
 
 

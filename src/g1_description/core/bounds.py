@@ -1,4 +1,4 @@
-"""Bounds of the numbers that a robot can have, wherever they come from."""
+"""Bounds of the numbers that a robot and a port can have, wherever they come from."""
 
 from __future__ import annotations
 
@@ -10,6 +10,9 @@ from .errors import DescriptionError
 
 MAX_VALUE = 1e9
 """Largest magnitude accepted for any length, angle, mass or speed."""
+
+MAX_PORT = 2**16 - 1
+"""The largest number of a TCP port."""
 
 NORM_TOLERANCE = 1e-3
 """Largest deviation of a unit quaternion's norm from 1."""

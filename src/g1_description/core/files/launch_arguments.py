@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from xml.etree import ElementTree
 
+from g1_description.core.bounds import MAX_PORT
 from g1_description.core.errors import InvalidValueError, UnknownNameError
 from g1_description.core.robot.description import Description
 from g1_description.core.text import listed, similar_first
@@ -19,20 +20,22 @@ PHYSICS = ("kinematic", "hold", "limp")
 CHOICES = {"sim": ("standin", "gazebo"), "physics": PHYSICS}
 """What there is, by argument."""
 
-FLAGS = ("fixed_base", "paused", "use_sim_time", "respawn_gazebo")
-"""Arguments that are true or false."""
-
-SWITCHES = ("ghost", "web", "read_only", "checks", "rviz", "loop")
-"""Arguments that roslaunch takes for true or false if they are 1 or 0, too."""
+BOOLEANS = {
+    **dict.fromkeys(
+        ("fixed_base", "paused", "use_sim_time", "respawn_gazebo"), ("true", "false")
+    ),
+    **dict.fromkeys(
+        ("ghost", "web", "read_only", "checks", "rviz", "loop"),
+        ("true", "false", "1", "0"),
+    ),
+}
+"""Arguments that are true or false, and the words that roslaunch takes for that."""
 
 NUMBERS = ("x", "y", "z", "R", "P", "Y", "rate")
 """Arguments that are numbers; empty where they need not be given."""
 
 FILES = ("motors", "thresholds", "rvizconfig")
 """Arguments that are files, empty where they need not be given."""
-
-MAX_PORT = 65535
-"""The largest number of a TCP port."""
 
 
 def check_arguments(given: Mapping[str, str]) -> None:
@@ -51,12 +54,11 @@ def check_arguments(given: Mapping[str, str]) -> None:
             raise UnknownNameError(
                 f"There is no {name} '{given[name]}'; there are {known}."
             )
-    for names, words in ((FLAGS, ()), (SWITCHES, ("1", "0"))):
-        for name in names:
-            if given.get(name, "true").lower() not in ("true", "false", *words):
-                raise InvalidValueError(
-                    f"{name} is '{given[name]}'; it is either true or false."
-                )
+    for name, words in BOOLEANS.items():
+        if given.get(name, "true").lower() not in words:
+            raise InvalidValueError(
+                f"{name} is '{given[name]}'; it is either true or false."
+            )
     for name in NUMBERS:
         if given.get(name):
             _check_number(name, given[name])

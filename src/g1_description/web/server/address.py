@@ -7,6 +7,7 @@ import ipaddress
 import socket
 from dataclasses import dataclass
 
+from g1_description.core.bounds import MAX_PORT
 from g1_description.core.errors import PageServerError, cause
 
 MAX_UPLOAD = 64 * 2**20
@@ -14,8 +15,6 @@ MAX_UPLOAD = 64 * 2**20
 
 MAX_BROWSERS = 32
 """Most pages open at once. Each costs the scene's updates, packed for it alone."""
-
-PORTS = range(2**16)
 
 
 @dataclass(frozen=True)
@@ -54,9 +53,9 @@ def listen(host: str, port: int) -> socket.socket:
     Raises:
         PageServerError: If that cannot be; it says what to do.
     """
-    if port not in PORTS:
+    if port not in range(MAX_PORT + 1):
         raise PageServerError(
-            f"the page's port is {port}, but ports are 0 to {PORTS[-1]}"
+            f"the page's port is {port}, but ports are 0 to {MAX_PORT}"
         )
     opened = None
     try:
