@@ -9,6 +9,7 @@ from scipy.spatial import ConvexHull
 
 from g1_description.core.checks.thresholds import Level, Thresholds, with_thresholds
 from g1_description.core.errors import (
+    AllowedPairsError,
     MotionError,
     ThresholdError,
     UnknownNameError,
@@ -18,6 +19,7 @@ from g1_description.core.motion.motion import Motion
 from g1_description.core.motion.trajectory import Trajectory
 from g1_description.core.rotation import from_axis_angle, multiply
 from g1_description.core.urdf.reader import parse_urdf
+from g1_description.sim.checks import robot_collisions
 from g1_description.sim.checks.checker import Checker
 from g1_description.sim.checks.robot_collisions import collisions_of
 from g1_description.sim.motion.floor import lowest_height
@@ -360,6 +362,16 @@ def test_efforts_at_the_ends_of_a_motion_are_not_invented():
     found = Motion(Trajectory(TIMES, JOINTS, positions))
     checker = Checker(ROBOT, COLLISIONS, fixed_base=True)
     assert checker.check_motion(found, ["effort"]).verdict.findings == ()
+
+
+def test_a_damaged_file_of_pairs_is_told(tmp_path, monkeypatch):
+    """Its robot is not taken for another one, whose pairs are found at random."""
+    file = tmp_path / robot_collisions.G1_PAIRS
+    file.parent.mkdir()
+    file.write_text((MODEL.parents[1] / robot_collisions.G1_PAIRS).read_text()[:2000])
+    monkeypatch.setattr(robot_collisions, "share_folder", lambda: tmp_path)
+    with pytest.raises(AllowedPairsError, match=r"config/collisions_g1\.yaml: "):
+        Checker.of(ROBOT)
 
 
 def test_a_limit_of_zero_is_unknown():

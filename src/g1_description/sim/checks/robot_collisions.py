@@ -40,13 +40,14 @@ def collisions_of(
         They, and messages on what was assumed and what could not be read.
 
     Raises:
-        AllowedPairsError: If the given file cannot be read, or is another robot's.
+        AllowedPairsError: If a file cannot be read, or the given one is another
+            robot's.
     """
     if file is not None:
         given = SelfCollisions(description, read_allowed_pairs(file), visual_hulls)
         return given, given.left_out
+    known = read_allowed_pairs(share_folder() / G1_PAIRS)
     try:
-        known = read_allowed_pairs(share_folder() / G1_PAIRS)
         own = SelfCollisions(description, known, visual_hulls)
         return own, own.left_out
     except AllowedPairsError:
