@@ -1,10 +1,14 @@
 """Files of thresholds, and what is wrong with some."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from checked import POST
 
+from g1_description import Robot
+from g1_description.core.checks import thresholds as module
 from g1_description.core.checks.thresholds import (
     Level,
     Thresholds,
@@ -15,8 +19,18 @@ from g1_description.core.errors import ThresholdError
 SHIPPED = Path(__file__).parents[2] / "config" / "checks.yaml"
 
 
-def test_the_shipped_file_holds_the_defaults():
-    assert read_thresholds(SHIPPED) == Thresholds()
+@pytest.fixture
+def defaults(tmp_path, monkeypatch):
+    """Give a folder of the package, whose file of defaults has one number."""
+    file = tmp_path / "share" / "config" / "checks.yaml"
+    file.parent.mkdir(parents=True)
+    file.write_text("position: {failure: 0.25}\n")
+    monkeypatch.setattr(module, "share_folder", lambda: tmp_path / "share")
+    return file
+
+
+def test_the_shipped_file_holds_what_the_code_has():
+    assert read_thresholds() == read_thresholds(SHIPPED) == Thresholds()
     text = SHIPPED.read_text()
     assert all(f"\n{name}:" in text for name in vars(Thresholds()))
 
@@ -28,6 +42,61 @@ def test_a_file_changes_what_it_names(tmp_path):
     assert found.position == Level(1e-6, 0.1)
     assert found.window == 0.2
     assert found.velocity == Thresholds().velocity
+
+
+def test_the_file_of_defaults_is_read(defaults, tmp_path):
+    assert read_thresholds() == replace(Thresholds(), position=Level(1e-6, 0.25))
+    own = tmp_path / "own.yaml"
+    own.write_text("position: {warning: 0.125}\nwindow: 0.2\n")
+    found = read_thresholds(own)
+    assert (found.position, found.window) == (Level(0.125, 0.25), 0.2)
+
+
+def thresholds_in_python(model):
+    """Let a program check a configuration; return the thresholds of its checks."""
+    robot = Robot(model)
+    robot.check_state({})
+    return robot._usual_checker.thresholds
+
+
+def thresholds_of_check(model):
+    check = pytest.importorskip("g1_description.ros.apps.checks.check")
+    return check.setup_of(check.parse([str(model), "--model", str(model)])).thresholds
+
+
+def thresholds_of_the_checker(model):
+    ros = pytest.importorskip("g1_description.ros.checks.parameters")
+    return ros.CheckerParameters().read_thresholds()
+
+
+def thresholds_of_the_page(model):
+    ros = pytest.importorskip("g1_description.ros.web.parameters")
+    return ros.WebParameters().read_thresholds()
+
+
+@pytest.mark.parametrize(
+    "thresholds_of",
+    [
+        thresholds_in_python,
+        thresholds_of_check,
+        thresholds_of_the_checker,
+        thresholds_of_the_page,
+    ],
+)
+def test_all_that_check_read_the_file_of_defaults(defaults, tmp_path, thresholds_of):
+    model = tmp_path / "post.urdf"
+    model.write_text(POST)
+    assert thresholds_of(model).position.failure == 0.25
+    defaults.write_text("position: {failure: x}\n")
+    with pytest.raises(ThresholdError, match=r"share/config/checks\.yaml: position"):
+        thresholds_of(model)
+
+
+def test_the_command_web_reads_the_file_of_defaults(defaults):
+    web = pytest.importorskip("g1_description.ros.apps.web.web")
+    defaults.write_text("position: {failure: x}\n")
+    with pytest.raises(ThresholdError, match=r"share/config/checks\.yaml: position"):
+        web.web(web.parse([]))
 
 
 def test_bounds_are_by_joint(tmp_path):

@@ -138,11 +138,11 @@ class RobotChecks(RobotKinematics, RobotMotions):
         if given is None and not fixed_base:
             return checker
         if given is None:
-            thresholds = Thresholds()
+            thresholds = checker.thresholds
         elif isinstance(given, Thresholds):
             thresholds = given
         elif isinstance(given, Mapping):
-            thresholds = with_thresholds(Thresholds(), given)
+            thresholds = with_thresholds(checker.thresholds, given)
         else:
             thresholds = read_thresholds(Path(given).expanduser())
         from g1_description.sim.checks.checker import Checker

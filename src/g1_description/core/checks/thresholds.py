@@ -14,7 +14,11 @@ from ruamel.yaml.constructor import DuplicateKeyError
 from ruamel.yaml.error import YAMLError
 
 from g1_description.core.errors import ThresholdError, cause
+from g1_description.core.files.share import share_folder
 from g1_description.core.text import listed, similar_first
+
+DEFAULTS = "config/checks.yaml"
+"""The default thresholds, in the package's folder."""
 
 MAX_FILE_SIZE = 1_000_000
 """No file of thresholds has more, in bytes."""
@@ -72,7 +76,10 @@ class JointBounds:
 
 @dataclass(frozen=True)
 class Thresholds:
-    """All thresholds and parameters of the checks."""
+    """All thresholds and parameters of the checks.
+
+    The values here are those of ``config/checks.yaml`` as it is shipped.
+    """
 
     position: Level = Level(1e-6, 1e-3)
     """Beyond a position limit, in [rad] or [m]."""
@@ -167,15 +174,21 @@ POSITIVE = ("window", "longest_interval")
 """Parameters that cannot be zero."""
 
 
-def read_thresholds(path: Path) -> Thresholds:
-    """Read thresholds from a YAML file.
+def read_thresholds(file: Path | None = None) -> Thresholds:
+    """Read the default thresholds, and those that a YAML file changes.
 
     Args:
-        path: The file; what it does not name stays as it is by default.
+        file: The file; by default ``config/checks.yaml`` alone counts.
 
     Raises:
-        ThresholdError: If it cannot be read, or holds something else.
+        ThresholdError: If a file cannot be read, or holds something else.
     """
+    usual = _changed_by(share_folder() / DEFAULTS, Thresholds())
+    return usual if file is None else _changed_by(file, usual)
+
+
+def _changed_by(path: Path, thresholds: Thresholds) -> Thresholds:
+    """Change the thresholds that a file names."""
     try:
         data = path.read_bytes()[: MAX_FILE_SIZE + 1]
         if len(data) > MAX_FILE_SIZE:
@@ -188,7 +201,7 @@ def read_thresholds(path: Path) -> Thresholds:
     if not isinstance(content, dict):
         raise ThresholdError(f"{path} does not hold thresholds by name.")
     try:
-        return with_thresholds(Thresholds(), content)
+        return with_thresholds(thresholds, content)
     except ThresholdError as error:
         raise ThresholdError(f"{path}: {error}") from error
 

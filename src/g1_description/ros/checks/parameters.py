@@ -64,14 +64,12 @@ class CheckerParameters:
                 )
 
     def read_thresholds(self) -> Thresholds:
-        """Read the file of thresholds.
+        """Read the thresholds.
 
         Raises:
-            ThresholdError: If it cannot be read.
+            ThresholdError: If a file cannot be read.
         """
-        if not self.thresholds:
-            return Thresholds()
-        return read_thresholds(Path(self.thresholds))
+        return read_thresholds(Path(self.thresholds) if self.thresholds else None)
 
 
 def base_frame(robot: Description, parameters: CheckerParameters) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from g1_description.core.checks.thresholds import Thresholds
+from g1_description.core.checks.thresholds import Thresholds, read_thresholds
 from g1_description.core.motion.motors import Motors
 
 
@@ -16,7 +16,7 @@ class Setup:
     urdf: str
     """Text of its description, with absolute names of its meshes."""
 
-    thresholds: Thresholds = field(default_factory=Thresholds)
+    thresholds: Thresholds = field(default_factory=read_thresholds)
 
     only: tuple[str, ...] = ()
     """Names of the checks to make; none: all."""

@@ -12,7 +12,7 @@ from g1_description.core.checks.ground.at_rest import GroundAtRest
 from g1_description.core.checks.ground.ground import Ground
 from g1_description.core.checks.robot_limits import check_bounds, zero_limits
 from g1_description.core.checks.states import States, states_of
-from g1_description.core.checks.thresholds import Thresholds
+from g1_description.core.checks.thresholds import Thresholds, read_thresholds
 from g1_description.core.checks.verdict import (
     Verdict,
     judge,
@@ -54,11 +54,11 @@ class Checker:
         Args:
             description: The robot.
             collisions: Its shapes and the pairs of links that may touch.
-            thresholds: What is a warning and what a failure.
+            thresholds: What is a warning and what a failure; None: the defaults.
             fixed_base: Whether something holds the base, so that efforts are known.
         """
         self.description = description
-        self.thresholds = thresholds or Thresholds()
+        self.thresholds = thresholds or read_thresholds()
         check_bounds(self.thresholds, description)
         self.notes = zero_limits(description)
         """Messages on what was assumed of the robot."""
@@ -97,7 +97,7 @@ class Checker:
 
         Args:
             description: The robot.
-            thresholds: What is a warning and what a failure.
+            thresholds: What is a warning and what a failure; None: the defaults.
             pairs: The file; by default that of the G1, and for a robot with other links
                 pairs that are found now.
             visual_hulls: Whether links without collision shapes have the hulls of
@@ -105,7 +105,9 @@ class Checker:
             fixed_base: Whether something holds the base, so that efforts are known.
 
         Raises:
-            AllowedPairsError: If the given file cannot be read, or is another robot's.
+            AllowedPairsError: If a file cannot be read, or the given one is another
+                robot's.
+            ThresholdError: If the file of the defaults cannot be read.
         """
         collisions, notes = collisions_of(description, pairs, visual_hulls)
         checker = cls(description, collisions, thresholds, fixed_base)

@@ -9,9 +9,8 @@ import argparse
 import sys
 from collections.abc import Collection, Iterator
 from contextlib import closing
-from pathlib import Path
 
-from g1_description.core.checks.thresholds import Thresholds, read_thresholds
+from g1_description.core.checks.thresholds import read_thresholds
 from g1_description.core.checks.verdict import FAILED
 from g1_description.core.cli import say
 from g1_description.core.errors import ClusterError, G1DescriptionError
@@ -56,7 +55,7 @@ def setup_of(args: argparse.Namespace) -> Setup:
     motors = read_motors(share / MOTORS) if args.physics else None
     return Setup(
         urdf=absolute_urdf(args.model or str(share / G1)),
-        thresholds=_thresholds(args.thresholds),
+        thresholds=read_thresholds(args.thresholds),
         only=args.only,
         pairs=args.collisions,
         visual_hulls=not args.no_visual_hulls,
@@ -67,11 +66,6 @@ def setup_of(args: argparse.Namespace) -> Setup:
         rate=args.fps,
         topic=args.topic,
     )
-
-
-def _thresholds(file: Path | None) -> Thresholds:
-    """Read the file of thresholds; without one there are defaults."""
-    return Thresholds() if file is None else read_thresholds(file)
 
 
 def check(args: argparse.Namespace) -> int:

@@ -13,7 +13,7 @@ from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
-from g1_description.core.checks.thresholds import Thresholds, read_thresholds
+from g1_description.core.checks.thresholds import read_thresholds
 from g1_description.core.cli import say
 from g1_description.core.errors import G1DescriptionError
 from g1_description.core.files.absolute_urdf import absolute_urdf
@@ -73,9 +73,7 @@ def web(args: argparse.Namespace) -> None:
     for number in (signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, signal.default_int_handler)
-    thresholds = Thresholds()
-    if args.thresholds is not None:
-        thresholds = read_thresholds(args.thresholds)
+    thresholds = read_thresholds(args.thresholds)
     world, motions = make_world(args)
     options = ServerOptions(args.host, args.port, args.read_only)
     with suppress(KeyboardInterrupt):  # that is how it ends
