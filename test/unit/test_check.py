@@ -58,33 +58,77 @@ def test_the_exit_code_says_whether_a_motion_failed(folder, capsys, reaches, cod
     assert output.count("failed, 1.00 s, 51 samples") == reaches.count(FAILS)
 
 
-def test_junk_in_a_folder_is_told_and_changes_nothing(folder, capsys):
+ACTORS = "file,actor\nwalk.csv,Jo\n"
+"""A table that no motion is."""
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "problem"),
+    [
+        ("actors.csv", ACTORS, "Line 1 names file, actor, but not time."),
+        ("gains.yaml", "knee:\n  p: 10.0\n", "Line 1 names knee:, but not time"),
+        ("joints.yml", "joint_names: [knee]\n", "The text is no JointTrajectory: "),
+    ],
+)
+def test_other_files_of_a_folder_are_told_and_change_nothing(
+    folder, capsys, name, text, problem
+):
     motions = folder / "motions"
     (motions / "deeper").mkdir(parents=True)
     write_motions(motions / "deeper", PASSES)
-    (motions / "junk.csv").write_text("a,b\n1,2\n")
+    (motions / name).write_text(text)
     (motions / "notes.txt").write_text("a motion")
     (motions / ".hidden.csv").write_text("a,b\n1,2\n")
     assert run("motions") == 0
     lines = capsys.readouterr().out.splitlines()
-    assert lines[0] == ("motions/junk.csv: not read: Line 1 names a, b, but not time.")
+    assert lines[0].startswith(f"motions/{name}: not a motion: {problem}")
     assert lines[-1] == (
-        "2 files: 1 passed, 1 not read; 1 with other endings left out."
+        "2 files: 1 passed, 1 not a motion; 1 with other endings left out."
     )
 
 
-@pytest.mark.parametrize("name", ["junk.csv", "."])
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("word.csv", "time,arm_joint\n0,0\n0.1,x\n"),
+        ("number.csv", "time,arm_joint\n0,0\n0.1,nan\n"),
+        ("cut.csv", "time,arm_joint\n0,0\n0.1\n"),
+        ("bytes.csv", "time,arm_joint\n0,\x80\n"),
+        ("empty.csv", ""),
+        ("frames.csv", "Frame,arm_joint_dof\n0,1.5\n"),
+        ("cut.npz", "PK"),
+        ("cut.bag", "#ROSBAG V2.0\n"),
+        ("cut.yaml", "joint_names: [arm_joint]\npoints:\n- positions: [0.1\n"),
+    ],
+)
+def test_a_damaged_motion_of_a_folder_is_not_checked(folder, capsys, name, text):
+    """Nor is one in a format that is not known; the exit code says so."""
+    write_motions(folder, PASSES)
+    (folder / name).write_text(text, encoding="latin-1")
+    assert run(".") == MISUSE
+    output = capsys.readouterr().out
+    assert f"{name}: not read: " in output
+    assert output.splitlines()[-1].startswith("2 files: 1 passed, 1 not read")
+
+
+def test_with_a_topic_other_files_than_bags_are_not_read(folder, capsys):
+    write_motions(folder, PASSES)
+    assert run(".", "--topic", "joint_states") == MISUSE
+    assert "motion0.csv: not read: " in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("name", ["actors.csv", "."])
 def test_what_was_meant_and_is_no_motion_is_an_error(folder, capsys, name):
     """A file that was named, or a folder without any motion."""
-    (folder / "junk.csv").write_text("a,b\n1,2\n")
+    (folder / "actors.csv").write_text(ACTORS)
     assert run(name) == MISUSE
-    assert "junk.csv: not read" in capsys.readouterr().out
+    assert "actors.csv: not a motion: " in capsys.readouterr().out
 
 
 def test_a_file_that_was_named_has_to_be_a_motion(folder, capsys):
-    (folder / "junk.csv").write_text("a,b\n1,2\n")
-    assert run(*write_motions(folder, PASSES), "junk.csv") == MISUSE
-    assert "1 passed, 1 not read" in capsys.readouterr().out
+    (folder / "actors.csv").write_text(ACTORS)
+    assert run(*write_motions(folder, PASSES), "actors.csv") == MISUSE
+    assert "1 passed, 1 not a motion" in capsys.readouterr().out
 
 
 def test_a_failure_counts_more_than_a_file_that_is_not_read(folder, capsys):

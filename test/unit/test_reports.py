@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from g1_description.core.checks.thresholds import LEVELS
 from g1_description.core.checks.verdict import Finding, Verdict, sorted_findings
-from g1_description.core.reports.outcome import Outcome, counted
+from g1_description.core.reports.outcome import NOT_READ, RESULTS, Outcome, counted
 from g1_description.core.reports.page import write_page
 from g1_description.core.reports.tables import FIGURES, csv_text, json_text
 from g1_description.core.reports.text import outcome_text, summary_text, table
@@ -59,7 +59,7 @@ def verdicts(draw):
 
 
 OUTCOMES = st.builds(Outcome, WORDS, verdicts()) | st.builds(
-    Outcome, WORDS, st.none(), WORDS, st.booleans()
+    Outcome, WORDS, st.none(), WORDS, st.sampled_from(RESULTS[3:])
 )
 
 
@@ -209,6 +209,6 @@ def test_the_last_line_counts(results, not_done, text):
     kinds = {
         "p": Outcome("a", Verdict("r")),
         "f": Outcome("a", Verdict("r", (finding(),), ("position",))),
-        "n": Outcome("a", problem="empty", is_motion=False),
+        "n": Outcome("a", problem="empty", without_verdict=NOT_READ),
     }
     assert summary_text([kinds[result] for result in results], not_done) == text

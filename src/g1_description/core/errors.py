@@ -27,6 +27,10 @@ class MotionError(G1DescriptionError):
     """A motion cannot be read, or no robot can make it."""
 
 
+class NoMotionError(MotionError):
+    """A file holds something else, such as parameters or a list of files."""
+
+
 class MotorFileError(G1DescriptionError):
     """A file of motors cannot be read, or holds something else."""
 

@@ -9,8 +9,9 @@ from dataclasses import dataclass, replace
 from g1_description.core.checks.verdict import FAILED, PASSED, WARNING, Verdict
 
 NOT_READ, NOT_CHECKED = "not read", "not checked"
+NO_MOTION = "not a motion"
 
-RESULTS = (PASSED, WARNING, FAILED, NOT_READ, NOT_CHECKED)
+RESULTS = (PASSED, WARNING, FAILED, NOT_READ, NOT_CHECKED, NO_MOTION)
 """What may become of a file."""
 
 
@@ -26,8 +27,8 @@ class Outcome:
     problem: str = ""
     """A sentence on why there is no verdict."""
 
-    is_motion: bool = True
-    """Whether the file holds a motion of the robot, as far as is known."""
+    without_verdict: str = NOT_CHECKED
+    """The result where there is no verdict."""
 
     plot: bytes = b""
     """A picture as PNG; empty where none is wanted."""
@@ -37,7 +38,7 @@ class Outcome:
         """One of ``RESULTS``."""
         if self.verdict is not None:
             return self.verdict.severity
-        return NOT_CHECKED if self.is_motion else NOT_READ
+        return self.without_verdict
 
     def without_plot(self) -> Outcome:
         """Leave the picture out."""

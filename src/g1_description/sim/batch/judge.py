@@ -8,9 +8,14 @@ from pathlib import Path
 from typing import Callable, Optional
 
 from g1_description.core.checks.verdict import Verdict
-from g1_description.core.errors import G1DescriptionError, MotionError, cause
+from g1_description.core.errors import (
+    G1DescriptionError,
+    MotionError,
+    NoMotionError,
+    cause,
+)
 from g1_description.core.motion.motion import Motion
-from g1_description.core.reports.outcome import Outcome
+from g1_description.core.reports.outcome import NO_MOTION, NOT_READ, Outcome
 from g1_description.core.robot.description import Description
 from g1_description.core.urdf.reader import parse_urdf
 from g1_description.sim.checks.checker import NAMES, Checker
@@ -78,7 +83,9 @@ class Judge:
             return read()
         except MotionError as error:
             problem = _without_name(str(error), name)
-            return Outcome(name, problem=problem, is_motion=False)
+            is_other = isinstance(error, NoMotionError)
+            result = NO_MOTION if is_other else NOT_READ
+            return Outcome(name, problem=problem, without_verdict=result)
         except Exception as error:  # whatever a library finds in a file
             return Outcome(name, problem=_mishap(error))
 

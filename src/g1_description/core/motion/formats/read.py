@@ -38,7 +38,7 @@ def read_motion(path: Path, robot: Description, rate: float | None = None) -> Mo
     try:
         return fitted(without_rate(_read(data, robot, rate), rate), robot)
     except MotionError as error:
-        raise MotionError(f"{path.name}: {error}") from error
+        raise type(error)(f"{path.name}: {error}") from error
 
 
 def without_rate(motion: Motion, rate: float | None) -> Motion:

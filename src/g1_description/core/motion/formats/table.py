@@ -17,7 +17,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from g1_description.core.errors import MotionError
+from g1_description.core.errors import MotionError, NoMotionError
 from g1_description.core.motion.motion import Motion, names_of_columns
 from g1_description.core.motion.trajectory import Trajectory
 from g1_description.core.robot.description import Description
@@ -109,7 +109,10 @@ def _headed(rows: Iterator[tuple[int, str]], number: int, names: list[str]) -> M
     missing = [name for name in wanted if name not in names]
     if missing:
         hint = "; columns are separated by commas" if len(names) == 1 else ""
-        raise MotionError(
+        # A table of numbers may be a motion in a format that is not known.
+        words = next(rows, (0, "0"))[1].split(",")
+        is_other = TIME in missing and not all(map(_is_number, words))
+        raise (NoMotionError if is_other else MotionError)(
             f"Line {number} names {listed(names)}, but not {listed(missing)}{hint}."
         )
     strange = [n for n in names if n not in (*wanted, *joints)]

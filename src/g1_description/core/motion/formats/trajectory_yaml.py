@@ -19,7 +19,7 @@ from ruamel.yaml.events import (
 )
 
 from g1_description.core.bounds import MAX_VALUE
-from g1_description.core.errors import MotionError, cause
+from g1_description.core.errors import MotionError, NoMotionError, cause
 from g1_description.core.motion.motion import Motion
 from g1_description.core.motion.trajectory import Trajectory
 
@@ -48,7 +48,7 @@ def read_trajectory_yaml(text: str) -> Motion:
         )
     message = _message(text)
     if not isinstance(message, dict) or "points" not in message:
-        raise MotionError("The text is no JointTrajectory: it has no points.")
+        raise NoMotionError("The text is no JointTrajectory: it has no points.")
     names = _list(message.get("joint_names"), "joint_names")
     if not all(type(name) is str for name in names) or len(names) > MAX_JOINTS:
         raise MotionError("The trajectory has no list of names as joint_names.")

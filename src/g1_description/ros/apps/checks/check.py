@@ -17,7 +17,12 @@ from g1_description.core.errors import ClusterError, G1DescriptionError
 from g1_description.core.files.absolute_urdf import absolute_urdf
 from g1_description.core.files.share import share_folder
 from g1_description.core.motion.motors import read_motors
-from g1_description.core.reports.outcome import NOT_CHECKED, NOT_READ, Outcome
+from g1_description.core.reports.outcome import (
+    NO_MOTION,
+    NOT_CHECKED,
+    NOT_READ,
+    Outcome,
+)
 from g1_description.core.reports.text import summary_text
 from g1_description.ros.apps.command_start import INTERRUPTED
 from g1_description.ros.motion.files.read import read_motion_file
@@ -137,11 +142,11 @@ def exit_code(outcomes: Collection[Outcome], named: Collection[str]) -> int:
     """
     if any(outcome.result == FAILED for outcome in outcomes):
         return 1
-    results = {outcome.result for outcome in outcomes}
-    is_missing = NOT_CHECKED in results or results == {NOT_READ}
-    if is_missing or any(o.result == NOT_READ and o.file in named for o in outcomes):
+    others = [outcome.file for outcome in outcomes if outcome.result == NO_MOTION]
+    if len(others) == len(outcomes) or any(file in named for file in others):
         return MISUSE
-    return 0
+    is_missing = any(o.result in (NOT_READ, NOT_CHECKED) for o in outcomes)
+    return MISUSE if is_missing else 0
 
 
 def main() -> None:

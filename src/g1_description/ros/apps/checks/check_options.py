@@ -11,7 +11,7 @@ from g1_description.sim.checks.checker import NAMES
 from g1_description.sim.checks.physics import CHECKS
 
 MISUSE = 2
-"""Exit code where the command line is wrong, or a named file cannot be checked."""
+"""Exit code where the command line is wrong, or something cannot be checked."""
 
 MAX_FPS = 1e6
 MAX_JOBS = 256
@@ -76,7 +76,8 @@ def _add_reading(made: OneSentenceParser) -> None:
     )
     made.add_argument(
         "--topic",
-        help="topic of bags with the joints; default: joint_states, or what there is",
+        help="topic of bags with the joints, other files are then not read; default: "
+        "joint_states, or what there is",
     )
 
 
