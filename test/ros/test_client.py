@@ -155,7 +155,9 @@ class TestKinematic(unittest.TestCase):
         way = ROBOT.trajectory(
             times,
             np.linspace(ROBOT.neutral, ROBOT.pose("squat"), 51),
-            base=np.linspace([0, 0, 0.9, 0, 0, 0, 1], [0.1, 0, 0.7, 0, 0, 0, 1], 51),
+            base_poses=np.linspace(
+                [0, 0, 0.9, 0, 0, 0, 1], [0.1, 0, 0.7, 0, 0, 0, 1], 51
+            ),
         )
         done = self.client.play(way)
         self.assertEqual(done.joint_names, way.joint_names)

@@ -330,6 +330,14 @@ def wave():
     return G1.trajectory(times, elbow, {ELBOW: np.cos(times)}, np.tile(HERE, (11, 1)))
 
 
+def test_a_motion_is_made_of_the_arrays_that_it_has_by_their_names():
+    arrays = ("times", "positions", "velocities", "base_poses")
+    given = {name: getattr(wave(), name) for name in arrays}
+    made = G1.trajectory(**given)
+    for name, array in given.items():
+        np.testing.assert_array_equal(getattr(made, name), array)
+
+
 @pytest.mark.parametrize("ending", ["csv", "npz"])
 def test_a_motion_is_read_as_it_was_written(tmp_path, ending):
     file = tmp_path / f"wave.{ending}"

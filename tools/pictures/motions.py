@@ -39,7 +39,7 @@ def squat(robot: Robot, with_faults: bool) -> Trajectory:
         share = 0.5 ** ((times - when) / LASTING) ** 2
         for joint, angle in angles.items():
             bent[:, robot.joint_row(joint)] += share * angle
-    return robot.trajectory(times, bent, base=_bases(robot, times, bent))
+    return robot.trajectory(times, bent, base_poses=_bases(robot, times, bent))
 
 
 def _bases(robot: Robot, times: np.ndarray, bent: np.ndarray) -> np.ndarray:
@@ -47,6 +47,6 @@ def _bases(robot: Robot, times: np.ndarray, bent: np.ndarray) -> np.ndarray:
     foot = robot.forward_kinematics(bent)[:, robot.link_row(FOOT), :3]
     bases = np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (len(times), 1))
     bases[:, :3] = foot[0] - foot
-    begin = robot.trajectory(times[:1], bent[:1], base=bases[:1])
+    begin = robot.trajectory(times[:1], bent[:1], base_poses=bases[:1])
     bases[:, 2] -= lowest_height(robot.description, begin)
     return bases

@@ -71,7 +71,7 @@ class RobotMotions(RobotModel):
         times: Any,
         positions: JointValues,
         velocities: JointValues | None = None,
-        base: Any = None,
+        base_poses: Any = None,
     ) -> Trajectory:
         """Make a motion of all joints.
 
@@ -79,7 +79,7 @@ class RobotMotions(RobotModel):
             times: In [s], rising, shape (n_samples,).
             positions: Of the joints, shape (n_samples, n_joints).
             velocities: Likewise; by default unknown: joints move in straight lines.
-            base: Poses of the base link, shape (n_samples, 7); by default the base does
+            base_poses: Of the base link, shape (n_samples, 7); by default the base does
                 not belong to the motion.
 
         Raises:
@@ -91,7 +91,7 @@ class RobotMotions(RobotModel):
             if velocities is None
             else self._rates(velocities, placed.shape, "velocity")
         )
-        poses = None if base is None else as_poses(base)
+        poses = None if base_poses is None else as_poses(base_poses)
         own_times = np.array(times, dtype=float)
         return Trajectory(own_times, self.joint_names, placed, rates, poses)
 
