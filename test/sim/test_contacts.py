@@ -175,7 +175,9 @@ def test_a_box_that_was_taken_out_of_the_floor_is_as_hard_as_others(make_world):
     assert_stands(world, 10)
 
 
-@pytest.mark.parametrize(("mu", "slides"), [(0.2, True), (0.4, False), (1.0, False)])
+@pytest.mark.parametrize(
+    ("mu", "slides"), [(0.2, True), (0.4, False), (1.0, False), (-1.0, False)]
+)
 def test_a_cube_slides_where_it_is_steeper_than_friction_holds(make_world, mu, slides):
     """Gravity is tilted by tan(angle) = 0.3 instead of the ground."""
     world = make_world("limp", gravity=(9.8 * 0.3, 0.0, -9.8))

@@ -411,6 +411,16 @@ def test_a_shape_rubs_and_bounces_as_the_file_says():
     assert (shape.friction, shape.restitution) == (0.75, 0.5)
 
 
+@pytest.mark.parametrize("mu", ["-1", "-inf", "1e300"])
+def test_a_negative_or_huge_coefficient_of_friction_is_infinite(mu):
+    """Gazebo takes a negative one for the largest number that there is."""
+    surface = f"<friction><ode><mu>{mu}</mu><mu2>{mu}</mu2></ode></friction>"
+    inside = collision("<box/>", f"<surface>{surface}</surface>")
+    assembly = read_model(link("a", inside)).assembly
+    assert assembly.description.links[0].collisions[0].friction == np.inf
+    assert assembly.left_out == ()
+
+
 @pytest.mark.parametrize(
     ("word", "pulled"),
     [("", True), ("true", True), ("1", True), ("False", False), ("0", False)],

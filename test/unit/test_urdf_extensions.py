@@ -184,6 +184,7 @@ def test_a_link_without_mass_on_a_kept_joint_is_left_out():
         (gazebo("<mu1>0.3</mu1>", "a"), 0.3, None),
         (gazebo("<mu1 value='.3'/>", "b"), None, 0.3),
         (gazebo("<mu1>0.3</mu1>", "a") + gazebo("<mu1>2</mu1>", "a"), 2.0, None),
+        (gazebo("<mu1>-1</mu1>", "a"), np.inf, None),
         (gazebo("<mu1>0.3</mu1>"), None, None),
         (gazebo("<mu2>0.3</mu2>", "a"), None, None),
     ],
@@ -244,9 +245,9 @@ def test_what_is_not_simulated_is_named_once(blocks, clauses):
             "mu1 of a is left out: The mu1 is 'much', which is not a number",
         ),
         (
-            gazebo("<mu1>-1</mu1>", "a"),
-            "mu1 of a is left out: The mu1 has the numbers [-1.0], not all are from 0 "
-            "to 1e+09",
+            gazebo("<mu1>nan</mu1>", "a"),
+            "mu1 of a is left out: The mu1 has the numbers [nan], not all are from "
+            "-1e+09 to 1e+09",
         ),
         (
             gazebo(OFF, "arm") + gazebo(OFF, "leg") + gazebo("<material/>", "eye"),

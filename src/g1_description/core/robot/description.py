@@ -37,7 +37,7 @@ class Shape:
     """Name of the visual or collision; empty where the file gives none."""
 
     friction: float | None = None
-    """Coefficient of friction; None where the file gives none."""
+    """Coefficient of friction, may be infinite; None where the file gives none."""
 
     restitution: float | None = None
     """Coefficient of restitution; None where the file gives none."""

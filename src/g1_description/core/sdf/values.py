@@ -173,6 +173,22 @@ def optional(parent: etree._Element | None, tag: str, owner: str) -> float | Non
     return number(parent, tag, 0.0, owner, 0.0) if text_of(parent, tag) else None
 
 
+def friction(what: str, text: str) -> float:
+    """Read a coefficient of friction: a negative one is infinite, as in Gazebo.
+
+    Args:
+        what: What it is, for the sentences.
+        text: One number.
+
+    Raises:
+        DescriptionError: If it is no number.
+    """
+    mu = numbers(what, text, 1)[0]
+    if mu < 0.0 or mu > MAX_VALUE:
+        return np.inf
+    return float(checked(f"the {what}", [mu])[0])
+
+
 def unit(what: str, direction: np.ndarray) -> np.ndarray:
     """Scale a direction to unit length.
 

@@ -10,9 +10,8 @@ from dataclasses import dataclass, field
 
 from lxml import etree
 
-from g1_description.core.bounds import checked
 from g1_description.core.errors import DescriptionError
-from g1_description.core.sdf.values import numbers
+from g1_description.core.sdf.values import friction
 from g1_description.core.text import listed
 from g1_description.core.xml import local_name
 
@@ -71,10 +70,10 @@ def read_extensions(robot: etree._Element) -> Extensions:
             *(_OF_JOINT if name in joints else ()),
         )
         mu1 = block.find("mu1")
-        friction = None if mu1 is None else _word(mu1)
+        beside = None if mu1 is None else _word(mu1)
         for element in block:
             tag = local_name(element)
-            if _says_nothing(tag, _word(element), friction):
+            if _says_nothing(tag, _word(element), beside):
                 continue
             if name and name not in known:
                 unknown.append(name)
@@ -103,7 +102,7 @@ def _read(found: Extensions, tag: str, name: str, word: str) -> None:
         DescriptionError: If it says nothing that can be meant.
     """
     if tag == "mu1":
-        found.friction[name] = checked("the mu1", numbers("mu1", word, 1), 0.0)[0]
+        found.friction[name] = friction("mu1", word)
     elif tag == "static":
         found.static = _flag(tag, word)
     elif tag in ("turnGravityOff", "gravity"):
@@ -120,16 +119,16 @@ def _flag(tag: str, word: str) -> bool:
     return _FLAGS[word.lower()]
 
 
-def _says_nothing(tag: str, word: str, friction: str | None) -> bool:
+def _says_nothing(tag: str, word: str, mu1: str | None) -> bool:
     """Return whether it is no loss that an element is not read.
 
     Args:
         tag: The element's.
         word: What it says.
-        friction: What the ``mu1`` beside it says, None where there is none.
+        mu1: What the ``mu1`` beside it says, None where there is none.
     """
     if tag == "mu2":  # friction is the same both ways
-        return word == friction
+        return word == mu1
     is_off = not word.strip("0.") or _FLAGS.get(word.lower()) is False
     return tag in _SILENT or (tag in _OFF and is_off)
 

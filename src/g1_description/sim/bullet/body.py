@@ -22,6 +22,9 @@ MAX_JOINT_VELOCITY = 1000.0
 DEFAULT_FRICTION = 1.0
 """Coefficient of friction where a file gives none: Gazebo's."""
 
+MAX_FRICTION = 10.0
+"""Largest coefficient of friction: PyBullet's own bound for the product of two."""
+
 
 class Body:
     """The body of a tree in PyBullet: the one place that knows PyBullet's frames.
@@ -86,7 +89,7 @@ class Body:
             self._client.changeDynamics(
                 self.number,
                 index,
-                lateralFriction=min(friction, 1.0) if static else friction,
+                lateralFriction=min(friction, 1.0 if static else MAX_FRICTION),
                 restitution=max(restitutions, default=0.0),
                 linearDamping=0.0,
                 angularDamping=0.0,

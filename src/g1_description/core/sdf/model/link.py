@@ -14,6 +14,7 @@ from g1_description.core.rotation import to_axes
 from g1_description.core.sdf.frames import Scope
 from g1_description.core.sdf.values import (
     flag,
+    friction,
     name_of,
     number,
     optional,
@@ -102,7 +103,7 @@ def _shape(
     element: etree._Element, owner: str, link: str, scope: Scope
 ) -> Iterator[Shape]:
     """Read a visual or collision element, if its geometry can be simulated."""
-    friction = optional(element.find("surface/friction/ode"), "mu", owner)
+    mu = text_of(element.find("surface/friction/ode"), "mu")
     bounce = element.find("surface/bounce")
     restitution = optional(bounce, "restitution_coefficient", owner)
     pose = scope.pose_in(link, element, owner)
@@ -115,7 +116,7 @@ def _shape(
                 pose=pose,
                 filename=text_of(geometry, "uri"),
                 name=name_of(element),
-                friction=friction,
+                friction=friction(f"mu of {owner}", mu) if mu else None,
                 restitution=restitution,
             )
             return
