@@ -77,10 +77,10 @@ def read_joint(inside="", kind="revolute", links=A_B, version="1.7"):
     return found
 
 
-def read_shape(geometry, inside="", tag="collision"):
-    found = read_model(link("a", collision(geometry, inside, tag))).assembly
+def read_shape(geometry, inside=""):
+    found = read_model(link("a", collision(geometry, inside))).assembly
     (only,) = found.description.links
-    (shape,) = only.collisions if tag == "collision" else only.visuals
+    (shape,) = only.collisions
     return shape
 
 
@@ -370,7 +370,6 @@ def test_a_joint_has_the_damping_and_friction_of_the_file():
     assert (found.damping, found.friction) == (0.5, 0.25)
 
 
-@pytest.mark.parametrize("tag", ["visual", "collision"])
 @pytest.mark.parametrize(
     ("geometry", "kind", "size", "filename"),
     [
@@ -396,8 +395,8 @@ def test_a_joint_has_the_damping_and_friction_of_the_file():
         ),
     ],
 )
-def test_a_shape_is_as_large_as_the_file_says(tag, geometry, kind, size, filename):
-    shape = read_shape(geometry, tag=tag)
+def test_a_shape_is_as_large_as_the_file_says(geometry, kind, size, filename):
+    shape = read_shape(geometry)
     assert (shape.kind, shape.size, shape.filename) == (kind, size, filename)
     assert (shape.name, shape.friction, shape.restitution) == ("c", None, None)
 
@@ -409,6 +408,33 @@ def test_a_shape_rubs_and_bounces_as_the_file_says():
         "<restitution_coefficient>0.5</restitution_coefficient></bounce></surface>",
     )
     assert (shape.friction, shape.restitution) == (0.75, 0.5)
+
+
+@pytest.mark.parametrize(
+    "visual",
+    [
+        collision("<mesh/>", tag="visual"),
+        collision("<mesh><uri>m</uri><scale>x</scale></mesh>", tag="visual"),
+        collision("<sphere><radius>-1</radius></sphere>", tag="visual"),
+        collision("<box/>", "<pose>a b c</pose>", tag="visual"),
+        collision("<heightmap/>", tag="visual"),
+        "<visual><geometry/></visual>",
+    ],
+)
+def test_what_is_wrong_with_a_visual_costs_nothing(visual):
+    """Nothing of SDF is drawn."""
+    assembly = read_model(link("a", visual + collision("<box/>"))).assembly
+    assert [link.name for link in assembly.description.links] == ["a"]
+    assert assembly.left_out == ()
+
+
+def test_the_filename_of_a_mesh_in_version_1_3_is_its_uri():
+    inside = collision("<mesh><filename>a/b.stl</filename></mesh>")
+    text = sdf(model(link("a", inside)), "1.3")
+    (found,) = read_sdf(text).models[0].assembly.description.links
+    assert [shape.filename for shape in found.collisions] == ["a/b.stl"]
+    with pytest.raises(DescriptionError, match="no uri"):
+        read_sdf(text.replace("1.3", "1.4"))
 
 
 @pytest.mark.parametrize("mu", ["-1", "-inf", "1e300"])
@@ -736,10 +762,7 @@ def test_a_wrong_file_is_refused_with_facts(text, words):
         (link("a", '<light name="eye"/>'), ["light eye of link a"]),
         (link("a", collision("<empty/>", "<laser_retro>0</laser_retro>")), []),
         (link("a", collision("<capsule/>")), ["capsule in collision c of link a"]),
-        (
-            link("a", collision("<heightmap/>", tag="visual")),
-            ["heightmap in visual c of link a"],
-        ),
+        (link("a", collision("<heightmap/>")), ["heightmap in collision c of link a"]),
         (
             link("a", collision("<mesh><uri>m</uri><submesh/></mesh>")),
             ["submesh of collision c of link a"],
@@ -1163,21 +1186,20 @@ def test_a_joint_without_its_links_is_left_out_with_the_reason(ends, why, static
     assert assembly.left_out == (f"joint ab is left out: {why}",)
 
 
-@pytest.mark.parametrize("tag", ["collision", "visual"])
-def test_shapes_of_one_name_are_all_there_and_named(tag):
-    shapes = collision("<box/>", tag=tag) + collision("<sphere/>", tag=tag)
-    other = collision("<box/>", tag="visual" if tag == "collision" else "collision")
+def test_collisions_of_one_name_are_all_there_and_named():
+    shapes = collision("<box/>") + collision("<sphere/>")
+    other = collision("<box/>", tag="visual") * 2
     alone = model(link("a", shapes), name="inner")
     assembly = read_model(link("a", shapes + other) + link("b", other) + alone).assembly
     first, _, inner = assembly.description.links
     found = [first, inner]
-    found = [one.collisions if tag == "collision" else one.visuals for one in found]
+    found = [one.collisions for one in found]
     assert [[(s.kind, s.name) for s in one] for one in found] == [
         [("box", "c"), ("sphere", "c")]
     ] * 2
     assert assembly.left_out == (
-        f"link a has 2 {tag}s of the name c",
-        f"link inner::a has 2 {tag}s of the name c",
+        "link a has 2 collisions of the name c",
+        "link inner::a has 2 collisions of the name c",
     )
 
 

@@ -143,6 +143,8 @@ def _document(what: str, text: str, left_out: list[str]) -> etree._Element:
 def _convert(root: etree._Element, version: tuple[int, int]) -> None:
     """Make a document of an older version say what it means in the latest."""
     if version < (1, 4):
+        for mesh in root.iter("mesh"):
+            _move(mesh, "filename", mesh, "uri")
         for physics in root.iterfind("world/physics"):
             _move(physics, "update_rate", physics, "real_time_update_rate")
             _move(physics, "ode/solver/dt", physics, "max_step_size")

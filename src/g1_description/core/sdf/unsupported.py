@@ -26,11 +26,10 @@ _READ = {
     "attenuation": "range constant linear quadratic",
     "model": "static pose frame link joint model allow_auto_disable",
     "frame": "pose",
-    "link": "pose gravity inertial collision visual",
+    "link": "pose gravity inertial collision",
     "inertial": "pose mass inertia",
     "inertia": "ixx ixy ixz iyy iyz izz",
     "collision": "pose geometry surface max_contacts",
-    "visual": "pose geometry",
     "geometry": "empty box sphere cylinder plane mesh",
     "box": "size",
     "sphere": "radius",
@@ -46,7 +45,7 @@ _READ = {
     "limit": "lower upper effort velocity",
     "dynamics": "damping friction",
 }
-_LOOKS = ("material",)
+_LOOKS = ("material", "visual")
 """What is only to be seen: nothing of SDF is drawn."""
 
 _NUMBERS = {
@@ -122,11 +121,10 @@ def _namesakes(element: etree._Element, owner: str) -> Iterator[str]:
     """Name the shapes of a link that have one name: Gazebo takes them, and so do we."""
     if element.tag != "link":
         return
-    shapes = (child for child in element if child.tag in ("collision", "visual"))
-    counts = Counter((shape.tag, shape.get("name", "")) for shape in shapes)
-    for (tag, name), count in counts.items():
+    counts = Counter(shape.get("name", "") for shape in element.findall("collision"))
+    for name, count in counts.items():
         if count > 1:
-            yield f"{owner} has {count} {tag}s of the name {name}"
+            yield f"{owner} has {count} collisions of the name {name}"
 
 
 def _owner(element: etree._Element, scope: str, above: str) -> str:
@@ -138,7 +136,7 @@ def _owner(element: etree._Element, scope: str, above: str) -> str:
         return "the physics of the world"
     if tag in ("model", "light", "link", "joint", "frame"):
         return f"{tag} {scope}{name}"
-    return f"{tag} {name} of {above}" if tag in ("collision", "visual") else above
+    return f"{tag} {name} of {above}" if tag == "collision" else above
 
 
 def _message(element: etree._Element, tag: str, parent_tag: str, owner: str) -> str:

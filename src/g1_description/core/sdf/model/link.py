@@ -1,4 +1,4 @@
-"""Links of an SDF model: their masses and shapes."""
+"""Links of an SDF model: their masses and collisions. Nothing of SDF is drawn."""
 
 from __future__ import annotations
 
@@ -47,8 +47,7 @@ def read_link(element: etree._Element, scope: Scope) -> Link:
     return Link(
         name=name,
         inertial=_inertial(element.find("inertial"), name, scope),
-        visuals=tuple(_shapes(element, "visual", name, scope)),
-        collisions=tuple(_shapes(element, "collision", name, scope)),
+        collisions=tuple(_collisions(element, name, scope)),
         gravity=flag(element, "gravity", True, f"link {name}"),
     )
 
@@ -90,19 +89,17 @@ def _inertial(element: etree._Element | None, link: str, scope: Scope) -> Inerti
     return Inertial(mass, pose[:3], axes @ inertia @ axes.T)
 
 
-def _shapes(
-    element: etree._Element, tag: str, link: str, scope: Scope
-) -> Iterator[Shape]:
-    """Read the visuals or the collisions of a link, those that can be simulated."""
-    for shape in element.findall(tag):
-        owner = f"{tag} {name_of(shape)} of link {link}"
+def _collisions(element: etree._Element, link: str, scope: Scope) -> Iterator[Shape]:
+    """Read the collisions of a link, those that can be simulated."""
+    for shape in element.findall("collision"):
+        owner = f"collision {name_of(shape)} of link {link}"
         yield from _shape(shape, owner, link, scope)
 
 
 def _shape(
     element: etree._Element, owner: str, link: str, scope: Scope
 ) -> Iterator[Shape]:
-    """Read a visual or collision element, if its geometry can be simulated."""
+    """Read a collision element, if its geometry can be simulated."""
     mu = text_of(element.find("surface/friction/ode"), "mu")
     bounce = element.find("surface/bounce")
     restitution = optional(bounce, "restitution_coefficient", owner)
