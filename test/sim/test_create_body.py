@@ -13,6 +13,7 @@ from g1_description.core.transform import IDENTITY
 from g1_description.sim.bullet.create_body import MAX_JOINTS
 from g1_description.sim.standing import standing_height
 
+TENSOR = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 HIGH = np.array([0.0, 0.0, 5.0, 0.0, 0.0, 0.0, 1.0])
 
 
@@ -67,6 +68,112 @@ def test_shapes_beyond_the_sixteenth_hold_no_more_gravity_off(make_world):
     world.spawn_urdf("r", f'<robot name="r">{row_of_boxes(40)}{off}</robot>', HIGH)
     world.run(0.1)
     np.testing.assert_allclose(world.model("r").pose, HIGH, atol=1e-9)
+
+
+def inertia_of_urdf(**moments):
+    """Write three boxes on hinges: a, c and d, which is lumped into b, are wrong."""
+    wrong, right = (
+        '<inertial><mass value="1"/><inertia '
+        + " ".join(f'{name}="{values.get(name, 0)}"' for name in TENSOR)
+        + "/></inertial>"
+        for values in (moments, {"ixx": 1, "iyy": 1, "izz": 1})
+    )
+    part = '<collision><geometry><box size="0.2 0.3 0.1"/></geometry></collision>'
+    return (
+        f'<robot name="r">{link("a", wrong + part)}{link("b", right + part)}'
+        f"{link('c', wrong + part)}{link('d', wrong)}"
+        '<joint name="ab" type="continuous"><parent link="a"/><child link="b"/>'
+        '<origin xyz="0 0 -0.2"/><axis xyz="0 1 0"/></joint>'
+        '<joint name="bc" type="continuous"><parent link="b"/><child link="c"/>'
+        '<origin xyz="0 0 -0.2"/><axis xyz="0 1 0"/></joint>'
+        '<joint name="bd" type="fixed"><parent link="b"/><child link="d"/></joint>'
+        "</robot>"
+    )
+
+
+def inertia_of_sdf(static=False, **moments):
+    """Write the same as SDF, without d."""
+    tensors = (
+        "".join(f"<{name}>{values.get(name, 0)}</{name}>" for name in TENSOR)
+        for values in (moments, {"ixx": 1, "iyy": 1, "izz": 1}, moments)
+    )
+    links = "".join(
+        f'<link name="{name}"><pose>0 0 {-0.2 * number} 0 0 0</pose><inertial>'
+        f"<mass>1</mass><inertia>{tensor}</inertia></inertial><collision name='c'>"
+        "<geometry><box><size>0.2 0.3 0.1</size></box></geometry></collision></link>"
+        for number, (name, tensor) in enumerate(zip("abc", tensors))
+    )
+    joints = "".join(
+        f'<joint name="{parent}{child}" type="continuous"><parent>{parent}</parent>'
+        f"<child>{child}</child><axis><xyz>0 1 0</xyz></axis></joint>"
+        for parent, child in ("ab", "bc")
+    )
+    still = str(static).lower()
+    return (
+        f'<sdf version="1.7"><model name="r"><static>{still}</static>{links}{joints}'
+        "</model></sdf>"
+    )
+
+
+def spawn(world, text):
+    """Spawn a robot or a model, askew and above the floor; return what is told."""
+    askew = np.array([0.0, 0.0, 1.0, np.sin(0.3), 0.0, 0.0, np.cos(0.3)])
+    if text.startswith("<robot"):
+        return world.spawn_urdf("r", text, askew)
+    (model,) = read_sdf(text).models
+    return world.spawn("r", model.assembly, askew)
+
+
+@pytest.mark.parametrize("write", [inertia_of_urdf, inertia_of_sdf])
+@pytest.mark.parametrize(
+    "moments",
+    [
+        {"ixx": 0.01, "iyy": 0.01, "izz": 0.01, "ixy": 0.02},
+        {"ixx": 1, "iyy": 1, "izz": 1, "ixy": 1},
+        {"ixx": 0.01, "iyy": 0.01},
+        {},
+    ],
+    ids=["negative", "singular", "flat", "zero"],
+)
+def test_what_has_an_inertia_that_is_not_positive_falls_as_in_gazebo(
+    make_world, write, moments
+):
+    """PyBullet threw such a model away, or its poses became no numbers."""
+    world = make_world("limp")
+    text = write(**moments)
+    assert spawn(world, text) == (
+        "inertia of a, c is not positive definite: as in Gazebo, physics takes "
+        "1 kg m^2 about each of its axes",
+    )
+    body = world.body("r")
+    for number, name in ((-1, "a"), (1, "c")):
+        assert body.link_name(number) == name
+        found = world.client.getDynamicsInfo(body.number, number)[2]
+        np.testing.assert_allclose(found, 1.0)
+    inertia = world.model("r").links["a"].inertial.inertia
+    assert inertia[0, 0] == moments.get("ixx", 0)  # what the file says is told
+    for _ in range(4):
+        world.run(0.5)
+        assert np.abs(world.model("r").poses[:, :3]).max() < 1.5
+        assert np.abs(world.model("r").twists).max() < 20.0
+
+
+@pytest.mark.parametrize("write", [inertia_of_urdf, inertia_of_sdf])
+def test_a_moment_greater_than_the_others_together_is_named_and_kept(make_world, write):
+    """As in Gazebo."""
+    world = make_world("limp")
+    assert spawn(world, write(ixx=1, iyy=1, izz=2.5)) == (
+        "inertia of a, c is one that no body has: a principal moment is greater than "
+        "the other two together",
+    )
+    found = world.client.getDynamicsInfo(world.body("r").number, -1)[2]
+    np.testing.assert_allclose(sorted(found), [1.0, 1.0, 2.5], rtol=1e-6)
+
+
+def test_an_impossible_inertia_is_named_only_where_physics_uses_it(make_world):
+    assert spawn(make_world(), inertia_of_urdf()) == ()
+    assert spawn(make_world(), inertia_of_sdf()) == ()
+    assert spawn(make_world("limp"), inertia_of_sdf(static=True)) == ()
 
 
 @pytest.mark.parametrize("kept", [True, False], ids=["fixed", "turning"])

@@ -15,6 +15,7 @@ from g1_description.core.errors import DescriptionError
 from g1_description.core.motion.motors import Motors
 from g1_description.core.robot.assembly import Assembly
 from g1_description.core.robot.description import Inertial
+from g1_description.core.robot.inertias import impossible_inertias
 from g1_description.core.sdf.world import EMPTY_WORLD, Sdf, read_sdf
 from g1_description.sim.bullet.create_body import check_size
 from g1_description.sim.bullet.engine import Engine
@@ -126,6 +127,8 @@ class World(Contents):
         self._forget_names()
         if assembly.left_out and not model.link_names:
             left_out += ("nothing is left of the model",)
+        if self.is_dynamic and not assembly.static:
+            left_out += impossible_inertias(assembly.description.links)
         return assembly.left_out + left_out
 
     def delete(self, name: str) -> None:

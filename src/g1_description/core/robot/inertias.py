@@ -7,12 +7,42 @@ from collections.abc import Iterable
 import numpy as np
 
 from g1_description.core.rotation import to_axes
+from g1_description.core.text import listed
 
-from .description import Inertial
+from .description import Inertial, Link
 
-TRIANGLE_TOLERANCE = 1e-9
-"""Relative rounding error allowed in the triangle inequality of the moments: plates
-meet it with equality."""
+TOLERANCE = 1e-9
+"""Relative rounding error of the moments: plates meet the triangle inequality with
+equality, and the least moment of a singular tensor is not quite zero."""
+
+
+def is_positive(inertia: np.ndarray) -> bool:
+    """Return whether a tensor, shape (3, 3), is positive definite."""
+    least, _, most = np.linalg.eigvalsh(inertia)
+    return bool(least > max(TOLERANCE * most, 0.0))
+
+
+def impossible_inertias(links: Iterable[Link]) -> tuple[str, ...]:
+    """Return messages on links of which physics cannot, or should not, use the inertia.
+
+    Gazebo's ODE takes 1 kg m^2 about each axis for a tensor that is not positive
+    definite, and any other as it is.
+    """
+    found: dict[bool, list[str]] = {False: [], True: []}
+    for link in links:
+        if link.inertial and fault_of(link.inertial):
+            found[is_positive(link.inertial.inertia)].append(link.name)
+    why = {
+        False: "is not positive definite: as in Gazebo, physics takes 1 kg m^2 about "
+        "each of its axes",
+        True: "is one that no body has: a principal moment is greater than the other "
+        "two together",
+    }
+    return tuple(
+        f"inertia of {listed(names)} {why[positive]}"
+        for positive, names in found.items()
+        if names
+    )
 
 
 def fault_of(inertial: Inertial) -> str:
@@ -21,9 +51,9 @@ def fault_of(inertial: Inertial) -> str:
         return "mass 0 with an inertia" if inertial.inertia.any() else ""
     moments = np.linalg.eigvalsh(inertial.inertia)
     listed = ", ".join(f"{moment:.6g}" for moment in moments)
-    if moments[0] <= 0.0:
+    if not is_positive(inertial.inertia):
         return f"inertia is not positive, principal moments {listed}"
-    if moments[2] > (moments[0] + moments[1]) * (1.0 + TRIANGLE_TOLERANCE):
+    if moments[2] > (moments[0] + moments[1]) * (1.0 + TOLERANCE):
         return f"inertia breaks the triangle inequality, principal moments {listed}"
     return ""
 

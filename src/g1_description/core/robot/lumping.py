@@ -14,7 +14,6 @@ move by themselves. A floating or planar joint is none: what it carries is free,
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -24,7 +23,7 @@ from g1_description.core.transform import IDENTITY, compose
 
 from .assembly import WORLD, Assembly
 from .description import FREE, Description, Joint, Link, Shape
-from .inertias import combine_inertials, fault_of
+from .inertias import combine_inertials
 from .rigid import rigid_frames
 from .tree import below, depth_first
 
@@ -56,7 +55,6 @@ def lump_fixed_joints(description: Description, is_dynamic: bool = True) -> Asse
         left_out=(
             *description.left_out,
             *_mass_clauses(description, frames, massless, is_dynamic),
-            *(_impossible(robot.links) if is_dynamic else ()),
             *(
                 f"joint {joint.name} is {joint.kind}, {joint.child} is free"
                 for joint in joints
@@ -156,17 +154,6 @@ def _unlike_gazebo(bare: list[str], hanging: list[str]) -> str:
         verb = "hangs" if len(hanging) == 1 else "hang"
         words += f" and {listed(hanging)} {verb} on {'it' if one else 'them'}"
     return f"{words}: Gazebo would leave {'it' if alone else 'them'} out"
-
-
-def _impossible(bodies: Iterable[Link]) -> list[str]:
-    """Return a message on the bodies with an impossible inertia, if there are any."""
-    found = [body.name for body in bodies if body.inertial and fault_of(body.inertial)]
-    if not found:
-        return []
-    return [
-        f"inertia of {listed(found)} is one that no body has, moments are not positive "
-        "or one is greater than the other two together"
-    ]
 
 
 def _root_poses(

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,7 @@ from g1_description.core.bounds import MAX_VALUE
 from g1_description.core.errors import DescriptionError
 from g1_description.core.robot.assembly import WORLD
 from g1_description.core.robot.description import Description, Inertial, Joint, Link
+from g1_description.core.robot.inertias import is_positive
 from g1_description.core.robot.tree import depth_first
 from g1_description.core.rotation import axes_to_rpy, from_rpy, rotate
 from g1_description.core.transform import IDENTITY
@@ -169,7 +170,12 @@ def _groups(forms: Sequence[Form]) -> list[Sequence[Form]]:
 
 def _inertial(link: Link, is_root: bool) -> Inertial:
     """Return the mass properties that PyBullet is given for a link."""
-    return NO_MASS if is_root and link.name == WORLD else link.inertial or UNKNOWN
+    if is_root and link.name == WORLD:
+        return NO_MASS
+    inertial = link.inertial or UNKNOWN
+    if is_positive(inertial.inertia):
+        return inertial
+    return replace(inertial, inertia=np.eye(3))  # as Gazebo's ODE
 
 
 def _create(
