@@ -16,7 +16,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 from robots import robot
-from waiting import wait_for
+from waiting import DEADLINE, wait_for
 
 pytest.importorskip("viser", reason="viser is not installed")
 
@@ -39,6 +39,7 @@ from g1_description.web.hands.joints import JointPanel, slider_range
 from g1_description.web.motions import findings
 from g1_description.web.page import plots
 from g1_description.web.page.plots import PlotPanel
+from g1_description.web.page.simulator import SimulatorPanel
 from g1_description.web.robots.robot import RobotState
 from g1_description.web.show import (
     configuration_command,
@@ -287,6 +288,76 @@ def test_long_motions_have_fewer_points(server, desk):
     lengths = {len(line) for line in panel._data(None)}
     assert len(lengths) == 1
     assert lengths.pop() <= 2 * plots.MAX_POINTS
+
+
+# --- the simulator ---
+
+
+class Stepped:
+    """A simulator that stands still, whose steps last until they may end."""
+
+    is_paused = True
+
+    def __init__(self):
+        self.calls, self.gate = [], threading.Event()
+
+    def status(self):
+        return "paused"
+
+    def step(self, steps):
+        self.calls.append(steps)
+        assert self.gate.wait(DEADLINE)
+
+    def pause(self):
+        self.calls.append("pause")
+
+    def go_on(self):
+        self.calls.append("go on")
+
+    def reset(self):
+        self.calls.append("reset")
+
+
+@pytest.fixture
+def stepped(server, client, desk):
+    simulator = Stepped()
+    panel = SimulatorPanel(server.gui, desk, simulator, read_only=False)
+    yield simulator, panel
+    simulator.gate.set()
+    wait_for(lambda: not desk.is_busy, "the end")
+    server.gui.reset()
+
+
+@pytest.mark.parametrize(("button", "call"), [("Pause", "pause"), ("Reset", "reset")])
+def test_many_steps_end_when_another_button_is_pressed(
+    stepped, client, desk, button, call
+):
+    simulator, _ = stepped
+    client.set("Steps", 100_000)
+    client.press("Step")
+    wait_for(lambda: desk.do_all() or simulator.calls, "the first steps")
+    client.press(button)
+    wait_for(lambda: desk.do_all() or desk._waiting.qsize(), "the button")
+    simulator.gate.set()
+    wait_for(lambda: not desk.is_busy, "the end")
+    *steps, last = simulator.calls
+    assert last == call
+    assert sum(steps) < 1000
+
+
+def test_as_many_steps_are_done_as_were_wanted(stepped, client, desk):
+    simulator, panel = stepped
+    client.set("Steps", 1234)
+    client.press("Step")
+    wait_for(lambda: desk.do_all() or simulator.calls, "the first steps")
+    panel.follow()
+    assert panel._pause.label == "Pause", "while steps are done"
+    simulator.gate.set()
+    wait_for(lambda: not desk.is_busy, "the end")
+    assert sum(simulator.calls) == 1234
+    panel._looked = 0.0
+    panel.follow()
+    assert panel._pause.label == "Go on"
 
 
 # --- the configuration as text ---

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from g1_description.web.desk import Desk
@@ -18,6 +19,9 @@ SPEEDS = {"0.1": 0.1, "0.25": 0.25, "0.5": 0.5, "1": 1.0, "2": 2.0, "no limit": 
 """Speeds of simulated time to choose from; 0 is that of the processor."""
 
 MAX_STEPS = 100_000
+
+SLICE = 100
+"""Steps requested at once: other buttons wait for so many at most."""
 
 
 class SimulatorPanel:
@@ -36,6 +40,8 @@ class SimulatorPanel:
         """
         self._simulator = simulator
         self._looked = 0.0
+        self._left = 0
+        """Steps still to be done; only the thread that waits sets it."""
         self._status = gui.add_markdown("")
         self._pause = None
         if read_only:
@@ -59,19 +65,38 @@ class SimulatorPanel:
                 lambda: simulator.set_speed(SPEEDS[self._speed.value])
             ),
         )
-        desk.on(reset, lambda: desk.wait_for(simulator.reset))
+        desk.on(reset, lambda: desk.wait_for(lambda: self._end_steps(simulator.reset)))
 
     def _toggle(self) -> None:
         """Pause, or go on: what the button said when it was pressed."""
         is_pause = self._pause is not None and self._pause.label == "Pause"
-        simulator = self._simulator
-        self._desk.wait_for(simulator.pause if is_pause else simulator.go_on)
+        act = self._simulator.pause if is_pause else self._simulator.go_on
+        self._desk.wait_for(lambda: self._end_steps(act))
+
+    def _end_steps(self, act: Callable[[], object]) -> None:
+        """Do no more steps, but something else."""
+        self._left = 0
+        act()
 
     def _step(self) -> None:
-        """Run some steps; time is paused first."""
+        """Begin to run some steps; time is paused first."""
         if not self._simulator.is_paused:
             self._simulator.pause()
-        self._simulator.step(min(max(int(self._steps.value), 1), MAX_STEPS))
+        self._left = min(max(int(self._steps.value), 1), MAX_STEPS)
+        self._step_on()
+
+    def _step_on(self) -> None:
+        """Run a slice of the steps that are left; the rest after what waits."""
+        steps = min(self._left, SLICE)
+        if not steps:
+            return
+        try:
+            self._simulator.step(steps)
+        except Exception:
+            self._left = 0
+            raise
+        self._left -= steps
+        self._desk.wait_for(self._step_on)
 
     def follow(self) -> None:
         """Show what the simulator says."""
@@ -83,6 +108,7 @@ class SimulatorPanel:
         if self._status.content != status:
             self._status.content = status
         if self._pause is not None:
-            label = "Go on" if self._simulator.is_paused else "Pause"
+            stands = self._simulator.is_paused and not self._left
+            label = "Go on" if stands else "Pause"
             if self._pause.label != label:
                 self._pause.label = label
