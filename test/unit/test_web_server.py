@@ -5,6 +5,7 @@ import os
 import socket
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -16,6 +17,7 @@ from web_clients import fetch, join, netloc, opened, wait_until, wait_until_left
 from websockets.exceptions import ConnectionClosed
 
 from g1_description.core.errors import G1DescriptionError, PageServerError
+from g1_description.web.server import front_door
 from g1_description.web.server.address import ServerOptions
 from g1_description.web.server.page_server import PageServer
 
@@ -134,6 +136,14 @@ def test_it_closes_its_port_and_may_close_twice():
             socket.create_connection((host, int(port)), timeout=10)
         with opened(port=int(port)) as again:
             assert fetch(again).status == 200
+
+
+def test_a_server_that_cannot_begin_says_why(monkeypatch):
+    # As websockets of another version, which does not know an option.
+    strange = partial(front_door.serve, no_such_option=True)
+    monkeypatch.setattr(front_door, "serve", strange)
+    with pytest.raises(PageServerError, match=r"cannot serve the page: .*no_such_opt"):
+        PageServer(ServerOptions(port=0))
 
 
 def run(code):

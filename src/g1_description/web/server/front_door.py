@@ -8,6 +8,7 @@ import socket
 import threading
 import weakref
 from collections.abc import Callable
+from concurrent.futures import Future
 from http import HTTPStatus
 from typing import Any
 
@@ -17,7 +18,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.frames import CloseCode
 from websockets.http11 import Request, Response
 
-from g1_description.core.errors import G1DescriptionError, PageServerError
+from g1_description.core.errors import G1DescriptionError, PageServerError, cause
 
 from .address import ServerOptions
 from .admission import Admission
@@ -83,17 +84,22 @@ class FrontDoor:
         self._uploads = uploads
         self._filter = None if options.read_only else MessageFilter()
         self._next_warning = 0.0
-        self._opened = threading.Event()
+        self._opened: Future[None] = Future()
 
     def open(self, listening: socket.socket) -> None:
-        """Serve from now on, at a socket that listens."""
+        """Serve from now on, at a socket that listens.
+
+        Raises:
+            PageServerError: If that cannot be.
+        """
         self._thread = threading.Thread(
-            target=lambda: asyncio.run(self._serve(listening)),
-            name="front door",
-            daemon=True,
+            target=self._run, args=(listening,), name="front door", daemon=True
         )
         self._thread.start()
-        self._opened.wait()
+        try:
+            self._opened.result()
+        except Exception as error:
+            raise PageServerError(f"cannot serve the page: {cause(error)}") from error
 
     def close(self) -> None:
         """End all connections."""
@@ -101,6 +107,15 @@ class FrontDoor:
             self._loop.call_soon_threadsafe(self._stopping.set)
             self._thread.join(10.0)
         self._uploads.close()
+
+    def _run(self, listening: socket.socket) -> None:
+        """Serve until told to stop, or hand over why that cannot be."""
+        try:
+            asyncio.run(self._serve(listening))
+        except Exception as error:
+            if self._opened.done():
+                raise
+            self._opened.set_exception(error)
 
     async def _serve(self, listening: socket.socket) -> None:
         """Serve until told to stop."""
@@ -122,7 +137,7 @@ class FrontDoor:
             max_queue=2,
             logger=quiet,
         ) as server:
-            self._opened.set()
+            self._opened.set_result(None)
             await self._stopping.wait()
             for connection in list(server.handlers):
                 self._loop.call_later(1.0, connection.transport.abort)

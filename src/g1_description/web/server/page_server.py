@@ -73,7 +73,12 @@ class PageServer:
             Uploads(on_file, options.max_upload),
         )
         self.watched: threading.Event = self._door.watched
-        self._door.open(opened)
+        try:
+            self._door.open(opened)
+        except PageServerError:
+            opened.close()
+            self._hidden.close()
+            raise
         atexit.register(self.close)
 
     @property
