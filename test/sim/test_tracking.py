@@ -1,5 +1,6 @@
 """Motors that follow motions in hold: what the joints do, and what is told of it."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 from conftest import REPOSITORY
 from worlds import Bench
 
-from g1_description.core.motion.motors import Motor, Motors
+from g1_description.core.motion.motors import Motor, Motors, g1_motors
 from g1_description.core.motion.sampling import sample
 from g1_description.core.motion.tracking import FallLimits
 from g1_description.core.motion.trajectory import Trajectory
@@ -144,6 +145,69 @@ def test_no_motor_is_stronger_than_the_robots_file_says(g1):
     joints = model.assembly.description.movable_joints
     wanted = [joint.effort for joint in joints]
     np.testing.assert_array_equal(world.body("g1").joints.efforts, wanted)
+    world.close()
+
+
+KNEE_ONLY = """
+<robot name="{name}">
+  <link name="world"/>
+  <link name="shin"><inertial><mass value="2"/><origin xyz="0.3 0 0"/>
+    <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="left_knee_joint" type="revolute"><parent link="world"/>
+    <child link="shin"/><axis xyz="0 1 0"/><origin xyz="0 0 2"/>
+    <limit lower="-2" upper="2" effort="{effort}" velocity="20"/></joint>
+</robot>"""
+
+
+def knee(motors, name, effort):
+    """Spawn a robot with a knee alone; return what was said of it, too."""
+    world = Bench("hold", motors=motors)
+    robot = lump_fixed_joints(parse_urdf(KNEE_ONLY.format(name=name, effort=effort)))
+    notes = world.spawn(name, robot, np.array([0.0, 0.0, 0.0, *UPRIGHT]))
+    return world, world.model(name), " ".join(notes)
+
+
+@pytest.mark.parametrize("name", ["h1", "g1_29dof"])
+def test_motors_of_the_g1_drive_no_other_robot(name):
+    """Whatever its joints are called; one line says so."""
+    world, model, notes = knee(g1_motors(), name, 300.0)
+    limit = world.motions.effort_limits(model)
+    if name == "h1":
+        np.testing.assert_array_equal(limit, 300.0)
+        assert notes.count("config/motors.yaml") == 1
+        assert "h1" in notes
+    else:
+        np.testing.assert_array_equal(limit, 139.0)
+        assert notes == ""
+    world.close()
+
+
+def test_motors_that_are_given_drive_any_robot():
+    world, model, notes = knee(Motors({".*": Motor(effort=20.0)}), "h1", 300.0)
+    np.testing.assert_array_equal(world.motions.effort_limits(model), 20.0)
+    assert notes == ""
+    world.close()
+
+
+@pytest.mark.parametrize("given", [math.inf, 40.0])
+def test_an_effort_of_zero_is_unknown_and_the_motor_holds(given):
+    """Exporters write 0 where they know none; a file of motors may know more."""
+    world, model, notes = knee(Motors({".*": Motor(effort=given)}), "h1", 0.0)
+    np.testing.assert_array_equal(world.motions.effort_limits(model), given)
+    play(world, model, elbow(joint="left_knee_joint"), WATCH)
+    (tracked,) = world.motions.take_tracked()
+    assert tracked.report.largest_errors[0] < 0.01
+    assert tracked.report.limit_shares[0] == 0.0
+    assert ("left_knee_joint" in notes) == (given == math.inf)
+    world.close()
+
+
+def test_a_joint_that_is_to_have_no_motor_is_not_at_its_limit():
+    world, model, _ = knee(Motors({".*": Motor(effort=0.0)}), "h1", 300.0)
+    play(world, model, elbow(joint="left_knee_joint"), WATCH)
+    (tracked,) = world.motions.take_tracked()
+    assert tracked.report.limit_shares[0] == 0.0
+    assert tracked.report.largest_errors[0] > 0.3
     world.close()
 
 

@@ -7,10 +7,10 @@ import pytest
 from conftest import REPOSITORY
 
 from g1_description.core.errors import MotorFileError
-from g1_description.core.motion.motors import Motor, Motors, read_motors
+from g1_description.core.motion.motors import Motor, Motors, g1_motors, read_motors
 from g1_description.core.urdf.reader import parse_urdf
 
-OURS = read_motors(REPOSITORY / "config" / "motors.yaml")
+OURS = g1_motors()
 G1 = parse_urdf((REPOSITORY / "urdf" / "g1_29dof.urdf").read_text())
 
 
@@ -32,6 +32,21 @@ def test_the_packages_file_has_a_motor_for_each_joint_of_the_g1(joint):
     motor = OURS.of(joint.name)
     assert motor.effort == (139.0 if "hip_roll" in joint.name else joint.effort)
     assert (motor.position_gain, motor.velocity_gain) == (0.1, 1.0)
+
+
+@pytest.mark.parametrize(
+    "name", ["g1_29dof", "g1_23dof", "g1_29dof_rev_1_0", "g1", "unitree_G1"]
+)
+def test_the_packages_file_is_for_every_g1(name):
+    assert OURS.are_for(name)
+
+
+@pytest.mark.parametrize("name", ["h1", "h1_2", "H2", "r1_24dof", "", "bag1", "g12"])
+def test_the_packages_file_is_for_no_other_robot(name, file):
+    assert not OURS.are_for(name)
+    given = read_motors(REPOSITORY / "config" / "motors.yaml")
+    assert given.are_for(name)  # who names a file means it
+    assert Motors().are_for(name)
 
 
 def test_other_joints_have_the_default_motor():

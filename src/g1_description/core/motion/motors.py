@@ -13,7 +13,11 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 
 from g1_description.core.errors import MotorFileError
+from g1_description.core.files.share import share_folder
 from g1_description.core.text import listed
+
+G1_MOTORS = "config/motors.yaml"
+"""The motors of the G1 and its revisions, in the package's folder."""
 
 
 @dataclass(frozen=True)
@@ -30,8 +34,8 @@ class Motor:
     """
 
     effort: float = math.inf
-    """Greatest effort in [N m] or [N]; where the robot's file gives a lesser one, that
-    counts."""
+    """Greatest effort in [N m] or [N]; where the robot's file gives a lesser one above
+    0, that counts."""
 
     position_gain: float = 0.1
     """Share of the position's error that it takes back in a step."""
@@ -46,10 +50,24 @@ NAMES = tuple(field.name for field in fields(Motor))
 class Motors:
     """The motors of all robots of a world."""
 
-    def __init__(self, motors: Mapping[str, Motor] | None = None) -> None:
-        """Take the motors by the patterns of their joints' names."""
+    def __init__(
+        self, motors: Mapping[str, Motor] | None = None, robot: str = ""
+    ) -> None:
+        """Take the motors by the patterns of their joints' names.
+
+        Args:
+            motors: The motors.
+            robot: The robot that they are for, a word of its name in lower case; empty:
+                any robot.
+        """
         patterns = (motors or {}).items()
         self._motors = [(re.compile(pattern), motor) for pattern, motor in patterns]
+        self._robot = robot
+
+    def are_for(self, robot: str) -> bool:
+        """Return whether they are for a robot, by the name in its description."""
+        words = re.split("[^a-z0-9]+", robot.lower())
+        return not self._robot or self._robot in words
 
     def of(self, joint: str) -> Motor:
         """Return the motor of a joint, the default one where no pattern matches."""
@@ -59,8 +77,21 @@ class Motors:
         return Motor()
 
 
-def read_motors(file: Path) -> Motors:
+def g1_motors() -> Motors:
+    """Read the package's file of motors, which are for the G1 alone.
+
+    Raises:
+        MotorFileError: If it cannot be read, or holds something else.
+    """
+    return read_motors(share_folder() / G1_MOTORS, "g1")
+
+
+def read_motors(file: Path, robot: str = "") -> Motors:
     """Read a file of motors.
+
+    Args:
+        file: The file.
+        robot: The robot that they are for, as for ``Motors``.
 
     Raises:
         MotorFileError: If it cannot be read, or holds something else.
@@ -69,7 +100,8 @@ def read_motors(file: Path) -> Motors:
         content = _load(file.read_bytes().decode("utf-8"))
         if not isinstance(content, dict):
             raise MotorFileError("it must map patterns of joint names to numbers")
-        return Motors({_pattern(key): _motor(key, content[key]) for key in content})
+        motors = {_pattern(key): _motor(key, content[key]) for key in content}
+        return Motors(motors, robot)
     except (OSError, UnicodeDecodeError, MotorFileError) as error:
         problem = getattr(error, "strerror", None) or error
         raise MotorFileError(f"The file of motors {file}: {problem}.") from error

@@ -54,7 +54,8 @@ class GazeboParameters:
     hangs there so high that no joint can bring the robot to the floor."""
 
     motors: str = ""
-    """File of the motors that drive joints in hold; empty: the package's."""
+    """File of the motors that drive joints in hold, of any robot; empty: the package's,
+    for the G1 alone."""
 
     world: str = ""
     """World file (SDF) to load at start; empty: a ground plane and a sun."""

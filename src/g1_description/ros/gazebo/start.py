@@ -15,8 +15,7 @@ import rospy
 
 from g1_description.core.errors import DescriptionError, InvalidValueError
 from g1_description.core.files.model_files import find_model
-from g1_description.core.files.share import share_folder
-from g1_description.core.motion.motors import Motors, read_motors
+from g1_description.core.motion.motors import Motors, g1_motors, read_motors
 from g1_description.core.robot.assembly import Assembly
 from g1_description.core.sdf.world import EMPTY_WORLD, Sdf, read_sdf
 from g1_description.core.xml import decoded
@@ -110,8 +109,8 @@ def _motors(parameters: GazeboParameters) -> Motors | None:
     """
     if parameters.physics != "hold":
         return None
-    own = share_folder() / "config" / "motors.yaml"
-    return read_motors(Path(parameters.motors) if parameters.motors else own)
+    given = parameters.motors
+    return read_motors(Path(given)) if given else g1_motors()
 
 
 def _content(path: str) -> Sdf:

@@ -9,7 +9,8 @@ import numpy as np
 
 from g1_description.core.errors import UnknownNameError
 from g1_description.core.files.launch_arguments import PHYSICS
-from g1_description.core.motion.motors import Motors
+from g1_description.core.motion.motors import G1_MOTORS, Motor, Motors
+from g1_description.core.text import listed
 from g1_description.sim.bullet.rest import RestDetector
 from g1_description.sim.meshes.shapes import find_meshes
 from g1_description.sim.model import Model
@@ -143,6 +144,7 @@ class Engine:
         meshes, left_out = find_meshes(
             s for link in model.assembly.description.links for s in link.collisions
         )
+        motors, remarks = self._motors_of(model)
         for tree in range(len(model.trees)):
             try:
                 loaded = create_body(self._client, model, meshes, tree)
@@ -152,10 +154,29 @@ class Engine:
                 left_out += (f"its contacts are not found: {error}",)
                 continue
             model.hull_deviations.update(loaded.deviations)
-            bodies.append(Body(self._client, loaded, model, tree, self._motors))
+            bodies.append(Body(self._client, loaded, model, tree, motors))
         for first, second in combinations(bodies, 2):
             first.pass_through(second)
-        return tuple(bodies), left_out
+        unknown = [name for body in bodies for name in body.joints.unknown_limits()]
+        if motors and unknown:
+            left_out += (
+                f"the effort limit of {listed(unknown)} is 0, which is taken as "
+                "unknown: the motors have no limit in physics",
+            )
+        return tuple(bodies), left_out + remarks
+
+    def _motors_of(self, model: Model) -> tuple[Motors | None, tuple[str, ...]]:
+        """Choose what drives a model; say so where motors would fit its names only."""
+        robot, motors = model.assembly.description, self._motors
+        if motors is None or motors.are_for(robot.name):
+            return motors, ()
+        names = [joint.name for joint in robot.movable_joints]
+        if all(motors.of(name) == Motor() for name in names):
+            return Motors(), ()
+        return Motors(), (
+            f"{G1_MOTORS} is for the G1 only: the motors of {robot.name} have the "
+            "effort limits of its own file",
+        )
 
     def remove(self, name: str) -> None:
         """Remove a model's bodies, if it has any."""

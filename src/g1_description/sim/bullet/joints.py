@@ -13,8 +13,8 @@ from g1_description.sim.model import Model
 from .client import BulletClient
 
 MAX_EFFORT = 1e6
-"""Effort limit of a joint whose file gives none, in [N m] or [N]: PyBullet takes no
-infinity."""
+"""Effort limit of a joint whose file gives none, or 0 as exporters do where they know
+none, in [N m] or [N]: PyBullet takes no infinity."""
 
 
 FULL_SHARE = 0.999
@@ -53,7 +53,8 @@ class BodyJoints:
         self._numbers = [numbers[joint.child] for joint in joints]
         self._own = {row: own for own, row in enumerate(self.rows.tolist())}
         self._names = [joint.name for joint in joints]
-        self.efforts = np.array([min(joint.effort, MAX_EFFORT) for joint in joints])
+        known = [joint.effort or MAX_EFFORT for joint in joints]
+        self.efforts = np.minimum(np.array(known, dtype=float), MAX_EFFORT)
         """What the motors can give at most, in [N m] or [N], shape (n,)."""
         self.set_motors(Motors())
         self._damping = np.array([joint.damping for joint in joints])
@@ -141,7 +142,15 @@ class BodyJoints:
 
     def at_effort_limit(self) -> np.ndarray:
         """Find which motors gave all they can in the last step, shape (n,)."""
-        return np.abs(self.applied_efforts()) >= FULL_SHARE * self.efforts
+        has_limit = (self.efforts > 0.0) & (self.efforts < MAX_EFFORT)
+        return has_limit & (np.abs(self.applied_efforts()) >= FULL_SHARE * self.efforts)
+
+    def unknown_limits(self) -> list[str]:
+        """Name the joints whose file gives an effort of 0, and nothing else a limit."""
+        joints = self._model.assembly.description.movable_joints
+        unknown = {joint.name for joint in joints if joint.effort == 0.0}
+        without = zip(self._names, self.efforts >= MAX_EFFORT)
+        return [name for name, is_free in without if is_free and name in unknown]
 
     def applied_efforts(self) -> np.ndarray:
         """Read what motors applied in the last step, in [N m] or [N], shape (n,)."""

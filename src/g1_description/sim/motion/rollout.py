@@ -38,7 +38,7 @@ class Conditions:
 
     motors: Motors | None = None
     """What drives the joints; None: motors as strong as the robot's file says. The
-    stand-in has those of ``config/motors.yaml``."""
+    stand-in has those of ``config/motors.yaml`` for the G1."""
 
     properties: PhysicsProperties = field(default_factory=PhysicsProperties)
     fall_limits: FallLimits = field(default_factory=FallLimits)

@@ -16,7 +16,7 @@ from g1_description.core.cli import say
 from g1_description.core.errors import ClusterError, G1DescriptionError
 from g1_description.core.files.absolute_urdf import absolute_urdf
 from g1_description.core.files.share import share_folder
-from g1_description.core.motion.motors import read_motors
+from g1_description.core.motion.motors import g1_motors
 from g1_description.core.reports.outcome import (
     NO_MOTION,
     NOT_CHECKED,
@@ -41,9 +41,6 @@ from .results import Results
 G1 = "urdf/g1_29dof.urdf"
 """The robot where none is given, in the package's folder."""
 
-MOTORS = "config/motors.yaml"
-"""What drives joints in physics, likewise."""
-
 
 def notify(text: str) -> None:
     """Print a message."""
@@ -57,7 +54,7 @@ def setup_of(args: argparse.Namespace) -> Setup:
         G1DescriptionError: If a file that is named is not what it should be.
     """
     share = share_folder()
-    motors = read_motors(share / MOTORS) if args.physics else None
+    motors = g1_motors() if args.physics else None
     return Setup(
         urdf=absolute_urdf(args.model or str(share / G1)),
         thresholds=read_thresholds(args.thresholds),
