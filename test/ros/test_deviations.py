@@ -193,7 +193,8 @@ class TestDeviations(unittest.TestCase):
         self.assertEqual(
             answer["status_message"],
             "SetModelConfiguration: success; ignored, no movable joint of arm: tail; "
-            "clamped to the limits: hinge to 1.2",
+            "clamped to the limits: hinge from 9 to 1.2 (9 looks like degrees, "
+            "positions are in radians)",
         )
         answer = self.spawn("eye", GUI, "spawn_sdf_model")
         self.assertEqual(

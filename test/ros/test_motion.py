@@ -349,7 +349,7 @@ class TestMotion(unittest.TestCase):
     def test_what_is_beyond_a_limit_is_told(self):
         upper = self.upper[self.names.index(ELBOW)]
         self.publish("joint_trajectory", elbow((0.0, 0.0), (0.05, upper + 0.3)))
-        self.wait_for_warning(f"clamped to the limits: {ELBOW} to")
+        self.wait_for_warning(f"clamped to the limits: {ELBOW} from {upper + 0.3:.10g}")
         self.states.wait(
             lambda m: 0.0 < position_of(m, ELBOW) - upper < 0.0011, "the limit"
         )
@@ -358,7 +358,9 @@ class TestMotion(unittest.TestCase):
         log = NodeLog("/gazebo")
         self.addCleanup(log.close)
         self.publish("joint_trajectory", elbow((0.05, 9.0)))
-        log.wait(lambda m: f"clamped to the limits: {ELBOW} to" in m.msg, "a warning")
+        log.wait(
+            lambda m: f"clamped to the limits: {ELBOW} from 9 to" in m.msg, "a warning"
+        )
 
     def test_trails_are_where_tf_had_the_links(self):
         trails = Connected("/trails", MarkerArray, queue_size=None)

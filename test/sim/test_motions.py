@@ -240,7 +240,7 @@ def test_a_single_sample_shows_its_velocities_and_rests(world, model):
 def test_limits_are_kept_but_for_rounding(world, model):
     upper = model.upper[model.joint_row(ELBOW)]
     report = world.motions.play(model, elbow(upper + 9e-4, upper + 0.2), STEP)
-    assert report.clamped == {ELBOW: upper}
+    assert report.clamped == {ELBOW: (upper + 0.2, upper)}
     world.step()
     assert position(model) == upper + 9e-4
     steps(world, 5)

@@ -359,7 +359,7 @@ def test_positions_beyond_the_limits_are_clamped_and_told(make_world):
     wanted = {"hinge": 9.0, "turn": 100.0, "tail": 1.0, "slide": -1.0}
     report = world.set_joint_positions("arm", wanted)
     assert report.unknown == ["tail"]
-    assert report.clamped == {"hinge": 1.2, "slide": -0.1}
+    assert report.clamped == {"hinge": (9.0, 1.2), "slide": (-1.0, -0.1)}
     assert list(world.models["arm"].position) == [1.2, -0.1, 100.0]
 
 

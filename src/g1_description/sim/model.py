@@ -28,8 +28,9 @@ class Report:
     unknown: list[str] = field(default_factory=list)
     """Names that are no movable joint of the model."""
 
-    clamped: dict[str, float] = field(default_factory=dict)
-    """Joints whose position was outside the limits, with the position set."""
+    clamped: dict[str, tuple[float, float]] = field(default_factory=dict)
+    """Joints whose position was outside the limits: the position requested, and the one
+    set."""
 
     changed: list[int] = field(default_factory=list)
     """Rows of the movable joints that were not at rest at that position already."""
@@ -186,7 +187,7 @@ class Model(Structure):
             lower, upper = float(self.lower[row]), float(self.upper[row])
             wanted[row] = min(max(float(position), lower), upper)
             if wanted[row] != position:
-                report.clamped[name] = wanted[row]
+                report.clamped[name] = float(position), wanted[row]
         report.changed = [row for row in wanted if not self._is_at(row, wanted[row])]
         if wanted:
             self._place_joints(np.array(list(wanted)), np.array(list(wanted.values())))

@@ -213,8 +213,9 @@ def _report(model: Model, trajectory: Trajectory) -> Report:
             continue
         lower, upper = float(model.lower[row]), float(model.upper[row])
         positions = trajectory.positions[:, column]
-        if positions.max() > upper + LIMIT_TOLERANCE:
-            report.clamped[name] = upper
-        elif positions.min() < lower - LIMIT_TOLERANCE:
-            report.clamped[name] = lower
+        most, least = float(positions.max()), float(positions.min())
+        if most > upper + LIMIT_TOLERANCE:
+            report.clamped[name] = most, upper
+        elif least < lower - LIMIT_TOLERANCE:
+            report.clamped[name] = least, lower
     return report

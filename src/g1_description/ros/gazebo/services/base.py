@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 
 import numpy as np
@@ -12,7 +13,7 @@ from g1_description.core.rotation import normalized
 from g1_description.ros.gazebo.stepper import Stepper
 from g1_description.ros.wire.conversions import pose_to_array, twist_to_array
 from g1_description.sim.forces import Span
-from g1_description.sim.model import Report
+from g1_description.sim.model import Model, Report
 from g1_description.sim.world import World
 
 _SCOPE = "did you forget to scope the link by model name?"
@@ -107,10 +108,25 @@ def checked(what: str, numbers) -> np.ndarray:
     return array
 
 
-def clamped(report: Report) -> str:
+def clamped(model: Model, report: Report) -> str:
     """Say which positions were clamped; empty if none was."""
-    values = [f"{name} to {value!r}" for name, value in report.clamped.items()]
-    return f"clamped to the limits: {', '.join(values)}" if values else ""
+    if not report.clamped:
+        return ""
+    values = [
+        f"{name} from {requested:.10g} to {limit:.10g}"
+        for name, (requested, limit) in report.clamped.items()
+    ]
+    return f"clamped to the limits: {', '.join(values)}{_degrees(model, report)}"
+
+
+def _degrees(model: Model, report: Report) -> str:
+    """Say which clamped position looks like one in degrees; empty if none does."""
+    joints = model.assembly.description.movable_joints
+    turning = {joint.name for joint in joints if joint.kind == "revolute"}
+    for name, (requested, _) in report.clamped.items():
+        if name in turning and 2.0 * math.pi < abs(requested) <= 360.0:
+            return f" ({requested:.10g} looks like degrees, positions are in radians)"
+    return ""
 
 
 def time_span(start_time, duration, now_ns: int) -> Span:

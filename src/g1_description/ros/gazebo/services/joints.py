@@ -24,7 +24,7 @@ from gazebo_msgs.srv import (
 
 from g1_description.core.errors import InvalidValueError, UnknownNameError
 from g1_description.core.robot.assembly import SCOPE
-from g1_description.sim.model import Report
+from g1_description.sim.model import Model, Report
 
 from .base import Services, checked, clamped, time_span
 
@@ -71,7 +71,7 @@ class JointServices(Services):
                 False, f"SetModelConfiguration: refused, {error}"
             )
         message = self._messages.compose(
-            "SetModelConfiguration: success", _details(name, report)
+            "SetModelConfiguration: success", _details(self._world.model(name), report)
         )
         return SetModelConfigurationResponse(True, message)
 
@@ -157,10 +157,10 @@ def _unscoped(model, names, positions):
     return {**scoped, **plain}
 
 
-def _details(model: str, report: Report) -> list[str]:
+def _details(model: Model, report: Report) -> list[str]:
     """List what was not done exactly as requested."""
     details = []
     if report.unknown:
         names = ", ".join(name or "''" for name in report.unknown)
-        details.append(f"ignored, no movable joint of {model}: {names}")
-    return [*details, clamped(report)]
+        details.append(f"ignored, no movable joint of {model.name}: {names}")
+    return [*details, clamped(model, report)]

@@ -139,7 +139,7 @@ class StepServices(SteppedServices):
         report = self._world.set_joint_positions(
             model.name, dict(zip(names, positions))
         )
-        return [clamped(report)]
+        return [clamped(model, report)]
 
     def _state(self, model: Model, success: bool, message: str) -> StepModelResponse:
         """Return a model's state; none if it was deleted."""

@@ -71,7 +71,7 @@ class TrajectoryServices(SteppedServices):
         report = self._world.motions.play(model, trajectory, start)
         if start <= self._world.time_ns:
             self._world.motions.step(self._world.time_ns)
-        details = [clamped(report), jump]
+        details = [clamped(model, report), jump]
         if report.unknown:
             names = listed(report.unknown)
             details.append(f"ignored, no movable joint of {model.name}: {names}")
