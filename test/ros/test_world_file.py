@@ -1,14 +1,54 @@
 #!/usr/bin/env python3
 """A world file, started by a launch file for Gazebo, becomes the stand-in's world."""
 
+import signal
 import subprocess
 import sys
+import tempfile
 import unittest
+from pathlib import Path
 
 import rospy
 import rostest
+from gazebo_msgs.srv import GetPhysicsProperties
 from support.golden.simulator import Simulator
-from support.ros_testing import DEADLINE, wait_for
+from support.ros_testing import DEADLINE, process_of, program, wait_for
+
+SHELF = Path(__file__).resolve().parents[1] / "data" / "shelf.world"
+SECOND = "/second/gazebo"
+
+
+class Server:
+    """A second simulator of this master, paused, with a command line of gzserver."""
+
+    def __init__(self, *words):
+        """Start it, and wait until it answers."""
+        self._output = tempfile.TemporaryFile()  # noqa: SIM115  (kept until the end)
+        command = [program("gzserver", "gazebo_ros"), "-u", *map(str, words)]
+        self._process = subprocess.Popen(
+            [*command, "__ns:=/second", "__name:=gazebo"],
+            stdout=self._output,
+            stderr=subprocess.STDOUT,
+        )
+        wait_for(lambda: process_of(SECOND) == self._process.pid, "the simulator")
+        # dynamic_reconfigure's server is made last: it has written its numbers.
+        rospy.wait_for_service(f"{SECOND}/set_parameters", DEADLINE)
+
+    def physics(self):
+        """Give gravity along z, the time step, and the solver's iterations."""
+        name = f"{SECOND}/get_physics_properties"
+        now = rospy.ServiceProxy(name, GetPhysicsProperties)()
+        return now.gravity.z, now.time_step, now.ode_config.sor_pgs_iters
+
+    def output(self):
+        """Give all it has written."""
+        self._output.seek(0)
+        return self._output.read().decode()
+
+    def end(self, by=signal.SIGINT):
+        """Send a signal and wait for the end."""
+        self._process.send_signal(by)
+        self._process.wait(DEADLINE)
 
 
 class TestWorldFile(unittest.TestCase):
@@ -53,6 +93,43 @@ class TestWorldFile(unittest.TestCase):
             self.assertEqual(done.returncode, 1)
             self.assertIn(words, done.stderr)
             self.assertNotIn("Traceback", done.stderr)
+
+    def test_what_a_former_simulator_wrote_is_no_wish(self):
+        empty = Server()
+        self.addCleanup(empty.end)
+        self.assertEqual(empty.physics(), (-9.8, 0.001, 50))
+        self.assertEqual(rospy.get_param(f"{SECOND}/gravity_z"), -9.8)
+        empty.end()
+        shelf = Server(SHELF)
+        self.addCleanup(shelf.end)
+        self.assertEqual(shelf.physics(), (-2.0, 0.002, 77))
+        self.assertEqual(rospy.get_param(f"{SECOND}/gravity_z"), -2.0)
+        self.assertNotIn("instead of", shelf.output())
+
+    def test_a_wish_wins_over_the_file_and_is_logged(self):
+        rospy.set_param(f"{SECOND}/initial/gravity_z", -1)
+        self.addCleanup(rospy.delete_param, f"{SECOND}/initial")
+        for end in (signal.SIGKILL, signal.SIGINT):
+            server = Server(SHELF, "_initial/sor_pgs_iters:=77")
+            self.addCleanup(server.end)
+            self.assertEqual(server.physics(), (-1.0, 0.002, 77))
+            words = "shelf.world: gravity_z is -1, from ~initial/gravity_z, instead of"
+            self.assertIn(f"{words} the file's -2", server.output())
+            self.assertEqual(server.output().count("instead of"), 1)
+            server.end(end)
+
+    def test_a_wish_that_cannot_be_ends_the_node_with_its_name(self):
+        command = ["rosrun", "g1_description", "gazebo_stand_in.py", "__ns:=/third"]
+        done = subprocess.run(
+            [*command, "_initial/gravity_z:=down"],
+            stderr=subprocess.PIPE,
+            check=False,
+            text=True,
+            timeout=DEADLINE,
+        )
+        self.assertEqual(done.returncode, 1)
+        words = "~initial/gravity_z is 'down', it must be a float like -9.8."
+        self.assertIn(words, done.stderr)
 
 
 if __name__ == "__main__":

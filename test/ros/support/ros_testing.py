@@ -28,9 +28,9 @@ SHARED = REPOSITORY.parent / "shared"
 
 
 @lru_cache(maxsize=None)
-def program(name):
-    """Find a program of this package once; each rosrun looks for it anew."""
-    return roslib.packages.find_node("g1_description", name)[0]
+def program(name, package="g1_description"):
+    """Find a program of a package once; each rosrun looks for it anew."""
+    return roslib.packages.find_node(package, name)[0]
 
 
 def position_of(message, joint):

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from g1_description.ros.node.parameters import check_range
+from g1_description.ros.node.parameters import NAMESPACE, check_range
 from g1_description.sim.physics import PhysicsProperties
+
+INITIAL = "initial/"
+"""Namespace of the physics' initial numbers. Under their bare names dynamic_reconfigure
+writes the current ones, which are no wishes of anybody."""
 
 
 @dataclass(frozen=True)
@@ -42,8 +46,10 @@ class GazeboParameters:
     spawn: SpawnParameters = field(default_factory=SpawnParameters)
     """The robot to spawn at start."""
 
-    properties: PhysicsProperties = field(default_factory=PhysicsProperties)
-    """The physics' numbers, in Gazebo's words."""
+    properties: PhysicsProperties = field(
+        default_factory=PhysicsProperties, metadata={NAMESPACE: INITIAL}
+    )
+    """The physics' initial numbers, in Gazebo's words. They win over a world file."""
 
     physics: str = "kinematic"
     """kinematic: what is set stays set; hold: motors hold the joints; limp: no

@@ -26,7 +26,7 @@ from g1_description.ros.transport.broken_networks import answers_within
 from g1_description.sim.physics import GRAVITY
 from g1_description.sim.world import World
 
-from .parameters import GazeboParameters
+from .parameters import INITIAL, GazeboParameters
 from .placement import place_robot
 
 LAUNCH_TIME = 1.0
@@ -85,18 +85,18 @@ def make_world(parameters: GazeboParameters) -> tuple[World, GazeboParameters]:
         parameters: The node's parameters.
 
     Returns:
-        The world, and the parameters with what the file says of physics; what
-        stands on the parameter server wins over the file.
+        The world, and the parameters with what the file says of physics; initial
+        numbers on the parameter server win over the file.
 
     Raises:
         G1DescriptionError: If the file cannot be read or a model not be loaded.
     """
     content = _content(parameters.world)
-    physics, left_out = _physics(content, parameters)
+    physics, notes = _physics(content, parameters)
     properties = replace(parameters.properties, **physics)
     parameters = replace(parameters, properties=properties)
     world = World(parameters.physics, properties, content, _motors(parameters))
-    for line in (*left_out, *world.left_out):
+    for line in (*notes, *world.left_out):
         rospy.logwarn("%s: %s", parameters.world, line)
     return world, parameters
 
@@ -132,21 +132,28 @@ def _physics(
     """Collect the physics of a world file that no parameter overrides.
 
     Returns:
-        Numbers by the names of parameters, and a sentence for each that is invalid.
+        Numbers by name, and a sentence for each that is overridden or invalid.
     """
     given = {**content.physics, **dict(zip(GRAVITY, content.gravity or ()))}
-    found, left_out = {}, []
+    found, notes = {}, []
     for name, value in given.items():
-        if rospy.has_param(f"~{name}"):
+        initial = getattr(parameters.properties, name)
+        number = type(initial)(value)
+        parameter = f"~{INITIAL}{name}"
+        if rospy.has_param(parameter):
+            if initial != number:
+                notes.append(
+                    f"{name} is {initial:g}, from {parameter}, instead of the file's "
+                    f"{number:g}"
+                )
             continue
-        number = type(getattr(parameters.properties, name))(value)
         try:
             replace(parameters.properties, **{name: number})
         except InvalidValueError as error:
-            left_out.append(f"{error}: it is left out")
+            notes.append(f"{error}: it is left out")
         else:
             found[name] = number
-    return found, left_out
+    return found, notes
 
 
 def spawn_robot(world: World, parameters: GazeboParameters) -> None:

@@ -14,6 +14,9 @@ from g1_description.core.errors import InvalidValueError
 
 from .waiting import MASTER_PERIOD, wait_until
 
+NAMESPACE = "namespace"
+"""Key in a field's metadata: the namespace of its parameters, with a final slash."""
+
 
 def check_range(parameters, name, low, high):
     """Check that one number is within its range.
@@ -37,7 +40,8 @@ def read_parameters(kind, given=None):
 
     Args:
         kind: A dataclass: a parameter for each field, of the type of its default.
-            Where a dataclass makes the default, its fields are parameters as well.
+            Where a dataclass makes the default, its fields are parameters as well, in
+            the namespace that the field's metadata name.
         given: Values by name that win over the defaults, not over the server's.
 
     Returns:
@@ -48,7 +52,7 @@ def read_parameters(kind, given=None):
     """
     name = rospy.get_name()
     own = rospy.get_param(name, {})  # all of them by one call
-    found = {**(given or {}), **(own if isinstance(own, dict) else {})}
+    found = {**(given or {}), **(_flat(own) if isinstance(own, dict) else {})}
     for field in default_parameters(kind):
         place = rospy.resolve_name(f"~{field}")
         if place != f"{name}/{field}" and rospy.has_param(place):  # it is remapped
@@ -56,26 +60,39 @@ def read_parameters(kind, given=None):
     return _filled(kind, found)
 
 
-def _filled(kind, found):
+def _flat(values, namespace=""):
+    """Give values by name, those in a namespace by NAMESPACE/NAME."""
+    found = {}
+    for name, value in values.items():
+        found[namespace + name] = value
+        if isinstance(value, dict):
+            found.update(_flat(value, f"{namespace}{name}/"))
+    return found
+
+
+def _filled(kind, found, namespace=""):
     """Make a dataclass of values by name; what is not among them has its default."""
     values = {}
     for field in fields(kind):
         if is_dataclass(field.default_factory):
-            values[field.name] = _filled(field.default_factory, found)
+            inner = namespace + field.metadata.get(NAMESPACE, "")
+            values[field.name] = _filled(field.default_factory, found, inner)
         else:
-            value = found.get(field.name, field.default)
-            values[field.name] = _converted(field.name, value, field.default)
+            name = namespace + field.name
+            value = found.get(name, field.default)
+            values[field.name] = _converted(name, value, field.default)
     return kind(**values)
 
 
-def default_parameters(kind) -> dict:
+def default_parameters(kind, namespace="") -> dict:
     """List the parameters that ``read_parameters`` reads, with their defaults."""
     values = {}
     for field in fields(kind):
         if is_dataclass(field.default_factory):
-            values.update(default_parameters(field.default_factory))
+            inner = namespace + field.metadata.get(NAMESPACE, "")
+            values.update(default_parameters(field.default_factory, inner))
         else:
-            values[field.name] = field.default
+            values[namespace + field.name] = field.default
     return values
 
 

@@ -12,7 +12,7 @@ from machines import Machines
 HERE = Path(__file__).resolve().parent
 STAND_IN = (
     *("__name:=gazebo", "_robot_description:=robot_description", "_on_floor:=true"),
-    *("_time_step:=0.01", "_max_update_rate:=100"),
+    *("_initial/time_step:=0.01", "_initial/max_update_rate:=100"),
 )
 JOINT = "left_elbow_joint"
 COMMANDS = 20
