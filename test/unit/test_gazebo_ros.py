@@ -68,11 +68,11 @@ def test_the_server_gets_its_arguments():
     words = command(
         "gazebo",
         *(f"{name}:=true" for name in given),
-        *("enable_ros_network:=false", "physics:=hold", "world_name:=a.world"),
+        *("physics:=hold", "world_name:=a.world"),
         "extra_gazebo_args:=--seed 3",
     )
     assert words == [
-        *("debug", "-u", "--verbose", "-r", "--headless", "--disable_ros_network"),
+        *("debug", "-u", "--verbose", "-r", "--headless"),
         *("-e", "hold", "--seed", "3", "a.world"),
     ]
 
@@ -86,11 +86,16 @@ def test_the_window_is_optional():
 
 def test_parameters_are_set_where_asked_for():
     launch = ("--dump-params", "gazebo_ros", "empty_world.launch")
-    assert roslaunch(*launch).split() == ["/use_sim_time:", "true"]
+    assert roslaunch(*launch).split() == [
+        *("/gazebo/enable_ros_network:", "true"),
+        *("/use_sim_time:", "true"),
+    ]
     rarely = ("use_sim_time:=false", "use_clock_frequency:=true")
     told = roslaunch(*launch, *rarely, "pub_clock_frequency:=50")
     assert "/use_sim_time: false" in told
     assert "/gazebo/pub_clock_frequency: 50" in told
+    told = roslaunch(*launch, "enable_ros_network:=false")
+    assert "/gazebo/enable_ros_network: false" in told
 
 
 @pytest.mark.slow

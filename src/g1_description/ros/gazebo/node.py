@@ -76,7 +76,6 @@ class GazeboNode:
         self._physics = PhysicsServices(world, messages, self._stepper)
         self._calls = Calls(world.lock)
         network = parameters.enable_ros_network
-        rospy.set_param("~enable_ros_network", network)
         listeners = find_listeners() if network else ()
         self._topics = StateTopics(world, parameters, listeners)
         self._tracking = TrackingTopic(world) if network else None

@@ -61,9 +61,6 @@ def parser() -> OneSentenceParser:
     made.add_argument("-u", "--pause", action="store_true", help="start paused")
     made.add_argument("--verbose", action="store_true", help="accepted")
     made.add_argument(
-        "--disable_ros_network", action="store_true", help="offer only /clock"
-    )
-    made.add_argument(
         "-e",
         "--physics",
         choices=PHYSICS,
@@ -130,8 +127,6 @@ def parse(arguments: list[str]) -> tuple[dict, list[str]]:
         reader.error(str(error))
     if args.pause:
         given["paused"] = True
-    if args.disable_ros_network:
-        given["enable_ros_network"] = False
     return given, args.ignored + others
 
 
