@@ -119,6 +119,17 @@ def test_the_report_is_what_the_joints_did(hanging):
     assert world.motions.take_tracked() == []
 
 
+def test_the_jump_to_a_motion_is_not_its_largest_error(hanging):
+    world, model = hanging
+    way = elbow()
+    errors = play(world, model, replace(way, positions=way.positions + 0.36), WATCH)
+    (tracked,) = world.motions.take_tracked()
+    assert np.abs(errors).max() > 0.3
+    assert tracked.report.largest_errors[0] <= 0.01
+    assert tracked.report.largest_error_times[0] > 0.005
+    assert tracked.report.limit_shares[0] > 0.0
+
+
 def test_velocities_spare_the_joint_its_lag(hanging):
     """Without them it would be behind by its speed times 10 ms."""
     world, model = hanging

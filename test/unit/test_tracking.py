@@ -31,12 +31,13 @@ def recorded(errors, at_limit, time_step=0.01):
 def test_errors_are_those_of_all_steps_together(seed, steps):
     random = np.random.default_rng(seed)
     errors = random.normal(size=(steps, len(NAMES)))
+    errors[0] = 0.0  # else what is before the motion is reached does not count
     at_limit = random.uniform(size=errors.shape) < 0.3
     report = recorded(errors, at_limit).report(None)
     np.testing.assert_allclose(report.rms_errors, np.sqrt((errors**2).mean(axis=0)))
     np.testing.assert_array_equal(report.largest_errors, np.abs(errors).max(axis=0))
     np.testing.assert_allclose(report.limit_shares, at_limit.mean(axis=0))
-    worst = 0.01 * np.abs(errors).argmax(axis=0)
+    worst = 0.01 * np.abs(errors).argmax(axis=0) if steps > 1 else np.full(3, np.nan)
     np.testing.assert_allclose(report.largest_error_times, worst)
     first = np.where(at_limit.any(axis=0), 0.01 * at_limit.argmax(axis=0), np.nan)
     np.testing.assert_allclose(report.first_limit_times, first)
@@ -53,6 +54,23 @@ def test_a_joint_counts_for_as_long_as_the_motion_moves_it():
     np.testing.assert_allclose(report.limit_shares, [0.5, 1.0, 0.0])
 
 
+def test_a_jump_to_the_first_sample_hides_no_error_of_the_motion():
+    """The hip jumps, the knee never comes there, the elbow begins there."""
+    jump = 0.36 * 0.9 ** np.arange(100)
+    late = np.where(np.arange(100) == 80, 0.02, 0.001)
+    hip = np.where(jump > 0.01, jump, late)
+    errors = np.stack([hip, 0.2 + jump, late], axis=1)
+    at_limit = np.stack([jump > 0.1, jump < 0.0, jump < 0.0], axis=1)
+    report = recorded(errors, at_limit).report(None)
+    since = errors[np.argmax(jump <= 0.01) :, 0]
+    rms = [np.sqrt((e**2).mean()) for e in (since, errors[:, 1], late)]
+    np.testing.assert_allclose(report.rms_errors, rms)
+    np.testing.assert_allclose(report.largest_errors, [0.02, 0.56, 0.02])
+    np.testing.assert_allclose(report.largest_error_times, [0.8, 0.0, 0.8])
+    np.testing.assert_allclose(report.limit_shares, at_limit.mean(axis=0))
+    assert report.first_limit_times[0] == 0.0
+
+
 def test_a_report_without_steps_has_no_errors():
     report = TrackingRecorder(NAMES).report(None)
     assert report.duration == 0.0
@@ -67,7 +85,7 @@ def test_the_text_lists_the_worst_joints_first():
     assert "3 joints followed for 3.00 s" in head
     assert "it fell after 1.23 s" in head
     assert [row.split()[0] for row in rows] == ["knee", "elbow", "hip"]
-    assert rows[0].split()[1:] == ["0.2000", "0.2000", "100.0", "%"]
+    assert rows[0].split()[1:] == ["0.2000", "0.2000", "0.00", "s", "100.0", "%"]
     assert "did not fall" in str(recorded(errors, [[False] * 3] * 301).report(None))
 
 

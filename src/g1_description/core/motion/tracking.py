@@ -9,6 +9,10 @@ import numpy as np
 
 from g1_description.core.errors import InvalidValueError
 
+REACHED = 0.01
+"""How near a joint is to a motion that it has reached, in [rad] or [m]. The way there,
+where the motion begins elsewhere than the robot, is no error of the motion's."""
+
 MAX_LISTED = 5
 """How many joints a text lists, the worst ones."""
 
@@ -43,10 +47,11 @@ class TrackingReport:
     joint_names: tuple[str, ...]
 
     rms_errors: np.ndarray
-    """Root of the mean square of position minus target, in [rad] or [m], shape (n,)."""
+    """Root of the mean square of position minus target, in [rad] or [m], shape (n,):
+    from when the joint first reached the motion, over all steps where it never did."""
 
     largest_errors: np.ndarray
-    """Largest distance from the target, in [rad] or [m], shape (n,)."""
+    """Largest distance from the target in these steps, in [rad] or [m], shape (n,)."""
 
     limit_shares: np.ndarray
     """Share of the time in which the motor gave all it can, from 0 to 1, shape (n,)."""
@@ -74,14 +79,21 @@ class TrackingReport:
         lines = [
             f"{len(self.joint_names)} joints followed for {self.duration:.2f} s, rms "
             f"error {total:.4f}; {self._fall()}",
-            f"{'largest rms errors':{width}}     rms  largest  at effort limit",
+            f"{'largest rms errors':{width}}     rms  largest     when  "
+            "at effort limit",
         ]
         lines += [
             f"{self.joint_names[row]:{width}}  {self.rms_errors[row]:6.4f}   "
-            f"{self.largest_errors[row]:6.4f}  {100.0 * self.limit_shares[row]:6.1f} %"
+            f"{self.largest_errors[row]:6.4f}  {self._time(row)}  "
+            f"{100.0 * self.limit_shares[row]:6.1f} %"
             for row in worst
         ]
         return "\n".join(lines)
+
+    def _time(self, row: int) -> str:
+        """Say when a joint's error was largest."""
+        time = float(self.largest_error_times[row])
+        return " " * 7 if math.isnan(time) else f"{time:5.2f} s"
 
     def _fall(self) -> str:
         """Say whether it fell."""
@@ -100,6 +112,8 @@ class TrackingRecorder:
             joint_names: The joints that the motion moves.
         """
         self._names = joint_names
+        self._steps = np.zeros(len(joint_names), dtype=int)
+        self._has_reached = np.zeros(len(joint_names), dtype=bool)
         self._counts = np.zeros(len(joint_names), dtype=int)
         self._squares = np.zeros(len(joint_names))
         self._largest = np.zeros(len(joint_names))
@@ -123,9 +137,11 @@ class TrackingRecorder:
         if self._begin is None:
             self._begin = time
         self._end = time
+        self._steps[joints] += 1
+        sizes = np.abs(errors)
+        self._begin_at(joints[(sizes <= REACHED) & ~self._has_reached[joints]])
         self._counts[joints] += 1
         self._squares[joints] += errors**2
-        sizes = np.abs(errors)
         is_larger = sizes > self._largest[joints]
         self._largest[joints[is_larger]] = sizes[is_larger]
         self._largest_times[joints[is_larger]] = time
@@ -133,6 +149,13 @@ class TrackingRecorder:
             limited = joints[at_limit]
             self._limit_times[limited[self._at_limit[limited] == 0]] = time
             self._at_limit[limited] += 1
+
+    def _begin_at(self, joints: np.ndarray) -> None:
+        """Forget the errors of joints until now, which reach the motion only now."""
+        if joints.size:
+            self._has_reached[joints] = True
+            self._counts[joints], self._squares[joints] = 0, 0.0
+            self._largest[joints], self._largest_times[joints] = 0.0, np.nan
 
     def report(self, fall_time: float | None) -> TrackingReport:
         """Compute what became of the motion.
@@ -145,7 +168,7 @@ class TrackingRecorder:
             self._names,
             np.sqrt(self._squares / counts),
             self._largest.copy(),
-            self._at_limit / counts,
+            self._at_limit / np.maximum(self._steps, 1),
             self._largest_times.copy(),
             self._limit_times.copy(),
             0.0 if self._begin is None else self._end - self._begin,
