@@ -206,6 +206,33 @@ def test_without_times_thirty_hertz_are_assumed_and_told(g1, file):
     assert read_motion(file(f"{row}\n{row}\n"), g1, 50.0).notes == ()
 
 
+def test_the_header_that_numpy_writes_names_the_columns(g1, file):
+    names = ["time", "right_elbow_joint", "left_elbow_joint"]
+    rows = np.array([[0.0, 0.1, 0.2], [0.5, 0.3, 0.4]])
+    stream = io.BytesIO()
+    np.savetxt(stream, rows, delimiter=",", header="two elbows\n" + ",".join(names))
+    motion = read_motion(file(stream.getvalue()), g1)
+    assert motion.has_times
+    assert motion.trajectory.joint_names == tuple(names[1:])
+    np.testing.assert_array_equal(motion.trajectory.times, rows[:, 0])
+    np.testing.assert_array_equal(motion.trajectory.positions, rows[:, 1:])
+
+
+def test_a_header_that_numpy_writes_counts_for_a_table_of_36_columns(g1, file):
+    """Without it, this is base and joints of the G1."""
+    names = ["time", *G1_JOINTS[29], *(f"{n}.velocity" for n in G1_JOINTS[29][:6])]
+    stream = io.BytesIO()
+    np.savetxt(stream, np.zeros((1, 36)), delimiter=",", header=",".join(names))
+    with pytest.raises(MotionError, match="Line 1 names time"):
+        read_motion(file(stream.getvalue()), g1)
+
+
+def test_a_comment_above_a_table_without_a_header_is_a_comment(g1, file):
+    row = ",".join(["0", "0", "0.8", "0", "0", "0", "1", *["0.1"] * 29])
+    content = "# time, and more\n# time," + ",".join(["x"] * 40) + "\n"
+    assert read_motion(file(content + row), g1, 30.0).notes == ()
+
+
 def point(positions, secs, nsecs):
     """Print a point as ``rostopic echo`` does, with blanks behind keys."""
     return f"""  -\x20

@@ -1,7 +1,8 @@
 """Tables of comma-separated numbers, with or without a header.
 
 Without a header a row is a sample: x y z and quaternion x y z w of the base, then the
-joints, as in the LAFAN1 retargeting set of the G1. With one, its columns are named:
+joints, as in the LAFAN1 retargeting set of the G1. With one, also in a comment, the
+columns are named:
 
 - ``time``;
 - ``base_x`` to ``base_qw``, or none of them;
@@ -59,14 +60,21 @@ def read_table(text: str, robot: Description, rate: float | None) -> Motion:
     Raises:
         MotionError: If it is no such table, with the line.
     """
-    rows = _rows(text)
-    number, first = next(rows, (0, ""))
-    if not number:
+    above, comment = 0, ""
+    for number, line in _lines(text):
+        if not line.startswith("#"):
+            break
+        above, comment = number, line[1:]
+    else:
         raise MotionError("The file is empty.")
-    names = [name.strip() for name in _fields(number, first, None)]
-    if _is_number(names[0]):
-        return _headless(_rows(text), (number, len(names)), robot, rate)
-    return _headed(rows, number, names)
+    names = [name.strip() for name in _fields(number, line, None)]
+    if not _is_number(names[0]):
+        return _headed(_rows(text, number), number, names)
+    # numpy.savetxt writes its header as a comment.
+    header = [name.strip() for name in comment.split(",")]
+    if TIME in header and len(header) == len(names):
+        return _headed(_rows(text), above, header)
+    return _headless(_rows(text), (number, len(names)), robot, rate)
 
 
 def _headless(
@@ -184,7 +192,14 @@ def _check_writable(joints: Sequence[str]) -> None:
             raise MotionError(f"A table can have no joint called {name!r}.")
 
 
-def _rows(text: str) -> Iterator[tuple[int, str]]:
+def _rows(text: str, after: int = 0) -> Iterator[tuple[int, str]]:
+    """Go through the lines behind one that have something and are no comments."""
+    for number, line in _lines(text):
+        if number > after and not line.startswith("#"):
+            yield number, line
+
+
+def _lines(text: str) -> Iterator[tuple[int, str]]:
     """Go through the lines that have something, with their numbers.
 
     One after the other: as a list, the lines of a large file need ten times its room.
@@ -205,7 +220,7 @@ def _rows(text: str) -> Iterator[tuple[int, str]]:
             )
         line = text[begin:stop].strip()
         begin = stop + 1
-        if line and not line.startswith("#"):
+        if line:
             yield number, line
 
 
