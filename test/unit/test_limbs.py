@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from g1_description.core.motion.motion import G1_JOINTS
+from g1_description.core.motion.formats.unnamed import G1_JOINTS
 from g1_description.core.robot.limbs import OTHER, by_limb, limb_of
 
 

@@ -11,25 +11,6 @@ from g1_description.core.text import listed
 
 from .trajectory import Trajectory
 
-LEG = ("hip_pitch", "hip_roll", "hip_yaw", "knee", "ankle_pitch", "ankle_roll")
-WAIST = ("waist_yaw", "waist_roll", "waist_pitch")
-ARM = ("shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow")
-WRIST = ("wrist_roll", "wrist_pitch", "wrist_yaw")
-
-
-def _g1_joints(waist: Sequence[str], arm: Sequence[str]) -> tuple[str, ...]:
-    """Name the joints of a G1 in the order of the vendor's files."""
-    legs = [f"{side}_{joint}" for side in ("left", "right") for joint in LEG]
-    arms = [f"{side}_{joint}" for side in ("left", "right") for joint in arm]
-    return tuple(f"{name}_joint" for name in (*legs, *waist, *arms))
-
-
-G1_JOINTS = {
-    29: _g1_joints(WAIST, (*ARM, *WRIST)),
-    23: _g1_joints(WAIST[:1], (*ARM, WRIST[0])),
-}
-"""Joints of the G1's versions by their number, in the order of the vendor's files."""
-
 
 @dataclass(frozen=True)
 class Motion:
@@ -42,29 +23,6 @@ class Motion:
 
     has_times: bool = True
     """Whether the file says when its samples are, or at what rate."""
-
-
-def names_of_columns(n_joints: int, robot: Description) -> tuple[str, ...]:
-    """Name the joints of a file that does not.
-
-    Args:
-        n_joints: How many joints the file has.
-        robot: The robot; a file of as many joints has its own, in their order.
-
-    Returns:
-        The names; those of the G1 with so many joints where the robot has others.
-
-    Raises:
-        MotionError: If no robot that is known has so many.
-    """
-    own = tuple(joint.name for joint in robot.movable_joints)
-    if n_joints == len(own):
-        return own
-    if n_joints in G1_JOINTS and set(G1_JOINTS[n_joints]) & set(own):
-        return G1_JOINTS[n_joints]
-    raise MotionError(
-        f"The motion has {n_joints} joints without names; {robot.name} has {len(own)}."
-    )
 
 
 def fitted(motion: Motion, robot: Description) -> Motion:

@@ -6,22 +6,26 @@ Two vocabularies are known:
   is the root, quaternions are w x y z. Isaac Lab counts joints and bodies breadth
   first, MuJoCo in the order of the file; ``joint_names`` tells, which our own files
   have, or the bodies' places do.
-- GMR: ``fps, root_pos, root_rot, dof_pos``; quaternions are x y z w.
+- GMR: ``fps, root_pos, root_rot, dof_pos``; quaternions are x y z w, which is checked.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from g1_description.core.errors import MotionError
-from g1_description.core.motion.motion import Motion, names_of_columns
+from g1_description.core.motion.motion import Motion
 from g1_description.core.motion.trajectory import Trajectory
 from g1_description.core.robot.description import Description, Joint
 from g1_description.core.robot.kinematics import Kinematics
+from g1_description.core.robot.tree import below
 from g1_description.core.text import listed
+
+from .unnamed import layouts, names_of_columns, of_robot, w_last
 
 TRACKED = ("fps", "joint_pos", "body_pos_w", "body_quat_w")
 """Arrays of BeyondMimic and mjlab that are read, beside ``joint_vel``."""
@@ -58,13 +62,23 @@ def motion_of_arrays(found: Mapping[str, Any], robot: Description) -> Motion:
     if all(name in found for name in TRACKED):
         names = (*TRACKED, "joint_vel")
         arrays = {name: _numbers(found, name) for name in names}
-        return _tracked(arrays, _names(found), robot)
-    if all(name in found for name in RETARGETED):
-        return _retargeted({name: _numbers(found, name) for name in RETARGETED}, robot)
-    raise MotionError(
-        f"The file has {listed(map(str, found)) or 'nothing'}; a motion has "
-        f"{listed(TRACKED)}, or {listed(RETARGETED)}."
+        motion = _tracked(arrays, _names(found), robot)
+    elif all(name in found for name in RETARGETED):
+        arrays = {name: _numbers(found, name) for name in RETARGETED}
+        motion = _retargeted(arrays, robot)
+    else:
+        raise MotionError(
+            f"The file has {listed(map(str, found)) or 'nothing'}; a motion has "
+            f"{listed(TRACKED)}, or {listed(RETARGETED)}."
+        )
+    period = motion.trajectory.times[1:2]
+    if not period.size or period[0] <= 1.0:
+        return motion
+    note = (
+        f"fps is {1.0 / period[0]:.6g}: samples are {period[0]:.6g} s apart. If that "
+        f"is their period in s, fps must be {period[0]:.6g}."
     )
+    return replace(motion, notes=(*motion.notes, note))
 
 
 def _numbers(found: Mapping[str, Any], name: str) -> np.ndarray | None:
@@ -135,35 +149,56 @@ def _tracked(
         raise MotionError(f"{len(names)} joint_names come with {n_joints} joints.")
     base = np.concatenate([places[:, 0], turns[:, 0, 1:], turns[:, 0, :1]], axis=1)
     times = _times(arrays, n_samples)
-    orders = [names or names_of_columns(n_joints, robot)]
-    own = {joint.name for joint in robot.movable_joints}
-    is_comparable = {*orders[0]} == own and places.shape[1] == n_joints + 1
-    if names is None and is_comparable:
-        orders.append(tuple(joint.name for joint in _breadth_first(robot)))
+    orders = [names] if names else _orders(n_joints, robot)
+    orders = [order for order in orders if _is_comparable(order, places, robot)]
+    notes: tuple[str, ...] = ()
+    if not orders and names is None:
+        names, notes = names_of_columns(positions, robot)
+        notes = (*notes, UNKNOWN_ORDER)
+    if not orders:
+        assert names is not None
+        return Motion(Trajectory(times, names, positions, velocities, base), notes)
     motions = [
         Trajectory(times, order, positions, velocities, base) for order in orders
     ]
-    if not is_comparable:
-        return Motion(motions[0], () if names else (UNKNOWN_ORDER,))
     errors = [_deviation(motion, base, places, robot) for motion in motions]
     best = int(np.argmin(errors))
-    notes = ["The joints are in the order of Isaac Lab."] if best else []
+    if names is None and orders[best] not in layouts(n_joints, robot):
+        notes = ("The joints are in the order of Isaac Lab.",)
     if errors[best] > ELSEWHERE:
-        notes.append(
+        notes = (
+            *notes,
             f"The file's bodies are up to {errors[best]:.3f} m from where {robot.name} "
-            "has them: it is of another robot, or of another version."
+            "has them: it is of another robot, or of another version.",
         )
-    return Motion(motions[best], tuple(notes))
+    return Motion(motions[best], notes)
 
 
-def _breadth_first(robot: Description) -> list[Joint]:
-    """List the movable joints level by level."""
-    level, found = [robot.root], []
-    while level:
-        below = [j for link in level for j in robot.joints if j.parent == link]
-        found += [joint for joint in below if joint in robot.movable_joints]
-        level = [joint.child for joint in below]
-    return found
+def _orders(n_joints: int, robot: Description) -> list[tuple[str, ...]]:
+    """List the orders that joints without names may have."""
+    found = layouts(n_joints, robot)
+    isaac = [_breadth_first(robot, names) for names in found]
+    return [*found, *(order for order in isaac if len(order) == n_joints)]
+
+
+def _is_comparable(
+    names: tuple[str, ...], places: np.ndarray, robot: Description
+) -> bool:
+    """Return whether bodies may be the root and the joints' child links."""
+    own = {joint.name for joint in robot.movable_joints}
+    return {*names} <= own and places.shape[1] == len(names) + 1
+
+
+def _breadth_first(robot: Description, names: Collection[str]) -> tuple[str, ...]:
+    """List some movable joints level by level, as if all others were fixed."""
+    depth = {robot.root: 0}
+    found: list[Joint] = []
+    for joint in below([robot.root], robot.joints):
+        is_named = joint.name in names
+        depth[joint.child] = depth[joint.parent] + is_named
+        found += [joint] if is_named else []
+    found.sort(key=lambda joint: depth[joint.child])
+    return tuple(joint.name for joint in found)
 
 
 def _deviation(
@@ -172,7 +207,7 @@ def _deviation(
     """Compute how far bodies are from where the robot has them.
 
     Args:
-        motion: Of all its joints, in the order of the bodies.
+        motion: Of its joints, in the order of the bodies; others are at zero.
         base: Poses of the root, shape (n, 7).
         places: Of the root and the joints' child links, shape (n, n_joints + 1, 3).
         robot: The robot.
@@ -181,14 +216,14 @@ def _deviation(
         The largest distance in [m].
     """
     joints = {joint.name: joint for joint in robot.movable_joints}
-    column = [motion.joint_names.index(name) for name in joints]
+    positions = of_robot(motion.joint_names, motion.positions, robot)
     rows = [robot.link_names.index(joints[n].child) for n in motion.joint_names]
     rows = [robot.link_names.index(robot.root), *rows]
     kinematics = Kinematics(robot)
     numbers = np.linspace(0, len(places) - 1, N_COMPARED).astype(int)
     farthest = 0.0
     for number in numbers:
-        poses = kinematics.link_poses(base[number], motion.positions[number, column])
+        poses = kinematics.link_poses(base[number], positions[number])
         distance = np.linalg.norm(poses[rows, :3] - places[number], axis=1).max()
         farthest = max(farthest, float(distance))
     return farthest
@@ -197,11 +232,11 @@ def _deviation(
 def _retargeted(arrays: dict[str, Any], robot: Description) -> Motion:
     """Read the arrays of GMR."""
     positions = _shape(arrays, "dof_pos", None, None)
-    n_samples, n_joints = positions.shape
+    n_samples = len(positions)
     places = _shape(arrays, "root_pos", n_samples, 3)
     turns = _shape(arrays, "root_rot", n_samples, 4)
     base = np.concatenate([places, turns], axis=1)
-    names = names_of_columns(n_joints, robot)
-    return Motion(
-        Trajectory(_times(arrays, n_samples), names, positions, base_poses=base)
-    )
+    names, notes = names_of_columns(positions, robot)
+    times = _times(arrays, n_samples)
+    motion, more = w_last(Trajectory(times, names, positions, base_poses=base), robot)
+    return Motion(motion, (*notes, *more))

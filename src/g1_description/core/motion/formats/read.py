@@ -16,6 +16,7 @@ from .gmr_pickle import read_gmr_pickle
 from .npz import read_npz
 from .table import read_table
 from .trajectory_yaml import read_trajectory_yaml
+from .unnamed import check_radians
 
 MAX_FILE_SIZE = 100_000_000
 """No motion has more, in bytes: an hour at 60 Hz, written as text, has less."""
@@ -36,9 +37,11 @@ def read_motion(path: Path, robot: Description, rate: float | None = None) -> Mo
     """
     data = _data(path)
     try:
-        return fitted(without_rate(_read(data, robot, rate), rate), robot)
+        motion = fitted(without_rate(_read(data, robot, rate), rate), robot)
+        check_radians(motion, robot)
     except MotionError as error:
         raise type(error)(f"{path.name}: {error}") from error
+    return motion
 
 
 def without_rate(motion: Motion, rate: float | None) -> Motion:

@@ -1,8 +1,8 @@
 """Tables of comma-separated numbers, with or without a header.
 
 Without a header a row is a sample: x y z and quaternion x y z w of the base, then the
-joints, as in the LAFAN1 retargeting set of the G1. With one, also in a comment, the
-columns are named:
+joints, as in the LAFAN1 retargeting set of the G1; tables of Kimodo have w first, which
+their numbers tell. With a header, also in a comment, the columns are named:
 
 - ``time``;
 - ``base_x`` to ``base_qw``, or none of them;
@@ -19,10 +19,12 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from g1_description.core.errors import MotionError, NoMotionError
-from g1_description.core.motion.motion import Motion, names_of_columns
+from g1_description.core.motion.motion import Motion
 from g1_description.core.motion.trajectory import Trajectory
 from g1_description.core.robot.description import Description
 from g1_description.core.text import listed
+
+from .unnamed import names_of_columns, w_last
 
 TIME = "time"
 BASE = tuple(f"base_{part}" for part in ("x", "y", "z", "qx", "qy", "qz", "qw"))
@@ -90,13 +92,15 @@ def _headless(
             f"Line {number} has {width} columns; x y z, the quaternion x y z w and "
             "joints are expected."
         )
-    joints = names_of_columns(width - len(BASE), robot)
     values = _numbers(rows, width)
+    base, positions = values[:, : len(BASE)], values[:, len(BASE) :]
+    joints, notes = names_of_columns(positions, robot)
     times = np.arange(len(values)) / (rate or DEFAULT_RATE)
-    notes = () if rate else (f"The file has no times: {DEFAULT_RATE:g} Hz assumed.",)
-    trajectory = Trajectory(
-        times, joints, values[:, len(BASE) :], base_poses=values[:, : len(BASE)]
-    )
+    trajectory = Trajectory(times, joints, positions, base_poses=base)
+    trajectory, more = w_last(trajectory, robot)
+    notes = (*notes, *more)
+    if not rate:
+        notes = (f"The file has no times: {DEFAULT_RATE:g} Hz assumed.", *notes)
     return Motion(trajectory, notes, has_times=False)
 
 
