@@ -92,10 +92,10 @@ def arm_in_torso():
     return motion(positions)
 
 
-def sunken():
+def sunken(depth=0.02):
     found = motion(standing())
     base = found.trajectory.base_poses.copy()
-    base[:, 2] -= 0.02
+    base[:, 2] -= depth
     return motion(standing(), base, lift=False)
 
 
@@ -362,6 +362,13 @@ def test_efforts_at_the_ends_of_a_motion_are_not_invented():
     found = Motion(Trajectory(TIMES, JOINTS, positions))
     checker = Checker(ROBOT, COLLISIONS, fixed_base=True)
     assert checker.check_motion(found, ["effort"]).verdict.findings == ()
+
+
+@pytest.mark.parametrize(("depth", "found"), [(0.00501, 0), (0.0065, 2)])
+def test_feet_as_deep_as_a_retargeter_puts_them_are_no_finding(depth, found):
+    """It puts the lowest sole of a clip 5 mm into the floor, up to rounding."""
+    verdict = check(sunken(depth), only=["penetration"]).verdict
+    assert len(verdict.findings) == found
 
 
 def test_a_damaged_file_of_pairs_is_told(tmp_path, monkeypatch):

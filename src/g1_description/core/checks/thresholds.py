@@ -105,7 +105,7 @@ class Thresholds:
     self_collision: Level = Level(0.001, 0.005)
     """Depth, in [m]."""
 
-    penetration: Level = Level(0.005, 0.01)
+    penetration: Level = Level(0.006, 0.01)
     """Depth below the floor, in [m]."""
 
     floating: Level = Level(0.015, 0.03)
