@@ -9,6 +9,8 @@ from checked import ARM, POST, post_motion
 from g1_description.core.checks.thresholds import Level, Thresholds
 from g1_description.core.checks.verdict import Verdict
 from g1_description.core.motion.motion import Motion
+from g1_description.core.reports.outcome import Outcome
+from g1_description.core.reports.text import outcome_text
 from g1_description.core.urdf.reader import parse_urdf
 from g1_description.sim.checks.physics import PhysicsCheck
 from g1_description.sim.motion.rollout import Conditions, rollout
@@ -57,11 +59,26 @@ def test_a_gentle_motion_has_no_findings():
     assert verdict.checked == ("tracking", "saturation", "fall")
 
 
+def test_a_verdict_without_findings_says_what_physics_found():
+    motion = post_motion(0.05)
+    report = rollout(ROBOT, motion, Conditions(stops_at_fall=True)).report
+    verdict = judged(motion)
+    rms, largest = report.rms_errors[0], report.largest_errors[0]
+    errors = f"tracking error of 1 joint: rms {rms:.4f} rad, largest {largest:.4f} rad"
+    note = f"In physics the robot does not fall; {errors} ({ARM})."
+    assert verdict.notes == (note,)
+    assert verdict.figures["rms_tracking_error"] == pytest.approx(rms)
+    assert verdict.figures["largest_tracking_error"] == largest
+    assert note in outcome_text(Outcome("a.csv", verdict))
+
+
 def test_a_fall_is_told_and_ends_the_figures():
     verdict = judged(tilting())
     (fall,) = verdict.of("fall")
     assert fall.first_time == verdict.figures["fall_time"]
     assert 0.5 < fall.first_time < 1.0  # it leans by 45 degrees after 0.65 s
+    begin = f"In physics the robot falls at {fall.first_time:.3f} s; tracking error"
+    assert verdict.notes[0].startswith(begin)
     assert fall.severity == "warning"
 
 
@@ -86,6 +103,7 @@ def test_what_cannot_be_judged_is_skipped():
         "saturation": "it has no threshold",
         "fall": "the base is fixed",
     }
+    assert verdict.notes[0].startswith("In physics the base is fixed; tracking error")
 
 
 def test_the_same_motion_gives_the_same_verdict(weak):

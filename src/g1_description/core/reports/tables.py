@@ -24,6 +24,8 @@ FIGURES = (
     "least_center_margin",
     "least_zmp_margin",
     "fall_time",
+    "rms_tracking_error",
+    "largest_tracking_error",
 )
 """Figures of a motion that have a column."""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -109,12 +109,45 @@ class PhysicsCheck:
             findings.append(_saturation(played, number, thresholds.saturation))
         if fell_at is not None:
             findings.append(_fall(played, fell_at, thresholds.fall))
+        figures = {} if fell_at is None else {"fall_time": fell_at}
+        figures.update(_errors(played))
         return Verdict(
             self._robot.name,
             sorted_findings(findings),
-            figures={} if fell_at is None else {"fall_time": fell_at},
-            notes=played.left_out,
+            figures=figures,
+            notes=(*played.left_out, self._summary(played, figures)),
         )
+
+    def _summary(self, played: Rollout, figures: Mapping[str, float]) -> str:
+        """Say in a sentence what happened."""
+        outcome = "the robot does not fall"
+        if played.fell_at is not None:
+            outcome = f"the robot falls at {played.fell_at:.3f} s"
+        elif self._is_fixed:
+            outcome = "the base is fixed"
+        report = played.report
+        if not report.joint_names:
+            return f"In physics {outcome}."
+        names = report.joint_names
+        unit = " or ".join(dict.fromkeys(units(self._joints[n])[0] for n in names))
+        return (
+            f"In physics {outcome}; tracking error of {len(names)} joint"
+            f"{'s' if len(names) > 1 else ''}: rms "
+            f"{figures['rms_tracking_error']:.4f} {unit}, largest "
+            f"{figures['largest_tracking_error']:.4f} {unit} "
+            f"({names[int(np.argmax(report.largest_errors))]})."
+        )
+
+
+def _errors(played: Rollout) -> dict[str, float]:
+    """Compute the errors over all joints, in [rad] or [m]."""
+    report = played.report
+    if not report.joint_names:
+        return {}
+    return {
+        "rms_tracking_error": float(np.sqrt(np.mean(report.rms_errors**2))),
+        "largest_tracking_error": float(report.largest_errors.max()),
+    }
 
 
 def _tracking(played: Rollout, number: int, unit: str, level: Level) -> Finding | None:
