@@ -18,7 +18,8 @@ OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.E
 LEVELS = {FAILED: ERROR, WARNING: WARN}
 
 MAX_AGE = 2.0
-"""Age of the last state in [s] of wall time from which on it is told."""
+"""Age of the last state in [s] of wall time from which on only that is reported: what
+was found of it may no longer be true."""
 
 SHOWN_IF_SKIPPED = ("self_collision", "penetration", "center_of_mass")
 """Checks of which it is told why they are not made."""
@@ -61,11 +62,6 @@ class CheckHealth:
         with self._lock:
             self._problem, self._time = problem, time.monotonic()
 
-    @property
-    def _age(self) -> float:
-        """Time since the last state, in [s]."""
-        return time.monotonic() - self._time
-
     def publish(self) -> None:
         """Publish a report."""
         self._updater.force_update()
@@ -73,19 +69,25 @@ class CheckHealth:
     def _report(self, status):
         """Report on the states since the last report."""
         with self._lock:
-            self._summarize(status)
-            if self._verdict is not None:
-                self._add_values(status, self._verdict)
-            self._count, self._reported = 0, time.monotonic()
+            now = time.monotonic()
+            age, rate = now - self._time, self._count / (now - self._reported)
+            if self._verdict is None and not self._problem:
+                status.summary(WARN, "no joint_states come")
+            elif age > MAX_AGE:
+                status.summary(WARN, f"no joint_states have come for {age:.0f} s")
+                status.add("age of the last state in s", f"{age:.1f}")
+            else:
+                self._summarize(status)
+                if self._verdict is not None:
+                    status.add("states judged per s", f"{rate:.1f}")
+                    self._add_values(status, self._verdict)
+            self._count, self._reported = 0, now
         return status
 
     def _summarize(self, status) -> None:
         """Say what is wrong in few words."""
         if self._problem:
             status.summary(ERROR, f"joint_states cannot be judged: {self._problem}")
-            return
-        if self._verdict is None:
-            status.summary(WARN, "no joint_states come")
             return
         found = sorted(self._found.values(), key=lambda f: f.severity != FAILED)
         status.summary(OK, "nothing is wrong")
@@ -94,16 +96,9 @@ class CheckHealth:
             more = len(found) - MAX_TEXTS
             text = texts + (f"; and {more} more" if more > 0 else "")
             status.summary(LEVELS[found[0].severity], text)
-        if self._age > MAX_AGE:
-            text = f"no joint_states have come for {self._age:.0f} s"
-            status.mergeSummary(WARN, text)
 
     def _add_values(self, status, verdict: Verdict) -> None:
         """Add names and numbers."""
-        now = time.monotonic()
-        status.add("states judged per s", f"{self._count / (now - self._reported):.1f}")
-        if self._age > MAX_AGE:
-            status.add("age of the last state in s", f"{self._age:.1f}")
         for finding in self._found.values():
             name = f"{finding.check} {finding.name}".strip()
             status.add(name, f"{finding.severity}: {finding.worst:.4g} {finding.unit}")
