@@ -44,6 +44,8 @@ class TestChecks(unittest.TestCase):
     time = 100.0
     place = 0.0
     """[s], [m] Of the last state."""
+    step = 0.1
+    """[s] From one state to the next."""
 
     @classmethod
     def setUpClass(cls):
@@ -172,8 +174,8 @@ class TestChecks(unittest.TestCase):
 
     def show(self, height=STANDING, speed=0.0, **positions):
         """Publish a state of the robot, with its base where it has a height."""
-        TestChecks.time += 0.1
-        TestChecks.place += 0.1 * speed
+        TestChecks.time += self.step
+        TestChecks.place += self.step * speed
         stamp = rospy.Time.from_sec(self.time)
         everywhere = {**dict.fromkeys(self.joints, 0.0), **positions}
         joints = JointState(name=[*everywhere], position=[*everywhere.values()])
@@ -319,17 +321,22 @@ class TestChecks(unittest.TestCase):
         self.assertEqual(values["center_of_mass is not judged"], "the robot moves")
 
     def test_live_7_joints_wait_for_the_base_of_their_time(self):
-        """States whose base is not known yet collide; none of them is judged."""
+        """States whose base is not known yet collide; none of them is judged.
+
+        They follow each other so closely that the base does not become a second older
+        than the joints, however late TF is read: from then on it would be unknown.
+        """
+        self.step = 1e-5
         self.wait_for_status(OK, "nothing is wrong")
         self.diagnostics.clear()
 
-        def two_reports():
+        def three_reports():
             self.show()
             self.show(height=None, **ARM_IN_TORSO)
-            return self.levels()[2:]
+            return self.levels().count(OK) > 2
 
-        wait_for(two_reports, "three reports")
-        self.assertEqual(set(self.levels()), {OK})
+        wait_for(three_reports, "three reports")
+        self.assertNotIn(ERROR, self.levels())
 
     def test_live_8_time_may_begin_again(self):
         self.wait_for_status(OK, "nothing is wrong")
