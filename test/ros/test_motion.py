@@ -31,6 +31,7 @@ from trajectory_msgs.msg import (
 from visualization_msgs.msg import MarkerArray
 
 ELBOW, KNEE = "left_elbow_joint", "right_knee_joint"
+UPRIGHT = [0.0, 0.0, 0.8, 0.0, 0.0, 0.0, 1.0]
 SECOND = 1_000_000_000
 
 
@@ -360,6 +361,65 @@ class TestMotion(unittest.TestCase):
         self.publish("joint_trajectory", elbow((0.05, 9.0)))
         log.wait(
             lambda m: f"clamped to the limits: {ELBOW} from 9 to" in m.msg, "a warning"
+        )
+
+    def test_a_base_on_its_head_or_below_the_floor_is_told(self):
+        """Obeyed all the same, as in Gazebo."""
+        self.addCleanup(self.base_at, UPRIGHT)
+        self.base_at(UPRIGHT)
+        head, deep = PoseStamped(), PoseStamped()
+        head.pose.position.z, head.pose.orientation.x = 0.793, 1.0  # w comes first
+        deep.pose.position.z, deep.pose.orientation.w = -0.2, 1.0
+        for message, text in (
+            (head, "the base is upside down (quaternions are x, y, z, w)"),
+            (deep, "the base is below the floor, at z = -0.2 m"),
+        ):
+            with self.subTest(text=text):
+                self.publish("base_command", message)
+                self.wait_for_warning(f"base_command of g1_robot: {text}")
+                self.wait_for_base(message.pose.position.z)
+
+    def test_a_motion_that_begins_on_its_head_is_told_each_time(self):
+        self.addCleanup(self.base_at, UPRIGHT)
+        pose = [0.0, 0.0, 0.8, 1.0, 0.0, 0.0, 0.0]
+        for _ in range(2):
+            motion = whole_body((ELBOW,), [[0.0], [0.1]], [pose, pose], 0.01)
+            answer = self.call["/play_motion"](motion)
+            self.assertTrue(answer.success)
+            self.assertIn("the base is upside down", answer.status_message)
+            self.wait_for_position(0.1)
+
+    def test_who_turns_over_bit_by_bit_is_left_in_peace(self):
+        self.addCleanup(self.base_at, UPRIGHT)
+        self.base_at(UPRIGHT)
+        for half in np.linspace(0.0, 0.5 * np.pi, 31):
+            message = self.base_at(
+                [0.0, 0.0, 0.8, np.sin(half), 0.0, 0.0, np.cos(half)]
+            )
+            self.assertEqual(message, "")
+
+    def base_at(self, pose):
+        """Put the base somewhere; return what was said once it is there."""
+        answer = self.call["/play_motion"](whole_body((ELBOW,), [[0.0]], [pose], 0.0))
+        self.assertTrue(answer.success)
+        self.tf.clear()
+        self.tf.wait(
+            lambda m: any(
+                t.child_frame_id == "base_link"
+                and abs(abs(t.transform.rotation.w) - abs(pose[6])) < 1e-6
+                for t in m.transforms
+            ),
+            "the base",
+        )
+        return answer.status_message
+
+    def wait_for_base(self, z):
+        self.tf.wait(
+            lambda m: any(
+                t.child_frame_id == "base_link" and t.transform.translation.z == z
+                for t in m.transforms
+            ),
+            f"the base at {z}",
         )
 
     def test_trails_are_where_tf_had_the_links(self):

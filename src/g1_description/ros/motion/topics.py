@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 
+import numpy as np
 import rospy
 from geometry_msgs.msg import PoseStamped
 from trajectory_msgs.msg import JointTrajectory
@@ -36,6 +37,9 @@ planner streams is of no use later."""
 MAX_LEAD = 60_000_000_000
 """Longest time from now to the beginning of a motion, in [ns]: what would wait for
 longer was stamped by another clock than the simulator's."""
+
+NEAR_FLOOR = 0.1
+"""Height of a base in [m] from which on it does not come below the floor bit by bit."""
 
 BUFFER_SIZE = 1 << 20
 """Bytes of a stream that are read at once: what piled up does not come later."""
@@ -157,11 +161,52 @@ class MotionTopics:
         if is_configuration and start <= now:
             start = 0
         act = self._player.stream if stream and is_single else self._player.play
-        return act(trajectory, start or None)
+        # Before it is obeyed: who turns over bit by bit, a sample at a time, means it.
+        remark = ""
+        if trajectory.base_poses is not None:
+            remark = _remark(
+                trajectory.base_poses[0], self._base if is_single else None
+            )
+        return _with(remark, act(trajectory, start or None))
 
     def _on_base_command(self, message: PoseStamped) -> Played:
         """Put the robot somewhere by its root link."""
         pose = pose_from_numbers(pose_to_array(message.pose))
         header = message.header
         pose = self._map.pose_in_map(pose, header.frame_id, header.stamp)
-        return self._player.place_base(pose)
+        remark = _remark(pose, self._base)
+        return _with(remark, self._player.place_base(pose))
+
+    @property
+    def _base(self) -> np.ndarray | None:
+        """Pose of the robot's base in the last state, shape (7,); None if unknown."""
+        seen = self._status.observation
+        return None if seen is None else seen.base_pose
+
+
+def _remark(pose: np.ndarray, now: np.ndarray | None) -> str:
+    """Say what of a base's pose looks like a mistake; empty if nothing does.
+
+    Args:
+        pose: The pose in the map, shape (7,).
+        now: Where the base is, shape (7,): what it comes to bit by bit is meant.
+    """
+    remarks = []
+    if _up(pose) < -0.5 and (now is None or _up(now) > 0.0):
+        remarks.append("the base is upside down (quaternions are x, y, z, w)")
+    if pose[2] < 0.0 and (now is None or now[2] > NEAR_FLOOR):
+        remarks.append(f"the base is below the floor, at z = {pose[2]:.3g} m")
+    return "; ".join(remarks)
+
+
+def _up(pose: np.ndarray) -> float:
+    """Compute the height of the tip of a base's z axis above its origin."""
+    return float(1.0 - 2.0 * (pose[3] ** 2 + pose[4] ** 2))
+
+
+def _with(remark: str, played: Played) -> Played:
+    """Add a remark to the answer to what was obeyed."""
+    if not remark or not played.success:
+        return played
+    message = "; ".join(filter(None, (played.message, remark)))
+    return played._replace(message=message)
