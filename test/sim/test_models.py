@@ -9,7 +9,10 @@ from scipy.spatial.transform import Rotation
 from g1_description.core.errors import DescriptionError, UnknownNameError
 from g1_description.core.sdf.world import read_sdf
 from g1_description.core.transform import compose, inverse
-from g1_description.ros.gazebo.services.spawn import parse_sdf_request
+from g1_description.ros.gazebo.services.spawn import (
+    parse_sdf_request,
+    parse_urdf_request,
+)
 
 MASS = (
     '<inertial><origin xyz="{}"/><mass value="1"/><inertia ixx="0.02" iyy="0.03" '
@@ -360,3 +363,21 @@ def test_a_joint_whose_limits_are_in_the_wrong_order_goes_anywhere(make_world, p
         world.step()
     rail = world.model("gantry").joint_names.index("rail")
     assert world.model("gantry").position[rail] == pytest.approx(3.0, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("parse", "text", "what"),
+    [
+        (parse_urdf_request, '<robot name="r">{}</robot>', "robot description"),
+        (parse_sdf_request, '<robot name="r">{}</robot>', "model"),
+        (parse_sdf_request, '<sdf version="1.7">{}</sdf>', "model"),
+    ],
+)
+def test_a_text_to_spawn_may_be_no_larger_than_a_file(parse, text, what):
+    """Reading a robot of 28 MB took a minute or more."""
+    request = SpawnModelRequest(model_xml=text.format('<link name="a"/>' * 1_000_000))
+    parsed = parse(True, request)
+    assert parsed.content is None
+    assert parsed.refusal == (
+        f"SpawnModel: Failure - The {what} has 16 MB; it may have at most 10 MB.",
+    )

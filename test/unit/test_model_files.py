@@ -124,7 +124,7 @@ def test_a_world_and_a_manifest_are_in_the_encoding_that_they_declare(tmp_path):
 
 def test_what_no_model_can_be_is_not_read(folder):
     os.truncate(folder / "model.sdf", 100_000_000)
-    with pytest.raises(DescriptionError, match="too large"):
+    with pytest.raises(DescriptionError, match="100 MB"):
         find_model("model://my lamp")
     with pytest.raises(DescriptionError, match="too long"):
         find_model("file:///" + "x" * 300)

@@ -17,6 +17,9 @@ from lxml import etree
 
 from .errors import DescriptionError
 
+MAX_SIZE = 10_000_000
+"""No robot or model has more bytes: it is something else, or a mistake."""
+
 _DECLARATION = re.compile(
     r"((?:\s|\ufeff|<!--(?:(?!-->).)*-->)*)<\?xml\s(?:(?!\?>).)*\?>", re.DOTALL
 )
@@ -50,6 +53,23 @@ def decoded(data: bytes, errors: str = "strict") -> str:
     with suppress(UnicodeDecodeError):
         return _without_declaration(data.decode(encoding))
     return data.decode("utf-8", errors)
+
+
+def check_size(what: str, size: int) -> None:
+    """Refuse what is too large to be a robot or a model.
+
+    Args:
+        what: What it is, as the sentence begins: "The robot description".
+        size: In bytes.
+
+    Raises:
+        DescriptionError: If it is.
+    """
+    if size > MAX_SIZE:
+        raise DescriptionError(
+            f"{what} has {size / 1e6:.6g} MB; it may have at most "
+            f"{MAX_SIZE / 1e6:.0f} MB."
+        )
 
 
 def _declared_encoding(data: bytes) -> str:

@@ -12,10 +12,9 @@ from pathlib import Path
 from g1_description.core.errors import DescriptionError
 from g1_description.core.robot.description import Description
 from g1_description.core.urdf.reader import parse_urdf
-from g1_description.core.xml import decoded
+from g1_description.core.xml import check_size, decoded
 
 from .find import find_model_file, split_arguments
-from .model_files import MAX_FILE_SIZE
 
 UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 """How text begins that is full of zero bytes."""
@@ -64,12 +63,7 @@ def read_model(requested: str) -> ModelText:
 def _read(path: Path) -> str:
     """Read a file of a size that a robot description can have."""
     try:
-        size = path.stat().st_size
-        if size > MAX_FILE_SIZE:
-            raise DescriptionError(
-                f"{path} has {size / 1e6:.0f} MB; a robot description has at most "
-                f"{MAX_FILE_SIZE / 1e6:.0f} MB."
-            )
+        check_size(str(path), path.stat().st_size)
         data = path.read_bytes()
     except OSError as error:
         raise DescriptionError(f"{path} cannot be read: {error.strerror}.") from error

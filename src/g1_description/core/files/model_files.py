@@ -17,7 +17,7 @@ except ImportError:  # without ROS there are no other packages than this one
 
 from g1_description.core.errors import DescriptionError, NoSuchModelError
 from g1_description.core.sdf.document import NEWEST, version_number
-from g1_description.core.xml import decoded, parse_xml
+from g1_description.core.xml import check_size, decoded, parse_xml
 
 from .share import PACKAGE, share_folder
 
@@ -26,9 +26,6 @@ MODEL_PATH = "GAZEBO_MODEL_PATH"
 
 RESOURCE_PATH = "GAZEBO_RESOURCE_PATH"
 """Environment variable with the folders that worlds and media lie in."""
-
-MAX_FILE_SIZE = 10_000_000
-"""No robot or model has more bytes: it is something else, or a mistake."""
 
 
 def listed_folders(variable: str) -> list[str]:
@@ -144,8 +141,7 @@ def find_model(uri: str) -> str:
         file = _model_file(place) if place.is_dir() else place
         if not file.is_file():
             raise NoSuchModelError(f"There is no file {file}.")
-        if file.stat().st_size > MAX_FILE_SIZE:
-            raise DescriptionError(f"{file} is too large to be a model.")
+        check_size(str(file), file.stat().st_size)
         return decoded(file.read_bytes(), "replace")
     except OSError as error:
         raise DescriptionError(f"{place} cannot be read: {error.strerror}.") from error

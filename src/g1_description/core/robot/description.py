@@ -179,13 +179,14 @@ class Description:
         owner = {root: root for root in roots}
         for joint in below(roots, self.joints):
             owner[joint.child] = owner[joint.parent]
+        links: dict[str, list[Link]] = {root: [] for root in roots}
+        for link in self.links:
+            links[owner[link.name]].append(link)
+        joints: dict[str, list[Joint]] = {root: [] for root in roots}
+        for joint in self.joints:
+            joints[owner[joint.child]].append(joint)
         return tuple(
-            Description(
-                self.name,
-                root,
-                tuple(link for link in self.links if owner[link.name] == root),
-                tuple(joint for joint in self.joints if owner[joint.child] == root),
-            )
+            Description(self.name, root, tuple(links[root]), tuple(joints[root]))
             for root in roots
         )
 

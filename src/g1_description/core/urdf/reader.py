@@ -27,7 +27,7 @@ from g1_description.core.robot.description import (
 )
 from g1_description.core.robot.tree import one_root
 from g1_description.core.rotation import from_rpy, to_axes
-from g1_description.core.xml import parse_xml, part_at_fault
+from g1_description.core.xml import check_size, parse_xml, part_at_fault
 
 from .colors import named_colors, visual_colors
 from .extensions import Extensions, read_extensions
@@ -53,8 +53,9 @@ def parse_urdf(text: str) -> Description:
         where the file's are not in order. Its name is empty where the file gives none.
 
     Raises:
-        DescriptionError: If the text is not XML, not URDF, or not one tree.
+        DescriptionError: If the text is too large, not XML, not URDF, or not one tree.
     """
+    check_size("The robot description", len(text))
     element = parse_xml("robot description", text)
     if element.tag != "robot":
         raise DescriptionError(

@@ -24,7 +24,7 @@ from g1_description.core.robot.lumping import lump_fixed_joints
 from g1_description.core.sdf.world import Light, Sdf, SdfModel, read_sdf
 from g1_description.core.transform import IDENTITY, compose
 from g1_description.core.urdf.reader import parse_urdf
-from g1_description.core.xml import parse_xml
+from g1_description.core.xml import check_size, parse_xml
 from g1_description.sim.entities import Frame
 from g1_description.sim.model import Model
 
@@ -129,6 +129,10 @@ def parse_urdf_request(is_dynamic: bool, request) -> ParsedRequest:
 
 def parse_sdf_request(is_dynamic: bool, request) -> ParsedRequest:
     """Read a model, a light or a robot; in the caller's thread."""
+    try:
+        check_size("The model", len(request.model_xml))
+    except DescriptionError as error:
+        return ParsedRequest(request, refusal=(f"SpawnModel: Failure - {error}",))
     try:
         tag = parse_xml("model", request.model_xml).tag
     except DescriptionError as error:
