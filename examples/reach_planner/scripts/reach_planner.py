@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """A planner that moves joints to a goal in straight lines.
 
 Subscribed: goal, joint_states (sensor_msgs/JointState)

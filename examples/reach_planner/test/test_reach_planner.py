@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """The plans are good, a bad one is found, and the robot gets where it shall be."""
 
 import queue
