@@ -210,6 +210,27 @@ def test_joints_wait_for_the_base_while_it_moves_a_little(tf_filter):
     assert all(one[2] for one in shown if one)
 
 
+@pytest.mark.parametrize("start", [3, 21, 22, 23, 41, 47])
+@pytest.mark.parametrize("steps", [(0.02,), (2e-4, 4e-4, 0.02), (6e-4, 0.02)])
+def test_tf_never_mixes_the_base_of_two_states(tf_filter, start, steps):
+    """Whenever the base leaves after joints went by themselves.
+
+    TF interpolates the base between those that were sent; at the stamp of joints it
+    must have the base of their state, or what stands still for it.
+    """
+    joints, bases = [], []
+    heights = {start + n: height for n, height in enumerate(steps)}
+    sent, height = {}, 0.0
+    for number in range(1, 60):
+        height = heights.get(number, height)
+        sent[number] = height
+        shown = taken(tf_filter, number, height, 0.1 * number)
+        joints += [shown[0]] if shown and shown[1] else []
+        bases += [shown[0]] if shown and shown[2] else []
+    found = np.interp(joints, bases, [sent[number] for number in bases])
+    np.testing.assert_allclose(found, [sent[number] for number in joints], atol=5e-4)
+
+
 def test_the_last_state_is_shown_once(tf_filter):
     for number in (1, 2, 3):
         taken(tf_filter, number, 1.0)

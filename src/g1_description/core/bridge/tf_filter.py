@@ -82,16 +82,14 @@ class PoseThrottle:
     _stamp: float | None = None
     _pose: Sequence[float] | None = None
 
-    def passes(
-        self, stamp: float, pose: Sequence[float], is_sample: bool = False
-    ) -> bool:
+    def passes(self, stamp: float, pose: Sequence[float], is_due: bool = False) -> bool:
         """Decide on one pose, and remember it as sent if it passes.
 
         Args:
             stamp: Time of the pose in [s]. A stamp that is not newer than the
                 last one sent never passes.
             pose: Position and unit quaternion (x, y, z, w), seven numbers.
-            is_sample: Whether it passes wherever it is, but for ``min_interval``.
+            is_due: Whether it passes wherever it is, but for ``min_interval``.
 
         Returns:
             Whether to send the pose.
@@ -101,7 +99,7 @@ class PoseThrottle:
             since = stamp - self._stamp + 1e-9
             if stamp <= self._stamp or since < self.min_interval:
                 return False
-            is_due = is_sample or since >= self.max_interval
+            is_due = is_due or since >= self.max_interval
             if not is_due and not self._moved(self._pose, pose):
                 return False
         self._stamp, self._pose = stamp, pose
@@ -203,8 +201,10 @@ class TfFilter:
 
     Where TF has the base and the joints of one state it interpolates neither. So the
     joints go there with each base, and by themselves, where they are due, as long as
-    the base stands still. They are due less often while none of them moves; the last
-    state before one moves is sent, so that TF does not show its motion too early.
+    the base stands still. Before it moves again it is sent where it stood: otherwise
+    TF would show it on its way at the stamps of those joints. Joints are due less
+    often while none of them moves; the last state before one moves is sent, so that TF
+    does not show its motion too early.
     """
 
     def __init__(self, throttle: PoseThrottle) -> None:
@@ -216,6 +216,7 @@ class TfFilter:
         self._throttle, self._whole_states = throttle, WholeStates()
         self._joints_stamp = -STILL_PERIOD
         self._joints = np.zeros(0)
+        self._is_base_old = False
 
     def next(
         self, state: State, now: float, commands: int, is_under_way: bool
@@ -230,8 +231,13 @@ class TfFilter:
             return None
         pose = whole.pose.tolist()
         is_due = self._is_due(whole, state) and self._throttle.is_near(pose)
-        with_base = self._throttle.passes(1e-9 * whole.stamp, pose, whole.is_sample)
-        return self._shown(whole, with_base or is_due, with_base)
+        leaves = (is_due or self._is_base_old) and not self._throttle.is_near(
+            state.pose.tolist()
+        )
+        with_base = self._throttle.passes(
+            1e-9 * whole.stamp, pose, whole.is_sample or leaves
+        )
+        return self._shown(whole, with_base or (is_due and not leaves), with_base)
 
     def settle(self) -> Shown | None:
         """Decide on the last state, which no other follows.
@@ -250,6 +256,7 @@ class TfFilter:
         with_joints = wants_joints and state.stamp > self._joints_stamp
         if with_joints:
             self._joints_stamp, self._joints = state.stamp, state.joints
+            self._is_base_old = not with_base
         return (
             Shown(state, with_joints, with_base) if with_joints or with_base else None
         )
@@ -283,6 +290,7 @@ class TfFilter:
         self._throttle.reset()
         self._whole_states.reset()
         self._joints_stamp = -STILL_PERIOD
+        self._is_base_old = False
 
 
 def _differ(joints: np.ndarray, others: np.ndarray) -> bool:
