@@ -9,11 +9,15 @@ import unittest
 import rospy
 import rostest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from g1_description.msg import RobotTrajectory
+from gazebo_msgs.msg import ModelState
+from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import JointState
 from support.bridge.arm import URDF, arm_states, run_clock
 from support.bridge.watched import Watched
 from support.ros_testing import Connected, Repeated, wait_for
 from support.wire.raw_service import SUCCESS, Gate, Simulator, refusal
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from g1_description.ros.node.throttled_log import LOG_PERIOD
 
@@ -230,6 +234,51 @@ class TestBridgeHealth(unittest.TestCase):
         values = self.values()
         self.assertEqual(values["ignored (other names)"], "150")
         self.assertEqual(sum(name.startswith("ignored n") for name in values), 50)
+
+    def publisher(self, topic, kind):
+        """Connect to a topic of the bridge."""
+        publisher = rospy.Publisher(f"{self.space}/{topic}", kind, queue_size=100)
+        self.addCleanup(publisher.unregister)
+        wait_for(publisher.get_num_connections, f"the bridge to listen to {topic}")
+        return publisher
+
+    def wait_for_values(self, wanted):
+        """Wait until the status of commands has values, given by their keys."""
+
+        def are_there():
+            found = self.values()
+            return all(found.get(key) == str(value) for key, value in wanted.items())
+
+        wait_for(are_there, str(wanted))
+
+    def test_d_samples_that_no_state_shows_are_counted(self):
+        """Here none comes between them; on a busy machine it is late."""
+        self.watch()
+        places = rospy.Subscriber(f"{self.space}/gazebo/set_model_state", ModelState)
+        self.addCleanup(places.unregister)
+        wait_for(places.get_num_connections, "the bridge's base poses")
+        motion = self.publisher("motion", RobotTrajectory)
+        base = self.publisher("base_command", PoseStamped)
+        self.shown = []
+        self.wait_for(LINK_STATES, WARN, "nothing on")
+        for n in range(1, 6):
+            point = JointTrajectoryPoint(positions=[0.1 * n])
+            sample = JointTrajectory(joint_names=["elbow"], points=[point])
+            motion.publish(RobotTrajectory(joint_trajectory=sample))
+            base.publish(PoseStamped())
+            self.wait_for_values({"motion received": n, "base_command received": n})
+        superseded = {
+            "motions superseded before shown": 4,
+            "base commands superseded before shown": 4,
+        }
+        self.wait_for_values(superseded)
+        self.shown = [arm_states()]
+        self.simulator.wait_for_request(elbow=0.5)
+        motion.publish(RobotTrajectory(joint_trajectory=sample))
+        self.wait_for_values({"motion received": 6, **superseded})
+        bad = JointTrajectory(joint_names=["wing"], points=[point])
+        motion.publish(RobotTrajectory(joint_trajectory=bad))
+        self.wait_for_values({"motion received": 7, "motion refused": 1})
 
 
 if __name__ == "__main__":

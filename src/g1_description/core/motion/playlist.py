@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -61,6 +61,11 @@ class Playback:
         self._columns = columns
         self.rows = rows
         """Which of the robot's movable joints it moves, shape (n,)."""
+
+    @property
+    def is_unseen(self) -> bool:
+        """Whether ``reaches_sample`` was true of none of its samples."""
+        return not self._n_reached
 
     @property
     def is_empty(self) -> bool:
@@ -131,12 +136,19 @@ class Playback:
 class Playlist:
     """The motions under way, and those that wait for their beginning."""
 
-    def __init__(self, joint_names: Sequence[str]) -> None:
+    def __init__(
+        self,
+        joint_names: Sequence[str],
+        on_unseen: Callable[[], None] = lambda: None,
+    ) -> None:
         """Begin without any.
 
         Args:
             joint_names: The robot's movable joints.
+            on_unseen: Called for each motion that others replaced before any of its
+                samples was reached.
         """
+        self._on_unseen = on_unseen
         self._row_of = {name: row for row, name in enumerate(joint_names)}
         self._names: tuple[str, ...] = ()
         self._columns = self._rows = np.zeros(0, dtype=int)
@@ -214,4 +226,6 @@ class Playlist:
             return
         for playback in playbacks:
             playback.release(rows, base)
+            if playback.is_empty and playback.is_unseen:
+                self._on_unseen()
         self._playbacks = [one for one in self._playbacks if not one.is_empty]

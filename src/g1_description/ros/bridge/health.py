@@ -250,10 +250,12 @@ def _report_recent(status, robot: RobotStatus) -> None:
 
 
 def _add_counts(status, robot: RobotStatus, scope: str) -> None:
-    """Report how many positions were clamped and ignored, by joint."""
+    """Report what became of motions, and of positions by joint."""
+    # Copies: other threads count commands meanwhile.
+    for what, count in robot.motions.copy().items():
+        status.add(f"{scope}{what}", count)
     tally = robot.tally
     for what, counts in (("clamped", tally.clamped), ("ignored", tally.ignored)):
-        # A copy: another thread counts commands meanwhile.
         for name, count in counts.copy().items():
             status.add(f"{what} {scope}{name or NAMELESS}", count)
     if tally.other_ignored:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -47,6 +48,9 @@ class RobotStatus:
     """The robot as in its file."""
 
     commands: CommandCount = field(default_factory=CommandCount)
+
+    motions: Counter[str] = field(default_factory=Counter)
+    """What became of its motions and base commands, by the keys of /diagnostics."""
 
     observation: Observation | None = None
     """What the last message says about it."""

@@ -79,6 +79,7 @@ class MotionPlayer:
         )
         self._writer = GazeboWriter(gazebo, status.name, log)
         self._lock = threading.RLock()
+        self._seen_before_base: Observation | None = None
         self._joints = [joint.name for joint in status.description.movable_joints]
         self.keeps_commands = False
         """Whether commands for joints are kept like motions."""
@@ -88,7 +89,7 @@ class MotionPlayer:
         """Forget all motions: time began again."""
         self._writer.release(self._joints, base=True)
         with self._lock:
-            self._playlist = Playlist(self._joints)
+            self._playlist = Playlist(self._joints, self._count_unseen)
             self.wanted = Wanted(self._joints)
             """What was last wanted of the robot."""
             self._plays_here = False
@@ -138,8 +139,12 @@ class MotionPlayer:
         if self.keeps_commands:
             self.is_idle = False
         self.release((), base=True)
-        if self.keeps_commands:
-            with self._lock:
+        with self._lock:
+            seen, before = self._status.observation, self._seen_before_base
+            if seen is not None and seen is before:
+                self._status.motions["base commands superseded before shown"] += 1
+            self._seen_before_base = seen
+            if self.keeps_commands:
                 self.wanted.put_base(pose)
         name = self._status.name
         self._states.publish(ModelState(model_name=name, pose=pose_from_array(pose)))
@@ -247,6 +252,10 @@ class MotionPlayer:
         self._plays_here = True
         playback = self._add(trajectory, start_ns or now)
         return Played(True, "", start_ns or now, playback)
+
+    def _count_unseen(self) -> None:
+        """Count a motion of which no state has shown anything."""
+        self._status.motions["motions superseded before shown"] += 1
 
     def _add(self, trajectory: Trajectory, start_ns: int) -> Playback:
         """Note a motion that was begun."""
