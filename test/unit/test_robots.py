@@ -229,7 +229,7 @@ OFF = {
 }
 
 
-@pytest.mark.parametrize(("angle", "is_told"), [(0.06, True), (0.04, False)])
+@pytest.mark.parametrize(("angle", "is_told"), [(0.11, True), (0.056, False)])
 @pytest.mark.parametrize("kind", OFF)
 def test_a_link_turned_as_its_joint_cannot_is_told_by_how_much(kind, angle, is_told):
     name, turned, axis = OFF[kind]
