@@ -23,6 +23,7 @@ import rosnode
 import rospy
 import rostest
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from gazebo_msgs.srv import GetModelState
 from geometry_msgs.msg import TransformStamped
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -136,6 +137,17 @@ class TestDoctor(unittest.TestCase):
             found.cure, shell=True, check=True, timeout=DEADLINE, executable="/bin/bash"
         )
 
+    def assert_mended_by(self, found, until):
+        """Do what the doctor says, where it goes on until it is ended."""
+        process = subprocess.Popen(
+            found.cure, shell=True, start_new_session=True, executable="/bin/bash"
+        )
+        try:
+            wait_slowly(lambda: walk(until) is None, "the cure to mend it")
+        finally:
+            os.killpg(process.pid, signal.SIGINT)
+            process.wait(DEADLINE)
+
     # --- whole ------------------------------------------------------------------------
 
     def test_a_whole_chain_is_whole_and_the_bridge_says_the_same(self):
@@ -169,15 +181,17 @@ class TestDoctor(unittest.TestCase):
     def test_a_python_that_is_not_of_ros(self):
         venv.create(self.folder / "bare", symlinks=True, with_pip=False)
         bare = self.folder / "bare" / "bin"
+        code, text = doctor("--json", python=[bare / "python3"])
+        told = json.loads(text)
+        self.assertEqual((code, told["fault"]), (1, "wrong_python"))
+        self.assertIn(str(bare), told["sentence"])
+        self.assertEqual(told["cure"], "export PATH=/usr/bin:$PATH")
+        # As rosrun starts it, it has the Python of ROS whatever is on PATH.
         path = f"{bare}:{os.environ['PATH']}"
-        for code, text in (
-            doctor("--json", PATH=path),
-            doctor("--json", python=[bare / "python3"]),
-        ):
-            told = json.loads(text)
-            self.assertEqual((code, told["fault"]), (1, "wrong_python"))
-            self.assertIn(str(bare), told["sentence"])
-            self.assertEqual(told["cure"], "export PATH=/usr/bin:$PATH")
+        code, text = doctor("--json", "--until", "master", PATH=path)
+        told = json.loads(text)
+        self.assertEqual((code, told["fault"]), (0, None))
+        self.assertIn(f"python3 on PATH is {bare}", told["links"][0]["remark"])
 
     def test_pybullet_is_absent(self):
         """In an environment that has everything else."""
@@ -278,17 +292,32 @@ class TestDoctor(unittest.TestCase):
         with parameter(DESCRIPTION, "<robot"):
             self.assert_fault("bad_description", DESCRIPTION)
 
+    def test_without_a_description_the_cure_sets_it_beside_the_simulator(self):
+        with parameter(DESCRIPTION, None):
+            self.cure(self.assert_fault("no_description"))
+            self.assertIsNone(walk())
+
     def test_meshes_are_missing(self):
         text = rospy.get_param(DESCRIPTION)
         lost = text.replace("head_link.stl", "skull.stl")
         with parameter(DESCRIPTION, lost):
             self.assert_fault("missing_meshes", "skull")
 
+    def test_without_its_model_the_cure_spawns_it_on_its_feet(self):
+        state = rospy.ServiceProxy("/gazebo/get_model_state", GetModelState)
+        before = state("g1_robot", "").pose
+        services = self.services()
+        services.call("delete_model", "g1_robot")
+        services.close()
+        found = self.assert_fault("no_model", "g1_robot")
+        self.wait_for_report(True, "no link of g1_robot")
+        self.cure(found)
+        self.assertIsNone(walk("urdf"))
+        self.assertAlmostEqual(state("g1_robot", "").pose.position.z, before.position.z)
+
     def test_another_robot_was_spawned_and_the_cure_mends_it(self):
         services = self.services()
         services.call("delete_model", "g1_robot")
-        self.assert_fault("no_model", "g1_robot", "spawn_model")
-        self.wait_for_report(True, "no link of g1_robot")
         other = turned_axis(rospy.get_param(DESCRIPTION), "left_knee_joint")
         services.call("spawn_urdf_model", "g1_robot", other, "", pose(), "world")
         bent = ["left_knee_joint"], [0.5]
@@ -324,12 +353,28 @@ class TestDoctor(unittest.TestCase):
         with parameter("/use_sim_time", False):
             self.assert_fault("no_link_states", "/gazebo/link_states")
 
+    def test_a_clock_that_is_silent_and_the_cures_mend_it(self):
+        """The first one ends the simulator, the second starts another."""
+        self.stop("simulator")
+        before = rospy.get_param("/gazebo")
+        self.addCleanup(rospy.set_param, "/gazebo", before)
+        silent = "_pub_clock_frequency:=0.001", "_on_floor:=true"
+        self.patient.start("simulator", *silent)
+        found = self.assert_fault("silent_clock", "/gazebo")
+        self.cure(found)
+        self.patient.wait_for_end("simulator")
+        found = self.assert_fault("no_simulator")
+        with parameter(DESCRIPTION, rospy.get_param(DESCRIPTION)):
+            self.assert_mended_by(found, "tf")
+
     # --- the bridge -------------------------------------------------------------------
 
-    def test_no_bridge(self):
+    def test_no_bridge_and_the_cure_mends_it(self):
         self.assert_fault("no_bridge", "/left/tf_joint_states", namespace="left")
         self.stop("bridge")
-        self.assert_fault("no_bridge", "/tf_joint_states", "bridge.launch")
+        self.patient.stop("state_publisher")  # the launch file brings it, too
+        found = self.assert_fault("no_bridge", "/tf_joint_states", "bridge.launch")
+        self.assert_mended_by(found, "diagnostics")
 
     def test_two_bridges_and_the_cure_mends_it(self):
         second = start_bridge("/second_bridge")
@@ -360,14 +405,7 @@ class TestDoctor(unittest.TestCase):
         self.stop("state_publisher")
         self.patient.start("state_publisher", "_tf_prefix:=other")
         found = self.assert_fault("no_tf", "pelvis -> ", "/robot_state_publisher")
-        process = subprocess.Popen(
-            found.cure, shell=True, start_new_session=True, executable="/bin/bash"
-        )
-        try:
-            wait_slowly(lambda: walk("tf") is None, "the cure to mend it")
-        finally:
-            os.killpg(process.pid, signal.SIGINT)
-            process.wait(DEADLINE)
+        self.assert_mended_by(found, "tf")
         self.patient.stop("state_publisher")
 
     def test_an_edge_has_two_owners(self):
@@ -391,14 +429,15 @@ class TestDoctor(unittest.TestCase):
         with mock.patch.dict(os.environ, DISPLAY=""):
             self.assertIsNone(walk(until="picture"))
 
-    def test_rviz_has_no_screen_or_no_opengl(self):
-        environment = {**os.environ, "DISPLAY": ""}
-        self.assertEqual(picture(environment).name, "no_display")
+    def test_without_a_screen_nothing_needs_to_show_the_robot(self):
+        with mock.patch.dict(os.environ, DISPLAY=""):
+            self.assertIsNone(walk(until="picture"))
+
+    def test_rviz_has_no_x_server_or_no_opengl(self):
+        environment = {**os.environ}
         self.assertEqual(
             picture({**environment, "DISPLAY": ":987"}).name, "dead_display"
         )
-        with mock.patch.dict(os.environ, DISPLAY=""):
-            self.assert_fault("no_display", until="picture")
         for options, name in ((("-extension", "GLX"), "no_gl"), ((), "no_picture")):
             screen = VirtualScreen(64, 64, *options)
             self.addCleanup(screen.stop)

@@ -14,7 +14,7 @@ import pytest
 from conftest import REPOSITORY
 
 from g1_description.core.doctor import robot, shell
-from g1_description.core.doctor.faults import TABLE, fault
+from g1_description.core.doctor.faults import DISPLAY, GAZEBO, TABLE, fault
 from g1_description.core.doctor.links import BROKEN, LINKS
 from g1_description.core.doctor.nodes import (
     UNKNOWN_HOST,
@@ -152,22 +152,30 @@ BARE = shell.Interpreter("/opt/bare/bin/python3", LACKS)
 
 
 @pytest.mark.parametrize(
-    ("own", "first", "name"),
+    ("own", "name"),
     [
-        (GOOD, GOOD, None),
-        (BARE, GOOD, "wrong_python"),
-        (GOOD, BARE, "wrong_python"),
-        (GOOD, shell.Interpreter("", {}), "wrong_python"),
-        (shell.Interpreter("/usr/bin/python3", LACKS), GOOD, "no_workspace"),
+        (GOOD, None),
+        (BARE, "wrong_python"),
+        (shell.Interpreter("/usr/bin/python3", LACKS), "no_workspace"),
         (
             shell.Interpreter("/usr/bin/python3", {"gazebo_msgs.msg": "absent"}),
-            GOOD,
             "no_workspace",
         ),
     ],
 )
-def test_pythons(own, first, name):
-    assert name_of(shell.python(own, first, "/usr/bin", "setup.bash")) == name
+def test_pythons(own, name):
+    assert name_of(shell.python(own, "/usr/bin", "setup.bash")) == name
+
+
+def test_another_python_on_path_is_told_with_what_it_breaks():
+    """What ROS installs names its Python, so rosrun works all the same."""
+    remark = shell.python_remark(GOOD, BARE, "/usr/bin")
+    assert remark.startswith("/usr/bin/python3; python3 on PATH is /opt/bare/bin/pyth")
+    assert "No module named 'rospy'" in remark
+    assert "export PATH=/usr/bin:$PATH" in remark
+    missing = shell.Interpreter("", {})
+    assert "missing" in shell.python_remark(GOOD, missing, "/usr/bin")
+    assert shell.python_remark(GOOD, GOOD, "/usr/bin") == "/usr/bin/python3"
 
 
 def test_the_packages_of_the_nodes():
@@ -326,14 +334,29 @@ def test_a_robot_with_more_links_is_another():
 
 
 def test_models_and_what_mends_their_names():
-    def judge(*models):
-        return robot.model(MODEL, models, "/bridge", "/robot_description")
+    def judge(*models, link="pelvis"):
+        names = [f"{model}::{link}" for model in models]
+        robots = robot.models_of(parse_urdf(URDF), names, [MODEL, "right"])
+        return robot.model(MODEL, models, robots, "/bridge", "/robot_description")
 
     assert judge(MODEL, *WORLD) is None
-    assert robot.model("a::b", ["a"], "/bridge", "/r") is None
-    assert judge("g1", *WORLD).cure.startswith("rosparam set /bridge/model_name g1 ")
-    assert "spawn_model" in judge(*WORLD).cure
-    assert "spawn_model" in judge("table", "lamp", *WORLD).cure
+    assert robot.model("a::b", ["a"], [], "/bridge", "/r") is None
+    assert judge("mine").cure.startswith("rosparam set /bridge/model_name mine ")
+    others = judge("table", link="top"), judge("one", "two"), judge("right")
+    for made in (judge(), *others):
+        assert "spawn_robot.py" in made.cure and "_on_floor:=true" in made.cure
+
+
+def test_no_cure_starts_a_simulator_beside_one():
+    """It would be refused: one runs already."""
+    starts = {name for name, (_, cure) in TABLE.items() if cure.startswith(GAZEBO)}
+    assert starts == {"no_simulator"}
+
+
+def test_without_a_robot_the_cure_depends_on_what_runs():
+    assert robot.cure_of_description("/r", False) == DISPLAY
+    cure = robot.cure_of_description("/r", True)
+    assert "roslaunch" not in cure and cure.endswith("rosparam set -t /tmp/g1.urdf /r")
 
 
 def test_one_publisher_is_enough():

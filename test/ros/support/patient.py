@@ -90,7 +90,15 @@ def start_state_publisher(*arguments):
     name = "robot_state_publisher"
     remapped = "joint_states:=tf_joint_states", "_ignore_timestamp:=true"
     command = roslib.packages.find_node(name, name)[0]
-    return Started(f"/{name}", "/tf", command, *remapped, *arguments)
+    started = Started(f"/{name}", "/tf", command, *remapped, *arguments)
+    wait_slowly(  # which it does last of all
+        lambda: (
+            ["/tf_joint_states", [f"/{name}"]]
+            in rosgraph.Master("/test").getSystemState()[1]
+        ),
+        f"/{name} to subscribe",
+    )
+    return started
 
 
 PARTS = {
@@ -119,6 +127,10 @@ class Patient:
     def stop(self, part):
         """End a part."""
         self._parts.pop(part).end()
+
+    def wait_for_end(self, part):
+        """Wait until a part that something else ends has ended."""
+        self._parts.pop(part).process.wait(DEADLINE)
 
     def heal(self):
         """Start what is missing, and wait until all is whole."""

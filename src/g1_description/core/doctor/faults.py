@@ -7,10 +7,16 @@ from dataclasses import dataclass
 DISPLAY = "roslaunch g1_description display.launch"
 GAZEBO = "roslaunch g1_description gazebo.launch"
 BROWSER = "roslaunch g1_description web.launch"
+RESTART = (
+    "kill $(rosnode info {node} | sed -n 's/^Pid: //p')  # on its machine; then: "
+    + GAZEBO
+)
+"""A launch file refuses to start beside a simulator, and rosnode does not end the real
+Gazebo."""
 
 TABLE = {
     "wrong_python": (
-        "{which} is {python}, which is not the Python of ROS: {reason}.",
+        "The Python of this command is {python}, which is not that of ROS: {reason}.",
         "export PATH={folder}:$PATH",
     ),
     "no_workspace": (
@@ -57,11 +63,11 @@ TABLE = {
     ),
     "no_description": (
         "There is no robot on the parameter {parameter}, in /{namespace} or above.",
-        DISPLAY,
+        "{cure}",
     ),
     "bad_description": (
         "The parameter {parameter} does not hold a robot: {reason}",
-        DISPLAY,
+        "{cure}",
     ),
     "missing_meshes": (
         "The robot on {parameter} has meshes that are not on this machine: {meshes}.",
@@ -70,11 +76,11 @@ TABLE = {
     "no_simulator": ("There is no simulator: nothing serves {service}.", GAZEBO),
     "hung_simulator": (
         "{node} does not answer {service} within {seconds:g} s.",
-        GAZEBO,
+        RESTART,
     ),
     "no_link_states": (
-        "There is a simulator, but nothing publishes {topic}, so the bridge is blind.",
-        GAZEBO,
+        "{node} runs, but nothing publishes {topic}, so the bridge is blind.",
+        RESTART,
     ),
     "no_clock": (
         "/use_sim_time is true, but nothing publishes /clock: time never begins.",
@@ -90,11 +96,11 @@ TABLE = {
     ),
     "silent_clock": (
         "{node} is not paused, but nothing came on /clock within {seconds:g} s.",
-        GAZEBO,
+        RESTART,
     ),
     "silent_simulator": (
         "{node} runs, but nothing came on {topic} within {seconds:g} s.",
-        GAZEBO,
+        RESTART,
     ),
     "no_bridge": (
         "There is no link_states_bridge that publishes {topic}{others}.",
@@ -111,8 +117,7 @@ TABLE = {
     ),
     "other_urdf": (
         "The model {model} in the simulator is not the robot on {parameter}: {reason}.",
-        "rosservice call {gazebo}/delete_model {model} && rosrun gazebo_ros "
-        "spawn_model -urdf -param {parameter} -model {model}",
+        "rosservice call {gazebo}/delete_model {model} && {cure}",
     ),
     "two_joint_states": (
         "{topic} comes from {nodes}, and {own} is its owner: readers get both.",
@@ -138,11 +143,6 @@ TABLE = {
     "no_diagnostics": (
         "{node} runs, but sent no report on /diagnostics within {seconds:g} s.",
         "rosnode kill {node}  # its launch file starts it again",
-    ),
-    "no_display": (
-        "Nothing shows the robot, and RViz cannot: DISPLAY is empty, there is no "
-        "screen.",
-        BROWSER,
     ),
     "dead_display": (
         "Nothing shows the robot, and RViz cannot: no X server answers on DISPLAY "

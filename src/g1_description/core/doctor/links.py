@@ -9,7 +9,7 @@ from .faults import Fault
 OK, BROKEN, NOT_LOOKED_AT = "ok", "broken", "not looked at"
 
 LINKS = {
-    "python": "python3 on PATH is that of ROS, and the workspace is sourced",
+    "python": "this Python is that of ROS, and the workspace is sourced",
     "packages": "the nodes have what they import",
     "master": "a master answers",
     "address": "nodes of this shell give an address that is theirs",

@@ -11,7 +11,7 @@ from g1_description.core.robot.assembly import SCOPE, WORLD
 from g1_description.core.robot.description import Description
 from g1_description.core.robot.lumping import lump_fixed_joints
 from g1_description.core.rotation import rotate
-from g1_description.core.text import listed, similar
+from g1_description.core.text import listed
 from g1_description.core.transform import compose, inverse
 
 from .faults import DISPLAY, Fault, fault
@@ -20,7 +20,7 @@ MAX_OFFSET = 0.01
 """Largest distance in [m] of a joint from where the description has it: Gazebo's
 engine lets the joints of a robot that lies on the floor come apart a little."""
 
-GROUND, OWN = "ground_plane", "g1_description"
+OWN = "g1_description"
 
 
 def publishers(
@@ -40,28 +40,71 @@ def publishers(
     return fault(name, nodes=listed(found), other=others[-1], **words)
 
 
+def cure_of_description(parameter: str, has_simulator: bool) -> str:
+    """Write the command that puts the robot on the parameter server.
+
+    Args:
+        parameter: Parameter of the robot's description.
+        has_simulator: Whether one runs, beside which no launch file starts another.
+    """
+    if not has_simulator:
+        return DISPLAY
+    return (
+        f"rosrun {OWN} absolute_urdf.py package://{OWN}/urdf/g1_29dof.urdf "
+        f"> /tmp/g1.urdf && rosparam set -t /tmp/g1.urdf {parameter}"
+    )
+
+
+def spawning(model: str, parameter: str) -> str:
+    """Write the command that spawns a robot on its feet.
+
+    Args:
+        model: The name of its model.
+        parameter: Parameter of its description.
+    """
+    return (
+        f"rosrun {OWN} spawn_robot.py _robot_description:={parameter} "
+        f"_model_name:={model} _on_floor:=true"
+    )
+
+
+def models_of(
+    description: Description, names: Iterable[str], shown: Sequence[str]
+) -> list[str]:
+    """List the models that may be a robot under another name: they have links of it.
+
+    Args:
+        description: The robot.
+        names: Scoped names of the simulator's links.
+        shown: The models that the bridge shows: these are other robots.
+    """
+    parts = (name.rpartition(SCOPE) for name in names)
+    links = {*description.link_names}
+    found = dict.fromkeys(model for model, _, link in parts if link in links)
+    return [model for model in found if model not in shown]
+
+
 def model(
-    wanted: str, models: Sequence[str], bridge: str, parameter: str
+    wanted: str, models: Sequence[str], robots: Sequence[str], bridge: str, place: str
 ) -> Fault | None:
     """Judge whether the simulator has the bridge's model.
 
     Args:
         wanted: Its name.
         models: The names of all models.
+        robots: The names of those that may be the robot under another name.
         bridge: The bridge's node.
-        parameter: Parameter of the robot's description.
+        place: Parameter of the robot's description.
     """
     outer = wanted.partition(SCOPE)[0]
     if outer in models:
         return None
-    others = [name for name in models if name != GROUND]
-    near = others if len(others) == 1 else similar(wanted, others)
-    cure = (
-        f"rosparam set {bridge}/model_name {near[0]} && rosnode kill {bridge}  "
-        "# its launch file starts it again"
-        if near
-        else f"rosrun gazebo_ros spawn_model -urdf -param {parameter} -model {wanted}"
-    )
+    cure = spawning(wanted, place)
+    if len(robots) == 1:
+        cure = (
+            f"rosparam set {bridge}/model_name {robots[0]} && rosnode kill {bridge}  "
+            "# its launch file starts it again"
+        )
     shown = listed(models) or "none"
     return fault("no_model", model=wanted, bridge=bridge, models=shown, cure=cure)
 
@@ -76,7 +119,10 @@ def meshes(lost: Sequence[str], parameter: str, share: str) -> Fault | None:
     """
     if not lost:
         return None
-    cure = f"{DISPLAY} model:=FILE  # the URDF beside whose folder the meshes are"
+    cure = (
+        f"{DISPLAY} model:=FILE  # once what runs has been ended; FILE is the URDF "
+        "beside whose folder the meshes are"
+    )
     if all(name.startswith(f"file://{share}/") for name in lost):
         cure = f"git -C {share} checkout -- meshes"
     package = lost[0].partition("://")[2].partition("/")[0]

@@ -40,33 +40,38 @@ class Interpreter:
     """What is wrong, by the name of the module."""
 
 
-def python(
-    own: Interpreter, first: Interpreter, ros_folder: str, setup: str
-) -> Fault | None:
-    """Judge the Python of this command, and the python3 that programs of ROS find.
+def python(own: Interpreter, ros_folder: str, setup: str) -> Fault | None:
+    """Judge the Python of this command, which rosrun starts as it does the nodes.
+
+    Args:
+        own: The one that runs this.
+        ros_folder: Where the Python of ROS is.
+        setup: The file of the workspace that a shell has to source.
+    """
+    reason = _first(own, OF_ROS)
+    if reason and os.path.dirname(own.path) != ros_folder:
+        words = {"python": own.path, "folder": ros_folder}
+        return fault("wrong_python", reason=reason, **words)
+    reason = reason or _first(own, OF_WORKSPACE)
+    return fault("no_workspace", reason=reason, setup=setup) if reason else None
+
+
+def python_remark(own: Interpreter, first: Interpreter, ros_folder: str) -> str:
+    """Name the Python of this command, and a python3 on PATH without ROS.
 
     Args:
         own: The one that runs this.
         first: The python3 that stands first on PATH.
         ros_folder: Where the Python of ROS is.
-        setup: The file of the workspace that a shell has to source.
     """
-    for which, one in (("The Python of this command", own), ("python3 on PATH", first)):
-        reason = _first(one, OF_ROS)
-        if not one.path:
-            reason = "there is none"
-        if reason and os.path.dirname(one.path) == ros_folder:
-            return fault("no_workspace", reason=reason, setup=setup)
-        if reason:
-            return fault(
-                "wrong_python",
-                which=which,
-                python=one.path or "missing",
-                reason=reason,
-                folder=ros_folder,
-            )
-    reason = _first(own, OF_WORKSPACE)
-    return fault("no_workspace", reason=reason, setup=setup) if reason else None
+    reason = _first(first, OF_ROS) if first.path else "there is none"
+    if not reason:
+        return own.path
+    return (
+        f"{own.path}; python3 on PATH is {first.path or 'missing'}, without ROS: "
+        f"{reason}; scripts that begin with '#!/usr/bin/env python3' need export "
+        f"PATH={ros_folder}:$PATH"
+    )
 
 
 def packages(own: Interpreter, needs_pybullet: bool) -> Fault | None:

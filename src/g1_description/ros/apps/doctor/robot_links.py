@@ -95,12 +95,16 @@ class RobotLinks:
         master, space = self._setup.master, self._setup.namespace
         name = self._setup.robot.description
         place = master.find_parameter(name, space)
+        has_simulator = bool(self._setup.simulators)
         if not place:
-            return fault("no_description", parameter=name, namespace=space)
+            cure = decide.cure_of_description(name, has_simulator)
+            words = {"parameter": name, "namespace": space, "cure": cure}
+            return fault("no_description", **words)
         try:
             self._known = parse_urdf(str(master.parameter(place)))
         except G1DescriptionError as error:
-            return fault("bad_description", parameter=place, reason=error)
+            cure = decide.cure_of_description(place, has_simulator)
+            return fault("bad_description", parameter=place, reason=error, cure=cure)
         self._place = place
         return f"{place}: {len(self._known.movable_joints)} joints"
 
@@ -155,7 +159,8 @@ class RobotLinks:
         topic = f"{self._setup.gazebo}/link_states"
         nodes = self._setup.publishers(topic)
         if not nodes:
-            return fault("no_link_states", topic=topic)
+            node = self._setup.simulators[0]
+            return fault("no_link_states", node=node, topic=topic)
         self._states = self._traffic.link_states(topic)
         if self._states is None:
             return _silent("silent_simulator", nodes[0], topic=topic)
@@ -175,8 +180,10 @@ class RobotLinks:
             models = self._traffic.models(self._setup.gazebo)
         except FAILURES:
             return self._hung("get_world_properties")
-        name = self._setup.robot.name
-        return decide.model(name, models, self._setup.bridges[0], self._place) or name
+        name, bridge = self._setup.robot.name, self._setup.bridges[0]
+        names = self._states[0] if self._states else ()
+        robots = decide.models_of(self._read, names, self._setup.models)
+        return decide.model(name, models, robots, bridge, self._place) or name
 
     def _urdf(self) -> Fault | str:
         """Compare the model with the description."""
@@ -184,7 +191,8 @@ class RobotLinks:
         reason = states and decide.difference(self._read, name, *states)
         if not reason:
             return f"{name} is the robot on {self._place}"
-        words = {"parameter": self._place, "gazebo": self._setup.gazebo}
+        cure = decide.spawning(name, self._place)
+        words = {"parameter": self._place, "gazebo": self._setup.gazebo, "cure": cure}
         return fault("other_urdf", model=name, reason=reason, **words)
 
     def _joint_states(self) -> Fault | str:

@@ -78,6 +78,11 @@ class RobotSetup:
         return sorted(topic.rpartition("/")[0].strip("/") for topic in topics)
 
     @property
+    def models(self) -> list[str]:
+        """The models that the bridge shows."""
+        return [robot.name for robot in self._parameters.each_robot]
+
+    @property
     def simulators(self) -> list[str]:
         """The simulator's node; empty if there is none."""
         name = f"{self.gazebo}/set_model_configuration"

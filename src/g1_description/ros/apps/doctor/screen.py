@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 from collections.abc import Mapping
 
-from g1_description.core.doctor.faults import Fault, fault
+from g1_description.core.doctor.faults import BROWSER, Fault, fault
 
 TIMEOUT = 10.0
 """Longest wait for the X server and its OpenGL, in [s]."""
@@ -72,19 +71,17 @@ def probe(environment: Mapping[str, str]) -> tuple[str, str]:
     return name, reason
 
 
-def picture(environment: Mapping[str, str]) -> Fault:
-    """Tell why nothing shows the robot; for when neither RViz nor a page does."""
+def picture(environment: Mapping[str, str]) -> Fault | str:
+    """Tell why nothing shows the robot; for when neither RViz nor a page does.
+
+    Without a screen that is no fault: nobody can have expected RViz.
+    """
     display = environment.get("DISPLAY", "")
     if not display:
-        return fault("no_display")
+        return f"not needed without a screen; in a browser: {BROWSER}"
     name, reason = probe(environment)
     if not name:
         return fault("no_picture")
     if name == "no_gl" and not probe({**environment, **SOFTWARE})[0]:
         name = "only_software_gl"
     return fault(name, display=display, reason=reason)
-
-
-def own_picture() -> Fault:
-    """Tell why nothing shows the robot on this shell's screen."""
-    return picture(os.environ)

@@ -77,7 +77,7 @@ class Walk:
             if name in own:
                 return own[name]()
             if name == "picture":
-                return self._robot.viewers() or screen.own_picture()
+                return self._robot.viewers() or screen.picture(os.environ)
             return self._robot.look(name)
         except (*ERRORS, SystemExit) as error:
             _stop_if_shut_down()
@@ -98,7 +98,8 @@ class Walk:
             failed = machine.failed_imports(first, shell.OF_ROS)
             on_path = shell.Interpreter(first, failed)
         setup = machine.setup_file()
-        return shell.python(self._own, on_path, machine.ROS_FOLDER, setup) or first
+        wrong = shell.python(self._own, machine.ROS_FOLDER, setup)
+        return wrong or shell.python_remark(self._own, on_path, machine.ROS_FOLDER)
 
     def _packages(self) -> Fault | str:
         """Judge what the nodes import."""
