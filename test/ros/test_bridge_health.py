@@ -3,6 +3,7 @@
 
 import math
 import sys
+import threading
 import time
 import unittest
 
@@ -10,10 +11,11 @@ import rospy
 import rostest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from g1_description.msg import RobotTrajectory
+from g1_description.srv import SetModelTrajectory, SetModelTrajectoryResponse
 from gazebo_msgs.msg import ModelState
 from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import JointState
-from support.bridge.arm import URDF, arm_states, run_clock
+from support.bridge.arm import URDF, arm_states, run_clock, shows
 from support.bridge.watched import Watched
 from support.ros_testing import Connected, Repeated, wait_for
 from support.wire.raw_service import SUCCESS, Gate, Simulator, refusal
@@ -279,6 +281,31 @@ class TestBridgeHealth(unittest.TestCase):
         bad = JointTrajectory(joint_names=["wing"], points=[point])
         motion.publish(RobotTrajectory(joint_trajectory=bad))
         self.wait_for_values({"motion received": 7, "motion refused": 1})
+
+    def test_e_states_come_while_a_motion_has_no_answer(self):
+        self.watch()
+        may_answer, asked = threading.Event(), threading.Event()
+
+        def play(request):
+            asked.set()
+            may_answer.wait()
+            return SetModelTrajectoryResponse(success=True)
+
+        name = f"{self.space}/gazebo/set_model_trajectory"
+        service = rospy.Service(name, SetModelTrajectory, play)
+        self.addCleanup(service.shutdown)
+        self.addCleanup(may_answer.set)
+        motion = self.publisher("motion", RobotTrajectory)
+        points = [JointTrajectoryPoint(positions=[n]) for n in (0.0, 0.1)]
+        points[1].time_from_start = rospy.Duration(1.0)
+        elbow = JointTrajectory(joint_names=["elbow"], points=points)
+        motion.publish(RobotTrajectory(joint_trajectory=elbow))
+        wait_for(asked.is_set, "the bridge to call the simulator")
+        for shoulder in (0.1, 0.2, 0.3):
+            self.shown = [arm_states(shoulder)]
+            positions = {"shoulder": shoulder, "elbow": 0.0, "slide": 0.0}
+            self.watched.states.wait(lambda m, to=positions: shows(m, to), "the state")
+        self.assertFalse(may_answer.is_set())
 
 
 if __name__ == "__main__":

@@ -35,6 +35,10 @@ QUEUE_SIZE = 100
 ASK_PERIOD = 1.0
 """Time after which a stream asks again which simulator there is, in [s]."""
 
+ANSWER_TIMEOUT = 0.4
+"""Longest wait in [s] of wall time of a state for the answer to a motion that it may
+show: shorter than the stand-in, while it steps, waits for the bridge to read."""
+
 ANSWERS = {True: "SetModelTrajectory: success", False: "SetModelTrajectory: refused"}
 """What the status messages of the stand-in begin with, by success."""
 
@@ -78,7 +82,9 @@ class MotionPlayer:
             f"{gazebo}/set_model_state", ModelState, QUEUE_SIZE
         )
         self._writer = GazeboWriter(gazebo, status.name, log)
-        self._lock = threading.RLock()
+        self._lock = threading.Condition()
+        self._unanswered = 0
+        self._is_awaited = False
         self._seen_before_base: Observation | None = None
         self._joints = [joint.name for joint in status.description.movable_joints]
         self.keeps_commands = False
@@ -107,11 +113,19 @@ class MotionPlayer:
             return self._play_here(trajectory, start_ns)
         message = model_trajectory(self._status.name, trajectory, start_ns)
         self.is_idle = self._plays_here = False
-        with self._lock:  # the first states of the motion come before the answer
+        with self._lock:
+            self._unanswered += 1
+            self._is_awaited = True
+        played = Played(False, "")
+        try:
             played = self._call(message)
-            if played.success:
-                playback = self._add(trajectory, played.start_ns)
-                played = played._replace(playback=playback)
+        finally:
+            with self._lock:
+                self._unanswered -= 1
+                if played.success:
+                    playback = self._add(trajectory, played.start_ns)
+                    played = played._replace(playback=playback)
+                self._lock.notify_all()
         return played
 
     def stream(self, trajectory: Trajectory, start_ns: int | None = None) -> Played:
@@ -213,6 +227,11 @@ class MotionPlayer:
             1e-12 are those of the motion. And whether a sample of a motion has come.
         """
         with self._lock:
+            # The first states of a motion come before the answer.
+            if self._unanswered and self._is_awaited:
+                self._is_awaited = self._lock.wait_for(
+                    lambda: not self._unanswered, ANSWER_TIMEOUT
+                )
             is_sample = bool(self._playlist) and self._advance(stamp, seen)
             seen = self.wanted.without_rounding(seen)
         return seen, is_sample
