@@ -14,6 +14,9 @@ from support.ros_testing import Repeated, wait_for
 
 from tcpros import body_of
 
+MANY = 500
+"""Messages under one time: far more than a busy machine is held up between."""
+
 
 class TestBridgeSource(unittest.TestCase):
     names = 0
@@ -49,12 +52,12 @@ class TestBridgeSource(unittest.TestCase):
         self.start()
         self.settle(0.5)
         self.watched.states.clear()
-        self.watched.send(body_of(arm_states(0.6)), 50)
+        self.watched.send(body_of(arm_states(0.6)), MANY)
         last = self.settle(0.7)
         stamps = self.stamps()
         self.assertEqual(stamps, sorted(set(stamps)))
         # Where the machine is held up, what is last for a while comes as well.
-        self.assertLess(len(stamps), 25)
+        self.assertLess(len(stamps), MANY / 2)
         now = rospy.Time() + self.time
         self.assertLess(abs((last.header.stamp - now).to_nsec()), 1000)
 

@@ -43,7 +43,7 @@ class TestFollowInHold(unittest.TestCase):
 
     def test_a_cancelled_goal_comes_to_rest(self):
         self.client.run(goal_of({0.5: {ELBOW: 0.0}}))
-        self.client.send(goal_of({2.0: {ELBOW: 1.5}}))
+        self.client.send(goal_of({8.0: {ELBOW: 1.5}}))
         wait_for(lambda: self.joints.next().position[ELBOW] > 0.4, "a bent elbow")
         self.client.cancel()
         self.assertEqual(self.client.end()[0], "PREEMPTED")

@@ -95,6 +95,12 @@ class TestFollowJointTrajectory(unittest.TestCase):
             self.assertAlmostEqual(after.position[name], position, 9)
         return after.position
 
+    def check_that_nothing_jumps(self):
+        """By the time between states: a busy machine may skip some."""
+        seen = [Snapshot(message) for message in self.joints.messages]
+        angles = np.diff([one.position[ELBOW] for one in seen])
+        self.assertLess(max(np.abs(angles) / np.diff([s.stamp for s in seen])), 10.0)
+
     def reset(self):
         """Reset the world when all that was published is of a later time."""
         self.reset_time = self.call("get_world_properties").sim_time
@@ -126,21 +132,21 @@ class TestFollowJointTrajectory(unittest.TestCase):
         goal = goal_of(elbow(t0=0.25, t400=0.75), [[0.0], [0.0]])
         self.check_done(self.client.run(goal))
         self.joints.wait("the end", **{ELBOW: 0.75})
-        middle = [
-            Snapshot(message)
-            for message in self.joints.messages
-            if abs(Snapshot(message).position[ELBOW] - 0.5) < 0.02
-        ]
-        self.assertTrue(middle)
-        for seen in middle:
-            # 3 (p1 - p0) / (2 T), where straight lines have (p1 - p0) / T.
-            self.assertAlmostEqual(seen.velocity[ELBOW], 1.875, 1)
+        first = self.client.feedback[0]
+        start = (first.header.stamp - first.desired.time_from_start).to_sec()
+        for message in self.joints.messages:
+            seen = Snapshot(message)
+            share = np.clip((seen.stamp - start) / 0.4, 0.0, 1.0)
+            wanted = 0.25 + 0.5 * share**2 * (3.0 - 2.0 * share)
+            self.assertAlmostEqual(seen.position[ELBOW], wanted, 6)
+            wanted = 0.5 / 0.4 * 6.0 * share * (1.0 - share)
+            self.assertAlmostEqual(seen.velocity[ELBOW], wanted, 4)
 
     def test_feedback_tells_where_the_joints_should_be_and_are(self):
         self.check_done(self.client.run(goal_of(elbow(t500=1.25))))
         feedback = self.client.feedback
         stamps = [message.header.stamp.to_sec() for message in feedback]
-        self.assertGreaterEqual(len(stamps), 8)
+        self.assertGreaterEqual(len(stamps), 2)
         self.assertGreaterEqual(min(np.diff(stamps)), 0.05 - 1e-9)
         for message in feedback:
             self.assertEqual(message.joint_names, [ELBOW])
@@ -161,7 +167,7 @@ class TestFollowJointTrajectory(unittest.TestCase):
         self.check_still(**{ELBOW: 0.5})
 
     def test_a_goal_of_the_future_waits(self):
-        start = rospy.get_time() + 0.5
+        start = rospy.get_time() + 3.0
         self.client.send(goal_of(elbow(t0=0.25, t200=0.75), stamp=start))
         self.client.wait_until_active()
         self.check_done(self.client.end())
@@ -184,16 +190,15 @@ class TestFollowJointTrajectory(unittest.TestCase):
     def test_of_a_goal_partly_of_the_past_the_rest_is_done(self):
         wait_for(lambda: rospy.get_time() > 1.0, "simulated time")
         start = rospy.get_time() - 0.5
-        points = elbow(t0=-0.5, t400=-0.5, t1000=0.75)
+        points = elbow(t0=-0.5, t400=-0.5, t4000=0.75)
         self.check_done(self.client.run(goal_of(points, stamp=start)))
         self.joints.wait("the end", **{ELBOW: 0.75})
         angles = [Snapshot(m).position[ELBOW] for m in self.joints.messages]
         self.assertGreaterEqual(min(angles), 0.25 - 1e-9)
-        steps = np.abs(np.diff(angles))
-        self.assertLess(max(steps), 0.1)
+        self.check_that_nothing_jumps()
 
     def test_a_cancelled_goal_stops_where_it_is(self):
-        self.client.send(goal_of(elbow(t2000=2.0)))
+        self.client.send(goal_of(elbow(t10000=2.0)))
         self.wait_for_elbow(0.4)
         self.client.cancel()
         self.assertEqual(self.client.end()[0], "PREEMPTED")
@@ -202,12 +207,11 @@ class TestFollowJointTrajectory(unittest.TestCase):
         self.assertLess(angle, 1.9)
 
     def test_a_goal_takes_the_place_of_another(self):
-        self.client.send(goal_of(elbow(t2000=2.0)))
+        self.client.send(goal_of(elbow(t10000=2.0)))
         self.wait_for_elbow(0.4)
         self.check_done(self.second.run(goal_of(elbow(t300=0.0))))
         self.assertEqual(self.client.state, "PREEMPTED")
-        angles = [Snapshot(m).position[ELBOW] for m in self.joints.messages]
-        self.assertLess(max(np.abs(np.diff(angles))), 0.1)
+        self.check_that_nothing_jumps()
         self.check_still(**{ELBOW: 0.0})
 
     def test_another_command_for_a_joint_takes_the_place_of_a_goal(self):
@@ -221,7 +225,7 @@ class TestFollowJointTrajectory(unittest.TestCase):
             (motions, motion, -0.5),
         ):
             wait_for(publisher.get_num_connections, publisher.name)
-            self.client.send(goal_of(elbow(t5000=2.0)))
+            self.client.send(goal_of(elbow(t20000=2.0)))
             self.client.wait_until_active()
             if publisher is motions:
                 motions.publish(other)
@@ -233,7 +237,7 @@ class TestFollowJointTrajectory(unittest.TestCase):
             self.check_still(**{ELBOW: place})
 
     def test_an_empty_goal_stops_the_joints(self):
-        self.client.send(goal_of(elbow(t2000=2.0)))
+        self.client.send(goal_of(elbow(t10000=2.0)))
         self.wait_for_elbow(0.4)
         self.check_done(self.second.run(goal_of({})))
         self.assertEqual(self.client.state, "PREEMPTED")
@@ -307,7 +311,7 @@ class TestFollowJointTrajectory(unittest.TestCase):
             self.check_done(self.client.run(goal))
 
     def test_paused_time_lets_a_goal_wait(self):
-        self.client.send(goal_of(elbow(t400=0.75)))
+        self.client.send(goal_of(elbow(t4000=0.75)))
         self.wait_for_elbow(0.3)
         self.call("pause_physics")
         world = self.call("get_world_properties").sim_time
@@ -323,7 +327,7 @@ class TestFollowJointTrajectory(unittest.TestCase):
 
     def test_a_reset_ends_a_goal_and_the_next_one_is_done(self):
         wait_for(lambda: rospy.get_time() > 2.0, "simulated time")
-        self.client.send(goal_of(elbow(t5000=2.0)))
+        self.client.send(goal_of(elbow(t20000=2.0)))
         self.wait_for_elbow(0.3)
         self.reset()
         found = self.client.end()
@@ -341,7 +345,7 @@ class TestFollowJointTrajectory(unittest.TestCase):
 
     def test_a_robot_that_is_deleted_ends_its_goal(self):
         client = Client("/two/left_arm/follow_joint_trajectory")
-        client.send(goal_of(elbow(t5000=2.0)))
+        client.send(goal_of(elbow(t20000=2.0)))
         client.wait_until_active()
         self.call("delete_model", "two")
         found = client.end()
@@ -349,7 +353,7 @@ class TestFollowJointTrajectory(unittest.TestCase):
         self.spawn_other()
 
     def test_a_simulator_that_goes_ends_its_goal_and_the_next_one_serves(self):
-        self.client.send(goal_of(elbow(t5000=2.0)))
+        self.client.send(goal_of(elbow(t20000=2.0)))
         self.client.wait_until_active()
         self.world.kill()
         found = self.client.end()

@@ -62,6 +62,10 @@ class TestLifecycle(unittest.TestCase):
         cls.states.clear()
         cls.commands.publish(JointState(name=[name], position=[position]))
 
+    @staticmethod
+    def set_speed(factor):
+        rospy.ServiceProxy("/gazebo/set_real_time_factor", SetRealTimeFactor)(factor)
+
     def wait_for_joint(self, name, position):
         return self.states.wait(
             lambda m: abs(position_of(m, name) - position) < 1e-9,
@@ -88,6 +92,9 @@ class TestLifecycle(unittest.TestCase):
         wait_for(lambda: rospy.Time.now().to_sec() > 1.0, "a second")
         transforms = Listener("/tf", TFMessage)
         transforms.wait()
+        # So slowly that a busy machine shows the first half of a second.
+        self.set_speed(0.05)
+        self.addCleanup(self.set_speed, 1.0)
         self.states.clear()
         transforms.clear()
         rospy.ServiceProxy("/gazebo/reset_simulation", Empty)()
@@ -180,7 +187,7 @@ class TestLifecycle(unittest.TestCase):
         node = "/robot_state_publisher"
         log = NodeLog(node)
         self.addCleanup(log.close)
-        rospy.ServiceProxy("/gazebo/set_real_time_factor", SetRealTimeFactor)(0.0)
+        self.set_speed(0.0)
         wait_for(lambda: rospy.Time.now().to_sec() > OLD, "an old clock")
         log.clear()
         pid = wait_for(lambda: process_of("/gazebo"), "the simulator")

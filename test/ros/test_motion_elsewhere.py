@@ -71,7 +71,7 @@ class TestMotionElsewhere(unittest.TestCase):
         self.assertNotIn("/gazebo/set_model_trajectory", rosservice.get_service_list())
 
     def test_a_motion_is_shown_from_its_beginning_to_its_end(self):
-        self.motion.publish(motion((0.0, 0.1), (1.0, 0.6), (1.5, 0.2)))
+        self.motion.publish(motion((0.0, 0.1), (4.0, 0.6), (6.0, 0.2)))
         self.states.wait(lambda m: position_of(m, ELBOW) == 0.2, "the end")
         seen = self.elbow()
         peak = seen.index(max(seen))

@@ -57,7 +57,7 @@ class TestPlay(unittest.TestCase):
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
-            timeout=2 * DEADLINE,
+            timeout=DEADLINE,
         )
 
     def base_pose(self):
@@ -89,9 +89,11 @@ class TestPlay(unittest.TestCase):
         self.states.wait(lambda m: m.position[self.index] == 0.6, "the end")
         moved = [m for m in self.states.messages if m.velocity[self.index]]
         self.assertGreaterEqual(min(m.position[self.index] for m in moved), 0.2)
-        times = [m.header.stamp.to_sec() for m in moved]
-        self.assertAlmostEqual(max(times) - min(times), 0.5, delta=0.1)
-        self.assertGreater(min(times), begin.to_sec())
+        times = np.array([m.header.stamp.to_sec() for m in moved])
+        self.assertGreater(times[0], begin.to_sec())
+        # A busy machine may skip some states, also the first and the last ones.
+        ways = [m.position[self.index] - 0.2 for m in moved]
+        np.testing.assert_allclose(ways, 0.8 * (times - times[0]) + ways[0], atol=1e-6)
         self.assertAlmostEqual(moved[0].velocity[self.index], 0.8, delta=1e-9)
         self.assertIn("no left_hip_pitch_joint", done.stdout)
 
@@ -126,11 +128,18 @@ class TestPlay(unittest.TestCase):
         self.assertEqual(done.returncode, 0, done.stdout)
         moved = [m for m in self.states.messages if m.velocity[self.index]]
         way = [m for m in moved if m.velocity[self.index] < 0.0]
-        seconds = (way[-1].header.stamp - way[0].header.stamp).to_sec()
-        self.assertAlmostEqual(seconds, 1.0, delta=0.1)
-        self.assertAlmostEqual(way[0].position[self.index], 0.8, delta=0.02)
-        rest = [m.header.stamp for m in moved if m.velocity[self.index] > 0.0]
-        self.assertAlmostEqual((rest[-1] - rest[0]).to_sec(), 0.25, delta=0.1)
+        rest = [m for m in moved if m.velocity[self.index] > 0.0]
+        # A busy machine may skip some states, also the first and the last ones.
+        first = rest[0].header.stamp.to_sec()
+        begin = first - (rest[0].position[self.index] - 0.1) / 0.4
+        for message in rest:
+            passed = message.header.stamp.to_sec() - begin
+            at = message.position[self.index]
+            self.assertAlmostEqual(at, 0.1 + 0.4 * passed, delta=1e-6)
+        for message in way:
+            passed = message.header.stamp.to_sec() - begin + 1.0
+            at = message.position[self.index]
+            self.assertAlmostEqual(at, 0.8 - 0.7 * passed, delta=1e-6)
 
     def test_a_robot_that_was_taken_elsewhere_is_told(self):
         playing = Terminal(program("play"), str(self.file))
@@ -145,7 +154,7 @@ class TestPlay(unittest.TestCase):
 
     def test_space_pauses_and_arrows_step(self):
         playing = Terminal(program("play"), str(self.file), "--speed", "0.5")
-        playing.wait("sample [5-9] of 41")
+        playing.wait("sample ([5-9]|[12][0-9]) of 41")
         playing.press(SPACE)
         playing.wait("paused")
         number = int(re.findall(r"sample (\d+) of", playing.text)[-1])

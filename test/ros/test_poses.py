@@ -10,6 +10,7 @@ import tempfile
 import unittest
 from pathlib import Path
 
+import numpy as np
 import rosgraph
 import rospy
 import rostest
@@ -46,7 +47,7 @@ def is_in(name):
 
 
 def call(service):
-    rospy.wait_for_service(service, 30.0)
+    rospy.wait_for_service(service, DEADLINE)
     rospy.ServiceProxy(service, Empty)()
 
 
@@ -57,7 +58,7 @@ class TestPoses(unittest.TestCase):
         states = Listener("/joint_states", JointState)
         arguments = "initial_pose:=stand", "rviz:=false", "gui:=false", "rate:=50"
         cls._launch = Launch("display.launch", *arguments)
-        wait_for(lambda: len(links.messages) > 50, "fifty link states", 60.0)
+        wait_for(lambda: len(links.messages) > 50, "fifty link states")
         links.close()
         states.wait()
         states.close()
@@ -100,7 +101,7 @@ class TestPoses(unittest.TestCase):
             [program("spawn_robot.py"), *asked.split()],
             env={**os.environ, "ROS_HOME": str(home)},
             check=False,
-            timeout=60.0,
+            timeout=DEADLINE,
         )
         delete = rospy.ServiceProxy("/gazebo/delete_model", DeleteModel)
         self.addCleanup(delete, "ranged")
@@ -118,15 +119,15 @@ class TestPoses(unittest.TestCase):
         self.states.clear()
         self.assertEqual(run("squat", "--seconds", 1), (0, "pose: squat\n", ""))
         self.assert_shown_after_all()
-        way = [
-            m for m in self.states.messages if 0.0 < position_of(m, KNEE) < 2.35 - 1e-9
-        ]
-        knees = [round(position_of(message, KNEE), 9) for message in way]
+        seen = [*self.states.messages]
+        knees = [round(position_of(message, KNEE), 9) for message in seen]
         self.assertEqual(knees, sorted(knees))
-        self.assertGreater(len({round(position, 4) for position in knees}), 20)
-        seconds = (way[-1].header.stamp - way[0].header.stamp).to_sec()
-        self.assertGreater(seconds, 0.7)
-        self.assertLess(seconds, 1.3)
+        # By the time between: a busy machine may skip some states.
+        stamps = np.array([message.header.stamp.to_sec() for message in seen])
+        speeds = np.diff(knees) / np.diff(stamps)
+        self.assertLess(speeds.max(), 5.0)
+        on_its_way = stamps[[0.0 < knee < 2.35 - 1e-9 for knee in knees]]
+        self.assertLess(np.ptp(on_its_way), 1.3)
 
     def assert_shown_after_all(self):
         self.states.wait(is_in("squat"), "the squat")
@@ -227,7 +228,7 @@ class TestPoses(unittest.TestCase):
             nodes = dict(subscribers)["/joint_states"]
             return [node for node in nodes if node.startswith("/pose_")]
 
-        wait_for(lambda: len(views()) >= len(processes), "all to see the robot", 60.0)
+        wait_for(lambda: len(views()) >= len(processes), "all to see the robot")
         self.states.clear()
         self.states.wait(lambda m: any(m.velocity), "a way")
         for process in processes:

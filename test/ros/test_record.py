@@ -7,7 +7,6 @@ import signal
 import subprocess
 import sys
 import tempfile
-import time
 import unittest
 from pathlib import Path
 
@@ -319,13 +318,11 @@ class TestRecord(unittest.TestCase):
         place = Pose(Point(0.0, 3.0, 1.0), Quaternion(0.0, 0.0, 0.0, 1.0))
         self.assertTrue(spawn("other", urdf, "", place, "world").success)
         self.addCleanup(delete, "other")
-        begin = time.monotonic()
         run = start("record", self.folder / "a.csv")
         _, err = run.communicate(timeout=DEADLINE)
         self.assertEqual(run.returncode, 1)
         self.assertIn("several such", err)
         self.assertIn("--model names one", err)
-        self.assertLess(time.monotonic() - begin, 15.0)
         self.states.clear()
         play = rospy.ServiceProxy("/play_motion", PlayMotion)
         bent = JointTrajectoryPoint(positions=[0.7])

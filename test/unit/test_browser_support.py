@@ -15,7 +15,7 @@ viser = pytest.importorskip("viser", reason="viser is not installed")
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "ros"))
 from support import browser  # noqa: E402
 from support.pictures import share_changed  # noqa: E402
-from waiting import wait_for  # noqa: E402
+from waiting import DEADLINE, wait_for  # noqa: E402
 
 from page_client import PageClient  # noqa: E402
 from processes import marked_environment, marked_processes, new_mark  # noqa: E402
@@ -190,9 +190,14 @@ def check_that_nothing_stays(number, folder):
         assert len(marked_processes(mark)) > 2
         assert list(folder.iterdir())
         os.kill(pid, number)
-        process.wait(60)
+        process.wait(DEADLINE)
     wait_for(lambda: not marked_processes(mark), "the end of the browser")
-    wait_for(lambda: not list(folder.iterdir()), "the end of its files")
+    # Where Chromium takes long to end the driver kills it, and its socket stays.
+    kept = "org.chromium.*" if number == signal.SIGKILL else "nothing"
+    wait_for(
+        lambda: all(file.match(kept) for file in folder.iterdir()),
+        "the end of its files",
+    )
 
 
 def test_a_client_without_a_browser_sees_and_sets(small):
@@ -235,4 +240,4 @@ def test_a_client_vanishes_and_is_told_of_an_end(small):
     start = time.monotonic()
     with pytest.raises(AssertionError, match="in vain for anything"):
         gone.wait_for(lambda: False, "anything")
-    assert time.monotonic() - start < 10
+    assert time.monotonic() - start < 0.5 * DEADLINE

@@ -6,6 +6,7 @@ import threading
 import time
 
 import pytest
+from waiting import DEADLINE
 
 pytest.importorskip("rospy", reason="rospy is not installed")
 
@@ -13,6 +14,8 @@ from g1_description.ros.checks.gathered import gathered
 
 PERIOD = 0.05
 COUNT = 400
+FEW = COUNT // 2
+"""Pauses that a busy machine may take as long as: far fewer than messages."""
 
 
 def fed(messages, *callbacks):
@@ -35,7 +38,7 @@ def fed(messages, *callbacks):
 
     thread = threading.Thread(target=feed)  # which no message has come to yet
     thread.start()
-    thread.join(60.0)
+    thread.join(DEADLINE)
     return took[0]
 
 
@@ -45,7 +48,7 @@ def test_a_burst_is_taken_at_once(n_callbacks):
     burst = [(0.0, number) for number in range(COUNT)]
     took = fed(burst, *(gathered(some.append, PERIOD) for some in seen))
     assert seen == [[*range(COUNT)]] * n_callbacks
-    assert took < 5 * n_callbacks * PERIOD, "not a pause for each"
+    assert took < FEW * PERIOD, "not a pause for each"
 
 
 @pytest.mark.parametrize("n_callbacks", [1, 2])
@@ -55,7 +58,7 @@ def test_a_stream_does_not_fall_behind(n_callbacks):
     seen = [[] for _ in range(n_callbacks)]
     took = fed(stream, *(gathered(some.append, PERIOD) for some in seen))
     assert seen == [[*range(COUNT)]] * n_callbacks
-    assert took < 0.001 * COUNT + 5 * n_callbacks * PERIOD
+    assert took < FEW * PERIOD
 
 
 def test_a_message_that_was_waited_for_lets_others_gather():
@@ -65,7 +68,8 @@ def test_a_message_that_was_waited_for_lets_others_gather():
 
 def test_what_was_gathered_is_read_without_a_pause():
     calls = []
-    done = gathered(lambda _: calls.append(time.monotonic()), PERIOD)
-    fed([(0.0, 0), (0.5 * PERIOD, 1), (0.6 * PERIOD, 2)], done)
-    assert calls[1] - calls[0] >= PERIOD
-    assert calls[2] - calls[1] < PERIOD
+    period = 20 * PERIOD  # which a busy machine does not take between two calls
+    done = gathered(lambda _: calls.append(time.monotonic()), period)
+    fed([(0.0, 0), (0.5 * period, 1), (0.6 * period, 2)], done)
+    assert calls[1] - calls[0] >= period
+    assert calls[2] - calls[1] < period
