@@ -8,13 +8,14 @@ from urllib.parse import urlsplit
 
 import msgspec
 import viser
+from waiting import DEADLINE
 from websockets.sync.client import connect
 
 from g1_description.web.server.address import ServerOptions
 from g1_description.web.server.page_server import PageServer
 
 SUBPROTOCOL = f"viser-v{viser.__version__}"
-TIMEOUT = 10.0
+TIMEOUT = DEADLINE
 
 HELLO = (
     "GET / HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\n"

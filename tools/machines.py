@@ -10,7 +10,7 @@ from hosts import HostsError, Network
 
 PORT = 11311
 """Of the master: on its host nobody else listens."""
-MASTER_TIMEOUT = 30.0
+MASTER_TIMEOUT = 300.0
 """Longest wait for the master in [s]."""
 
 

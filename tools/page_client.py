@@ -16,7 +16,7 @@ import zstandard
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
-DEADLINE = 60.0
+DEADLINE = 300.0
 """Longest wait for anything in [s]."""
 SIZE = (1280, 800)
 """The picture that the page is told of, in [px]."""

@@ -13,7 +13,7 @@ import rosservice
 
 LENGTH = struct.Struct("<I")
 ANSWER = struct.Struct("<BI")
-TIMEOUT = 60.0
+TIMEOUT = 300.0
 """Longest wait for a connection or an answer in [s]."""
 CALLER = "/tcpros_client"
 """What nodes are told of who calls."""

@@ -4,7 +4,6 @@
 import re
 import subprocess
 import sys
-import time
 import unittest
 
 import rosgraph
@@ -18,7 +17,15 @@ from geometry_msgs.msg import Point, Pose, Quaternion
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
 from support.bridge.arm import JOINTS, LINKS, URDF
-from support.ros_testing import Connected, Launch, Listener, NodeLog, program, wait_for
+from support.ros_testing import (
+    DEADLINE,
+    Connected,
+    Launch,
+    Listener,
+    NodeLog,
+    program,
+    wait_for,
+)
 from tf2_msgs.msg import TFMessage
 
 ELBOW, KNEE = "left_elbow_joint", "right_knee_joint"
@@ -39,8 +46,6 @@ NONSENSE = {
     "[{name: a, description: /not_a_robot}]": "description",
 }
 """Values of ~robots, and words of the sentence that refuses them."""
-ALL_STARTED = 150.0
-"""Longest time that all these nodes take to start and end on a slow machine, in [s]."""
 
 
 def place(x=0.0):
@@ -84,7 +89,7 @@ class Robot:
 class TestBridgeRobots(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        rospy.wait_for_service("/gazebo/spawn_urdf_model", 30.0)
+        rospy.wait_for_service("/gazebo/spawn_urdf_model", DEADLINE)
         cls.urdf = rospy.get_param("/robot_description")
         cls.statics = Listener("/tf_static", TFMessage)
         cls.log = NodeLog("/bridge_of_two")
@@ -270,12 +275,10 @@ class TestBridgeRobots(unittest.TestCase):
         }
         for process in processes.values():
             self.addCleanup(process.kill)
-        end = time.monotonic() + ALL_STARTED
         for robots, process in processes.items():
             with self.subTest(robots):
                 try:
-                    left = max(0.1, end - time.monotonic())
-                    output, _ = process.communicate(timeout=left)
+                    output, _ = process.communicate(timeout=DEADLINE)
                 except subprocess.TimeoutExpired:
                     self.fail("it runs on")
                 self.assertNotEqual(process.returncode, 0)

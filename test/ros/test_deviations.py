@@ -378,7 +378,7 @@ class TestDeviations(unittest.TestCase):
         world.close()
 
     def test_a_client_of_dynamic_reconfigure_changes_the_physics(self):
-        client = Client("/gazebo", timeout=30.0)
+        client = Client("/gazebo", timeout=DEADLINE)
         groups = client.get_group_descriptions()
         names = [parameter["name"] for parameter in groups["parameters"]]
         self.assertEqual(names[:3], ["time_step", "max_update_rate", "gravity_x"])

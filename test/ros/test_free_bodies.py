@@ -17,13 +17,13 @@ from gazebo_msgs.srv import (
 from geometry_msgs.msg import Point, Pose, Quaternion
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
-from support.ros_testing import Connected, wait_for
+from support.ros_testing import DEADLINE, Connected, wait_for
 
 NAME = "flyer"
 
 
 def call(name, kind, *arguments):
-    rospy.wait_for_service(f"/gazebo/{name}", 30.0)
+    rospy.wait_for_service(f"/gazebo/{name}", DEADLINE)
     return rospy.ServiceProxy(f"/gazebo/{name}", kind)(*arguments)
 
 

@@ -21,7 +21,7 @@ from support.examples import run_examples
 from support.fuzz.requests import any_request, of_service
 from support.fuzz.world import ROBOT, Observer
 from support.fuzz.xml import SECRET, sdf_attacks, urdf_attacks
-from support.ros_testing import wait_for
+from support.ros_testing import DEADLINE, wait_for
 from support.stand_in import Node
 
 from tcpros import HangupError, ServiceError, header_of, packed
@@ -216,18 +216,18 @@ class TestFuzz(unittest.TestCase):
         held = []
         for start in starts.values():
             for name, where in (("tcpros", place), ("xmlrpc", api)):
-                sock = socket.create_connection(where, 5.0)
+                sock = socket.create_connection(where, DEADLINE)
                 sock.sendall(start)
                 held.append((name, sock))
                 self.is_served()
         for post in posts:
             for length in (len(post), 1 << 40, -1):
-                sock = socket.create_connection(api, 5.0)
+                sock = socket.create_connection(api, DEADLINE)
                 sock.sendall(posted % length + post)
                 held.append(("post", sock))
                 self.is_served()
         for _ in range(200):
-            held.append(("silent", socket.create_connection(place, 5.0)))
+            held.append(("silent", socket.create_connection(place, DEADLINE)))
         self.is_served()
         for _, sock in held:
             sock.close()

@@ -15,6 +15,7 @@ import rospy
 import rostest
 from sensor_msgs.msg import JointState
 from support.ros_testing import (
+    DEADLINE,
     REPOSITORY,
     Connected,
     children_time,
@@ -30,7 +31,6 @@ OURS = "g1_description/ros/"
 """In tracebacks of what we import; before that Python itself answers signals."""
 STEPS = 4
 """Moments from a command's start to its end."""
-TIMEOUT = 60.0
 SEED = 1
 NODES = ("gazebo_stand_in.py", "link_states_bridge.py", "checker.py", "web.py")
 """Programs that run until they are interrupted; tools/interrupts takes all."""
@@ -95,7 +95,7 @@ class TestInterrupts(unittest.TestCase):
         They are told by its processor time, whatever else the machine does.
         """
         before = children_time()
-        _, errors = start(*words).communicate(timeout=TIMEOUT)
+        _, errors = start(*words).communicate(timeout=DEADLINE)
         self.assertNotIn("Traceback", errors)
         length = children_time() - before
         codes = {n / STEPS: self.code(n / STEPS * length, words) for n in range(STEPS)}
@@ -124,7 +124,7 @@ class TestInterrupts(unittest.TestCase):
         )
         with contextlib.suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGINT)
-        _, errors = process.communicate(timeout=TIMEOUT)
+        _, errors = process.communicate(timeout=DEADLINE)
         self.assertNotIn(OURS, errors, delay)
         if "Traceback" not in errors:
             self.assertIn(process.returncode, ENDS, (delay, errors))
@@ -139,7 +139,7 @@ class TestInterrupts(unittest.TestCase):
         done = subprocess.run(
             [sys.executable, "-c", LATE],
             stdout=subprocess.PIPE,
-            timeout=TIMEOUT,
+            timeout=DEADLINE,
             text=True,
         )
         self.assertEqual(done.stdout, "True\n")
@@ -148,7 +148,7 @@ class TestInterrupts(unittest.TestCase):
         done = subprocess.run(
             [sys.executable, "-c", TWICE],
             capture_output=True,
-            timeout=TIMEOUT,
+            timeout=DEADLINE,
             text=True,
         )
         self.assertEqual((done.stdout, done.stderr), ("ended\n", ""))

@@ -8,7 +8,7 @@ import unittest
 import numpy as np
 import rostest
 from support.machines.lab import Lab
-from support.ros_testing import wait_for
+from support.ros_testing import DEADLINE, wait_for
 
 from hosts import HostsError
 
@@ -28,7 +28,6 @@ RIGHT, WRONG, MISSING = (
 EARLIEST = 20.0
 """How long before the first state of interest the clock is looked at, in [s]."""
 TINY = 1e-9  # makes a time of 0 true
-DEADLINE = 30.0
 
 
 class TestMachines(unittest.TestCase):

@@ -52,7 +52,7 @@ class Paused(unittest.TestCase):
         wait_for(cls.commands.get_num_connections, "the bridge")
 
     def pause(self):
-        rospy.wait_for_service("/gazebo/pause_physics", 30.0)
+        rospy.wait_for_service("/gazebo/pause_physics", DEADLINE)
         rospy.ServiceProxy("/gazebo/pause_physics", Empty)()
         world = rospy.ServiceProxy("/gazebo/get_world_properties", GetWorldProperties)
         end = world().sim_time

@@ -14,7 +14,7 @@ from gazebo_msgs.srv import GetModelState
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
 from support.pose_command import run
-from support.ros_testing import Listener, Repeated, wait_for
+from support.ros_testing import DEADLINE, Listener, Repeated, wait_for
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 
@@ -23,7 +23,7 @@ class TestPhysics(unittest.TestCase):
     def setUpClass(cls):
         cls.stands = rospy.get_param("~expected_to_stand")
         cls.states = Listener("/joint_states", JointState)
-        rospy.wait_for_service("/gazebo/unpause_physics", 30.0)
+        rospy.wait_for_service("/gazebo/unpause_physics", DEADLINE)
         rospy.ServiceProxy("/gazebo/unpause_physics", Empty)()
         cls.model_state = rospy.ServiceProxy("/gazebo/get_model_state", GetModelState)
 

@@ -215,7 +215,7 @@ import sys
 import rospy
 from std_msgs.msg import String
 rospy.init_node("waiting", anonymous=True)
-rospy.wait_for_message(sys.argv[1], String, 60.0)
+rospy.wait_for_message(sys.argv[1], String)
 """
 
 

@@ -13,7 +13,7 @@ import rostest
 from dynamic_reconfigure.msg import Config, ConfigDescription, GroupState
 from rosgraph.network import encode_ros_handshake_header, read_ros_handshake_header
 from support.golden.simulator import QUARTER, UP, Simulator, pose_fields
-from support.ros_testing import Listener
+from support.ros_testing import DEADLINE, Listener
 
 BOX = """<sdf version="1.6"><model name="in_file">
 <pose>0.5 0 0 0 0 1.5707963267948966</pose>
@@ -63,7 +63,7 @@ class TestRules(unittest.TestCase):
     def connect(self, service):
         address = self.simulator.master.lookupService(service)
         host, port = address[len("rosrpc://") :].split(":")
-        return socket.create_connection((host, int(port)), 5.0)
+        return socket.create_connection((host, int(port)), DEADLINE)
 
     def test_a_client_of_another_type_is_refused_in_the_handshake(self):
         asked = {

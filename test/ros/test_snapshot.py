@@ -23,9 +23,8 @@ from gazebo_msgs.srv import SetModelState
 from geometry_msgs.msg import Point, Pose, Quaternion
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
-from support.ros_testing import Connected, Repeated, program, wait_for
+from support.ros_testing import DEADLINE, Connected, Repeated, program, wait_for
 
-DEADLINE = 120.0
 READ = """
 import io, sys, numpy as np
 from PIL import Image, ImageSequence

@@ -108,7 +108,7 @@ class TestSpawnModel(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         cls.log = Listener("/rosout", Log)
-        rospy.wait_for_service("/gazebo/get_world_properties", 30.0)
+        rospy.wait_for_service("/gazebo/get_world_properties", DEADLINE)
         cls.model_state = rospy.ServiceProxy("/gazebo/get_model_state", GetModelState)
         cls.world = rospy.ServiceProxy(
             "/gazebo/get_world_properties", GetWorldProperties

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
 from support.burners import Burners
-from support.ros_testing import Connected, Launch, position_of, wait_for
+from support.ros_testing import DEADLINE, Connected, Launch, position_of, wait_for
 from tf2_msgs.msg import TFMessage
 
 ELBOW = "left_elbow_joint"
@@ -26,7 +26,7 @@ ROOM = {"queue_size": 100_000, "buff_size": 1 << 22, "tcp_nodelay": True}
 
 
 def proxy(name, kind):
-    rospy.wait_for_service(f"/gazebo/{name}", 30.0)
+    rospy.wait_for_service(f"/gazebo/{name}", DEADLINE)
     return rospy.ServiceProxy(f"/gazebo/{name}", kind, persistent=True)
 
 

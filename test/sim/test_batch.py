@@ -15,7 +15,7 @@ import distributed
 import pytest
 from checked import POST, read, read_or_die, write_motions
 from conftest import REPOSITORY
-from waiting import wait_for
+from waiting import DEADLINE, wait_for
 
 from g1_description.core.errors import ClusterError
 from g1_description.core.files.absolute_urdf import absolute_urdf
@@ -193,7 +193,7 @@ def test_no_cluster_is_told(judge, monkeypatch):
 
 
 def test_that_all_workers_went_is_told(files, judge, monkeypatch, tmp_path):
-    monkeypatch.setattr(clusters, "TIMEOUT", 3.0)
+    monkeypatch.setattr(clusters, "TIMEOUT", DEADLINE)
     with distributed.LocalCluster(
         n_workers=1,
         threads_per_worker=1,
@@ -201,6 +201,7 @@ def test_that_all_workers_went_is_told(files, judge, monkeypatch, tmp_path):
         local_directory=str(tmp_path),
     ) as made:
         connected = Cluster(SETUP, judge, read, made.scheduler_address)
+        monkeypatch.setattr(clusters, "TIMEOUT", 3.0)
         try:
             with pytest.raises(ClusterError, match="has no workers any more"):
                 for _ in connected.judged(tasks_of(files * 3)):

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from conftest import REPOSITORY
 from robots import link
-from waiting import wait_for
+from waiting import DEADLINE, wait_for
 
 from g1_description.core.collisions.allowed_pairs import (
     ADJACENT,
@@ -274,7 +274,7 @@ def test_an_interrupted_command_writes_nothing(command, tmp_path):
     try:
         wait_for(lambda: run.poll() is not None or _is_sampling(run.pid), "samples")
         run.send_signal(signal.SIGINT)
-        out, err = run.communicate(timeout=60.0)
+        out, err = run.communicate(timeout=DEADLINE)
     finally:
         run.kill()
     assert run.returncode == 130

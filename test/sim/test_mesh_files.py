@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 import trimesh
 from dae import box, collada, node, use
-from waiting import wait_for
+from waiting import DEADLINE, wait_for
 
 from g1_description.core.robot.description import Shape
 from g1_description.core.robot.lumping import lump_fixed_joints
@@ -504,7 +504,7 @@ def killed(number):
     thread = threading.Thread(target=kill, daemon=True)
     thread.start()
     yield
-    thread.join(70.0)
+    thread.join(DEADLINE)
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
@@ -529,9 +529,9 @@ def test_a_death_of_the_reader_is_told_of_the_file_that_it_read(
 
 
 def test_a_file_that_takes_long_is_told_and_costs_no_other(waiting, monkeypatch):
-    monkeypatch.setattr(mesh_contents, "FILE_TIMEOUT", 3.0)
+    monkeypatch.setattr(mesh_contents, "FILE_TIMEOUT", 10.0)
     before, clause, after = read(*waiting)
-    assert clause.endswith("waiting.obj cannot be read: it took more than 3 s")
+    assert clause.endswith("waiting.obj cannot be read: it took more than 10 s")
     assert not isinstance(before, str)
     assert not isinstance(after, str)
 
@@ -545,7 +545,7 @@ def test_what_is_not_read_in_time_is_read_when_it_is_asked_for_again(
         words = "cannot be read: reading all meshes took more than 3 s"
         assert clause == f"mesh file://{file} {words}"
     mend(waiting)
-    monkeypatch.setattr(mesh_contents, "READ_TIMEOUT", 60.0)
+    monkeypatch.setattr(mesh_contents, "READ_TIMEOUT", DEADLINE)
     assert not [found for found in read(*waiting) if isinstance(found, str)]
 
 

@@ -6,6 +6,7 @@ import time
 import xmlrpc.client
 
 import pytest
+from waiting import DEADLINE
 
 pytest.importorskip("rospy", reason="rospy is not installed")
 
@@ -74,7 +75,7 @@ def test_an_answer_has_a_time_limit(mended, mute):
     begin = time.monotonic()
     with broken_networks.answers_within(MUTE), pytest.raises(OSError, match="time"):
         node.getPid("/test")
-    assert time.monotonic() - begin < 10.0 * MUTE
+    assert time.monotonic() - begin < DEADLINE
 
 
 def test_a_call_without_a_limit_has_that_of_the_process(mended, mute):
@@ -93,7 +94,7 @@ def test_who_refuses_is_asked_once(mended, mute):
     begin = time.monotonic()
     with pytest.raises(ConnectionRefusedError):
         node_at(address).hello()
-    assert time.monotonic() - begin < broken_networks.TRY_TIMEOUT
+    assert time.monotonic() - begin < DEADLINE
 
 
 def test_the_state_of_a_connection_is_read_where_linux_has_it(mute):
@@ -106,5 +107,5 @@ def test_the_state_of_a_connection_is_read_where_linux_has_it(mute):
         assert unanswered == 0
         begin = time.monotonic()
         while _state(sock)[1] < silence + 100:
-            assert time.monotonic() < begin + 10.0
-        assert 0.05 < time.monotonic() - begin < 5.0
+            assert time.monotonic() < begin + DEADLINE
+        assert 0.05 < time.monotonic() - begin < 60.0  # it counts in [ms]

@@ -7,7 +7,7 @@ import time
 from concurrent.futures import Future, ThreadPoolExecutor
 
 import pytest
-from waiting import wait_for
+from waiting import DEADLINE, wait_for
 
 pytest.importorskip("rospy", reason="rospy is not installed")
 
@@ -19,7 +19,6 @@ from std_srvs.srv import SetBool, SetBoolRequest
 from g1_description.ros.gazebo.calls import Calls
 from g1_description.ros.transport.prompt_service import PromptService
 
-DEADLINE = 60.0
 NUMBERS = itertools.count()
 
 

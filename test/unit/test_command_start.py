@@ -5,10 +5,9 @@ import time
 from types import SimpleNamespace
 
 import pytest
+from waiting import DEADLINE
 
 from g1_description.ros.apps import command_start
-
-DEADLINE = 10.0
 
 
 def test_an_interrupt_that_python_ignored_comes_again(capfd):

@@ -10,6 +10,7 @@ import pytest
 import trimesh
 import yaml
 from scipy.spatial.transform import Rotation
+from waiting import DEADLINE
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 URDF = REPOSITORY / "urdf" / "g1_29dof.urdf"
@@ -299,7 +300,7 @@ def test_check_urdf_accepts_the_file():
     if program is None:
         pytest.skip("check_urdf is not installed")
     done = subprocess.run(
-        [program, str(URDF)], check=False, stdout=subprocess.PIPE, timeout=60
+        [program, str(URDF)], check=False, stdout=subprocess.PIPE, timeout=DEADLINE
     )
     assert done.returncode == 0
     assert b"robot name is: g1_29dof" in done.stdout

@@ -6,7 +6,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +16,7 @@ from dae import box, collada, node, use
 from forked import run_script
 from hypothesis import given, settings
 from robots import chains
+from waiting import DEADLINE, wait_for
 
 from g1_description.core.errors import DescriptionError
 from g1_description.core.files import model_files
@@ -795,13 +795,12 @@ def test_an_interrupted_import_leaves_nothing(number, source, out, tmp_path):
     process = command(
         source / "r.urdf", "--out", out, "--decimate", "9", "--tolerance", "9"
     )
-    deadline = time.monotonic() + 60.0
-    while not list(tmp_path.glob(".import*/meshes/0.stl")):
-        assert time.monotonic() < deadline
-        with pytest.raises(subprocess.TimeoutExpired):
-            process.wait(0.02)
+    wait_for(
+        lambda: process.poll() is None and [*tmp_path.glob(".import*/meshes/0.stl")],
+        "the first mesh",
+    )
     process.send_signal(number)
-    _, told = process.communicate(timeout=60)
+    _, told = process.communicate(timeout=DEADLINE)
     assert told.endswith("import_model: interrupted; nothing was written.\n")
     assert process.returncode == 130
     assert [path.name for path in tmp_path.iterdir()] == ["source"]
@@ -824,7 +823,7 @@ def signalled(source, out, tmp_path):
         )
         arguments = source / "r.urdf", "--out", out
         process = command(*arguments, first=tmp_path / "path", **options)
-        process.communicate(timeout=60)
+        process.communicate(timeout=DEADLINE)
         return process.returncode
 
     return signalled

@@ -9,6 +9,7 @@ from xmlrpc.server import SimpleXMLRPCRequestHandler, SimpleXMLRPCServer
 
 import pytest
 from conftest import REPOSITORY
+from waiting import DEADLINE
 
 pytest.importorskip("rospy", reason="rospy is not installed")
 
@@ -104,7 +105,7 @@ def test_a_master_that_dies_is_told_in_a_sentence(script, words, dying_master):
         capture_output=True,
         text=True,
         check=False,
-        timeout=60.0,
+        timeout=DEADLINE,
     )
     assert run.returncode == 1
     name = Path(script).stem

@@ -18,7 +18,7 @@ pytest.importorskip("rospy", reason="rospy is not installed")
 pytest.importorskip("viser", reason="viser is not installed")
 
 from conftest import REPOSITORY
-from waiting import wait_for
+from waiting import DEADLINE, wait_for
 
 from g1_description.ros.apps.web.options import parse
 
@@ -31,9 +31,8 @@ pytestmark = pytest.mark.slow
 
 DATA = REPOSITORY / "test" / "data"
 ROBOT = str(DATA / "revolute.urdf")
-DEADLINE = 60.0
-ENDING = 15.0
-"""Longest time from a signal to the end, in [s]."""
+ENDING = 0.5 * DEADLINE
+"""Longest time from a signal to the end, in [s]: nobody is waited for."""
 
 
 def command(*arguments, path=None, **options):

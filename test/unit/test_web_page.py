@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from oracle import assert_poses_close, forward_kinematics
-from waiting import wait_for
+from waiting import DEADLINE, wait_for
 
 pytest.importorskip("viser", reason="viser is not installed")
 
@@ -90,7 +90,7 @@ class Open:
         for client in self._clients:
             client.close()
         self.show.stop()
-        self._thread.join(30)
+        self._thread.join(DEADLINE)
 
 
 def ramp(seconds):
@@ -279,11 +279,11 @@ def test_a_gizmo_that_moves_while_the_page_draws_is_heard(page, monkeypatch):
     def take_long(_):
         """Keep the thread that draws from its next picture."""
         is_busy.set()
-        is_free.wait(60)
+        is_free.wait(DEADLINE)
 
     monkeypatch.setattr(page.robot, "command", take_long)
     one.set("left_elbow", -0.5)
-    assert is_busy.wait(60)
+    assert is_busy.wait(DEADLINE)
     away = {"wxyz": (1.0, 0.0, 0.0, 0.0), "position": (5.0, 5.0, 5.0), "owner": ""}
     one.send("TransformControlsUpdateMessage", name=name, **away)
     wait_for(lambda: base._gizmo.position[0] == 5.0, "a gizmo that is elsewhere")

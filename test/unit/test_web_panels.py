@@ -464,7 +464,7 @@ def test_the_same_words_are_told_once(server, desk, client):
 
 def test_what_waits_is_done_one_after_the_other_and_errors_do_not_end_it(desk, client):
     gate, done, given_back = threading.Event(), [], []
-    desk.wait_for(lambda: gate.wait(30) and done.append("first"))
+    desk.wait_for(lambda: gate.wait(DEADLINE) and done.append("first"))
     desk.wait_for(lambda: fail(InvalidValueError("Nobody answers.")))
     desk.wait_for(lambda: fail(ValueError("of ours")))
     desk.wait_for(lambda: done.append("last") or 7, given_back.append)

@@ -13,7 +13,15 @@ import pytest
 pytest.importorskip("viser", reason="viser is not there")
 
 import viser
-from web_clients import fetch, join, netloc, opened, wait_until, wait_until_left
+from web_clients import (
+    TIMEOUT,
+    fetch,
+    join,
+    netloc,
+    opened,
+    wait_until,
+    wait_until_left,
+)
 from websockets.exceptions import ConnectionClosed
 
 from g1_description.core.errors import G1DescriptionError, PageServerError
@@ -92,7 +100,7 @@ def test_a_browser_gets_the_scene_and_is_counted(server):
     before = server.bytes_sent
     assert not server.watched.is_set()
     with join(server) as page:
-        assert len(page.recv(timeout=10)) > 100
+        assert len(page.recv(timeout=TIMEOUT)) > 100
         assert server.browsers == 1
         assert server.watched.is_set()
         wait_until(lambda: server.bytes_sent > before + 100, "bytes counted")
@@ -105,7 +113,7 @@ def test_a_page_of_another_version_is_told_to_reload(server):
         with join(server, subprotocols=subprotocols) as page, pytest.raises(
             ConnectionClosed, match="reload the page"
         ):
-            page.recv(timeout=10)
+            page.recv(timeout=TIMEOUT)
 
 
 def test_a_port_that_is_taken_is_named(server):
@@ -129,11 +137,11 @@ def test_a_host_or_port_that_cannot_be_is_named(options, sentence):
 
 def test_it_closes_its_port_and_may_close_twice():
     with opened() as server, join(server) as page:
-        page.recv(timeout=10)
+        page.recv(timeout=TIMEOUT)
         host, port = netloc(server).split(":")
         server.close()
         with pytest.raises(OSError, match="refused"):
-            socket.create_connection((host, int(port)), timeout=10)
+            socket.create_connection((host, int(port)), timeout=TIMEOUT)
         with opened(port=int(port)) as again:
             assert fetch(again).status == 200
 
@@ -154,7 +162,7 @@ def run(code):
         env=environment,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
-        timeout=60,
+        timeout=TIMEOUT,
         check=True,
     )
     return done.stdout.decode()
@@ -172,7 +180,7 @@ from g1_description.web.server.page_server import PageServer
 def test_nothing_is_printed_even_if_nobody_closes_it():
     code = "import websockets.sync.client as c\ns = PageServer(ServerOptions(port=0))\n"
     code += "w = c.connect(s.address.replace('http', 'ws'), "
-    code += f"subprotocols=['viser-v{viser.__version__}'])\nw.recv(timeout=10)\n"
+    code += f"subprotocols=['viser-v{viser.__version__}'])\nw.recv(timeout={TIMEOUT})\n"
     assert run(START + code) == ""
 
 

@@ -9,6 +9,7 @@ pytest.importorskip("viser", reason="viser is not there")
 
 from web_clients import (
     HELLO,
+    TIMEOUT,
     fetch,
     join,
     message,
@@ -72,7 +73,7 @@ def test_a_name_that_was_made_to_point_here_does_not(local, host):
 
 
 def test_a_request_names_one_host(local):
-    with socket.create_connection(netloc(local).split(":"), timeout=10) as client:
+    with socket.create_connection(netloc(local).split(":"), timeout=TIMEOUT) as client:
         client.sendall(b"GET / HTTP/1.1\r\nHost: localhost\r\nHost: evil\r\n\r\n")
         assert client.recv(99).startswith(b"HTTP/1.1 400")
 
@@ -150,7 +151,7 @@ def test_viser_itself_serves_nobody_else(local):
     slider.on_update(moved.append)
     update = message("GuiUpdateMessage", uuid=slider._impl.uuid, updates={"value": 5})
     hidden = urlsplit(local._hidden.url)
-    with socket.create_connection((hidden.hostname, hidden.port), 10) as client:
+    with socket.create_connection((hidden.hostname, hidden.port), TIMEOUT) as client:
         frame = Frame(Opcode.BINARY, update).serialize(mask=True)
         client.sendall(HELLO + frame)  # at once, before it is known who this is
         answer = b""

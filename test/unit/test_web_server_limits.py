@@ -12,6 +12,7 @@ pytest.importorskip("viser", reason="viser is not there")
 import numpy as np
 from web_clients import (
     HELLO,
+    TIMEOUT,
     fetch,
     join,
     netloc,
@@ -36,7 +37,7 @@ def server():
 def raw(server, data=b""):
     """Open a connection, and send something."""
     host, port = netloc(server).split(":")
-    client = socket.create_connection((host, int(port)), timeout=10)
+    client = socket.create_connection((host, int(port)), timeout=TIMEOUT)
     client.sendall(data)
     return client
 
@@ -53,7 +54,7 @@ def test_one_more_than_may_be_is_told(server):
     wait_until(lambda: server.browsers == 4, "one has left")
     pages[0] = join(server)
     for page in pages:
-        assert page.recv(timeout=10)
+        assert page.recv(timeout=TIMEOUT)
         page.close()
     wait_until_left(server)
 
@@ -93,7 +94,7 @@ def test_garbage_is_not_even_told_about(server, capfd, caplog):
     wait_until_left(server)
     assert fetch(server).status == 200
     with join(server) as page:
-        assert page.recv(timeout=10)
+        assert page.recv(timeout=TIMEOUT)
     assert capfd.readouterr() == ("", "")
     assert len(caplog.records) <= 1
 
@@ -156,7 +157,7 @@ def test_who_does_not_read_costs_little_and_holds_up_nobody():
     with opened() as server, with_lazy(server), join(server) as reader:
         for number in range(160):
             size = send_points(server, number)
-            while len(reader.recv(timeout=10)) < size:
+            while len(reader.recv(timeout=TIMEOUT)) < size:
                 pass
             if number == 20:
                 before = memory()

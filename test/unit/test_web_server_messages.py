@@ -11,7 +11,7 @@ pytest.importorskip("viser", reason="viser is not there")
 import numpy as np
 from viser import infra
 from viser import transforms as tf
-from web_clients import join, message, opened, wait_until, wait_until_left
+from web_clients import TIMEOUT, join, message, opened, wait_until, wait_until_left
 from websockets.exceptions import ConnectionClosed
 
 CAMERA = {
@@ -110,7 +110,7 @@ def test_a_picture_of_some_megabytes_comes_through(scene):
         )
         picture = bytes(5 * 2**20)
         page.send(message("GetRenderResponseMessage", payload=picture, render_uuid="1"))
-        assert got.wait(10)
+        assert got.wait(TIMEOUT)
 
 
 def test_only_values_are_set(scene):
@@ -191,7 +191,7 @@ def test_what_is_no_message_ends_the_connection(scene, data, capfd):
         page.send(data)
         with pytest.raises(ConnectionClosed):
             while True:
-                page.recv(timeout=10)
+                page.recv(timeout=TIMEOUT)
         assert page.protocol.close_code == 1003
     assert capfd.readouterr() == ("", "")
 
@@ -201,7 +201,7 @@ def test_a_message_that_is_too_large_ends_the_connection(scene):
         with pytest.raises(ConnectionClosed):
             page.send(bytes(17 * 2**20))
             while True:
-                page.recv(timeout=10)
+                page.recv(timeout=TIMEOUT)
         assert page.protocol.close_code == 1009
 
 
@@ -219,14 +219,14 @@ def test_all_that_the_page_sends_has_a_form():
 def test_read_only_nothing_of_a_browser_reaches_viser(shown):
     """The scene comes all the same."""
     with join(shown.server) as page:
-        assert len(page.recv(timeout=10)) > 100  # so both ways are open
+        assert len(page.recv(timeout=TIMEOUT)) > 100  # so both ways are open
         page.send(message("ViewerCameraMessage", **CAMERA))
         page.send(shown.update(value=2))
         page.send("text")
         page.send(b"garbage")
         points = np.zeros((2**15, 3))
         shown.server.viser.scene.add_point_cloud("/late", points, (9, 9, 9))
-        wait_until(lambda: len(page.recv(timeout=10)) > 2**16, "it goes on")
+        wait_until(lambda: len(page.recv(timeout=TIMEOUT)) > 2**16, "it goes on")
     wait_until_left(shown.server)
     assert shown.slider.value == 0.0
     assert shown.joined == []

@@ -11,7 +11,7 @@ pytest.importorskip("viser", reason="viser is not there")
 
 from hypothesis import given
 from hypothesis import strategies as st
-from web_clients import fetch, join, opened, wait_until
+from web_clients import TIMEOUT, fetch, join, opened, wait_until
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from g1_description.core.errors import MotionError
@@ -37,7 +37,7 @@ class Reader:
             raise ValueError("line 3\nline 4")
         if content == b"slow":
             self.waiting += 1
-            assert self.go.wait(10)
+            assert self.go.wait(TIMEOUT)
         return f"{name}: {len(content)} bytes, {sum(content)}"
 
 
@@ -57,7 +57,7 @@ def begin(server, name, size):
 
 
 def receive(page):
-    return json.loads(page.recv(timeout=10))
+    return json.loads(page.recv(timeout=TIMEOUT))
 
 
 def upload(server, name, pieces, size=None):
@@ -185,4 +185,4 @@ def test_the_connection_ends_with_the_answer(server):
         page.send(b"1")
         receive(page)
         with pytest.raises(ConnectionClosed):
-            page.recv(timeout=10)
+            page.recv(timeout=TIMEOUT)

@@ -21,7 +21,7 @@ AT_ONCE = 40
 """Pixels of the probe's 64000 that an arm changes at least."""
 NEAR = 0.002  # [rad] the slider's step and a bit
 FINISHED = 4.0  # [s] without a new picture, after which there will be none
-TIMEOUT = 30.0  # [s]
+TIMEOUT = 300.0  # [s]
 PAUSE = 20  # [ms] between two questions to a page
 
 

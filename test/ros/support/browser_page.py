@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-DEADLINE = 60.0
+DEADLINE = 300.0
 """Longest wait for anything in [s]: many times what it takes on a busy machine."""
 PANEL = "[data-floating-window], .mantine-Notifications-root { visibility: hidden }"
 """CSS that hides what floats over the scene."""

@@ -28,7 +28,7 @@ def run(*words, home=None):
     What rospy itself says of a connection that its other end gave up is left out.
     """
     process = start(*words, home=home)
-    output, errors = process.communicate(timeout=2 * DEADLINE)
+    output, errors = process.communicate(timeout=DEADLINE)
     lines = errors.splitlines(keepends=True)
     own = [line for line in lines if "Inbound TCP/IP connection failed" not in line]
     return process.returncode, output, "".join(own)

@@ -12,10 +12,9 @@ import numpy as np
 import rospkg
 import rospy
 
-from .ros_testing import REPOSITORY, Launch, wait_for
+from .ros_testing import DEADLINE, REPOSITORY, Launch, wait_for
 from .virtual_screen import VirtualScreen, write_png
 
-DEADLINE = 120.0
 STARTS = 3
 FRAME_RATE = "Frame Rate: 30"
 """In our configurations of RViz."""

@@ -81,7 +81,7 @@ class Node:
         Unlike the real-time factor it does not tell how busy the machine is.
         """
         begin, used = self.time(), self.seconds_of_processor()
-        wait_for(lambda: self.time() > begin + seconds, "simulated time", 60.0)
+        wait_for(lambda: self.time() > begin + seconds, "simulated time")
         return (self.seconds_of_processor() - used) / (self.time() - begin)
 
     def time(self):

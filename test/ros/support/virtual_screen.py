@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-DEADLINE = 60.0
+DEADLINE = 300.0
 
 
 class VirtualScreen:
