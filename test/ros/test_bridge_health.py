@@ -149,12 +149,12 @@ class TestBridgeHealth(unittest.TestCase):
         self.watch()
         tilted = arm_states()
         for pose in tilted.pose[3:]:  # what hangs on the elbow
-            pose.orientation.x = math.sin(0.05)
-            pose.orientation.w = math.cos(0.05)
+            pose.orientation.x = math.sin(0.1)
+            pose.orientation.w = math.cos(0.1)
         self.shown = [tilted]
         self.wait_for(JOINTS, WARN, "off their axes: elbow")
         line = self.watched.log.wait(lambda m: "off their axes" in m.msg)
-        self.assertIn("elbow by 0.1 rad", line.msg)
+        self.assertIn("elbow by 0.2 rad", line.msg)
         self.shown = [arm_states()]
         self.wait_for(JOINTS, OK, "3 joints are measured")
 
