@@ -18,11 +18,13 @@ from itertools import chain
 from pathlib import Path
 from xml.etree import ElementTree
 
+import numpy as np
 import rospy
 import rostest
 import tf2_ros
 from gazebo_msgs.msg import ModelStates
 from gazebo_msgs.srv import GetWorldProperties
+from rosgraph_msgs.msg import Clock
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
@@ -43,9 +45,28 @@ from processes import end_processes, marked_environment, marked_processes, wait_
 
 LAUNCH = SHARED / "clients" / "display_and_gazebo_original.launch"
 NODE = SHARED / "clients" / "link_states_bridge_original.py"
+CLOCK = Path(__file__).resolve().parent / "support" / "gazebo_clock.py"
 CLIENTS = """<package format="2"><name>clients</name><version>0.0.0</version>
 <description>d</description><maintainer email='a@b.c'>m</maintainer>
 <license>none</license></package>"""
+GAZEBO_ROS = CLIENTS.replace("clients", "gazebo_ros")
+EMPTY_WORLD = """<launch>
+  <arg name="paused"/><arg name="use_sim_time"/><arg name="gui"/>
+  <arg name="respawn_gazebo"/>
+  <arg name="use_clock_frequency" default="false"/>
+  <arg name="pub_clock_frequency" default="100"/>
+  <group if="$(arg use_clock_frequency)">
+    <param name="gazebo/pub_clock_frequency" value="$(arg pub_clock_frequency)"/>
+  </group>
+  <node name="gazebo" pkg="g1_description" type="gazebo_stand_in.py">
+    <remap from="/clock" to="/stepped_clock"/>
+    <remap from="~world_state" to="/no_world_state"/>
+    <param name="link_states_rate" value="0"/>
+  </node>
+  <node name="gazebo_clock" pkg="gazebo_ros" type="gazebo_clock.py"/>
+</launch>"""
+"""gazebo_ros' launch file with a node that behaves as Gazebo: its /clock is limited as
+there, link_states come with each step, and there is no world_state."""
 FOREIGN = {"map", "pelvis", "body_imu"}
 """Frames of the launch file's own static_transform_publishers: one of their messages
 may be on its way when the time is reset."""
@@ -218,6 +239,30 @@ class TestDropIn(unittest.TestCase):
         self.check_that_it_runs(0.793)
         self.check_that_it_ends()
         self.assertNotIn("Traceback", self.log.read_text())
+
+    def test_a_clock_like_gazebos_goes_on_after_a_reset(self):
+        """Even where a display of the stand-in has left its rate behind."""
+        package = self.folder / "gazebo_ros"
+        (package / "launch").mkdir(parents=True)
+        (package / "package.xml").write_text(GAZEBO_ROS)
+        (package / "launch" / "empty_world.launch").write_text(EMPTY_WORLD)
+        shutil.copy(CLOCK, package)
+        rospy.set_param("/gazebo/pub_clock_frequency", 200.0)
+        self.addCleanup(rospy.delete_param, "/gazebo/pub_clock_frequency")
+        self.launch(
+            *("g1_description", "display.launch", "sim:=gazebo", "rviz:=false"),
+            ROS_PACKAGE_PATH=f"{self.folder}:{os.environ['ROS_PACKAGE_PATH']}",
+        )
+        self.wait_for_simulated(2.0)
+        states, clock = self.states.messages[-100:], Listener("/clock", Clock)
+        self.addCleanup(clock.close)
+        stamps = [message.header.stamp.to_nsec() for message in states]
+        self.assertGreaterEqual(min(np.diff(stamps)), 5_000_000)
+        clock.wait()
+        rospy.ServiceProxy("/gazebo/reset_simulation", Empty)()
+        clock.wait(lambda m: m.clock.to_sec() < 1.0, "the time after the reset")
+        self.states.wait(lambda m: m.header.stamp.to_sec() < 1.0, "states after it")
+        self.check_that_it_ends()
 
     def test_a_simulator_that_dies_comes_back_where_that_was_asked(self):
         options = ("gui:=false", "respawn_gazebo:=true", "physics:=kinematic")
