@@ -23,7 +23,7 @@ import rospy
 import rostest
 import tf2_ros
 from gazebo_msgs.msg import ModelStates
-from gazebo_msgs.srv import GetWorldProperties
+from gazebo_msgs.srv import GetJointProperties, GetModelState, GetWorldProperties
 from rosgraph_msgs.msg import Clock
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
@@ -277,6 +277,38 @@ class TestDropIn(unittest.TestCase):
         self.roslaunch.send_signal(signal.SIGINT)
         wait_for_end(self.mark, DEADLINE)
         self.assertEqual(marked_processes(self.mark), {})
+
+    def test_with_the_simulator_its_robot_comes_back_where_that_was_asked(self):
+        """In either simulator, at the place and in the pose of the launch file."""
+        self.addCleanup(rospy.delete_param, "/gazebo")
+        place = ("x:=1", "z:=1", "Y:=0.5", "initial_pose:=stand", "paused:=true")
+        for sim in ("gazebo", "standin"):
+            self.launch(
+                *("g1_description", "gazebo.launch", f"sim:={sim}", "gui:=false"),
+                *("respawn_gazebo:=true", *place),
+            )
+            for _ in range(2):
+                wait_for(self.is_in_place, f"the robot in {sim}")
+                pid = process_of("/gazebo")
+                os.kill(pid, signal.SIGKILL)
+                wait_for(lambda pid=pid: process_of("/gazebo") != pid, "its end")
+            wait_for(self.is_in_place, f"the robot in {sim}")
+            self.roslaunch.send_signal(signal.SIGINT)
+            wait_for_end(self.mark, LONGEST_END)
+            self.assertEqual(marked_processes(self.mark), {})
+
+    def is_in_place(self):
+        """Look whether the robot is where that test wants it."""
+        state = rospy.ServiceProxy("/gazebo/get_model_state", GetModelState)
+        joint = rospy.ServiceProxy("/gazebo/get_joint_properties", GetJointProperties)
+        try:
+            pose = state("g1_robot", "").pose
+            knee = joint("left_knee_joint")
+        except rospy.ServiceException:
+            return False
+        there = pose.position.x, pose.position.z, pose.orientation.z, *knee.position
+        wanted = 1.0, 1.0, np.sin(0.25), 0.6
+        return np.allclose(there, wanted) if len(there) == len(wanted) else False
 
     def test_a_required_server_takes_everything_with_it(self):
         options = ("gui:=true", "server_required:=true", "physics:=magic")

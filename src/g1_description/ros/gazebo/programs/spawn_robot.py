@@ -7,13 +7,15 @@ Calls: spawn_urdf_model (gazebo_msgs/SpawnModel), set_model_configuration
     (gazebo_msgs/SetModelConfiguration), get_physics_properties
     (gazebo_msgs/GetPhysicsProperties), pause_physics and unpause_physics
     (std_srvs/Empty), below /gazebo
-Parameters: those of parameters.SpawnParameters
+Parameters: those of parameters.SpawnParameters; ~respawn: whether to stay, and spawn
+    the robot in each new Gazebo
 """
 
 from __future__ import annotations
 
 import sys
 
+import rosgraph
 import rospy
 from gazebo_msgs.srv import GetPhysicsProperties, SetModelConfiguration, SpawnModel
 from std_srvs.srv import Empty
@@ -23,9 +25,16 @@ from g1_description.ros.gazebo.parameters import SpawnParameters
 from g1_description.ros.gazebo.placement import place_robot
 from g1_description.ros.node.lifecycle import start_node
 from g1_description.ros.node.parameters import read_parameters
+from g1_description.ros.node.waiting import wait_until
 from g1_description.ros.wire.conversions import pose_from_array
 
 from .spawn_model import GazeboServices
+
+GAZEBO = "/gazebo"
+"""Name of the node, and namespace of its services."""
+
+WATCH_PERIOD = 1.0
+"""Time between two looks for a new Gazebo in [s]."""
 
 
 def spawn(parameters: SpawnParameters, gazebo: GazeboServices) -> None:
@@ -55,6 +64,40 @@ def spawn(parameters: SpawnParameters, gazebo: GazeboServices) -> None:
             gazebo.call("unpause_physics", Empty)
 
 
+def spawn_in_each(parameters: SpawnParameters, gazebo: GazeboServices) -> None:
+    """Spawn the robot now, and again in each Gazebo that replaces this one.
+
+    Returns when the node is shut down.
+
+    Raises:
+        G1DescriptionError: If there is no such robot or pose.
+        ROSInterruptException: If the node was shut down before the robot was spawned.
+    """
+    while True:
+        try:
+            spawn(parameters, gazebo)
+        except rospy.ServiceException as error:
+            rospy.logerr("%s", error)
+        try:
+            _wait_for_another(_address())
+        except rospy.ROSInterruptException:
+            return
+        rospy.loginfo("Gazebo was restarted; the robot is spawned again.")
+
+
+def _wait_for_another(known: str | None) -> None:
+    """Wait until Gazebo's node is at another address."""
+    wait_until(lambda: _address() not in (None, known), period=WATCH_PERIOD)
+
+
+def _address() -> str | None:
+    """Look up the address of Gazebo's node; each process has its own."""
+    try:
+        return rosgraph.Master(rospy.get_name()).lookupNode(GAZEBO)
+    except (OSError, rosgraph.MasterException):
+        return None
+
+
 def _log(response) -> None:
     """Log the status message of a response."""
     rospy.loginfo("%s", response.status_message)
@@ -64,7 +107,8 @@ def main() -> None:
     """Spawn the robot, or say why not."""
     try:
         start_node("spawn_urdf")
-        spawn(read_parameters(SpawnParameters), GazeboServices("/gazebo"))
+        act = spawn_in_each if rospy.get_param("~respawn", False) else spawn
+        act(read_parameters(SpawnParameters), GazeboServices(GAZEBO))
     except rospy.ROSInterruptException:
         sys.exit("spawn_robot: interrupted before the robot was spawned.")
     except (G1DescriptionError, rospy.ServiceException) as error:
