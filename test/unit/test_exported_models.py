@@ -72,8 +72,10 @@ def test_worlds_and_media_are_found_where_packages_export_them(
     folder = package("one", export)
     world = write(folder / "worlds" / "a.world")
     mesh = write(folder / "media" / "models" / "x.stl")
+    write(folder / "worlds" / "empty.world")
     monkeypatch.chdir(tmp_path)
     assert find_world("worlds/a.world") == str(world)
+    assert find_world("worlds/empty.world") == ""
     assert local_path("file://models/x.stl", lambda _: None) == mesh
     assert local_path("file://models/y.stl", lambda _: None) is None
     assert local_path(f"file://{mesh}", lambda _: None) == mesh

@@ -23,7 +23,7 @@ PHYSICS = {
 """Physics by engine. Whichever engine Gazebo has, its robots have no motors."""
 
 EMPTY_WORLD = "worlds/empty.world"
-"""Name of the world that is there without a file."""
+"""Name of the world that Gazebo brings, and we have without a file."""
 
 WITHOUT_MEANING = (
     ("--lockstep",),
@@ -95,7 +95,9 @@ def find_world(name: str) -> str:
     """
     if not name:
         return ""
-    for folder in ["", *resource_folders()]:
+    # Others have files of that name, too; Gazebo's own folder comes before them.
+    folders = () if name == EMPTY_WORLD else resource_folders()
+    for folder in ["", *folders]:
         path = Path(folder, name)
         if path.is_file():
             return str(path.resolve())
