@@ -158,3 +158,32 @@ def test_unknown_arguments_are_ignored_and_told(package, capfd):
     robot = read_model(f"{file} hnad:=true speed:=3").description
     assert "left_hand" not in robot.link_names
     assert "no argument hnad or speed, which is ignored" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        ARM,
+        ARM.replace(' xmlns:xacro="http://www.ros.org/wiki/xacro"', ""),
+        PARTS,
+        '<robot name="r"><link name="l"><visual><geometry><sphere radius="${r}"/>'
+        "</geometry></visual></link></robot>",
+    ],
+)
+def test_xacro_under_the_name_of_urdf_gets_a_hint(tmp_path, text):
+    file = tmp_path / "arm.urdf"
+    file.write_text(text)
+    with pytest.raises(DescriptionError) as caught:
+        read_model(str(file))
+    assert str(caught.value).endswith(
+        "It is written in xacro: expand it with xacro, or give its file the ending "
+        ".xacro."
+    )
+
+
+def test_what_xacro_has_expanded_gets_none(tmp_path):
+    file = tmp_path / "arm.urdf"
+    file.write_text('<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro"/>')
+    with pytest.raises(DescriptionError, match="no links") as caught:
+        read_model(str(file))
+    assert "written in xacro" not in str(caught.value)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -37,6 +38,11 @@ from .parts import keep_parts
 UNREADABLE = Exception
 """What urdf_parser_py raises for text that is not URDF."""
 
+IT_IS_XACRO = (
+    "It is written in xacro: expand it with xacro, or give its file the ending .xacro."
+)
+"""What is added where that is why a description cannot be read."""
+
 _LOGGER = logging.getLogger(__name__)
 # An attribute that URDF does not know is not worth a line on stderr.
 xml_reflection.on_error = _LOGGER.debug
@@ -56,7 +62,28 @@ def parse_urdf(text: str) -> Description:
         DescriptionError: If the text is too large, not XML, not URDF, or not one tree.
     """
     check_size("The robot description", len(text))
-    element = parse_xml("robot description", text)
+    try:
+        return _description(parse_xml("robot description", text))
+    except DescriptionError as error:
+        if not _is_xacro(text):
+            raise
+        raise DescriptionError(f"{error} {IT_IS_XACRO}") from error
+
+
+def _is_xacro(text: str) -> bool:
+    """Return whether a document is XML with parts that xacro has to expand."""
+    with suppress(DescriptionError):
+        return any(
+            element.prefix == "xacro"
+            or element.tag.startswith("xacro:")  # the prefix is not declared
+            or any("${" in value for value in element.attrib.values())
+            for element in parse_xml("robot description", text).iter()
+        )
+    return False
+
+
+def _description(element: etree._Element) -> Description:
+    """Read a robot description; raises what ``parse_urdf`` does."""
     if element.tag != "robot":
         raise DescriptionError(
             f"The robot description is not URDF, its root is <{element.tag}>."
