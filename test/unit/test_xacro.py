@@ -1,12 +1,17 @@
 """Descriptions that use what xacro can today are expanded, as by ROS' own."""
 
 import math
+import os
+import shutil
 
 import numpy as np
 import pytest
+from forked import run_script
 
 from g1_description.core.errors import DescriptionError
 from g1_description.core.files.load import read_model
+
+PACKAGES = os.environ.get("ROS_PACKAGE_PATH", "")
 
 LIMITS = """
 joint_limits:
@@ -187,3 +192,19 @@ def test_what_xacro_has_expanded_gets_none(tmp_path):
     with pytest.raises(DescriptionError, match="no links") as caught:
         read_model(str(file))
     assert "written in xacro" not in str(caught.value)
+
+
+@pytest.mark.slow
+def test_launch_files_find_the_program(package):
+    roslaunch = shutil.which("roslaunch")
+    if not roslaunch or not shutil.which("rospack"):
+        pytest.skip("ROS is not there")
+    file = package / "arm.launch"
+    arm = "$(find my_arm)/urdf/arm.urdf.xacro"
+    command = f"$(find xacro)/xacro --inorder '{arm}' hand:=true"
+    file.write_text(f'<launch><param name="arm" command="{command}"/></launch>')
+    packages = os.pathsep.join([str(package.parent), PACKAGES])
+    environment = {**os.environ, "ROS_PACKAGE_PATH": packages}
+    run = run_script(roslaunch, "--dump-params", file, environment=environment)
+    assert run.returncode == 0, run.stderr
+    assert "left_hand_weld" in run.stdout
