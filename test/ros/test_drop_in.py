@@ -294,7 +294,7 @@ class TestDropIn(unittest.TestCase):
                 wait_for(lambda pid=pid: process_of("/gazebo") != pid, "its end")
             wait_for(self.is_in_place, f"the robot in {sim}")
             self.roslaunch.send_signal(signal.SIGINT)
-            wait_for_end(self.mark, LONGEST_END)
+            wait_for_end(self.mark, DEADLINE)
             self.assertEqual(marked_processes(self.mark), {})
 
     def is_in_place(self):
