@@ -32,12 +32,10 @@ TERMINAL_CODE = re.compile("\x1b(\\][^\a]*\a|[^a-zA-Z]*[a-zA-Z])")
 # Warnings and errors of the nodes, but not what robot_state_publisher says of
 # every robot whose root link has a mass.
 WORTH_SHOWING = re.compile(r"\[ ?(WARN|ERROR|FATAL)(?!.*KDL does not support a root)")
-# Below the block of advice only these are shown, so that it stays on the screen.
-STILL_WORTH_SHOWING = re.compile(r"\[ ?(ERROR|FATAL)")
 # Longest time in [s] in which roslaunch may clean up after all the nodes.
 ALONE = 1.0
 ROSLAUNCH = re.compile(r"/roslaunch |/rosmaster ")
-NUMBER = re.compile(r"\d+")
+VARIES = re.compile(r"\d+| \(\d+ more like it\)")
 # Where the browser view is: its token is told nowhere else.
 ADDRESS = re.compile(r"open http://\S+|Whoever has this address .*")
 
@@ -57,7 +55,6 @@ class Demo:
             arguments: Arguments of the launch file, value by name.
         """
         self.stopping = False
-        self.worth_showing = WORTH_SHOWING
         self.first_errors = []
         self.shown = set()
         self.screen = threading.Lock()
@@ -110,19 +107,18 @@ class Demo:
 
     def show(self, line):
         """Show a line that is worth it; what differs in numbers only is shown once."""
-        kind = NUMBER.sub("", line)
+        kind = VARIES.sub("", line)
         with self.screen:
             is_new = not self.stopping and kind not in self.shown
-            if is_new and self.worth_showing.match(line):
+            if is_new and WORTH_SHOWING.match(line):
                 self.shown.add(kind)
                 sys.stderr.write(line)
 
     def advise(self, block):
-        """Print what to try next; from now on no warning follows it."""
+        """Print what to try next."""
         with self.screen:
             sys.stderr.flush()
             print(block, flush=True)
-            self.worth_showing = STILL_WORTH_SHOWING
 
     def stop(self, *_):
         """Remember that the end was asked for."""
@@ -295,7 +291,7 @@ def block_of(states, model, log):
         f"  Robot    {robot}, from {model}",
         f"  Joints   {len(states['names'])}, {states['rate']:.0f} times a second"
         " on /joint_states",
-        f"  Log      {log}, warnings too",
+        f"  Log      {log}, INFO too",
         "",
         "  Try next, in another shell:",
         "",

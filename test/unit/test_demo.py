@@ -1,10 +1,15 @@
-"""The demo: what it says when roslaunch refuses its arguments."""
+"""The demo: what its terminal shows of roslaunch's and the nodes' words."""
 
 import os
+import re
+import signal
 import subprocess
+import threading
+from pathlib import Path
 
 import pytest
 from conftest import REPOSITORY
+from waiting import wait_for
 
 from ports import free_port
 
@@ -29,3 +34,57 @@ def test_wrong_arguments_end_it_with_their_sentence_alone(argument, words):
     assert run.returncode == 1
     (line,) = run.stderr.splitlines()
     assert line.startswith(f"tools/demo: {words}")
+
+
+class Running:
+    """A demo without RViz, and the lines that its terminal shows."""
+
+    def __init__(self):
+        uri = f"http://localhost:{free_port()}"
+        self.environment = {**os.environ, "ROS_MASTER_URI": uri, "DISPLAY": ""}
+        self.process = subprocess.Popen(
+            ["/usr/bin/python3", REPOSITORY / "tools" / "demo.py", "rviz:=false"],
+            env=self.environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+        self.lines = []
+        self._reader = threading.Thread(target=self._read)
+        self._reader.start()
+
+    def _read(self):
+        self.lines.extend(self.process.stdout)
+
+    def shows(self, words):
+        return any(words in line for line in self.lines)
+
+    def __enter__(self):
+        """Leave it running."""
+        return self
+
+    def __exit__(self, *_):
+        """End it by Ctrl-C."""
+        self.process.send_signal(signal.SIGINT)
+        self.process.wait()
+        self._reader.join()
+
+
+@pytest.mark.slow
+def test_a_warning_below_the_advice_is_shown_once():
+    with Running() as demo:
+        wait_for(lambda: demo.shows("Ctrl-C ends everything"), "the advice")
+        log = Path(re.search(r"Log +(\S+),", "".join(demo.lines)).group(1))
+        words = "{name: [left_knee], position: [1.2]}"
+        command = ["rostopic", "pub", "-r", "20", "/joint_commands"]
+        with subprocess.Popen(
+            [*command, "sensor_msgs/JointState", words], env=demo.environment
+        ) as wrong:
+            try:
+                wait_for(lambda: demo.shows("no movable joint"), "the warning")
+                wait_for(lambda: "more like it" in log.read_text(), "another one")
+            finally:
+                wrong.kill()
+    assert demo.process.returncode == 0
+    assert sum("no movable joint" in line for line in demo.lines) == 1
+    assert not demo.shows("[INFO]")
