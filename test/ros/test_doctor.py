@@ -360,6 +360,7 @@ class TestDoctor(unittest.TestCase):
         self.addCleanup(rospy.set_param, "/gazebo", before)
         silent = "_pub_clock_frequency:=0.001", "_on_floor:=true"
         self.patient.start("simulator", *silent)
+        wait_slowly(lambda: walk("time") is not None, "the end of its first message")
         found = self.assert_fault("silent_clock", "/gazebo")
         self.cure(found)
         self.patient.wait_for_end("simulator")
