@@ -52,6 +52,22 @@ def roslaunch_itself(*words, cwd=None):
     )
 
 
+@pytest.mark.parametrize("sim", ["standin", "gazebo"])
+def test_what_an_earlier_launch_left_on_the_master_is_cleared(sim):
+    """Else a robot, its physics and a pause would come back in the next world."""
+    code = (
+        "import roslaunch.config as c, roslaunch.rlutil as r, sys\n"
+        "from roslaunch.xmlloader import XmlLoader\n"
+        "config = c.ROSLaunchConfig()\n"
+        "file = r.resolve_launch_arguments(['g1_description', 'display.launch'])[0]\n"
+        "XmlLoader().load(file, config, argv=sys.argv[1:], verbose=False)\n"
+        "print(config.clear_params)\n"
+    )
+    words = ["/usr/bin/python3", "-c", code, f"sim:={sim}", "rviz:=false", "gui:=false"]
+    run = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert "'/gazebo/'" in run.stdout, run.stderr
+
+
 def test_the_stand_in_is_the_default_and_rviz_needs_a_screen():
     nodes = roslaunch("--nodes", DISPLAY="").stdout.split()
     assert nodes == ["/gazebo", "/link_states_bridge", "/robot_state_publisher"]
