@@ -379,5 +379,5 @@ def test_a_text_to_spawn_may_be_no_larger_than_a_file(parse, text, what):
     parsed = parse(True, request)
     assert parsed.content is None
     assert parsed.refusal == (
-        f"SpawnModel: Failure - The {what} has 16 MB; it may have at most 10 MB.",
+        f"SpawnModel: Failure - The {what} is 16 MB; the limit is 10 MB.",
     )

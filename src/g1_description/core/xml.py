@@ -67,8 +67,7 @@ def check_size(what: str, size: int) -> None:
     """
     if size > MAX_SIZE:
         raise DescriptionError(
-            f"{what} has {size / 1e6:.6g} MB; it may have at most "
-            f"{MAX_SIZE / 1e6:.0f} MB."
+            f"{what} is {size / 1e6:.6g} MB; the limit is {MAX_SIZE / 1e6:.0f} MB."
         )
 
 

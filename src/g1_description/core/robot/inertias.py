@@ -33,10 +33,9 @@ def impossible_inertias(links: Iterable[Link]) -> tuple[str, ...]:
         if link.inertial and fault_of(link.inertial):
             found[is_positive(link.inertial.inertia)].append(link.name)
     why = {
-        False: "is not positive definite: as in Gazebo, physics takes 1 kg m^2 about "
-        "each of its axes",
-        True: "is one that no body has: a principal moment is greater than the other "
-        "two together",
+        False: "is not positive definite; 1 kg m^2 about each axis is used, as in "
+        "Gazebo",
+        True: "violates the triangle inequality; used as it is",
     }
     return tuple(
         f"inertia of {listed(names)} {why[positive]}"

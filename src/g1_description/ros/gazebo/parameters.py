@@ -8,8 +8,7 @@ from g1_description.ros.node.parameters import NAMESPACE, check_range
 from g1_description.sim.physics import PhysicsProperties
 
 INITIAL = "initial/"
-"""Namespace of the physics' initial numbers. Under their bare names dynamic_reconfigure
-writes the current ones, which are no wishes of anybody."""
+"""Namespace of initial values; dynamic_reconfigure owns the bare names."""
 
 
 @dataclass(frozen=True)

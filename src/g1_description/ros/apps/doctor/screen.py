@@ -74,7 +74,7 @@ def probe(environment: Mapping[str, str]) -> tuple[str, str]:
 def picture(environment: Mapping[str, str]) -> Fault | str:
     """Tell why nothing shows the robot; for when neither RViz nor a page does.
 
-    Without a screen that is no fault: nobody can have expected RViz.
+    Without a screen that is no fault.
     """
     display = environment.get("DISPLAY", "")
     if not display:
