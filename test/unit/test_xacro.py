@@ -181,17 +181,28 @@ def test_xacro_under_the_name_of_urdf_gets_a_hint(tmp_path, text):
     with pytest.raises(DescriptionError) as caught:
         read_model(str(file))
     assert str(caught.value).endswith(
-        "It is written in xacro: expand it with xacro, or give its file the ending "
-        ".xacro."
+        "This looks like unexpanded xacro: run xacro on it, or name the file .xacro."
     )
 
 
-def test_what_xacro_has_expanded_gets_none(tmp_path):
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro"/>', "no links"),
+        (
+            '<robot name="r"><link name="a"/><link name="b"/><gazebo>'
+            '<plugin filename="${x}"><p v="${y}"/></plugin></gazebo></robot>',
+            "a and b",
+        ),
+    ],
+    ids=["expanded", "what a plugin expands"],
+)
+def test_what_is_no_xacro_gets_none(tmp_path, text, words):
     file = tmp_path / "arm.urdf"
-    file.write_text('<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro"/>')
-    with pytest.raises(DescriptionError, match="no links") as caught:
+    file.write_text(text)
+    with pytest.raises(DescriptionError, match=words) as caught:
         read_model(str(file))
-    assert "written in xacro" not in str(caught.value)
+    assert "xacro" not in str(caught.value)
 
 
 @pytest.mark.slow

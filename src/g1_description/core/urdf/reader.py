@@ -39,7 +39,7 @@ UNREADABLE = Exception
 """What urdf_parser_py raises for text that is not URDF."""
 
 IT_IS_XACRO = (
-    "It is written in xacro: expand it with xacro, or give its file the ending .xacro."
+    "This looks like unexpanded xacro: run xacro on it, or name the file .xacro."
 )
 """What is added where that is why a description cannot be read."""
 
@@ -71,13 +71,17 @@ def parse_urdf(text: str) -> Description:
 
 
 def _is_xacro(text: str) -> bool:
-    """Return whether a document is XML with parts that xacro has to expand."""
+    """Return whether a document is XML with parts that xacro has to expand.
+
+    Plugins may have a ``${`` of their own.
+    """
     with suppress(DescriptionError):
+        root = parse_xml("robot description", text)
         return any(
             element.prefix == "xacro"
             or element.tag.startswith("xacro:")  # the prefix is not declared
             or any("${" in value for value in element.attrib.values())
-            for element in parse_xml("robot description", text).iter()
+            for element in root.xpath("//*[not(ancestor-or-self::gazebo)]")
         )
     return False
 
