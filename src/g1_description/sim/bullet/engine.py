@@ -174,8 +174,9 @@ class Engine:
         if all(motors.of(name) == Motor() for name in names):
             return Motors(), ()
         return Motors(), (
-            f"{G1_MOTORS} is for the G1 only: the motors of {robot.name} have the "
-            "effort limits of its own file",
+            f"{G1_MOTORS} is not applied: 'g1' is not a word of the robot's name "
+            f"'{robot.name}'. Effort limits are those of its URDF; motors:=FILE sets "
+            "others.",
         )
 
     def remove(self, name: str) -> None:
