@@ -11,7 +11,10 @@ rospy = pytest.importorskip("rospy", reason="rospy is not installed")
 
 from g1_description.ros.bridge.parameters import BridgeParameters  # noqa: E402
 from g1_description.ros.checks.parameters import CheckerParameters  # noqa: E402
-from g1_description.ros.gazebo.parameters import GazeboParameters  # noqa: E402
+from g1_description.ros.gazebo.parameters import (  # noqa: E402
+    GazeboParameters,
+    SpawnerParameters,
+)
 from g1_description.ros.node.parameters import default_parameters  # noqa: E402
 from g1_description.ros.web.parameters import WebParameters  # noqa: E402
 
@@ -19,6 +22,7 @@ ROOT = Path(__file__).resolve().parents[2]
 NODES = {
     "link_states_bridge": BridgeParameters,
     "gazebo": GazeboParameters,
+    "spawn_urdf": SpawnerParameters,
     "checker": CheckerParameters,
     "web": WebParameters,
 }

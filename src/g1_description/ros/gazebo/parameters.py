@@ -39,6 +39,14 @@ class SpawnParameters:
 
 
 @dataclass(frozen=True)
+class SpawnerParameters(SpawnParameters):
+    """Parameters of the node that spawns a robot in the real Gazebo."""
+
+    respawn: bool = False
+    """Whether to stay, and spawn the robot in each new Gazebo."""
+
+
+@dataclass(frozen=True)
 class GazeboParameters:
     """Parameters of the stand-in."""
 

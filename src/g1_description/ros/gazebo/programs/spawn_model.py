@@ -148,12 +148,11 @@ class GazeboServices:
         self._lock = threading.RLock()
         self._has_spawned = self._is_over = False
 
-    def wait_and_call(self, name: str, kind, *arguments):
-        """Wait for a service and call it.
+    def wait_for(self, name: str) -> None:
+        """Wait for a service.
 
         Raises:
             ROSInterruptException: If the node was shut down meanwhile.
-            ServiceException: If it refuses.
         """
         service = f"{self._namespace}/{name}"
         try:
@@ -161,6 +160,15 @@ class GazeboServices:
         except rospy.ROSException:
             rospy.loginfo("Waiting for the service %s.", service)
             rospy.wait_for_service(service)
+
+    def wait_and_call(self, name: str, kind, *arguments):
+        """Wait for a service and call it.
+
+        Raises:
+            ROSInterruptException: If the node was shut down meanwhile.
+            ServiceException: If it refuses.
+        """
+        self.wait_for(name)
         return self.call(name, kind, *arguments)
 
     def call(self, name: str, kind, *arguments):

@@ -7,8 +7,7 @@ Calls: spawn_urdf_model (gazebo_msgs/SpawnModel), set_model_configuration
     (gazebo_msgs/SetModelConfiguration), get_physics_properties
     (gazebo_msgs/GetPhysicsProperties), pause_physics and unpause_physics
     (std_srvs/Empty), below /gazebo
-Parameters: those of parameters.SpawnParameters; ~respawn: whether to stay, and spawn
-    the robot in each new Gazebo
+Parameters: those of parameters.SpawnerParameters
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from gazebo_msgs.srv import GetPhysicsProperties, SetModelConfiguration, SpawnMo
 from std_srvs.srv import Empty
 
 from g1_description.core.errors import G1DescriptionError
-from g1_description.ros.gazebo.parameters import SpawnParameters
+from g1_description.ros.gazebo.parameters import SpawnerParameters, SpawnParameters
 from g1_description.ros.gazebo.placement import place_robot
 from g1_description.ros.node.lifecycle import start_node
 from g1_description.ros.node.parameters import read_parameters
@@ -74,12 +73,14 @@ def spawn_in_each(parameters: SpawnParameters, gazebo: GazeboServices) -> None:
         ROSInterruptException: If the node was shut down before the robot was spawned.
     """
     while True:
+        gazebo.wait_for("spawn_urdf_model")
+        known = _address()  # another one may be there before an error is
         try:
             spawn(parameters, gazebo)
         except rospy.ServiceException as error:
             rospy.logerr("%s", error)
         try:
-            _wait_for_another(_address())
+            _wait_for_another(known)
         except rospy.ROSInterruptException:
             return
         rospy.loginfo("Gazebo was restarted; the robot is spawned again.")
@@ -107,8 +108,9 @@ def main() -> None:
     """Spawn the robot, or say why not."""
     try:
         start_node("spawn_urdf")
-        act = spawn_in_each if rospy.get_param("~respawn", False) else spawn
-        act(read_parameters(SpawnParameters), GazeboServices(GAZEBO))
+        parameters = read_parameters(SpawnerParameters)
+        act = spawn_in_each if parameters.respawn else spawn
+        act(parameters, GazeboServices(GAZEBO))
     except rospy.ROSInterruptException:
         sys.exit("spawn_robot: interrupted before the robot was spawned.")
     except (G1DescriptionError, rospy.ServiceException) as error:
