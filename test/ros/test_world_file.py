@@ -118,6 +118,15 @@ class TestWorldFile(unittest.TestCase):
             self.assertEqual(server.output().count("instead of"), 1)
             server.end(end)
 
+    def test_a_bare_number_is_ignored_with_a_line(self):
+        empty = Server("_gravity_z:=-1", "_initial/time_step:=0.01")
+        self.addCleanup(rospy.delete_param, f"{SECOND}/initial")
+        self.addCleanup(empty.end)
+        self.assertEqual(empty.physics(), (-9.8, 0.01, 50))
+        words = "~gravity_z = -1 is ignored; set ~initial/gravity_z"
+        self.assertEqual(empty.output().count(words), 1)
+        self.assertNotIn("instead of", empty.output())  # there is no file
+
     def test_a_wish_that_cannot_be_ends_the_node_with_its_name(self):
         command = ["rosrun", "g1_description", "gazebo_stand_in.py", "__ns:=/third"]
         done = subprocess.run(

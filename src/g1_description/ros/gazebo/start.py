@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from urllib.parse import urlparse
 from xmlrpc.client import ServerProxy
@@ -21,9 +21,10 @@ from g1_description.core.sdf.world import EMPTY_WORLD, Sdf, read_sdf
 from g1_description.core.xml import decoded
 from g1_description.ros.gazebo.services.spawn import log_hulls
 from g1_description.ros.node.master import reachable
+from g1_description.ros.node.parameters import private_parameters
 from g1_description.ros.node.slave_api import SLAVE_API_ERRORS
 from g1_description.ros.transport.broken_networks import answers_within
-from g1_description.sim.physics import GRAVITY
+from g1_description.sim.physics import GRAVITY, PhysicsProperties
 from g1_description.sim.world import World
 
 from .parameters import INITIAL, GazeboParameters
@@ -98,7 +99,18 @@ def make_world(parameters: GazeboParameters) -> tuple[World, GazeboParameters]:
     world = World(parameters.physics, properties, content, _motors(parameters))
     for line in (*notes, *world.left_out):
         rospy.logwarn("%s: %s", parameters.world, line)
+    _log_bare_numbers(properties)
     return world, parameters
+
+
+def _log_bare_numbers(properties: PhysicsProperties) -> None:
+    """Log which numbers that somebody may have set have no effect."""
+    own = private_parameters()
+    for name, used in asdict(properties).items():
+        if own.get(name, used) != used:
+            rospy.loginfo(
+                "~%s = %s is ignored; set ~%s%s", name, own[name], INITIAL, name
+            )
 
 
 def _motors(parameters: GazeboParameters) -> Motors | None:
@@ -141,7 +153,7 @@ def _physics(
         number = type(initial)(value)
         parameter = f"~{INITIAL}{name}"
         if rospy.has_param(parameter):
-            if initial != number:
+            if parameters.world and initial != number:
                 notes.append(
                     f"{name} is {initial:g}, from {parameter}, instead of the file's "
                     f"{number:g}"

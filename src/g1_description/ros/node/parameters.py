@@ -51,13 +51,18 @@ def read_parameters(kind, given=None):
         InvalidValueError: If one has the wrong type or is out of its range.
     """
     name = rospy.get_name()
-    own = rospy.get_param(name, {})  # all of them by one call
-    found = {**(given or {}), **(_flat(own) if isinstance(own, dict) else {})}
+    found = {**(given or {}), **_flat(private_parameters())}
     for field in default_parameters(kind):
         place = rospy.resolve_name(f"~{field}")
         if place != f"{name}/{field}" and rospy.has_param(place):  # it is remapped
             found[field] = rospy.get_param(place)
     return _filled(kind, found)
+
+
+def private_parameters() -> dict:
+    """Return what the server has in the node's own namespace, by one call."""
+    own = rospy.get_param(rospy.get_name(), {})
+    return own if isinstance(own, dict) else {}
 
 
 def _flat(values, namespace=""):
