@@ -36,10 +36,18 @@ from support.patient import (
     wait_slowly,
     walk,
 )
-from support.ros_testing import DEADLINE, REPOSITORY, Repeated, program
+from support.ros_testing import (
+    DEADLINE,
+    REPOSITORY,
+    Repeated,
+    process_of,
+    program,
+)
 from support.virtual_screen import VirtualScreen
 from tf2_msgs.msg import TFMessage
 
+from g1_description.ros.apps.doctor.master import Master
+from g1_description.ros.apps.doctor.robot_links import RobotLinks
 from g1_description.ros.apps.doctor.screen import picture
 
 DESCRIPTION = "/robot_description"
@@ -367,6 +375,23 @@ class TestDoctor(unittest.TestCase):
         found = self.assert_fault("no_simulator")
         with parameter(DESCRIPTION, rospy.get_param(DESCRIPTION)):
             self.assert_mended_by(found, "tf")
+
+    def test_a_simulator_that_hangs_and_the_cure_ends_it(self):
+        """It was stopped after it had been asked as a node."""
+        master = Master(rosgraph.get_master_uri())
+        links = RobotLinks(master, master.graph(), {"/gazebo"}, "")
+        self.addCleanup(self.patient.heal)
+        self.addCleanup(links.close)
+        pid = process_of("/gazebo")
+        os.kill(pid, signal.SIGSTOP)
+        self.addCleanup(
+            rosnode.cleanup_master_blacklist, rosgraph.Master("/test"), ["/gazebo"]
+        )
+        found = links.look("simulator")
+        self.assertEqual(found.name, "hung_simulator")
+        self.assertIn(str(pid), found.cure)
+        self.cure(found)
+        self.patient.wait_for_end("simulator")
 
     # --- the bridge -------------------------------------------------------------------
 

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 DISPLAY = "roslaunch g1_description display.launch"
 GAZEBO = "roslaunch g1_description gazebo.launch"
 BROWSER = "roslaunch g1_description web.launch"
-RESTART = (
-    "kill $(rosnode info {node} | sed -n 's/^Pid: //p')  # on its machine; then: "
-    + GAZEBO
-)
+RESTART = "kill {process}  # on its machine; then: " + GAZEBO
 """A launch file refuses to start beside a simulator, and rosnode does not end the real
 Gazebo."""
+
+ASKED_PROCESS = "$(rosnode info {node} | sed -n 's/^Pid: //p')"
+"""Stands for the number of a node's process that is not seen on this machine."""
 
 TABLE = {
     "wrong_python": (
@@ -76,7 +76,8 @@ TABLE = {
     "no_simulator": ("There is no simulator: nothing serves {service}.", GAZEBO),
     "hung_simulator": (
         "{node} does not answer {service} within {seconds:g} s.",
-        RESTART,
+        # One that hangs or is stopped may not end by itself.
+        RESTART.replace("kill", "kill -9"),
     ),
     "no_link_states": (
         "{node} runs, but nothing publishes {topic}, so the bridge is blind.",

@@ -151,8 +151,8 @@ def is_own(address: str) -> bool:
     return False
 
 
-def stopped_process(port: int) -> str:
-    """Find a process of this machine that listens on a port of TCP and is stopped.
+def listening_process(port: int) -> str:
+    """Find the process of this machine that listens on a port of TCP.
 
     Returns:
         Its number; empty if there is none, or only another user's.
@@ -160,10 +160,17 @@ def stopped_process(port: int) -> str:
     sockets = _listening(port)
     for process in filter(str.isdigit, os.listdir("/proc")):
         with contextlib.suppress(OSError):  # it has ended, or is another user's
-            status = Path("/proc", process, "stat").read_text().rpartition(")")[2]
-            if status.split()[0] == "T" and sockets & _open_files(process):
+            if sockets & _open_files(process):
                 return process
     return ""
+
+
+def is_stopped(process: str) -> bool:
+    """Whether a process has been stopped, as by Ctrl-Z."""
+    with contextlib.suppress(OSError):
+        status = Path("/proc", process, "stat").read_text().rpartition(")")[2]
+        return status.split()[0] == "T"
+    return False
 
 
 def _open_files(process: str) -> set[str]:

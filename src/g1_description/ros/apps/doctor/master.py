@@ -13,7 +13,7 @@ from xmlrpc.client import Error, ServerProxy, Transport
 from g1_description.core.doctor.nodes import SILENT, UNKNOWN_HOST, Graph, NodeAnswer
 from g1_description.core.doctor.shell import host_of, is_loopback
 
-from .machine import addresses_of, is_own, stopped_process, within
+from .machine import addresses_of, is_own, is_stopped, listening_process, within
 
 TIMEOUT = 4.0
 """Longest wait for an answer of the master or a node, in [s]: machines may be busy.
@@ -126,6 +126,15 @@ class Master:
             answers = list(pool.map(self._ask_node, names))
         return {name: answer for name, answer in zip(names, answers) if answer}
 
+    def process_of(self, node: str) -> str:
+        """Find the process of a node on this machine; empty if it is not seen."""
+        try:
+            host, port = host_of(self._lookup(node))
+        except ERRORS:
+            return ""
+        is_here = any(map(is_own, addresses_of(host)))
+        return listening_process(port) if is_here else ""
+
     def _lookup(self, node: str) -> str:
         """Ask for the address of a node; once more if the master is late."""
         try:
@@ -154,7 +163,8 @@ class Master:
             topics = frozenset(str(row[0]) for row in ask(uri, "getPublications"))
         except ERRORS as error:
             problem = reason_of(error)
-            may_be_stopped = is_here and problem.startswith(SILENT)
-            stopped = stopped_process(port) if may_be_stopped else ""
+            is_silent = is_here and problem.startswith(SILENT)
+            process = listening_process(port) if is_silent else ""
+            stopped = process if process and is_stopped(process) else ""
             return NodeAnswer(uri, problem, frozenset(), is_here, stays, stopped)
         return NodeAnswer(uri, "", topics, is_here, stays)

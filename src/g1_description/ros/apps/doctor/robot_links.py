@@ -9,7 +9,7 @@ import rospkg
 import rospy
 
 from g1_description.core.doctor import robot as decide
-from g1_description.core.doctor.faults import Fault, fault
+from g1_description.core.doctor.faults import ASKED_PROCESS, Fault, fault
 from g1_description.core.doctor.nodes import STATES, Graph
 from g1_description.core.errors import G1DescriptionError
 from g1_description.core.files.share import share_folder
@@ -151,7 +151,7 @@ class RobotLinks:
             return fault("paused", gazebo=self._setup.gazebo)
         nodes = self._setup.publishers("/clock")
         if nodes and not self._traffic.has_time():
-            return _silent("silent_clock", nodes[0])
+            return self._restart("silent_clock", nodes[0])
         return "runs"
 
     def _link_states(self) -> Fault | str:
@@ -160,10 +160,10 @@ class RobotLinks:
         nodes = self._setup.publishers(topic)
         if not nodes:
             node = self._setup.simulators[0]
-            return fault("no_link_states", node=node, topic=topic)
+            return self._restart("no_link_states", node, topic=topic)
         self._states = self._traffic.link_states(topic)
         if self._states is None:
-            return _silent("silent_simulator", nodes[0], topic=topic)
+            return self._restart("silent_simulator", nodes[0], topic=topic)
         return f"{len(self._states[0])} links"
 
     def _bridge(self) -> Fault | str:
@@ -248,7 +248,13 @@ class RobotLinks:
     def _hung(self, service: str) -> Fault:
         """Tell that the simulator does not answer."""
         name = f"{self._setup.gazebo}/{service}"
-        return _silent("hung_simulator", self._setup.simulators[0], service=name)
+        return self._restart("hung_simulator", self._setup.simulators[0], service=name)
+
+    def _restart(self, name: str, node: str, **words: str) -> Fault:
+        """Tell that a simulator has to be started again; a hung one tells no pid."""
+        process = self._setup.master.process_of(node)
+        process = process or ASKED_PROCESS.format(node=node)
+        return _silent(name, node, process=process, **words)
 
 
 def _silent(name: str, node: str, **words: str) -> Fault:
