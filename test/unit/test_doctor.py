@@ -152,19 +152,22 @@ BARE = shell.Interpreter("/opt/bare/bin/python3", LACKS)
 
 
 @pytest.mark.parametrize(
-    ("own", "name"),
+    ("own", "is_sourced", "name"),
     [
-        (GOOD, None),
-        (BARE, "wrong_python"),
-        (shell.Interpreter("/usr/bin/python3", LACKS), "no_workspace"),
+        (GOOD, True, None),
+        (BARE, True, "wrong_python"),
+        (BARE, False, "no_workspace"),
+        (shell.Interpreter("/usr/bin/python3", LACKS), False, "no_workspace"),
         (
             shell.Interpreter("/usr/bin/python3", {"gazebo_msgs.msg": "absent"}),
+            True,
             "no_workspace",
         ),
     ],
 )
-def test_pythons(own, name):
-    assert name_of(shell.python(own, "/usr/bin", "setup.bash")) == name
+def test_pythons(own, is_sourced, name):
+    found = shell.python(own, "/usr/bin", "setup.bash", is_sourced)
+    assert name_of(found) == name
 
 
 def test_another_python_on_path_is_told_with_what_it_breaks():
@@ -190,20 +193,33 @@ def test_the_packages_of_the_nodes():
 
 
 @pytest.mark.parametrize(
-    ("uri", "is_right"),
+    ("uri", "meant"),
     [
-        ("http://localhost:11311", True),
-        ("http://10.0.0.7:11311/", True),
-        ("http://[::1]:11311", True),
-        ("localhost:11311", False),
-        ("http://localhost", False),
-        ("http://localhost:port", False),
-        ("https://localhost:11311", False),
-        ("", False),
+        ("http://localhost:11311", None),
+        ("http://10.0.0.7:11311/", None),
+        ("http://[::1]:11311", None),
+        ("localhost:15111", "http://localhost:15111"),
+        ("robot", "http://robot:11311"),
+        ("http://robot", "http://robot:11311"),
+        ("https://robot:15111", "http://robot:15111"),
+        ("http://localhost:port", "http://localhost:11311"),
+        ("$(reboot):1", "http://localhost:11311"),
+        ("", "http://localhost:11311"),
     ],
 )
-def test_addresses_of_masters(uri, is_right):
-    assert (shell.master_uri(uri) is None) == is_right
+def test_addresses_of_masters(uri, meant):
+    found = shell.master_uri(uri)
+    cure = found.cure if found else None
+    assert cure == (meant and f"export ROS_MASTER_URI={meant}")
+
+
+def test_a_master_whose_host_is_not_known_is_not_started_there():
+    known = shell.master("http://robot:11311", "nothing listens there", False)
+    assert known.cure == "ssh robot roscore"
+    unknown = shell.master("http://rowbot:11311", UNKNOWN_HOST, False)
+    assert unknown.name == "no_remote_master"
+    assert unknown.cure.startswith("getent hosts rowbot  #")
+    assert "/etc/hosts" in unknown.cure
 
 
 @pytest.mark.parametrize(

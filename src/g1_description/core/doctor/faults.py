@@ -33,12 +33,12 @@ TABLE = {
     ),
     "bad_master_uri": (
         "ROS_MASTER_URI is '{uri}', which is no address like http://localhost:11311.",
-        "export ROS_MASTER_URI=http://localhost:11311",
+        "export ROS_MASTER_URI={meant}",
     ),
     "no_master": ("There is no master at {uri}: {reason}.", DISPLAY),
     "no_remote_master": (
         "There is no master at {uri}: {reason}.",
-        "ssh {host} roscore",
+        "{cure}",
     ),
     "wrong_ros_ip": (
         "{variable} is {value}, and {reason}: no node of this shell can be reached.",

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from urllib.parse import urlparse
 
 from .faults import Fault, fault
+from .nodes import UNKNOWN_HOST
+
+DEFAULT_MASTER = "http://localhost:11311"
 
 OF_ROS = ("rospy",)
 """What tells the Python of ROS."""
@@ -40,16 +44,19 @@ class Interpreter:
     """What is wrong, by the name of the module."""
 
 
-def python(own: Interpreter, ros_folder: str, setup: str) -> Fault | None:
+def python(
+    own: Interpreter, ros_folder: str, setup: str, is_sourced: bool
+) -> Fault | None:
     """Judge the Python of this command, which rosrun starts as it does the nodes.
 
     Args:
         own: The one that runs this.
         ros_folder: Where the Python of ROS is.
         setup: The file of the workspace that a shell has to source.
+        is_sourced: Whether it has. Else that comes first: rosrun finds the Python.
     """
     reason = _first(own, OF_ROS)
-    if reason and os.path.dirname(own.path) != ros_folder:
+    if reason and is_sourced and os.path.dirname(own.path) != ros_folder:
         words = {"python": own.path, "folder": ros_folder}
         return fault("wrong_python", reason=reason, **words)
     reason = reason or _first(own, OF_WORKSPACE)
@@ -103,8 +110,15 @@ def master_uri(uri: str) -> Fault | None:
     try:
         host_of(uri)
     except ValueError:
-        return fault("bad_master_uri", uri=uri)
+        return fault("bad_master_uri", uri=uri, meant=_meant(uri))
     return None
+
+
+def _meant(uri: str) -> str:
+    """Complete what is no address, as far as it can be part of one."""
+    host, port = r"[\w.-]+", r"\d+"
+    parts = re.fullmatch(f"(?:https?://)?({host})(?::({port}))?/?", uri)
+    return f"http://{parts[1]}:{parts[2] or 11311}" if parts else DEFAULT_MASTER
 
 
 def master(uri: str, reason: str, is_here: bool) -> Fault:
@@ -115,8 +129,16 @@ def master(uri: str, reason: str, is_here: bool) -> Fault:
         reason: What came of asking it.
         is_here: Whether that is this machine.
     """
-    name = "no_master" if is_here else "no_remote_master"
-    return fault(name, uri=uri, reason=reason, host=host_of(uri)[0])
+    if is_here:
+        return fault("no_master", uri=uri, reason=reason)
+    host = host_of(uri)[0]
+    cure = f"ssh {host} roscore"
+    if reason == UNKNOWN_HOST:
+        cure = (
+            f"getent hosts {host}  # knows no such host: correct the name in "
+            "ROS_MASTER_URI, add it to /etc/hosts, or use the IP address"
+        )
+    return fault("no_remote_master", uri=uri, reason=reason, cure=cure)
 
 
 def host_of(uri: str) -> tuple[str, int]:

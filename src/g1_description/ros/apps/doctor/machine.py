@@ -12,6 +12,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Mapping
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -108,6 +109,11 @@ def setup_file() -> str:
     root = package_root()
     own = root / ".ws" / "devel" / "setup.bash" if root else None
     return str(own) if own and own.is_file() else "~/catkin_ws/devel/setup.bash"
+
+
+def is_sourced() -> bool:
+    """Whether this shell has the workspace: its messages lie beside the code then."""
+    return find_spec("g1_description.srv") is not None
 
 
 def package_root() -> Path | None:

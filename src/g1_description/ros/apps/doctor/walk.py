@@ -17,8 +17,6 @@ from g1_description.core.text import listed
 from . import machine, screen
 from .master import ERRORS, Master, reason_of
 
-DEFAULT_MASTER = "http://localhost:11311"
-
 
 class Walk:
     """What one link finds out is there for the next."""
@@ -31,7 +29,7 @@ class Walk:
             names: The links, one after the other.
         """
         self._namespace, self._names = namespace, names
-        self._master = Master(os.environ.get("ROS_MASTER_URI") or DEFAULT_MASTER)
+        self._master = Master(os.environ.get("ROS_MASTER_URI") or shell.DEFAULT_MASTER)
         self._is_here = True
         self._own = shell.Interpreter(machine.own_python(), {})
         self._robot: Any = None
@@ -98,7 +96,8 @@ class Walk:
             failed = machine.failed_imports(first, shell.OF_ROS)
             on_path = shell.Interpreter(first, failed)
         setup = machine.setup_file()
-        wrong = shell.python(self._own, machine.ROS_FOLDER, setup)
+        sourced = machine.is_sourced()
+        wrong = shell.python(self._own, machine.ROS_FOLDER, setup, sourced)
         return wrong or shell.python_remark(self._own, on_path, machine.ROS_FOLDER)
 
     def _packages(self) -> Fault | str:
