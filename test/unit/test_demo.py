@@ -36,6 +36,16 @@ def test_wrong_arguments_end_it_with_their_sentence_alone(argument, words):
     assert line.startswith(f"tools/demo: {words}")
 
 
+def test_an_unknown_argument_is_told_with_the_most_similar_ones_first():
+    demo = REPOSITORY / "tools" / "demo"
+    run = subprocess.run([demo, "phisics:=hold"], capture_output=True, text=True)
+    assert run.returncode == 1
+    (line,) = run.stderr.splitlines()
+    assert "no argument 'phisics'; it has physics, " in line
+    assert "included" not in line
+    assert line.count("model") == 1
+
+
 class Running:
     """A demo without RViz, and the lines that its terminal shows."""
 
