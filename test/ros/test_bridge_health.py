@@ -6,11 +6,13 @@ import sys
 import threading
 import time
 import unittest
+from concurrent.futures import ThreadPoolExecutor
 
+import numpy as np
 import rospy
 import rostest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from g1_description.msg import RobotTrajectory
+from g1_description.msg import ModelTrajectory, RobotTrajectory
 from g1_description.srv import SetModelTrajectory, SetModelTrajectoryResponse
 from gazebo_msgs.msg import ModelState
 from geometry_msgs.msg import PoseStamped
@@ -21,7 +23,11 @@ from support.ros_testing import Connected, Repeated, wait_for
 from support.wire.raw_service import SUCCESS, Gate, Simulator, refusal
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from g1_description.ros.node.throttled_log import LOG_PERIOD
+from g1_description.core.motion.trajectory import Trajectory
+from g1_description.core.urdf.reader import parse_urdf
+from g1_description.ros.bridge.status import RobotStatus
+from g1_description.ros.motion.player import MotionPlayer
+from g1_description.ros.node.throttled_log import LOG_PERIOD, ThrottledLog
 
 from tcpros import body_of
 
@@ -306,6 +312,46 @@ class TestBridgeHealth(unittest.TestCase):
             positions = {"shoulder": shoulder, "elbow": 0.0, "slide": 0.0}
             self.watched.states.wait(lambda m, to=positions: shows(m, to), "the state")
         self.assertFalse(may_answer.is_set())
+
+    def test_f_what_comes_during_a_call_counts_after_its_motion(self):
+        """As in the simulator, which has the motion before it answers."""
+        asked, is_over = threading.Event(), threading.Event()
+
+        def play(request):
+            if not asked.is_set():
+                asked.set()
+                is_over.wait(1.0)  # what overtakes the answer does so by then
+            return SetModelTrajectoryResponse(success=True, start=rospy.Time(5))
+
+        service = f"{self.space}/gazebo/set_model_trajectory"
+        server = rospy.Service(service, SetModelTrajectory, play)
+        self.addCleanup(server.shutdown)
+        places = f"{self.space}/gazebo/set_model_state"
+        for topic, kind in ((service, ModelTrajectory), (places, ModelState)):
+            self.addCleanup(rospy.Subscriber(topic, kind).unregister)
+        status = RobotStatus("arm", parse_urdf(URDF))
+        player = MotionPlayer(f"{self.space}/gazebo", status, ThrottledLog())
+        bases = np.tile([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0], (2, 1))
+        sample = Trajectory(np.zeros(1), ("elbow",), np.zeros((1, 1)))
+        joints = Trajectory(np.arange(2.0), ("elbow",), np.zeros((2, 1)))
+        base = Trajectory(np.arange(2.0), (), np.zeros((2, 0)), base_poses=bases)
+        wait_for(lambda: player.place_base(bases[0]).success, "the base poses")
+        for what, motion, act in (
+            ("another motion", joints, lambda: player.play(joints)),
+            ("a streamed sample", joints, lambda: player.stream(sample)),
+            ("a stop", joints, player.stop),
+            ("a joint command", joints, lambda: player.command({"elbow": 1.0})),
+            ("a base command", base, lambda: player.place_base(bases[0])),
+        ):
+            with self.subTest(what), ThreadPoolExecutor() as pool:
+                player.reset()
+                asked.clear()
+                is_over.clear()
+                first = pool.submit(player.play, motion)
+                wait_for(asked.is_set, "the call")
+                act()
+                is_over.set()
+                self.assertTrue(first.result().playback.is_empty)
 
 
 if __name__ == "__main__":

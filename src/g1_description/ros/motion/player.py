@@ -82,8 +82,10 @@ class MotionPlayer:
             f"{gazebo}/set_model_state", ModelState, QUEUE_SIZE
         )
         self._writer = GazeboWriter(gazebo, status.name, log)
+        # Held while the simulator is told something and it is noted here, so that both
+        # know it in the same order. No state waits for it.
+        self._telling = threading.Lock()
         self._lock = threading.Condition()
-        self._unanswered = 0
         self._is_awaited = False
         self._seen_before_base: Observation | None = None
         self._joints = [joint.name for joint in status.description.movable_joints]
@@ -112,20 +114,20 @@ class MotionPlayer:
         if not self._is_stand_in():
             return self._play_here(trajectory, start_ns)
         message = model_trajectory(self._status.name, trajectory, start_ns)
-        self.is_idle = self._plays_here = False
-        with self._lock:
-            self._unanswered += 1
-            self._is_awaited = True
         played = Played(False, "")
-        try:
-            played = self._call(message)
-        finally:
+        with self._telling:
+            self.is_idle = self._plays_here = False
             with self._lock:
-                self._unanswered -= 1
-                if played.success:
-                    playback = self._add(trajectory, played.start_ns)
-                    played = played._replace(playback=playback)
-                self._lock.notify_all()
+                self._is_awaited = True
+            try:
+                played = self._call(message)
+            finally:
+                with self._lock:
+                    self._is_awaited = False
+                    if played.success:
+                        playback = self._add(trajectory, played.start_ns)
+                        played = played._replace(playback=playback)
+                    self._lock.notify_all()
         return played
 
     def stream(self, trajectory: Trajectory, start_ns: int | None = None) -> Played:
@@ -136,10 +138,12 @@ class MotionPlayer:
             return self._play_here(trajectory, start_ns)
         if not self._topic.get_num_connections():
             return self.play(trajectory, start_ns)
-        self._plays_here = False
-        # Known before it shows, so that the first state that shows it finds it.
-        self._add(trajectory, start_ns or self._status.stamp)
-        self._topic.publish(model_trajectory(self._status.name, trajectory, start_ns))
+        message = model_trajectory(self._status.name, trajectory, start_ns)
+        with self._telling:
+            self._plays_here = False
+            # Known before it shows, so that the first state that shows it finds it.
+            self._add(trajectory, start_ns or self._status.stamp)
+            self._topic.publish(message)
         return Played(True, "")
 
     def place_base(self, pose: np.ndarray) -> Played:
@@ -150,18 +154,19 @@ class MotionPlayer:
         """
         if not self._states.get_num_connections():
             return Played(False, f"nobody listens to {self._states.name}")
-        if self.keeps_commands:
-            self.is_idle = False
-        self.release((), base=True)
-        with self._lock:
-            seen, before = self._status.observation, self._seen_before_base
-            if seen is not None and seen is before:
-                self._status.motions["base commands superseded before shown"] += 1
-            self._seen_before_base = seen
+        message = ModelState(model_name=self._status.name, pose=pose_from_array(pose))
+        with self._telling:
             if self.keeps_commands:
-                self.wanted.put_base(pose)
-        name = self._status.name
-        self._states.publish(ModelState(model_name=name, pose=pose_from_array(pose)))
+                self.is_idle = False
+            self._release((), base=True)
+            with self._lock:
+                seen, before = self._status.observation, self._seen_before_base
+                if seen is not None and seen is before:
+                    self._status.motions["base commands superseded before shown"] += 1
+                self._seen_before_base = seen
+                if self.keeps_commands:
+                    self.wanted.put_base(pose)
+            self._states.publish(message)
         return Played(True, "")
 
     def flush(self) -> None:
@@ -173,14 +178,17 @@ class MotionPlayer:
         """Stop joints where they are; by default all, and the base."""
         if joints is not None and not joints:
             return Played(True, "")
-        if self._is_stand_in():
-            message = ModelTrajectory(model_name=self._status.name)
-            message.joint_names = list(joints or ())
-            played = self._call(message)
-        else:
-            played = Played(True, "", self._status.stamp)
-        if played.success:
-            self.release(self._joints if joints is None else joints, joints is None)
+        is_stand_in = self._is_stand_in()
+        with self._telling:
+            if is_stand_in:
+                message = ModelTrajectory(model_name=self._status.name)
+                message.joint_names = list(joints or ())
+                played = self._call(message)
+            else:
+                played = Played(True, "", self._status.stamp)
+            if played.success:
+                released = self._joints if joints is None else joints
+                self._release(released, joints is None)
         return played
 
     def command(self, positions: Mapping[str, float]) -> None:
@@ -189,21 +197,22 @@ class MotionPlayer:
         Args:
             positions: In [rad] or [m] by joint name.
         """
-        if self.keeps_commands:
-            self.is_idle = False
-        self.release(positions)
-        if self.is_idle:
-            return
-        with self._lock:
-            for name, position in positions.items():
-                self.wanted.put_at_rest(name, position)
+        with self._telling:
+            if self.keeps_commands:
+                self.is_idle = False
+            self._release(positions)
+            if self.is_idle:
+                return
+            with self._lock:
+                for name, position in positions.items():
+                    self.wanted.put_at_rest(name, position)
 
     @property
     def joint_names(self) -> list[str]:
         """Names of the robot's movable joints."""
         return self._joints
 
-    def release(self, joints: Collection[str], base: bool = False) -> None:
+    def _release(self, joints: Collection[str], base: bool = False) -> None:
         """Leave joints, and perhaps the base, to another command."""
         if self.is_idle:
             return
@@ -228,10 +237,9 @@ class MotionPlayer:
         """
         with self._lock:
             # The first states of a motion come before the answer.
-            if self._unanswered and self._is_awaited:
-                self._is_awaited = self._lock.wait_for(
-                    lambda: not self._unanswered, ANSWER_TIMEOUT
-                )
+            if self._is_awaited:
+                self._lock.wait_for(lambda: not self._is_awaited, ANSWER_TIMEOUT)
+                self._is_awaited = False
             is_sample = bool(self._playlist) and self._advance(stamp, seen)
             seen = self.wanted.without_rounding(seen)
         return seen, is_sample
