@@ -145,8 +145,8 @@ class Playlist:
 
         Args:
             joint_names: The robot's movable joints.
-            on_unseen: Called for each motion that others replaced before any of its
-                samples was reached.
+            on_unseen: Called for each motion that newer ones replaced before any of
+                its samples was reached.
         """
         self._on_unseen = on_unseen
         self._row_of = {name: row for row, name in enumerate(joint_names)}
@@ -178,7 +178,7 @@ class Playlist:
             for one in self._playbacks
             if not one.has_begun and one.start_ns >= start_ns
         ]
-        self._release(later, playback.rows, playback.moves_base)
+        self._replace(later, playback)
         self._playbacks.append(playback)
         return playback
 
@@ -204,7 +204,7 @@ class Playlist:
             if playback.start_ns <= time_ns and not playback.has_begun:
                 playback.begin(time_ns, present)
                 older = self._playbacks[: self._playbacks.index(playback)]
-                self._release(older, playback.rows, playback.moves_base)
+                self._replace(older, playback)
 
     def moving(self) -> list[Playback]:
         """List the motions under way."""
@@ -218,6 +218,13 @@ class Playlist:
             if not (one.has_begun and one.is_over(time_ns))
         ]
 
+    def _replace(self, old: Collection[Playback], new: Playback) -> None:
+        """Take what a motion moves from some that came before it."""
+        self._release(old, new.rows, new.moves_base)
+        for playback in old:
+            if playback.is_empty and playback.is_unseen:
+                self._on_unseen()
+
     def _release(
         self, playbacks: Collection[Playback], rows: Collection[int], base: bool
     ) -> None:
@@ -226,6 +233,4 @@ class Playlist:
             return
         for playback in playbacks:
             playback.release(rows, base)
-            if playback.is_empty and playback.is_unseen:
-                self._on_unseen()
         self._playbacks = [one for one in self._playbacks if not one.is_empty]
