@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections import Counter
 from dataclasses import dataclass, field
@@ -75,8 +76,14 @@ class RobotStatus:
 
     def __post_init__(self) -> None:
         """Begin to count its commands."""
+        self._counting = threading.Lock()
         joints = self.description.movable_joints
         self.tally = CommandTally({j.name: (j.lower, j.upper) for j in joints})
+
+    def count(self, what: str) -> None:
+        """Count one more of its motions or base commands, in whichever thread."""
+        with self._counting:
+            self.motions[what] += 1
 
     @property
     def is_in_grace(self) -> bool:

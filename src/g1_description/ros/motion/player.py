@@ -6,6 +6,7 @@ import math
 import threading
 import time
 from collections.abc import Collection, Mapping
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -97,7 +98,8 @@ class MotionPlayer:
         """Forget all motions: time began again."""
         self._writer.release(self._joints, base=True)
         with self._lock:
-            self._playlist = Playlist(self._joints, self._count_unseen)
+            count = partial(self._status.count, "motions superseded before shown")
+            self._playlist = Playlist(self._joints, count)
             self.wanted = Wanted(self._joints)
             """What was last wanted of the robot."""
             self._plays_here = False
@@ -162,7 +164,7 @@ class MotionPlayer:
             with self._lock:
                 seen, before = self._status.observation, self._seen_before_base
                 if seen is not None and seen is before:
-                    self._status.motions["base commands superseded before shown"] += 1
+                    self._status.count("base commands superseded before shown")
                 self._seen_before_base = seen
                 if self.keeps_commands:
                     self.wanted.put_base(pose)
@@ -279,10 +281,6 @@ class MotionPlayer:
         self._plays_here = True
         playback = self._add(trajectory, start_ns or now)
         return Played(True, "", start_ns or now, playback)
-
-    def _count_unseen(self) -> None:
-        """Count a motion of which no state has shown anything."""
-        self._status.motions["motions superseded before shown"] += 1
 
     def _add(self, trajectory: Trajectory, start_ns: int) -> Playback:
         """Note a motion that was begun."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from functools import partial
 
 import numpy as np
@@ -73,8 +72,6 @@ class MotionTopics:
         """
         self._status, self._player, self._log = status, player, log
         self._map = frame
-        # rospy has a thread for each publisher.
-        self._counting = threading.Lock()
         joints = status.description.movable_joints
         self._joints = dict.fromkeys(joint.name for joint in joints)
         for name, kind, act, queue_size in (
@@ -105,7 +102,7 @@ class MotionTopics:
 
     def _obey(self, topic: str, act, message) -> None:
         """Do what a message wants, or log why not."""
-        self._count(f"{topic} received")
+        self._status.count(f"{topic} received")
         try:
             played = act(message)
             problem = played.message
@@ -114,16 +111,11 @@ class MotionTopics:
         except G1DescriptionError as error:
             problem = f"refused, {error}"
         if problem.startswith("refused"):
-            self._count(f"{topic} refused")
+            self._status.count(f"{topic} refused")
         if problem:
             key = f"{topic} {self._status.name}"
             text = f"{topic} of {self._status.name}: {problem}"
             self._log.warn(key, text, SHORT_PERIOD)
-
-    def _count(self, what: str) -> None:
-        """Count one more of something, for /diagnostics."""
-        with self._counting:
-            self._status.motions[what] += 1
 
     def _on_joint_trajectory(self, message: JointTrajectory) -> Played:
         """Play a motion of joints, or stop them."""
