@@ -401,6 +401,13 @@ class TestMotion(unittest.TestCase):
             )
             self.assertEqual(message, "")
 
+    def test_a_base_that_is_on_the_floor_but_for_rounding_is_left_in_peace(self):
+        self.addCleanup(self.base_at, UPRIGHT)
+        self.base_at(UPRIGHT)
+        half = 0.1 * np.pi  # a pose that the base is not in yet
+        turned = [0.0, 0.0, -0.005, 0.0, 0.0, np.sin(half), np.cos(half)]
+        self.assertEqual(self.base_at(turned), "")
+
     def base_at(self, pose):
         """Put the base somewhere; return what was said once it is there."""
         answer = self.call["/play_motion"](whole_body((ELBOW,), [[0.0]], [pose], 0.0))

@@ -41,6 +41,9 @@ longer was stamped by another clock than the simulator's."""
 NEAR_FLOOR = 0.1
 """Height of a base in [m] from which on it does not come below the floor bit by bit."""
 
+FLOOR_TOLERANCE = 0.01
+"""Depth of a base below the floor in [m] that looks like no mistake."""
+
 BUFFER_SIZE = 1 << 20
 """Bytes of a stream that are read at once: what piled up does not come later."""
 
@@ -164,7 +167,7 @@ class MotionTopics:
         if is_configuration and start <= now:
             start = 0
         act = self._player.stream if stream and is_single else self._player.play
-        # Before it is obeyed: who turns over bit by bit, a sample at a time, means it.
+        # A base that turns over in small steps is intended.
         remark = ""
         if trajectory.base_poses is not None:
             remark = _remark(
@@ -197,7 +200,7 @@ def _remark(pose: np.ndarray, now: np.ndarray | None) -> str:
     remarks = []
     if _up(pose) < -0.5 and (now is None or _up(now) > 0.0):
         remarks.append("the base is upside down (quaternions are x, y, z, w)")
-    if pose[2] < 0.0 and (now is None or now[2] > NEAR_FLOOR):
+    if pose[2] < -FLOOR_TOLERANCE and (now is None or now[2] > NEAR_FLOOR):
         remarks.append(f"the base is below the floor, at z = {pose[2]:.3g} m")
     return "; ".join(remarks)
 
