@@ -318,15 +318,36 @@ class TestDropIn(unittest.TestCase):
         self.assertEqual(marked_processes(self.mark), {})
         self.assertIn("invalid choice: 'magic'", self.log.read_text())
 
-    def test_the_parameter_server_wins_over_the_command_line(self):
-        rospy.set_param("/gazebo/physics", "magic")
+    def test_a_parameter_of_a_launch_file_wins_over_the_command_line(self):
+        file = self.folder / "magic.launch"
+        file.write_text(
+            """<launch>
+              <include file="$(find gazebo_ros)/launch/empty_world.launch">
+                <arg name="gui" value="false"/>
+                <arg name="server_required" value="true"/>
+                <arg name="physics" value="hold"/>
+              </include>
+              <param name="/gazebo/physics" value="magic"/>
+            </launch>"""
+        )
         self.addCleanup(rospy.delete_param, "/gazebo/physics")
-        options = ("gui:=false", "server_required:=true", "physics:=hold")
-        self.launch("gazebo_ros", "empty_world.launch", *options)
+        self.launch(file)
         self.roslaunch.wait(DEADLINE)
         wait_for_end(self.mark, DEADLINE)
         self.assertEqual(marked_processes(self.mark), {})
         self.assertRegex(self.log.read_text(), r"\[FATAL\].*magic")
+
+    def test_what_an_earlier_launch_left_does_not_come_back(self):
+        """A robot to spawn, its physics and a pause."""
+        left = {"robot_description": "robot_description", "physics": "magic"}
+        for name, value in {**left, "paused": True}.items():
+            rospy.set_param(f"/gazebo/{name}", value)
+        self.launch("gazebo_ros", "empty_world.launch", "gui:=false")
+        world = rospy.ServiceProxy("/gazebo/get_world_properties", GetWorldProperties)
+        world.wait_for_service(DEADLINE)
+        self.assertEqual(world().model_names, ["ground_plane"])
+        self.assertFalse(rospy.has_param("/gazebo/paused"))
+        self.check_that_it_ends()
 
     def test_the_window_is_rviz_and_what_means_nothing_is_told_once(self):
         screen = VirtualScreen(640, 480)

@@ -36,7 +36,12 @@ ENDING = 0.5 * DEADLINE
 
 
 def command(*arguments, path=None, **options):
-    """Start the command; a shell may have it ignore Ctrl-C."""
+    """Start the command; whoever runs the tests may ignore signals, as nohup does."""
+
+    def answer_signals():
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        signal.signal(signal.SIGHUP, signal.SIG_DFL)
+
     places = [path, REPOSITORY / "src", os.environ.get("PYTHONPATH")]
     return subprocess.Popen(
         [sys.executable, str(REPOSITORY / "scripts" / "web"), *map(str, arguments)],
@@ -44,7 +49,7 @@ def command(*arguments, path=None, **options):
         **{"stdout": subprocess.PIPE, **options},
         stderr=subprocess.PIPE,
         universal_newlines=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+        preexec_fn=answer_signals,
     )
 
 
