@@ -66,8 +66,9 @@ ACTORS = "file,actor\nwalk.csv,Jo\n"
     ("name", "text", "problem"),
     [
         ("actors.csv", ACTORS, "Line 1 names file, actor, but not time."),
-        ("gains.yaml", "knee:\n  p: 10.0\n", "Line 1 names knee:, but not time"),
-        ("joints.yml", "joint_names: [knee]\n", "The text is no JointTrajectory: "),
+        ("gains.yaml", "knee:\n  p: 10.0\n", "Not a JointTrajectory: 'joint_names' "),
+        ("robots.yaml", "robots: [a, b]\n", "Not a JointTrajectory: 'joint_names' "),
+        ("bends.yml", "knee: !degrees 90\n", "Line 1 has a tag; "),
     ],
 )
 def test_other_files_of_a_folder_are_told_and_change_nothing(
@@ -98,7 +99,18 @@ def test_other_files_of_a_folder_are_told_and_change_nothing(
         ("frames.csv", "Frame,arm_joint_dof\n0,1.5\n"),
         ("cut.npz", "PK"),
         ("cut.bag", "#ROSBAG V2.0\n"),
+        ("lfs.csv", "version https://git-lfs.github.com/spec/v1\noid sha256:0\n"),
+        ("semicolons.csv", "time;arm_joint\n0;zero\n"),
+        ("numbers.csv", "-0.03;0.1\n-0.03;0.1\n"),
+        ("spaces.csv", "x y z\n-0.03 0.1 0.2\n"),
+        ("phases.csv", "t,arm_joint,phase\n0,0,swing\n"),
         ("cut.yaml", "joint_names: [arm_joint]\npoints:\n- positions: [0.1\n"),
+        ("points.yml", "joint_names: [arm_joint]\n"),
+        ("broken.yaml", "robots: [a\n"),
+        ("table.yaml", "time,arm_joint\n0,0\n"),
+        ("table.npz", "file,actor\nwalk.csv,Jo\n"),
+        ("table.pkl", "file,actor\nwalk.csv,Jo\n"),
+        ("table.bag", "file,actor\nwalk.csv,Jo\n"),
     ],
 )
 def test_a_damaged_motion_of_a_folder_is_not_checked(folder, capsys, name, text):

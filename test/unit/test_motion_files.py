@@ -7,6 +7,7 @@ import pickle
 import resource
 import time
 import zipfile
+import zlib
 
 import numpy as np
 import pytest
@@ -328,6 +329,21 @@ def npz_with(header):
     return file.getvalue()
 
 
+def npy():
+    """Make an array in a file of its own."""
+    file = io.BytesIO()
+    np.save(file, np.zeros(3))
+    return file.getvalue()
+
+
+def zipped(name):
+    """Make a zip file of something else than arrays."""
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w") as archive:
+        archive.writestr(name, b"")
+    return file.getvalue()
+
+
 def nested(depth):
     """Make lists whose flat form has ten to the depth numbers, from few objects."""
     found = [1.0] * 10
@@ -369,7 +385,32 @@ BAD = {
     "nothing": ("time\n0\n1\n", "neither joints nor a base"),
     "empty": ("", "is empty"),
     "words": ("hello world\n", "Line 1"),
-    "binary": (b"\xff\xfe\x00\x01" * 100, "Line 1 is no text"),
+    "binary": (b"\xff\xfe\x00\x01" * 100, "Unknown format: not an npz, pickle, ros"),
+    "line": (b"time,a\n0,\x80", r"UTF-8 text \(see line 2\)"),
+    "npy": (npy, r"An npy file has no names: .* numpy\.savez"),
+    "joblib": (
+        lambda: zlib.compress(pickle.dumps(gmr())),
+        r"^motion: A compressed fil",
+    ),
+    "wrapper": (
+        b"\x80\x02cjoblib.numpy_pickle\nNumpyArrayWrapper\n",
+        r"was written by joblib; save it with pickle\.dump or numpy\.savez",
+    ),
+    "torch": (
+        lambda: zipped("library/data.pkl"),
+        "A PyTorch file; convert it to npz or CSV",
+    ),
+    "zip": (lambda: zipped("motion.csv"), "A zip file without arrays"),
+    "pointer": ("version https://git-lfs.github.com/spec/v1\n", "Git LFS: run git lfs"),
+    "semicolons": ("time;a\n0;0\n", "Line 1 names time;a.*separated by commas"),
+    "rate missing": (
+        lambda: npz(root_pos=1.0, root_rot=1.0, dof_pos=1.0),
+        "^motion: fps is missing; the file has root_pos, root_rot, dof_pos",
+    ),
+    "points missing": (
+        "joint_names: [a]\n",
+        "^motion: Not a JointTrajectory: 'points' is missing",
+    ),
     "nan": (f"{ROW}\n{ROW.replace('0.8', 'nan')}\n", "Line 2 has a number that is not"),
     "word": (f"{ROW}\n{ROW.replace('0.8', 'up')}\n", "Line 2 has 'up'"),
     "short": (
@@ -402,7 +443,7 @@ BAD = {
     "list": (lambda: pickle.dumps([1, 2]), "holds no dictionary but list"),
     "memo": (b"\x80\x02Nr\xff\xff\xff\x7f.", "holds no dictionary but NoneType"),
     "cut": (lambda: pickle.dumps(gmr())[:-30], "cannot be read"),
-    "yaml": ("joint_names: [a\npoints: {", "Line 2 cannot be read"),
+    "yaml": ("joint_names: [a\npoints: {", "Line 2 is not valid YAML: "),
     "no points": ("joint_names: [left_elbow_joint]\npoints: []\n", "has no points"),
     "point": (ECHO.replace("[1.0, 0.25]", "[1.0]"), "Point 2 has 1 positions"),
     "point word": (ECHO.replace("[1.0, 0.25]", "[1.0, a]"), "Point 2 has positions"),
@@ -424,6 +465,27 @@ def test_what_is_no_motion_is_told_in_a_sentence_and_at_once(g1, file, case):
     assert "\n" not in sentence
     assert len(sentence) < 500
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss < 1_000_000
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("n.npz", "Not a whole npz file"),
+        ("n.NPZ", "Not a whole npz file"),
+        ("n.pkl", "Not a whole pickle"),
+        ("n.pickle", "Not a whole pickle"),
+        ("n.bag", "Not a whole rosbag"),
+        ("n.yaml", "Not a JointTrajectory: keys and values"),
+    ],
+)
+def test_a_table_by_the_name_of_another_format_is_refused(g1, file, name, words):
+    with pytest.raises(MotionError, match=words):
+        read_motion(file("time,left_elbow_joint\n0,0\n", name), g1)
+
+
+def test_the_ending_of_a_name_does_not_matter_to_a_format_that_can_be_told(g1, file):
+    for name in ("n.yaml", "n.csv", "n.pickle"):
+        assert read_motion(file(pickle.dumps(gmr()), name), g1).notes == ()
 
 
 def test_folders_pipes_and_large_files_are_told(g1, tmp_path):

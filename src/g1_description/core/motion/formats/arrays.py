@@ -67,10 +67,7 @@ def motion_of_arrays(found: Mapping[str, Any], robot: Description) -> Motion:
         arrays = {name: _numbers(found, name) for name in RETARGETED}
         motion = _retargeted(arrays, robot)
     else:
-        raise MotionError(
-            f"The file has {listed(map(str, found)) or 'nothing'}; a motion has "
-            f"{listed(TRACKED)}, or {listed(RETARGETED)}."
-        )
+        raise MotionError(_missing(list(map(str, found))))
     period = motion.trajectory.times[1:2]
     if not period.size or period[0] <= 1.0:
         return motion
@@ -79,6 +76,18 @@ def motion_of_arrays(found: Mapping[str, Any], robot: Description) -> Motion:
         f"is their period in s, fps must be {period[0]:.6g}."
     )
     return replace(motion, notes=(*motion.notes, note))
+
+
+def _missing(names: list[str]) -> str:
+    """Say what a file with these arrays lacks."""
+    for wanted in (TRACKED, RETARGETED):
+        missing = [name for name in wanted if name not in names]
+        if len(missing) == 1:
+            return f"{missing[0]} is missing; the file has {listed(names)}."
+    return (
+        f"The file has {listed(names) or 'nothing'}; a motion has {listed(TRACKED)}, "
+        f"or {listed(RETARGETED)}."
+    )
 
 
 def _numbers(found: Mapping[str, Any], name: str) -> np.ndarray | None:

@@ -217,6 +217,10 @@ class _Machine:
         found = _ALLOWED.get((module, name))
         if (module, name) == ("_codecs", "encode"):
             found = self._encoded
+        if module.startswith("joblib."):
+            raise _RefusedError(
+                "it was written by joblib; save it with pickle.dump or numpy.savez"
+            )
         if found is None:
             raise _RefusedError(f"it asks for {module[:80]}.{name[:80]}")
         self._stack.append(found)

@@ -55,6 +55,8 @@ def read_npz(data: bytes, wanted: Collection[str]) -> dict[str, np.ndarray | Non
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             members = _members(archive)
+            if not members:
+                raise MotionError(_without_arrays(archive))
             size = sum(members[name].file_size for name in wanted if name in members)
             _check_size("The npz", size, MAX_ALL_BYTES)
             return {
@@ -75,6 +77,13 @@ def _members(archive: zipfile.ZipFile) -> dict[str, zipfile.ZipInfo]:
         for info in archive.infolist()
         if info.filename.endswith(".npy")
     }
+
+
+def _without_arrays(archive: zipfile.ZipFile) -> str:
+    """Say what a zip file without arrays is."""
+    if any(name.endswith("/data.pkl") for name in archive.namelist()):
+        return "A PyTorch file; convert it to npz or CSV."
+    return "A zip file without arrays: not an npz."
 
 
 def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo, name: str) -> np.ndarray:

@@ -1,4 +1,7 @@
-"""A motion from a file, whose format is found by its content."""
+"""A motion from a file, whose format is found by its content.
+
+Of text the ending counts, too: ``.yaml`` is no table, and ``.npz`` is not whole.
+"""
 
 from __future__ import annotations
 
@@ -22,6 +25,15 @@ MAX_FILE_SIZE = 100_000_000
 """No motion has more, in bytes: an hour at 60 Hz, written as text, has less."""
 
 BAG = b"#ROSBAG V"
+NPY = b"\x93NUMPY"
+GIT_LFS = b"version https://git-lfs."
+COMPRESSED = (b"x\x01", b"x^", b"x\x9c", b"x\xda", b"\x1f\x8b", b"BZh", b"\xfd7zXZ")
+"""Files of zlib, gzip, bz2 and xz begin so."""
+
+YAML_ENDINGS = (".yaml", ".yml")
+
+NO_TEXT = {".npz": "npz file", ".pkl": "pickle", ".pickle": "pickle", ".bag": "rosbag"}
+"""What files with these endings are, whose text is never a table."""
 
 
 def read_motion(path: Path, robot: Description, rate: float | None = None) -> Motion:
@@ -37,7 +49,9 @@ def read_motion(path: Path, robot: Description, rate: float | None = None) -> Mo
     """
     data = _data(path)
     try:
-        motion = fitted(without_rate(_read(data, robot, rate), rate), robot)
+        motion = fitted(
+            without_rate(_read(data, path.suffix.lower(), robot, rate), rate), robot
+        )
         check_radians(motion, robot)
     except MotionError as error:
         raise type(error)(f"{path.name}: {error}") from error
@@ -79,8 +93,8 @@ def _data(path: Path) -> bytes:
     return data
 
 
-def _read(data: bytes, robot: Description, rate: float | None) -> Motion:
-    """Read a motion in the format that the content shows."""
+def _read(data: bytes, ending: str, robot: Description, rate: float | None) -> Motion:
+    """Read a motion in the format that the content shows; for text, the ending, too."""
     if data.startswith(BAG):
         raise MotionError("Rosbags are read by the commands that know ROS.")
     if data.startswith(b"PK"):
@@ -88,13 +102,31 @@ def _read(data: bytes, robot: Description, rate: float | None) -> Motion:
     # Every protocol of a pickle ends in a full stop; all but the oldest begin so.
     if data.startswith(b"\x80"):
         return motion_of_arrays(read_gmr_pickle(data), robot)
+    if data.startswith(NPY):
+        raise MotionError(
+            "An npy file has no names: save all arrays of the motion with numpy.savez."
+        )
+    if data.startswith(GIT_LFS):
+        raise MotionError("The file itself is in Git LFS: run git lfs pull.")
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        line = data.count(b"\n", 0, error.start) + 1
-        raise MotionError(
-            f"Line {line} is no text, and the file no npz or pickle either."
-        ) from error
-    if re.search(r"^joint_names:", text[:10_000], re.MULTILINE):
+        raise MotionError(_unknown(data, error.start)) from error
+    if ending in NO_TEXT:
+        raise MotionError(f"Not a whole {NO_TEXT[ending]}.")
+    is_yaml = ending in YAML_ENDINGS
+    if is_yaml or re.search(r"^joint_names:", text[:10_000], re.MULTILINE):
         return read_trajectory_yaml(text)
     return read_table(text, robot, rate)
+
+
+def _unknown(data: bytes, place: int) -> str:
+    """Say what a file may be that has a byte that is not text at a place."""
+    if data.startswith(COMPRESSED):
+        return (
+            "A compressed file; if joblib wrote it, save the motion with pickle.dump "
+            "or numpy.savez."
+        )
+    line = data.count(b"\n", 0, place) + 1
+    where = f" (see line {line})" if line > 1 else ""
+    return f"Unknown format: not an npz, pickle, rosbag or UTF-8 text{where}."

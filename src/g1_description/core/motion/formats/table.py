@@ -50,6 +50,9 @@ MAX_NUMBERS = 8_000_000
 NUMBER_LENGTH = 25
 """Longest number that is written, with its comma: -1.2345678901234567e-300."""
 
+_SEPARATOR = re.compile(r"[,;\t ]+")
+"""Separates the columns of tables, if not of those that are read."""
+
 
 def read_table(text: str, robot: Description, rate: float | None) -> Motion:
     """Read a table.
@@ -71,11 +74,11 @@ def read_table(text: str, robot: Description, rate: float | None) -> Motion:
         raise MotionError("The file is empty.")
     names = [name.strip() for name in _fields(number, line, None)]
     if not _is_number(names[0]):
-        return _headed(_rows(text, number), number, names)
+        return _headed(_rows(text, number), number, names, robot)
     # numpy.savetxt writes its header as a comment.
     header = [name.strip() for name in comment.split(",")]
     if TIME in header and len(header) == len(names):
-        return _headed(_rows(text), above, header)
+        return _headed(_rows(text), above, header, robot)
     return _headless(_rows(text), (number, len(names)), robot, rate)
 
 
@@ -104,7 +107,9 @@ def _headless(
     return Motion(trajectory, notes, has_times=False)
 
 
-def _headed(rows: Iterator[tuple[int, str]], number: int, names: list[str]) -> Motion:
+def _headed(
+    rows: Iterator[tuple[int, str]], number: int, names: list[str], robot: Description
+) -> Motion:
     """Read a table with a header, whose line has this number."""
     twice = [name for name in dict.fromkeys(names) if names.count(name) > 1]
     if twice:
@@ -120,11 +125,9 @@ def _headed(rows: Iterator[tuple[int, str]], number: int, names: list[str]) -> M
     wanted = [TIME, *(BASE if base else ()), *(velocities if has_velocities else ())]
     missing = [name for name in wanted if name not in names]
     if missing:
-        hint = "; columns are separated by commas" if len(names) == 1 else ""
-        # A table of numbers may be a motion in a format that is not known.
-        words = next(rows, (0, "0"))[1].split(",")
-        is_other = TIME in missing and not all(map(_is_number, words))
-        raise (NoMotionError if is_other else MotionError)(
+        hint = "; columns must be separated by commas" if len(names) == 1 else ""
+        is_motion = _may_be_motion(names, next(rows, (0, "0"))[1], robot)
+        raise (MotionError if is_motion else NoMotionError)(
             f"Line {number} names {listed(names)}, but not {listed(missing)}{hint}."
         )
     strange = [n for n in names if n not in (*wanted, *joints)]
@@ -146,6 +149,14 @@ def _headed(rows: Iterator[tuple[int, str]], number: int, names: list[str]) -> M
             columns(BASE) if base else None,
         )
     )
+
+
+def _may_be_motion(names: list[str], row: str, robot: Description) -> bool:
+    """Return whether a table with this first row is one, if in an unknown format."""
+    header = {word.strip("\"'") for name in names for word in _SEPARATOR.split(name)}
+    known = {TIME, *(joint.name for joint in robot.movable_joints)}
+    words = filter(None, _SEPARATOR.split(row))
+    return bool(known & header) or all(map(_is_number, words))
 
 
 def table_text(trajectory: Trajectory) -> str:

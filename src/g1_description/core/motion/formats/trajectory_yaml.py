@@ -40,15 +40,25 @@ def read_trajectory_yaml(text: str) -> Motion:
 
     Raises:
         MotionError: If it is no such message, with the line where it is no YAML.
+        NoMotionError: If it is YAML of something else, without ``joint_names``.
     """
+    if not text.strip():
+        raise MotionError("The file is empty.")
     if len(text) > MAX_TEXT:
         raise MotionError(
             f"The text has {len(text) / 1e6:.0f} million characters; there may be "
             f"{MAX_TEXT / 1e6:.0f}."
         )
     message = _message(text)
-    if not isinstance(message, dict) or "points" not in message:
-        raise NoMotionError("The text is no JointTrajectory: it has no points.")
+    if isinstance(message, str):
+        raise MotionError("Not a JointTrajectory: keys and values are expected.")
+    found = message if isinstance(message, dict) else {}
+    missing = [repr(key) for key in ("joint_names", "points") if key not in found]
+    if missing:
+        verb = "are" if len(missing) > 1 else "is"
+        raise _refusal(text)(
+            f"Not a JointTrajectory: {' and '.join(missing)} {verb} missing."
+        )
     names = _list(message.get("joint_names"), "joint_names")
     if not all(type(name) is str for name in names) or len(names) > MAX_JOINTS:
         raise MotionError("The trajectory has no list of names as joint_names.")
@@ -65,19 +75,24 @@ def read_trajectory_yaml(text: str) -> Motion:
     )
 
 
+def _refusal(text: str) -> type[MotionError]:
+    """Return the error of a text that is YAML: is it of a motion that is damaged?"""
+    return MotionError if re.search(r"\bjoint_names\b", text) else NoMotionError
+
+
 def _message(text: str) -> Any:
     """Read the first document; its scalars stay text."""
     try:
         return _built(iter(YAML(typ="safe").parse(text)))
-    except MotionError:
-        raise
+    except MotionError as error:
+        raise _refusal(text)(str(error)) from error
     # Whatever damaged text makes a library of YAML raise.
     except Exception as error:
         mark = getattr(error, "problem_mark", None)
         where = f"Line {mark.line + 1}" if mark else "The text"
         problem = getattr(error, "problem", None)
         raise MotionError(
-            f"{where} cannot be read: {problem or cause(error)}."
+            f"{where} is not valid YAML: {problem or cause(error)}."
         ) from error
 
 
