@@ -8,9 +8,9 @@ number of received states from the bridge. For the highest real-time factor,
 ~set_real_time_factor is 0. All but kinematic start five simulated seconds after the
 robot is released: in hold it stands and rests by then. "hold, moved" sets a joint
 twenty times a second. Service calls are timed on one connection while physics runs: in
-kinematic, and while a robot lies, where the simulator is busy all the time. Their
-target there is 1.2 times what a step takes. The figure of "display.launch" is of all
-that it starts, with master and roslaunch, at default rates.
+kinematic, and while a robot lies, where the simulator is busy all the time. The figure
+of "display.launch" is of all that it starts, with master and roslaunch, at default
+rates.
 """
 
 from __future__ import annotations
@@ -180,8 +180,7 @@ def measure(bench, case, display):
     seen = display.watch(bench.seconds(10.0), pass_time)
     measure_real_time(bench, case, seen)
     if case.name in CALLED:
-        step = seen.simulator / (seen.simulated * RATE)
-        measure_calls(bench, case.name, step if case.name != "kinematic" else None)
+        measure_calls(bench, case.name)
     with closing(Service("/gazebo/set_real_time_factor")) as set_factor:
         set_factor(0.0)
         time.sleep(SETTLE)
@@ -206,13 +205,12 @@ def measure_real_time(bench, case, seen):
     bench.add(f"{case.name}: real-time factor, 1 is wanted", factor)
 
 
-def measure_calls(bench, case, step):
+def measure_calls(bench, case):
     """Time calls of two services.
 
     Args:
         bench: Where the figures go.
         case: Its name.
-        step: What a step takes in [s], if the simulator does nothing else.
     """
     for name, values in SERVICES:
         with closing(Service(f"/gazebo/{name}")) as service:
@@ -224,6 +222,3 @@ def measure_calls(bench, case, step):
         median, late = np.percentile(np.diff(times), (50, 99))
         bench.add(f"{case}: a call of {name}, median", 1e6 * median, "us")
         bench.add(f"{case}: a call of {name}, 99th percentile", 1e6 * late, "us")
-        if step:
-            share = median / step
-            bench.add(f"{case}: that median, in steps", share, "", "<= 1.2")

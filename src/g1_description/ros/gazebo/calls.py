@@ -10,8 +10,6 @@ from functools import partial
 
 import rospy
 
-from g1_description.ros.transport.prompt_service import Callers
-
 MAX_PENDING = 100
 """Pending calls above which a subscriber's thread waits for its message's turn."""
 
@@ -30,8 +28,6 @@ class Calls:
             lock: Held while the world changes.
         """
         self._lock = lock
-        self.callers = Callers()
-        """Of services, whose callbacks run in their threads."""
         # Not a SimpleQueue: a signal during its get() can make it wait for ever.
         self._queue: queue.Queue = queue.Queue()
         self._is_over = False
@@ -69,27 +65,17 @@ class Calls:
 
         def handler(request):
             if prepare:
-                request = self._prepared(request, prepare)
+                request = prepare(request)
             call: Future = Future()
-            call.add_done_callback(lambda _: self.callers.begin())
             self._queue.put((call, answer, request))
             if self._is_over:
                 self.cancel()
-            self.callers.end()
             try:
                 return call.result()
             except CancelledError:
                 raise rospy.ServiceException("the simulator is shutting down") from None
 
         return handler
-
-    def _prepared(self, request, prepare):
-        """Prepare a request, for which the loop does not wait."""
-        self.callers.end()
-        try:
-            return prepare(request)
-        finally:
-            self.callers.begin()
 
     def later_in_the_loop(self, act):
         """Make a callback that lets the loop act, and waits only where much waits.

@@ -34,7 +34,6 @@ from g1_description.ros.node.master import stay_connected
 from g1_description.ros.node.parameters import read_parameters
 from g1_description.ros.node.rosout import publish_log
 from g1_description.ros.node.throttled_log import SHORT_PERIOD, ThrottledLog
-from g1_description.ros.transport.prompt_service import PromptService
 from g1_description.ros.transport.tcpros import serve_as_roscpp
 from g1_description.sim.world import World
 
@@ -52,9 +51,6 @@ machine beyond this is not caught up."""
 
 SWITCH_INTERVAL = 5e-5
 """Longest in [s] that the loop's Python keeps a caller's thread from running."""
-
-CALLERS_TIME = 5e-4
-"""Longest time in [s] for which a step waits until callers have their answers."""
 
 HUSH_POLL = 0.01
 """Wait before checking again whether states may be published, in [s]."""
@@ -111,7 +107,7 @@ class GazeboNode:
         ):
             for name, kind, *handlers in services.table():
                 handler = self._calls.serve(name, *handlers)
-                PromptService(f"~{name}", kind, handler, self._calls.callers)
+                rospy.Service(f"~{name}", kind, handler)
         offer_physics(world.properties, self._calls.in_the_loop(self._reconfigure))
 
     def _reconfigure(self, numbers: dict) -> dict:
@@ -194,12 +190,9 @@ class GazeboNode:
         return wanted and self._world.properties.step_ns > 0
 
     def _answer_all(self) -> None:
-        """Answer the calls that have come until now; let callers have the answers."""
-        end = time.monotonic() + CALLERS_TIME
-        self._calls.callers.let_finish(end)
+        """Answer the calls that have come until now."""
         for _ in range(len(self._calls)):
             self._answer_one(0.0)
-        self._calls.callers.let_finish(end)
 
     def _answer_one(self, wait: float) -> None:
         """Wait for a call and answer it, if one comes.
