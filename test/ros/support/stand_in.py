@@ -5,14 +5,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from .ros_testing import (
-    DEADLINE,
-    children_time,
-    process_of,
-    processor_time,
-    program,
-    wait_for,
-)
+from .ros_testing import DEADLINE, process_of, program, wait_for
 from .wire.services import Services
 
 TROUBLE = (b"Traceback", b"Segmentation")
@@ -89,12 +82,11 @@ class Node:
         return self.services.call("get_world_properties").sim_time
 
     def end(self, signal_number):
-        """Send a signal; give the time to the end, and of the processor, in [s]."""
+        """Send a signal; give the time to the end in [s]."""
         begin = time.monotonic()
-        used = processor_time(self.pid) + children_time()
         self.process.send_signal(signal_number)
         self.process.wait(DEADLINE)
-        return time.monotonic() - begin, children_time() - used
+        return time.monotonic() - begin
 
     def kill(self):
         """Make sure that it is gone."""
