@@ -16,7 +16,7 @@ from pathlib import Path
 NET = "10.71.13"
 """First three numbers of all addresses."""
 
-PROGRAMS = ("ip", "tc", "unshare", "nsenter")
+PROGRAMS = ("ip", "unshare", "nsenter")
 ALONE = ("--net", "--uts", "--mount")
 """What a host has of its own: its network, its name and its files in /etc."""
 
@@ -32,10 +32,6 @@ hostname "$1"
 ip link set lo up
 echo made
 """
-
-DROP = "4,32 0 0 4294963256,37 0 1 {most},6 0 0 0,6 0 0 2"
-"""Program of the kernel's packet filter: draw a number of 32 bits, let the packet pass
-if it is above `most`, else drop it."""
 
 
 class HostsError(Exception):
@@ -78,19 +74,10 @@ class Network:
         _let_go(self._holder)
         self._folder.cleanup()
 
-    def add(self, name, known=()):
-        """Add a host.
-
-        Args:
-            name: Its name.
-            known: Hosts whose names it can look up; its own leads to the loopback, as
-                Debian sets it up.
-        """
+    def add(self, name):
+        """Add a host; its name leads to the loopback, as Debian sets it up."""
         host = Host(self, name, len(self.hosts) + 2)
-        lines = [f"{other.address} {other.name}" for other in known]
-        host.holder = self._held(
-            [*self._inside(self._holder), "unshare", *ALONE], name, lines
-        )
+        host.holder = self._held([*self._inside(self._holder), "unshare", *ALONE], name)
         self.hosts.append(host)
         port = host.port
         end = ("peer", "name", "eth0", "netns", str(host.holder.pid))
@@ -106,18 +93,16 @@ class Network:
         spaces = (*self._enter_user, *ALONE)
         return ["nsenter", "--target", str(holder.pid), *spaces, "--"]
 
-    def _held(self, words, name, lines=()):
+    def _held(self, words, name):
         """Begin a namespace.
 
         Args:
             words: Command that makes it.
             name: Its host's name.
-            lines: Of its /etc/hosts, beside those of every host.
         """
         folder = Path(self._folder.name, name)
         folder.mkdir()
-        lines = ["127.0.0.1 localhost", f"127.0.1.1 {name}", *lines]
-        (folder / "hosts").write_text("\n".join(lines) + "\n")
+        (folder / "hosts").write_text(f"127.0.0.1 localhost\n127.0.1.1 {name}\n")
         (folder / "resolv.conf").touch()
         holder = subprocess.Popen(
             [*words, "sh", "-c", BEGIN + HOLD, "sh", name, str(folder)],
@@ -177,35 +162,6 @@ class Host:
         for number in self.processes():
             with contextlib.suppress(ProcessLookupError):
                 os.kill(number, signal.SIGKILL)
-
-    def die(self):
-        """Vanish, as a host without power: no packet tells anyone."""
-        self.pull()
-        self.kill()
-
-    def pull(self):
-        """Pull the cable out of the switch."""
-        self._network._run("ip", "link", "set", self.port, "down")
-
-    def plug(self):
-        """Put the cable back."""
-        self._network._run("ip", "link", "set", self.port, "up")
-
-    def lose(self, share):
-        """Lose packets on the cable, at random, in both directions.
-
-        Args:
-            share: Of all packets, 0 to 1.
-
-        Raises:
-            HostsError: If the kernel cannot.
-        """
-        # As they arrive: the sender is not told, as it would be of its own queue.
-        drop = DROP.format(most=int(share * 0xFFFFFFFF))
-        for run, end in ((self._network._run, self.port), (self.run, "eth0")):
-            run("tc", "qdisc", "replace", "dev", end, "clsact")
-            filters = ("tc", "filter", "replace", "dev", end, "ingress", "pref", "1")
-            run(*filters, "handle", "1", "bpf", "direct-action", "bytecode", drop)
 
 
 def _checked(words):

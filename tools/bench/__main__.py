@@ -17,7 +17,6 @@ from . import (
     growth,
     live,
     loading,
-    machines,
     names,
     poses,
     rates,
@@ -53,12 +52,11 @@ PARTS = {
     "streaming": streaming,
     "rates": rates,
     "foot": foot,
-    "machines": machines,
     "tf": transforms,
     "soak": soak,
 }
 NAMED = [name for name in PARTS if name != "soak"]
-BUSY = ("browser", "checks", "poses", "names", "rates", "foot", "machines", "tf")
+BUSY = ("browser", "checks", "poses", "names", "rates", "foot", "tf")
 USUAL = [name for name in NAMED if name not in BUSY]
 
 

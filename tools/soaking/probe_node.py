@@ -18,7 +18,7 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
 
 from g1_description.ros.node.lifecycle import start_node
-from g1_description.ros.node.master import stay_connected
+from g1_description.ros.node.master import stay_registered
 
 TOPICS = ("/joint_states", "/tf", "/clock")
 JOINT = "left_wrist_roll_joint"
@@ -100,7 +100,7 @@ def main():
     command_period, reset_period, sample_period = map(float, sys.argv[1:4])
     start_node("soak_probe")
     probe = Probe()
-    stay_connected()
+    stay_registered()
     stopped = threading.Event()
     rospy.on_shutdown(stopped.set)
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import rospy
 
-from g1_description.ros.node.master import stay_connected
+from g1_description.ros.node.master import stay_registered
 from g1_description.ros.node.throttled_log import ThrottledLog
 
 from .robot import BridgedRobot
@@ -32,7 +32,7 @@ class MasterWatch:
 
     def start(self) -> None:
         """Begin, until the node is shut down."""
-        stay_connected(self._find_other_publishers, PERIOD)
+        stay_registered(self._find_other_publishers, PERIOD)
 
     def _find_other_publishers(self, publishers: Mapping[str, list[str]]) -> None:
         """Find other nodes that publish the robots' joint states; log new ones."""

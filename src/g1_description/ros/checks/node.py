@@ -22,7 +22,7 @@ from g1_description.core.errors import G1DescriptionError
 from g1_description.core.robot.description import Description
 from g1_description.ros.motion.map_frame import MapFrame
 from g1_description.ros.node.lifecycle import start_node
-from g1_description.ros.node.master import stay_connected
+from g1_description.ros.node.master import stay_registered
 from g1_description.ros.node.parameters import read_parameters
 from g1_description.ros.node.throttled_log import ThrottledLog
 from g1_description.ros.transport.tcpros import serve_as_roscpp
@@ -78,5 +78,5 @@ def main() -> None:
         sys.exit(1)
     except rospy.ROSInterruptException:  # before the robot was there
         return
-    stay_connected()
+    stay_registered()
     rospy.spin()

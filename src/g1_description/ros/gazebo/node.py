@@ -30,7 +30,7 @@ from g1_description.ros.gazebo.services.time import StepServices, TimeServices
 from g1_description.ros.gazebo.services.trajectories import TrajectoryServices
 from g1_description.ros.node.lifecycle import quiet_when_closing, start_node
 from g1_description.ros.node.loggers import answer_as_roscpp
-from g1_description.ros.node.master import stay_connected
+from g1_description.ros.node.master import stay_registered
 from g1_description.ros.node.parameters import read_parameters
 from g1_description.ros.node.rosout import publish_log
 from g1_description.ros.node.throttled_log import SHORT_PERIOD, ThrottledLog
@@ -244,5 +244,5 @@ def main(given=None, on_start=lambda: None) -> None:
         rospy.logfatal("%s", error)
         sys.exit(1)
     node = GazeboNode(world, parameters)
-    stay_connected()
+    stay_registered()
     node.run()

@@ -7,7 +7,6 @@ from contextlib import suppress
 from dataclasses import asdict, replace
 from pathlib import Path
 from urllib.parse import urlparse
-from xmlrpc.client import ServerProxy
 
 import rosgraph
 import rosgraph.network
@@ -20,10 +19,8 @@ from g1_description.core.robot.assembly import Assembly
 from g1_description.core.sdf.world import EMPTY_WORLD, Sdf, read_sdf
 from g1_description.core.xml import decoded
 from g1_description.ros.gazebo.services.spawn import log_hulls
-from g1_description.ros.node.master import reachable
 from g1_description.ros.node.parameters import private_parameters
-from g1_description.ros.node.slave_api import SLAVE_API_ERRORS
-from g1_description.ros.transport.broken_networks import answers_within
+from g1_description.ros.node.slave_api import SLAVE_API_ERRORS, slave_api_of
 from g1_description.sim.physics import GRAVITY, PhysicsProperties
 from g1_description.sim.world import World
 
@@ -46,14 +43,14 @@ def find_listeners() -> frozenset[str]:
         after it. Nodes on other hosts are taken for old.
     """
     name, starts = rospy.get_name(), {}
-    ignored = suppress(*SLAVE_API_ERRORS, rosgraph.MasterException)
-    with ignored, answers_within(ANSWER_TIMEOUT):
+    with suppress(*SLAVE_API_ERRORS, rosgraph.MasterException):
         master = rosgraph.Master(name)
         _, subscribers, _ = master.getSystemState()
         listeners = {*dict(subscribers).get(rospy.resolve_name("/clock"), ())} - {name}
-        for node, address in reachable(master, listeners).items():
-            with suppress(*SLAVE_API_ERRORS, TypeError, ValueError):
-                starts[node] = _start_of_node(address)
+        for node in listeners:
+            ignored = (rosgraph.MasterException, TypeError, ValueError)
+            with suppress(*SLAVE_API_ERRORS, *ignored):
+                starts[node] = _start_of_node(master.lookupNode(node))
     begin = _start_of(os.getpid()) - LAUNCH_TIME
     is_any_old = any(start < begin for start in starts.values())
     return frozenset(starts) if is_any_old else frozenset()
@@ -61,9 +58,9 @@ def find_listeners() -> frozenset[str]:
 
 def _start_of_node(address: str) -> float:
     """Return when a node was started, as ``_start_of``; 0 if it is on another host."""
+    _, _, process = slave_api_of(address, ANSWER_TIMEOUT).getPid(rospy.get_name())
     if not rosgraph.network.is_local_address(urlparse(address).hostname):
         return 0.0
-    _, _, process = ServerProxy(address).getPid(rospy.get_name())
     return _start_of(int(process))
 
 

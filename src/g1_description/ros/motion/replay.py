@@ -26,7 +26,7 @@ from g1_description.ros.bridge.frames import base_child, static_edges
 from g1_description.ros.bridge.parameters import BridgeParameters
 from g1_description.ros.motion.files.read import read_motion_file
 from g1_description.ros.node.lifecycle import quiet_when_closing, start_node
-from g1_description.ros.node.master import stay_connected
+from g1_description.ros.node.master import stay_registered
 from g1_description.ros.node.parameters import check_range, read_parameters
 from g1_description.ros.wire.conversions import transform
 
@@ -171,5 +171,5 @@ def main() -> None:
         sys.exit(1)
     report(motion)
     replay = Replay(motion, robot, parameters)
-    stay_connected()
+    stay_registered()
     replay.run()

@@ -15,7 +15,6 @@ import rosgraph
 import rospy
 
 from g1_description.core.interrupts import ENDING_SIGNALS
-from g1_description.ros.transport.broken_networks import mend_broken_networks
 
 SHUTDOWN_TIMEOUT = 1.8
 """Longest time from a signal to the end of the program, in [s]."""
@@ -29,14 +28,13 @@ def start_node(name: str, **options) -> None:
     the interrupted call holds. Here the system writes the signal's number into a
     socket, and a thread that reads it shuts the node down.
 
-    The node's connections go on after a network was broken. What it logs is in a file
-    or a pipe at once: Python would keep it back there until there is more.
+    What the node logs is in a file or a pipe at once: Python would keep it back there
+    until there is more.
 
     Args:
         name: The node's name.
         options: More for ``rospy.init_node``.
     """
-    mend_broken_networks()
     for stream in sys.stdout, sys.stderr:  # Python 3.8 holds back errors, too
         stream.reconfigure(line_buffering=True)
     reader, writer = socket.socketpair()

@@ -1,21 +1,14 @@
-"""Keeps a node registered with its master and connected to its publishers."""
+"""Keeps a node registered with its master."""
 
 from __future__ import annotations
 
 import contextlib
-import socket
 import threading
-import time
-from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
-from urllib.parse import urlparse
+from collections.abc import Callable, Mapping
 
 import rosgraph
 import rospy
 from rospy.impl.registration import get_service_manager
-
-from g1_description.ros.transport.broken_connections import BrokenConnections
-from g1_description.ros.transport.broken_networks import answers_within
 
 from .lifecycle import at_shutdown
 from .slave_api import SLAVE_API_ERRORS, slave_api
@@ -24,38 +17,22 @@ PERIOD = 2.0
 """Time between two calls of the master in [s] of wall time; each costs some
 milliseconds of processor time."""
 
-LOOK_PERIOD = 0.1
-"""Time between two looks for broken connections in [s] of wall time."""
 
-ANSWER_TIMEOUT = 2.0
-"""Longest time in [s] that the master may take for an answer. After a break its answer
-to an old question may come late, and a new one is answered at once."""
-
-REACH_TIMEOUT = 0.5
-"""Longest time in [s] in which a node must be reached."""
-
-
-def stay_connected(
+def stay_registered(
     on_publishers: Callable[[Mapping[str, list[str]]], None] = lambda _: None,
     period: float = PERIOD,
 ) -> None:
-    """Keep this node registered and connected, from a thread, until it is shut down.
+    """Keep this node registered, from a thread, until it is shut down.
 
     Args:
         on_publishers: Called with the nodes that publish each topic, again and again.
         period: Time between two calls of the master in [s] of wall time.
     """
-    stopped, broken = threading.Event(), BrokenConnections()
+    stopped = threading.Event()
 
     def run():
-        due = time.monotonic() + period
-        while not stopped.wait(LOOK_PERIOD):
-            is_due = time.monotonic() >= due
-            if broken.close():
-                due = 0.0  # as soon as they have ended
-            elif is_due:
-                _ask_master(on_publishers)
-                due = time.monotonic() + period
+        while not stopped.wait(period):
+            _ask_master(on_publishers)
 
     at_shutdown(stopped.set)
     threading.Thread(target=run, daemon=True).start()
@@ -66,22 +43,20 @@ def _ask_master(
 ) -> None:
     """Restore what the master does not know, and hand on what it knows."""
     # Without a master, or with one that is starting, the next time will do.
-    ignored = contextlib.suppress(*SLAVE_API_ERRORS, rosgraph.MasterException)
-    with ignored, answers_within(ANSWER_TIMEOUT):
+    with contextlib.suppress(*SLAVE_API_ERRORS, rosgraph.MasterException):
         state = rosgraph.Master(rospy.get_name()).getSystemState()
         if rospy.core.is_shutdown_requested():
             return
-        if restore_connections(state):
+        if restore_registrations(state):
             rospy.loginfo("The master did not know this node; it does now.")
         on_publishers(dict(state[0]))
 
 
-def restore_connections(state: list) -> bool:
-    """Register what the master does not know, reconnect to lost publishers.
+def restore_registrations(state: list) -> bool:
+    """Register the topics and services of this node that the master does not know.
 
     rospy registers once: a master that died and came back knows nothing of the nodes
-    that ran on. And it connects once: a connection that breaks while its publisher
-    lives stays broken.
+    that ran on.
 
     Args:
         state: What the master's ``getSystemState`` returns.
@@ -102,19 +77,12 @@ def restore_connections(state: list) -> bool:
             if name not in publishers.get(topic, ()):
                 master.registerPublisher(topic, kind, uri)
                 registered = True
-        connections = Counter(
-            row[4] for row in node.getBusInfo(name)[2] if row[2] == "i"
-        )
         for topic, kind in node.getSubscriptions(name)[2]:
             if name not in subscribers.get(topic, ()):
                 addresses = master.registerSubscriber(topic, kind, uri)
                 registered = True
-            elif len(publishers.get(topic, ())) > connections[topic]:
-                addresses = [*reachable(master, publishers[topic]).values()]
-            else:
-                continue
-            # rospy connects to those it is not connected to.
-            node.publisherUpdate("/master", topic, addresses)
+                # rospy connects to those it is not connected to.
+                node.publisherUpdate("/master", topic, addresses)
     return _register_services(master, dict(state[2])) or registered
 
 
@@ -136,27 +104,3 @@ def _register_services(master: rosgraph.Master, known: dict[str, list[str]]) -> 
     for name, uri in missing:
         master.registerService(name, uri, rospy.get_node_uri())
     return bool(missing)
-
-
-def reachable(master: rosgraph.Master, nodes: Iterable[str]) -> dict[str, str]:
-    """Ask the master where nodes are; those that are gone are left out.
-
-    rospy asks a node that does not answer for ever, in a thread for each time that it
-    is told of it. The master does not notice that a host died, and names its nodes.
-
-    Args:
-        master: Whom to ask.
-        nodes: Their names.
-
-    Returns:
-        Addresses of their slave APIs by name.
-    """
-    addresses = {}
-    for node in nodes:
-        with contextlib.suppress(rosgraph.MasterError, OSError):
-            address = master.lookupNode(node)
-            parts = urlparse(address)
-            place = parts.hostname, parts.port
-            socket.create_connection(place, REACH_TIMEOUT).close()
-            addresses[node] = address
-    return addresses

@@ -14,7 +14,7 @@ import rospy
 from g1_description.core.errors import G1DescriptionError
 from g1_description.ros.bridge.parameters import wait_for_descriptions
 from g1_description.ros.node.lifecycle import at_shutdown, start_node
-from g1_description.ros.node.master import stay_connected
+from g1_description.ros.node.master import stay_registered
 from g1_description.ros.node.parameters import read_parameters
 from g1_description.sim.checks.checker import Checker
 from g1_description.web.show import Show, tell_address
@@ -60,6 +60,6 @@ def main() -> None:
     except rospy.ROSInterruptException:  # before the robots were there
         return
     at_shutdown(show.stop)
-    stay_connected()
+    stay_registered()
     tell_address(show, parameters.server, lambda text: rospy.loginfo("%s", text))
     show.run()

@@ -1,1 +1,0 @@
-"""ROS on several hosts, which are network namespaces of this machine."""
