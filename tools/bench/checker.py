@@ -56,7 +56,7 @@ def live(bench, seconds):
 def calls(bench, graph, where, seconds):
     """Keep how many calls the service answers."""
     for case, rate in run_node(graph, "calls", seconds).items():
-        target = "" if where else ">= 1000"
+        target = "" if where else ">= 300"
         bench.add(f"check_state, {where}{case}", rate, "1/s", target)
 
 

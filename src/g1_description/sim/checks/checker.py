@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from g1_description.core.checks.ground.at_rest import GroundAtRest
 from g1_description.core.checks.ground.ground import Ground
 from g1_description.core.checks.robot_limits import check_bounds, zero_limits
 from g1_description.core.checks.states import States, states_of
@@ -22,7 +21,7 @@ from g1_description.core.dynamics.masses import Masses
 from g1_description.core.errors import UnknownNameError
 from g1_description.core.motion.motion import Motion
 from g1_description.core.motion.trajectory import Trajectory
-from g1_description.core.robot.assembly import WORLD, base_of, root_in_base
+from g1_description.core.robot.assembly import WORLD, base_of
 from g1_description.core.robot.description import Description
 from g1_description.core.robot.kinematics import Kinematics
 from g1_description.core.text import listed, similar_first
@@ -31,8 +30,7 @@ from g1_description.sim.collisions.self_collisions import SelfCollisions
 from .collision_faults import deepest
 from .faults import all_faults
 from .frames import Frames, Parts, measure
-from .plan import NAMES, Planner
-from .rest import RestChecks
+from .plan import NAMES, Plan, Planner
 from .robot_collisions import collisions_of, outlines_of
 from .timeline import Judged, Timeline, bearing, figures
 
@@ -65,8 +63,8 @@ class Checker:
         self.collisions = collisions
         names = [name for name in description.link_names if name != WORLD]
         kinematics = Kinematics(description)
-        outlines = outlines_of(collisions.shapes), kinematics.end_links()
-        ground = Ground(*outlines, self.thresholds)
+        outlines = outlines_of(collisions.shapes)
+        ground = Ground(outlines, kinematics.end_links(), self.thresholds)
         self._ground_links = tuple(names[row] for row in ground.rows)
         self._parts = Parts(
             description.movable_joints,
@@ -79,10 +77,6 @@ class Checker:
         )
         is_fixed = fixed_base or base_of(description)[0] == WORLD
         self._planner = Planner(self._parts, is_fixed)
-        at_rest = GroundAtRest(*outlines, self.thresholds)
-        self._rest = RestChecks(
-            description.name, self._parts, at_rest, root_in_base(description)
-        )
 
     @classmethod
     def of(
@@ -157,14 +151,11 @@ class Checker:
             UnknownNameError: As for ``check_state``.
             MotionError: Likewise.
         """
-        columns = self._columns(positions)
+        self._check_names(positions)
         trajectory = _single(positions, base, velocities)
-        plan = self._planner.of_configuration(
-            only, base is not None, velocities is not None
-        )
-        if "efforts" in plan.measured:
-            return self.check_motion(Motion(trajectory), only)
-        return self._rest.judge(trajectory, columns, plan, self.notes)
+        plan = self._plan(trajectory, only)
+        at_rest = Motion(replace(trajectory, velocities=None))
+        return self._judge(at_rest, plan, trajectory.velocities)
 
     def check_motion(self, motion: Motion, only: Collection[str] = ()) -> Judged:
         """Judge a motion.
@@ -179,18 +170,37 @@ class Checker:
         Raises:
             UnknownNameError: If there is no such check.
         """
-        trajectory = motion.trajectory
-        plan = self._planner.of_motion(
+        return self._judge(motion, self._plan(motion.trajectory, only))
+
+    def _plan(self, trajectory: Trajectory, only: Collection[str]) -> Plan:
+        """Plan the checks of a motion."""
+        return self._planner.plan(
             trajectory.joint_names,
             only,
             trajectory.base_poses is not None,
-            len(trajectory.times) == 1 and trajectory.velocities is None,
+            len(trajectory.times) == 1,
+            trajectory.velocities is not None,
         )
+
+    def _judge(
+        self, motion: Motion, plan: Plan, velocities: np.ndarray | None = None
+    ) -> Judged:
+        """Judge a motion.
+
+        Args:
+            motion: It fits the robot.
+            plan: Which checks to make.
+            velocities: Of its joints at its samples, shape (n, n_joints), to compare
+                with their limits instead of the motion's own.
+        """
+        trajectory = motion.trajectory
         states = states_of(
             trajectory, self.description, self.thresholds.longest_interval
         )
         frames = measure(states, self._parts, plan.measured)
         timeline = self._timeline(states, frames)
+        if velocities is not None:
+            timeline = replace(timeline, velocities=velocities)
         faults = all_faults(self._parts, states, frames, timeline)
         findings = [
             judge(fault, getattr(self.thresholds, fault.check), states.times)
@@ -229,21 +239,19 @@ class Checker:
             balance=frames.balance,
         )
 
-    def _columns(self, names: Collection[str]) -> list[int]:
-        """Find the rows of movable joints.
+    def _check_names(self, names: Collection[str]) -> None:
+        """Look whether the robot has some joints.
 
         Raises:
-            UnknownNameError: If the robot has not all of them.
+            UnknownNameError: If it has not all of them.
         """
-        rows = self._rest.rows
-        try:
-            return [rows[name] for name in names]
-        except KeyError as error:
-            name = error.args[0]
-            raise UnknownNameError(
-                f"{self.description.name} has no movable joint {name}; it has "
-                f"{listed(similar_first(name, rows))}."
-            ) from None
+        known = [joint.name for joint in self._parts.joints]
+        for name in names:
+            if name not in known:
+                raise UnknownNameError(
+                    f"{self.description.name} has no movable joint {name}; it has "
+                    f"{listed(similar_first(name, known))}."
+                )
 
 
 def _single(

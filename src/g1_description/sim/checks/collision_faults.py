@@ -32,30 +32,9 @@ def collision_faults(
         deep = rows[is_deepest]
         points[contacts.frame[deep], 0] = contacts.points_a[deep]
         points[contacts.frame[deep], 1] = contacts.points_b[deep]
-        yield _fault(pairs[pair], sizes, points)
-
-
-def collisions_at_rest(
-    contacts: Contacts, pairs: Sequence[tuple[str, str]]
-) -> list[Fault]:
-    """Make a fault of each contact of one configuration: a pair has one at most.
-
-    Args:
-        contacts: Of the configuration.
-        pairs: Names of the links of each pair.
-    """
-    points = np.stack([contacts.points_a, contacts.points_b], axis=1)
-    return [
-        _fault(pairs[pair], -contacts.distance[[row]], points[[row]])
-        for row, pair in enumerate(contacts.pair.tolist())
-    ]
-
-
-def _fault(pair: tuple[str, str], sizes: np.ndarray, points: np.ndarray) -> Fault:
-    """Make the fault of a pair, from depths and points at each sample."""
-    first, second = pair
-    text = f"{first} is {{worst:.4g}} m deep in {second} at {{time:.3f}} s"
-    return Fault("self_collision", pair, sizes, "m", text, points)
+        first, second = pairs[pair]
+        text = f"{first} is {{worst:.4g}} m deep in {second} at {{time:.3f}} s"
+        yield Fault("self_collision", pairs[pair], sizes, "m", text, points)
 
 
 def deepest(contacts: Contacts | None, n_samples: int) -> np.ndarray:

@@ -23,9 +23,6 @@ NAMES = tuple(name for name in LEVELS if name not in PHYSICS)
 NO_BASE = "the motion has no base"
 """Why the floor is not judged."""
 
-MOST_PLANS = 64
-"""Plans that are kept: as many ways to ask for checks of configurations."""
-
 
 @dataclass(frozen=True)
 class Plan:
@@ -52,14 +49,14 @@ class Planner:
             is_fixed: Whether something holds its base.
         """
         self._parts, self._is_fixed = parts, is_fixed
-        self._kept: dict[tuple, Plan] = {}
 
-    def of_motion(
+    def plan(
         self,
         joint_names: Sequence[str],
         only: Collection[str],
         has_base: bool,
         is_single: bool,
+        has_velocities: bool,
     ) -> Plan:
         """Plan the checks of a motion.
 
@@ -67,42 +64,23 @@ class Planner:
             joint_names: Its joints.
             only: Names of the checks to make; none: all.
             has_base: Whether it says where the base is.
-            is_single: Whether it has one sample, and no velocities.
-
-        Raises:
-            UnknownNameError: If there is no such check.
-        """
-        rates = dict.fromkeys(RATES, "there is only one configuration")
-        skipped = self._skipped(has_base, rates if is_single else {})
-        for name in ("acceleration", "jerk"):
-            bounds = getattr(self._parts.thresholds, f"{name}_bounds").of(joint_names)
-            if not np.isfinite(bounds).any():
-                skipped.setdefault(name, "no bounds are given")
-        return _plan(only, skipped)
-
-    def of_configuration(
-        self, only: Collection[str], has_base: bool, has_velocities: bool
-    ) -> Plan:
-        """Plan the checks of a configuration at rest.
-
-        Args:
-            only: Names of the checks to make; none: all.
-            has_base: Whether it says where the base is.
+            is_single: Whether it has one sample: it is a configuration.
             has_velocities: Whether it says how fast joints are.
 
         Raises:
             UnknownNameError: If there is no such check.
         """
-        key = frozenset(only), has_base, has_velocities
-        plan = self._kept.get(key)
-        if plan is None:
+        rates = {}
+        if is_single:
             rates = dict.fromkeys(RATES, "there is only one configuration")
             if has_velocities:
                 del rates["velocity"]
-            plan = _plan(only, self._skipped(has_base, rates))
-            if len(self._kept) < MOST_PLANS:
-                self._kept[key] = plan
-        return plan
+        skipped = self._skipped(has_base, rates)
+        for name in ("acceleration", "jerk"):
+            bounds = getattr(self._parts.thresholds, f"{name}_bounds").of(joint_names)
+            if not np.isfinite(bounds).any():
+                skipped.setdefault(name, "no bounds are given")
+        return _plan(only, skipped)
 
     def _skipped(self, has_base: bool, rates: dict[str, str]) -> dict[str, str]:
         """Name the checks that cannot be made, and why not."""
