@@ -2,7 +2,7 @@
 
 The master is already running, and the display is launched without RViz. The time runs
 from the start of roslaunch until joint_states with joint names are read. A first launch
-is not counted, so that files are in the system's cache and thinned hulls are kept.
+is not counted, so that files are in the system's cache.
 """
 
 import time

@@ -10,7 +10,7 @@ import numpy as np
 
 from g1_description.core.robot.description import Shape
 
-from .kept_hulls import thinned_once
+from .hull_vertices import thinned
 from .shapes import Mesh
 from .stl import read_stl
 
@@ -84,7 +84,7 @@ def _thinned_stl(
 def _thinned(points: np.ndarray, tolerance: float) -> tuple[np.ndarray, float]:
     """Thin a hull with a tolerance that is small beside its size."""
     tolerance = min(tolerance, MAX_SHARE * float(np.ptp(points, axis=0).min()))
-    return thinned_once(points, tolerance)
+    return thinned(points, tolerance)
 
 
 @lru_cache(maxsize=MAX_FILES_KEPT)
