@@ -2,7 +2,7 @@
 
 A process sends messages of one point on the topic motion, all joints and the base in
 each, and reads the bytes of /joint_states. Each sample is unlike all others, so that it
-is known in the states to the last bit; latency runs from just before a sample is sent
+is known in the states; latency runs from just before a sample is sent
 until the bytes of the first state with it have been read. Samples that come between the
 same two steps cannot all be shown: the simulator steps at 1 kHz. Beside it the same
 joints are sent as joint_commands, without the base. Shares of a core are those of the

@@ -113,7 +113,7 @@ def first_shown(codes, came):
     for moment, data in came:
         position = JointState().deserialize(data).position[0]
         number = round((position - codes[0]) / CODE)
-        is_sample = 0 <= number < len(codes) and abs(codes[number] - position) < 1e-12
+        is_sample = 0 <= number < len(codes) and abs(codes[number] - position) < 1e-9
         if is_sample and number not in seen:
             seen.add(number)
             found.append((number, moment))

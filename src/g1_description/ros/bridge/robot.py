@@ -98,7 +98,7 @@ class BridgedRobot:
         """
         is_sample = False
         if not self.player.is_idle:
-            seen, is_sample = self.player.observe(time_ns, seen)
+            is_sample = self.player.observe(time_ns, seen)
         self.status.observation, self.status.stamp = seen, time_ns
         is_whole = seen.is_present and not (seen.missing or seen.invalid)
         if seen.changed or seen.axis_residual or not is_whole:

@@ -91,7 +91,7 @@ class MotionPlayer:
         self._seen_before_base: Observation | None = None
         self._joints = [joint.name for joint in status.description.movable_joints]
         self.keeps_commands = False
-        """Whether commands for joints are kept like motions."""
+        """Whether what motions and commands want is kept, for the ghost."""
         self.reset()
 
     def reset(self) -> None:
@@ -101,7 +101,7 @@ class MotionPlayer:
             count = partial(self._status.count, "motions superseded before shown")
             self._playlist = Playlist(self._joints, count)
             self.wanted = Wanted(self._joints)
-            """What was last wanted of the robot."""
+            """What was last wanted of the robot; nothing unless it is kept."""
             self._plays_here = False
             self.is_idle = True
             """Whether no motion was sent since then; then nothing is to be observed."""
@@ -203,11 +203,11 @@ class MotionPlayer:
             if self.keeps_commands:
                 self.is_idle = False
             self._release(positions)
-            if self.is_idle:
+            if not self.keeps_commands:
                 return
             with self._lock:
                 for name, position in positions.items():
-                    self.wanted.put_at_rest(name, position)
+                    self.wanted.put_joint(name, position)
 
     @property
     def joint_names(self) -> list[str]:
@@ -226,37 +226,31 @@ class MotionPlayer:
         if self._plays_here:
             self._writer.release(joints, base)
 
-    def observe(self, stamp: int, seen: Observation) -> tuple[Observation, bool]:
-        """Hold a state of the robot against its motions.
+    def observe(self, stamp: int, seen: Observation) -> bool:
+        """Go on with the motions; return whether they reach a sample.
 
         Args:
             stamp: Time of the state in [ns].
             seen: The state.
-
-        Returns:
-            The state without rounding: numbers that are those of the motion within
-            1e-12 are those of the motion. And whether a sample of a motion has come.
         """
         with self._lock:
             # The first states of a motion come before the answer.
             if self._is_awaited:
                 self._lock.wait_for(lambda: not self._is_awaited, ANSWER_TIMEOUT)
                 self._is_awaited = False
-            is_sample = bool(self._playlist) and self._advance(stamp, seen)
-            seen = self.wanted.without_rounding(seen)
-        return seen, is_sample
+            return bool(self._playlist) and self._advance(stamp, seen)
 
     def _advance(self, stamp: int, seen: Observation) -> bool:
-        """Compute what the motions want; return whether they reach a sample."""
+        """Go on with the motions; return whether they reach a sample."""
         if self._playlist.is_waiting:
             self._playlist.begin(stamp, self._present(seen))
         is_sample = False
         for playback in self._playlist.moving():
-            setpoint = playback.setpoint(stamp)
-            self.wanted.put(setpoint)
             is_sample = playback.reaches_sample(stamp) or is_sample
+            if self.keeps_commands:
+                self.wanted.put(playback.setpoint(stamp))
             if self._plays_here:
-                self._writer.put(self._joints, setpoint)
+                self._writer.put(self._joints, playback.setpoint(stamp))
         self._playlist.drop_over(stamp)
         return is_sample
 

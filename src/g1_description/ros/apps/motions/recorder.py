@@ -36,9 +36,9 @@ from .recorded_model import SeveralModelsError, find_model
 EARLY = 1000
 """A state this much before it is due counts, in [ns]: periods are rounded."""
 
-ROUNDING = 1e-6
-"""Largest difference in [rad] or [m] between the same joints measured here and by the
-bridge."""
+SAME_JOINTS = 1e-6
+"""Largest difference in [rad] or [m], but for whole turns, between the same joints
+measured here and by the bridge; joints that are farther apart are another robot's."""
 
 MAX_CONNECT_TIME = 2_000_000_000
 """Simulated time in [ns] in which a bridge that runs is connected to; what is recorded
@@ -250,7 +250,7 @@ class Recorder:
     def _match(self, message: JointState) -> bool:
         """Put the joints that were published into the sample with their stamp.
 
-        They are those that were measured, or exactly those of a motion that is played;
+        They are those that were measured, with the turns that the bridge has counted;
         others are of another robot, and left out.
         """
         sample = self._waiting.pop(message.header.stamp.to_nsec(), None)
@@ -261,7 +261,7 @@ class Recorder:
             # The bridge may have counted turns before.
             apart = positions - sample.positions
             apart -= 2.0 * np.pi * np.round(apart / (2.0 * np.pi))
-            if np.abs(apart).max(initial=0.0) < ROUNDING:
+            if np.abs(apart).max(initial=0.0) < SAME_JOINTS:
                 sample.positions = positions
                 sample.velocities = np.array(message.velocity)
                 self._begin_at(sample)
