@@ -30,8 +30,7 @@ FOREIGN = {
     "web": STANDARD
     | {"asyncio", "hmac", "http", "queue", "secrets", "socket", "threading", "time"}
     | {"atexit", "concurrent", "errno", "gzip", "hashlib", "ipaddress", "weakref"}
-    | {"PIL", "msgspec", "numpy", "rich", "trimesh", "typing_extensions", "viser"}
-    | {"websockets"},
+    | {"PIL", "numpy", "rich", "trimesh", "viser", "websockets"},
     "importer": STANDARD
     | {"signal", "time"}
     | {"fast_simplification", "lxml", "numpy", "scipy", "trimesh"},

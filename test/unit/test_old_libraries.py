@@ -1,12 +1,10 @@
 """Old libraries get what viser needs of newer ones, and new ones are left alone."""
 
 from types import SimpleNamespace
-from typing import List, Literal, get_type_hints
+from typing import List, get_type_hints
 
-import msgspec
 import numpy as np
 import pytest
-import typing_extensions
 from hypothesis import given
 from hypothesis.extra.numpy import mutually_broadcastable_shapes
 
@@ -18,7 +16,7 @@ def old():
     """Give what stands for numpy 1.17, completed, and the modules beside it."""
     modules = {}
     numpy = SimpleNamespace()
-    complete(numpy, SimpleNamespace(), modules)
+    complete(numpy, modules)
     return numpy, modules
 
 
@@ -53,11 +51,5 @@ def test_shapes_that_do_not_go_together_are_refused(old):
 def test_a_newer_numpy_stays_as_it_is():
     numpy = SimpleNamespace(broadcast_shapes=np.broadcast)
     modules = {}
-    complete(numpy, SimpleNamespace(), modules)
+    complete(numpy, modules)
     assert (vars(numpy), modules) == ({"broadcast_shapes": np.broadcast}, {})
-
-
-def test_literals_of_both_modules_are_those_that_msgspec_knows():
-    assert typing_extensions.Literal is Literal
-    decoder = msgspec.msgpack.Decoder(typing_extensions.Literal["left", "right"])
-    assert decoder.decode(msgspec.msgpack.encode("left")) == "left"

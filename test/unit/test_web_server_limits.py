@@ -172,26 +172,3 @@ def test_who_does_not_read_is_cut_off(monkeypatch):
             send_points(server, number)
             server.viser.flush()
         wait_until(lambda: server.browsers == 0, "it is cut off")
-
-
-def test_a_flood_of_messages_is_slowed_down(server, monkeypatch):
-    monkeypatch.setattr(pipe, "MAX_RATE", 10)
-    waited = []
-
-    class Loop:
-        now = 0.0
-
-        def time(self):
-            return self.now
-
-    async def sleep(time):
-        waited.append(time)
-        loop.now += time
-
-    loop = Loop()
-    monkeypatch.setattr(pipe.asyncio, "sleep", sleep)
-    pace = pipe._Pace(loop)
-    for _ in range(35):
-        with pytest.raises(StopIteration):
-            pace.wait().send(None)
-    assert waited == [1.0, 1.0, 1.0]

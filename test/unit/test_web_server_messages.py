@@ -1,6 +1,5 @@
-"""Of what browsers send, viser gets what its page needs; read-only, nothing."""
+"""viser gets what browsers send, if the page is not read-only."""
 
-import dataclasses
 import gc
 import threading
 
@@ -39,13 +38,6 @@ class Scene:
         self.count = 0
         self.joined = []
         server.viser.on_client_connect(self.joined.append)
-        self.obeyed = []
-        self.door = server.viser._websock_server
-        for kind in ("FileTransferStartUpload", "FileTransferPart", "ShareUrlRequest"):
-            self.door.unregister_handler(CLASSES[kind])  # the last one calls outside
-            self.door.register_handler(
-                CLASSES[kind], lambda _, m: self.obeyed.append(type(m).__name__)
-            )
 
     def update(self, **updates):
         return message("GuiUpdateMessage", uuid=self.slider._impl.uuid, updates=updates)
@@ -113,61 +105,10 @@ def test_a_picture_of_some_megabytes_comes_through(scene):
         assert got.wait(TIMEOUT)
 
 
-def test_only_values_are_set(scene):
-    """Viser would set whatever attribute is named, its own callbacks too."""
-    impl = scene.slider._impl
-    before = impl.update_cb
-    scene.send(
-        scene.update(value=1.5),
-        scene.update(update_cb=None),
-        scene.update(removed=True),
-        scene.update(value=2.5, update_cb=None),
-    )
-    assert scene.slider.value == 1.5
-    assert impl.update_cb is before
-    assert not impl.removed
-
-
-def transfers():
-    """Pack messages that upload a file as viser's own button does."""
-    start = {"source_component_uuid": "1", "transfer_uuid": "2", "filename": "a"}
-    yield message(
-        "FileTransferStartUpload", **start, mime_type="", part_count=2, size_bytes=9
-    )
-    part = {"source_component_uuid": "1", "transfer_uuid": "2", "part_index": 0}
-    yield message("FileTransferPart", **part, content=b"12345")
-
-
-def test_visers_uploads_and_tunnel_are_out_of_reach(scene):
-    scene.send(*transfers(), message("ShareUrlRequest"), scene.update(value=0.5))
-    assert scene.slider.value == 0.5
-    assert scene.obeyed == []
-
-
-MALFORMED = [
-    {**CAMERA, "wxyz": [1, 0, 0]},
-    {**CAMERA, "image_height": float("nan")},
-    {**CAMERA, "image_height": float("inf")},
-    {**CAMERA, "fov": "wide"},
-    {**CAMERA, "fov": None},
-    {**CAMERA, "client_id": 1},
-    {name: value for name, value in CAMERA.items() if name != "far"},
-]
-
-
-@pytest.mark.parametrize("fields", MALFORMED)
-def test_what_viser_would_stumble_over_is_left_out(scene, fields, capfd):
-    with join(scene.server) as page:
-        for data in (b"garbage", b"\x81" * 100000, bytes(70000)):
-            page.send(data)
-        page.send(message("ViewerCameraMessage", **fields))
-        page.send(message("NoSuchMessage"))
-        page.send(message("GuiUpdateMessage", uuid=1, updates={}))
-        page.send(scene.update(value=-1))
-        wait_until(lambda: scene.slider.value == -1, "the next message")
-        page.send(scene.update(value=0))
-        wait_until(lambda: scene.slider.value == 0, "the one after")
-    assert capfd.readouterr() == ("", "")
+def test_nobody_opens_a_tunnel(scene):
+    handlers = scene.server.viser._websock_server._incoming_handlers
+    assert CLASSES["GuiUpdateMessage"] in handlers
+    assert CLASSES["ShareUrlRequest"] not in handlers
 
 
 def test_a_value_of_the_wrong_kind_changes_nothing(scene, capfd, caplog):
@@ -178,24 +119,6 @@ def test_a_value_of_the_wrong_kind_changes_nothing(scene, capfd, caplog):
     assert capfd.readouterr() == ("", "")
 
 
-def test_a_long_text_is_left_out(scene):
-    text = scene.server.viser.gui.add_text("t", "before")
-    update = {"uuid": text._impl.uuid}
-    scene.send(message("GuiUpdateMessage", **update, updates={"value": "x" * 2**17}))
-    assert text.value == "before"
-
-
-@pytest.mark.parametrize("data", [b"", b"\xc1", b"\xde\xff", "text"])
-def test_what_is_no_message_ends_the_connection(scene, data, capfd):
-    with join(scene.server) as page:
-        page.send(data)
-        with pytest.raises(ConnectionClosed):
-            while True:
-                page.recv(timeout=TIMEOUT)
-        assert page.protocol.close_code == 1003
-    assert capfd.readouterr() == ("", "")
-
-
 def test_a_message_that_is_too_large_ends_the_connection(scene):
     with join(scene.server) as page:
         with pytest.raises(ConnectionClosed):
@@ -203,17 +126,6 @@ def test_a_message_that_is_too_large_ends_the_connection(scene):
             while True:
                 page.recv(timeout=TIMEOUT)
         assert page.protocol.close_code == 1009
-
-
-def test_all_that_the_page_sends_has_a_form():
-    """With each field that viser knows, under the type that viser reads it as."""
-    from g1_description.web.server.messages import ALLOWED, MessageFilter
-
-    passes = MessageFilter().passes
-    assert passes(message("ViewerCameraMessage", **CAMERA))
-    for kind in ALLOWED:
-        assert dataclasses.fields(CLASSES[kind])
-        assert not passes(message(kind))
 
 
 def test_read_only_nothing_of_a_browser_reaches_viser(shown):

@@ -1,16 +1,13 @@
 """What viser needs that Ubuntu 20.04 does not have, with numpy 1.17 and Python 3.8.
 
 viser asks for no version of numpy, but names types of ``numpy.typing`` of 1.20 in
-annotations, by which it also converts arrays, and calls its ``broadcast_shapes``. In
-its messages stands the ``Literal`` of typing_extensions, which before Python 3.10.1 is
-not that of ``typing``, the only one that msgspec knows. The package imports this module
-before any other of its own, so before viser.
+annotations, by which it also converts arrays, and calls its ``broadcast_shapes``. The
+package imports this module before any other of its own, so before viser.
 """
 
 from __future__ import annotations
 
 import sys
-import typing
 from functools import lru_cache
 from types import ModuleType
 from typing import Any
@@ -56,24 +53,16 @@ def _broadcast_shapes(*shapes: Any) -> tuple[int, ...]:
     return together
 
 
-def complete(numpy: Any, extensions: Any, modules: dict[str, Any]) -> None:
-    """Add what is not there, and replace the ``Literal`` that msgspec does not know.
+def complete(numpy: Any, modules: dict[str, Any]) -> None:
+    """Add what is not there.
 
     Args:
         numpy: The module to complete.
-        extensions: typing_extensions, likewise.
         modules: Those that are imported, by name.
     """
     if not hasattr(numpy, "broadcast_shapes"):
         numpy.broadcast_shapes = _broadcast_shapes
         numpy.typing = modules["numpy.typing"] = _typing()
-    if sys.version_info < (3, 10, 1):
-        extensions.Literal = typing.Literal
 
 
-try:
-    import typing_extensions
-except ImportError:  # nor is viser there, and page_server says so
-    pass
-else:
-    complete(np, typing_extensions, sys.modules)
+complete(np, sys.modules)

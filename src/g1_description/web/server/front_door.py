@@ -23,7 +23,6 @@ from g1_description.core.errors import G1DescriptionError, PageServerError, caus
 from .address import ServerOptions
 from .admission import Admission
 from .hidden_viser import HiddenViser
-from .messages import MessageFilter
 from .pages import Pages, sentence
 from .pipe import Pipe, refuse
 from .uploads import Uploads
@@ -82,7 +81,6 @@ class FrontDoor:
         self._admission = admission
         self._pages = pages
         self._uploads = uploads
-        self._filter = None if options.read_only else MessageFilter()
         self._next_warning = 0.0
         self._opened: Future[None] = Future()
 
@@ -214,19 +212,16 @@ class FrontDoor:
         """Connect a browser with viser."""
         self.browsers += 1
         self.watched.set()
-        code, why = CloseCode.GOING_AWAY, ""
+        pipe = Pipe(browser, self._options.read_only, quiet)
         try:
-            await Pipe(browser, self._filter, quiet).run(self._hidden, self._count)
-        except PageServerError as error:
-            self._warn(str(error))
-            code, why = CloseCode.UNSUPPORTED_DATA, "This is no message."
+            await pipe.run(self._hidden, self._count)
         except (ConnectionClosed, OSError, asyncio.TimeoutError) as error:
             log.debug("a browser is gone: %s", error)
         finally:
             self.browsers -= 1
             if not self.browsers:
                 self.watched.clear()
-        await refuse(browser, code, why)
+        await refuse(browser, CloseCode.GOING_AWAY, "")
 
     def _count(self, size: int) -> None:
         """Add what has been sent."""

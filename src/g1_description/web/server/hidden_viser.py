@@ -1,9 +1,10 @@
 """viser's own server, silent and where browsers do not find it.
 
 It lets anybody in, so it listens at a random loopback address and port, and serves
-only connections that bring a secret. For the latter, and to know what it is asked,
-this module leans on insides of the pinned version: ``_websock_server`` with its
-``on_client_connect`` and ``_live_connections``.
+only connections that bring a secret, none of which may open viser's tunnel to the
+internet. For that this module leans on insides of the pinned version: ``_messages`` and
+``_websock_server`` with its ``on_client_connect``, ``_live_connections`` and
+``unregister_handler``.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from typing import Any
 
 import rich
 import viser
+from viser._messages import ShareUrlRequest
 
 LOGGER = "websockets.server"
 """Where viser's connections log, those of the rest of the program too."""
@@ -40,6 +42,8 @@ class HiddenViser:
         self.server.get_event_loop().set_exception_handler(_on_exception)
         self._connections: Any = self.server._websock_server
         self._connections.on_client_connect(self._check)
+        # It would publish this port on the internet.
+        self._connections.unregister_handler(ShareUrlRequest)
         logging.getLogger(LOGGER).addFilter(self._is_of_others)
         self.url = f"ws://{host}:{self.server.get_port()}/"
         self.subprotocol = f"viser-v{viser.__version__}"

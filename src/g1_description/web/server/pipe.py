@@ -17,19 +17,13 @@ from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import ConnectionClosed
 from websockets.frames import CloseCode
 
-from g1_description.core.errors import PageServerError
-
 from .hidden_viser import HiddenViser
-from .messages import MessageFilter
 
 MAX_QUEUE = 2
 """Most messages read ahead of what the other side has taken."""
 
 STALL_TIMEOUT = 30.0
 """How long a browser may take nothing while something waits for it, in [s]."""
-
-MAX_RATE = 1000
-"""Most messages of a browser per second; the mouse makes some hundred."""
 
 
 class Pipe:
@@ -38,18 +32,18 @@ class Pipe:
     def __init__(
         self,
         browser: ServerConnection,
-        passes: MessageFilter | None,
+        is_read_only: bool,
         quiet: logging.Logger,
     ) -> None:
         """Prepare it.
 
         Args:
             browser: The browser's connection.
-            passes: What it may send; None: nothing.
+            is_read_only: Whether nothing that it sends goes on to viser.
             quiet: Where the connection to viser logs.
         """
         self._browser = browser
-        self._passes = passes
+        self._is_read_only = is_read_only
         self._quiet = quiet
         self._loop = asyncio.get_running_loop()
 
@@ -59,9 +53,6 @@ class Pipe:
         Args:
             viser: Where they go.
             on_sent: Told the size of each message that the browser has taken.
-
-        Raises:
-            PageServerError: If the browser sent what is no message.
         """
         async with connect(
             viser.url,
@@ -103,34 +94,10 @@ class Pipe:
             )
 
     async def _up(self, scene: ClientConnection) -> None:
-        """Pass the browser's messages on to viser, those that it may send."""
-        pace = _Pace(self._loop)
+        """Pass the browser's messages on to viser, unless the page only shows."""
         async for message in self._browser:
-            await pace.wait()
-            if self._passes is None:
-                continue
-            if isinstance(message, str):
-                raise PageServerError("a browser sent text, which is no message")
-            if self._passes.passes(message):
+            if not self._is_read_only:
                 await scene.send(message)
-
-
-class _Pace:
-    """Lets at most so many pass in a second; who has more waits."""
-
-    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
-        """Begin the first second."""
-        self._loop = loop
-        self._begin, self._count = loop.time(), 0
-
-    async def wait(self) -> None:
-        """Wait for the next second if this one is full."""
-        left = self._begin + 1.0 - self._loop.time()
-        self._count += 1
-        if left > 0.0 and self._count > MAX_RATE:
-            await asyncio.sleep(left)
-        if left <= 0.0 or self._count > MAX_RATE:
-            self._begin, self._count = self._loop.time(), 0
 
 
 async def _until_one_ends(*ways: Coroutine[Any, Any, None]) -> None:
@@ -141,10 +108,7 @@ async def _until_one_ends(*ways: Coroutine[Any, Any, None]) -> None:
     finally:
         for task in tasks:
             task.cancel()
-        results = await asyncio.gather(*tasks, return_exceptions=True)
-    for result in results:
-        if isinstance(result, PageServerError):
-            raise result
+        await asyncio.gather(*tasks, return_exceptions=True)
 
 
 async def refuse(browser: ServerConnection, code: CloseCode, why: str) -> None:
