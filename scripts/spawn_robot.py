@@ -7,6 +7,6 @@ import signal
 if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
-from g1_description.ros.gazebo.programs.spawn_robot import main
+from g1_description.gazebo.programs.spawn_robot import main
 
 main()

@@ -7,6 +7,6 @@ import signal
 if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
-from g1_description.ros.web.node import main
+from g1_description.web.node import main
 
 main()

@@ -5,9 +5,9 @@ import signal
 
 import numpy as np
 
-from g1_description.core.motion.formats.read import read_motion
-from g1_description.core.motion.formats.table import table_text
-from g1_description.core.motion.trajectory import Trajectory
+from g1_description.motion.files.read import read_motion
+from g1_description.motion.files.table import table_text
+from g1_description.motion.trajectory import Trajectory
 
 ARM = "arm_joint"
 

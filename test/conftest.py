@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from g1_description.sim.batch.threads import one_thread
+from g1_description.threads import one_thread
 
 one_thread()  # as our programs do, before anything imports numpy
 
@@ -33,7 +33,7 @@ def g1_file(request):
 @pytest.fixture(scope="session")
 def g1(g1_file):
     """Give the text of both G1 files in turn, with absolute mesh URIs."""
-    from g1_description.core.files.uris import with_absolute_uris
+    from g1_description.files.uris import with_absolute_uris
 
     return with_absolute_uris(g1_file.read_text(), g1_file.parent)
 
@@ -41,7 +41,7 @@ def g1(g1_file):
 @pytest.fixture(scope="session")
 def vendors_g1():
     """Give the text of the vendor's file, with absolute mesh URIs."""
-    from g1_description.core.files.uris import with_absolute_uris
+    from g1_description.files.uris import with_absolute_uris
 
     if not VENDOR.exists():
         pytest.skip("the vendor's g1_29dof.urdf is not beside the repository")

@@ -1,7 +1,4 @@
-"""What a module may import, and how many there are in a folder, read from the source.
-
-Layers say what may be imported, rooms (folders) what the code is about.
-"""
+"""What a module imports, read from the source."""
 
 from __future__ import annotations
 
@@ -9,7 +6,6 @@ import ast
 
 PACKAGE = "g1_description"
 GENERATED = ("msg", "srv")
-MOST_IN_A_ROOM = 9
 
 
 class Layers:
@@ -48,50 +44,51 @@ class Layers:
         found = set()
         for level, module, names in self.imports[name]:
             if level:
-                room = name.split(".")[:-level]
-                start = ".".join([*room, module] if module else room)
+                package = name.split(".")[:-level]
+                start = ".".join([*package, module] if module else package)
             elif module.split(".")[0] == PACKAGE:
                 start = module[len(PACKAGE) + 1 :]
             else:
                 continue
             if start in GENERATED:
                 continue
-            inside = {f"{start}.{other}" for other in names} & set(self.paths)
-            found |= inside or {start}
+            inside = {f"{start}.{other}".lstrip(".") for other in names}
+            found |= (inside & set(self.paths)) or {start}
         return found
 
-    def of_layer(self, layer):
-        """Name the modules of a layer, in whatever room."""
-        return [name for name in self.paths if name.split(".")[0] == layer]
-
-    def stretched(self):
-        """Name the modules that import relatively from another room."""
-        return [
-            name
-            for name in self.paths
-            if any(
-                level > 1 or "." in module
-                for level, module, _ in self.imports[name]
-                if level
-            )
-        ]
+    def of_package(self, package):
+        """Name the modules of a package; those of none belong to the package ""."""
+        return [name for name in self.paths if package_of(name) == package]
 
     def circles(self):
-        """List groups of modules that import each other, directly or not."""
-        above = {name: self.own(name) & set(self.paths) for name in self.paths}
-        for middle in self.paths:  # after Warshall: whom each one reaches
-            for name in self.paths:
-                if middle in above[name]:
-                    above[name] = above[name] | above[middle]
-        return [name for name in self.paths if name in above[name]]
+        """List the modules that import themselves, directly or not."""
+        return in_circles({name: self.own(name) for name in self.paths})
 
-    def full_rooms(self):
-        """Name the folders with more modules than a room holds."""
-        counts = {}
-        for path in self.paths.values():
-            counts[path.parent] = counts.get(path.parent, 0) + 1
-        return [
-            str(room.relative_to(self.source))
-            for room, count in counts.items()
-            if count > MOST_IN_A_ROOM
-        ]
+    def package_circles(self):
+        """List the packages that import themselves by way of others."""
+        below = {}
+        for name in self.paths:
+            package = package_of(name) or name
+            others = {package_of(other) or other for other in self.own(name)}
+            others.discard(package)
+            below.setdefault(package, set()).update(others)
+        return in_circles(below)
+
+
+def package_of(module):
+    """Name the package that a module lies in."""
+    package, dot, _ = module.partition(".")
+    return package if dot else ""
+
+
+def in_circles(below):
+    """List who is reached from itself; ``below`` is a dict of sets.
+
+    Source: S. Warshall, A Theorem on Boolean Matrices, J. ACM 9 (1962).
+    """
+    reached = {name: others & set(below) for name, others in below.items()}
+    for middle in reached:
+        for name in reached:
+            if middle in reached[name]:
+                reached[name] = reached[name] | reached[middle]
+    return [name for name in reached if name in reached[name]]

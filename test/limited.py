@@ -10,9 +10,9 @@ import resource
 import sys
 from pathlib import Path
 
-from g1_description.core.errors import MotionError
-from g1_description.core.files.load import read_model
-from g1_description.ros.motion.files.read import read_motion_file
+from g1_description.errors import MotionError
+from g1_description.motion.files.read_any import read_motion_file
+from g1_description.robot.load import read_model
 
 MEMORY = 1_000_000_000
 SECONDS = 5

@@ -6,8 +6,8 @@ import numpy as np
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from g1_description.core.robot.lumping import lump_fixed_joints
-from g1_description.core.urdf.reader import parse_urdf
+from g1_description.robot.lumping import lump_fixed_joints
+from g1_description.robot.urdf import parse_urdf
 
 _NUMBER = st.floats(-3.0, 3.0).map(lambda value: round(value, 6))
 _VECTOR = st.tuples(_NUMBER, _NUMBER, _NUMBER)

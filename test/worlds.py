@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from g1_description.core.robot.lumping import lump_fixed_joints
-from g1_description.core.urdf.reader import parse_urdf
+from g1_description.robot.lumping import lump_fixed_joints
+from g1_description.robot.urdf import parse_urdf
 from g1_description.sim.entities import ModelEntity, seen_from
 from g1_description.sim.physics import PhysicsProperties
 from g1_description.sim.world import World

@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from .api.robot import Robot as Robot
-    from .ros.client.client import Client as Client
+    from .client import Client as Client
 
 # The generated services, g1_description.srv, lie in another folder of this name.
 __path__ = extend_path(__path__, __name__)
 
-PUBLIC = {"Client": "ros.client.client", "Robot": "api.robot"}
+PUBLIC = {"Client": "client", "Robot": "api.robot"}
 """Where the public names are."""
 
 
@@ -46,7 +46,7 @@ def __dir__() -> list[str]:
 def _needs(name: str, missing: str | None) -> str:
     """Say what to do where a module is missing that a public name needs."""
     lacks = f"g1_description.{name} needs {missing}, which {sys.executable} lacks"
-    if PUBLIC[name].startswith("ros."):
+    if name == "Client":
         return f"{lacks}: it needs ROS. Source the workspace and use /usr/bin/python3."
     return f"{lacks}. Install the package with pip, or use the Python of ROS."
 

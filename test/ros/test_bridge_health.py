@@ -23,11 +23,11 @@ from support.ros_testing import Connected, Repeated, wait_for
 from support.wire.raw_service import SUCCESS, Gate, Simulator, refusal
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from g1_description.core.motion.trajectory import Trajectory
-from g1_description.core.urdf.reader import parse_urdf
-from g1_description.ros.bridge.status import RobotStatus
-from g1_description.ros.motion.player import MotionPlayer
-from g1_description.ros.node.throttled_log import LOG_PERIOD, ThrottledLog
+from g1_description.bridge.player import MotionPlayer
+from g1_description.bridge.status import RobotStatus
+from g1_description.motion.trajectory import Trajectory
+from g1_description.robot.urdf import parse_urdf
+from g1_description.ros.log import LOG_PERIOD, ThrottledLog
 
 from tcpros import body_of
 

@@ -16,7 +16,7 @@ from support.burners import Burners
 from support.ros_testing import DEADLINE, Connected, wait_for
 from support.wire.raw_publisher import RawPublisher
 
-from g1_description.ros.node.newest import NEWEST
+from g1_description.ros.waiting import NEWEST
 
 from tcpros import body_of
 

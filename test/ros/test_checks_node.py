@@ -25,8 +25,8 @@ from trajectory_msgs.msg import (
 )
 from visualization_msgs.msg import Marker, MarkerArray
 
-from g1_description.core.urdf.reader import parse_urdf
-from g1_description.ros.wire.conversions import transform
+from g1_description.robot.urdf import parse_urdf
+from g1_description.ros.conversions import transform
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 

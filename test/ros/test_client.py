@@ -16,8 +16,8 @@ from std_srvs.srv import Empty
 from support.ros_testing import DEADLINE, REPOSITORY, Connected
 
 from g1_description import Client, Robot
-from g1_description.core.errors import G1DescriptionError
-from g1_description.core.rotation import normalized
+from g1_description.errors import G1DescriptionError
+from g1_description.robot.rotation import normalized
 
 ELBOW, KNEE = "left_elbow_joint", "right_knee_joint"
 ROBOT = Robot()

@@ -46,9 +46,9 @@ from support.ros_testing import (
 from support.virtual_screen import VirtualScreen
 from tf2_msgs.msg import TFMessage
 
-from g1_description.ros.apps.doctor.master import Master
-from g1_description.ros.apps.doctor.robot_links import RobotLinks
-from g1_description.ros.apps.doctor.screen import picture
+from g1_description.cli.doctor.master import Master
+from g1_description.cli.doctor.robot_links import RobotLinks
+from g1_description.cli.doctor.screen import picture
 
 DESCRIPTION = "/robot_description"
 ELSEWHERE = "198.51.100.7"

@@ -38,7 +38,7 @@ APART = ("__ns:=/apart", "/clock:=/apart/clock", "_port:=0")
 """Arguments of a node beside one of its name."""
 LATE = """
 import threading, rospy
-from g1_description.ros.node.lifecycle import at_shutdown, start_node
+from g1_description.ros.lifecycle import at_shutdown, start_node
 
 start_node("late")
 begun, goes_on, called = threading.Event(), threading.Event(), threading.Event()
@@ -59,7 +59,7 @@ print(called.is_set())
 """Wants to hear of the end after that has begun."""
 TWICE = """
 import os, signal, threading, rospy
-from g1_description.ros.node.lifecycle import start_node
+from g1_description.ros.lifecycle import start_node
 
 start_node("twice")
 answers = next(t for t in threading.enumerate() if t.name.startswith("Thread-1"))

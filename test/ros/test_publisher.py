@@ -12,7 +12,7 @@ from std_msgs.msg import String
 from support.ros_testing import DEADLINE, Listener, wait_for
 from support.wire.raw_subscriber import RawSubscriber, own_uri
 
-from g1_description.ros.transport.direct_publisher import DirectPublisher
+from g1_description.ros.publisher import DirectPublisher
 
 from tcpros import HangupError, body_of
 

@@ -38,9 +38,9 @@ HEADER = "time,base_x,base_y,base_z,base_qx,base_qy,base_qz,base_qw"
 COMMON = """
 import sys, numpy as np
 from pathlib import Path
-from g1_description.core.motion.sampling import sample
-from g1_description.core.urdf.reader import parse_urdf
-from g1_description.ros.motion.files.read import read_motion_file
+from g1_description.motion.trajectory import sample
+from g1_description.robot.urdf import parse_urdf
+from g1_description.motion.files.read_any import read_motion_file
 robot = parse_urdf(Path(sys.argv[1]).read_text())
 def read(path):
     return read_motion_file(Path(path), robot).trajectory
@@ -71,7 +71,7 @@ print(inside.sum(), joints, np.abs(x[inside] - wanted.base_poses).max())
 
 FULL = """
 from g1_description.ros.apps.motions import record
-from g1_description.ros.motion.files.write import Room, room_of
+from g1_description.cli.recorded_file import Room, room_of
 def room(path, joints, has_base):
     # As if the file could hold this many samples; without a number, had no base.
     most = int(limit)

@@ -12,7 +12,7 @@ from sensor_msgs.msg import JointState
 from support.joint_limits import limits
 from support.ros_testing import Listener, NodeLog, position_of, wait_for
 
-from g1_description.ros.node.newest import NEWEST
+from g1_description.ros.waiting import NEWEST
 
 
 class TestRoundTrip(unittest.TestCase):

@@ -17,18 +17,16 @@ from checked import POST, read, read_or_die, write_motions
 from conftest import REPOSITORY
 from waiting import DEADLINE, wait_for
 
-from g1_description.core.errors import ClusterError
-from g1_description.core.files.absolute_urdf import absolute_urdf
-from g1_description.core.motion.formats.read import read_motion
-from g1_description.core.motion.motion import Motion
-from g1_description.core.reports.tables import json_text
-from g1_description.sim.batch import cluster as clusters
-from g1_description.sim.batch.cluster import Cluster
-from g1_description.sim.batch.in_turn import Task, judged_here
-from g1_description.sim.batch.judge import Judge
-from g1_description.sim.batch.package import packed, unpacked
-from g1_description.sim.batch.processes import ATTEMPTS, Workers
-from g1_description.sim.batch.setup import Setup
+from g1_description.checks import cluster as clusters
+from g1_description.checks.batch import Judge, Setup, Task, judged_here
+from g1_description.checks.cluster import Cluster
+from g1_description.checks.cluster_worker import packed, unpacked
+from g1_description.checks.processes import ATTEMPTS, Workers
+from g1_description.checks.report import json_text
+from g1_description.errors import ClusterError
+from g1_description.motion.files.read import read_motion
+from g1_description.motion.motion import Motion
+from g1_description.robot.load import absolute_urdf
 
 pytestmark = pytest.mark.slow
 
@@ -108,9 +106,9 @@ WAITING = """
 import os, sys
 sys.path[:0] = {path!r}
 from pathlib import Path
-from g1_description.sim.batch.in_turn import Task
-from g1_description.sim.batch.processes import Workers
-from g1_description.sim.batch.setup import Setup
+from g1_description.checks.batch import Task
+from g1_description.checks.processes import Workers
+from g1_description.checks.batch import Setup
 from checked import POST, stay
 
 if __name__ == "__main__":

@@ -7,22 +7,21 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from g1_description.core.checks.thresholds import Level, Thresholds, with_thresholds
-from g1_description.core.errors import (
+from g1_description.checks import checker as robot_collisions
+from g1_description.checks.checker import Checker, collisions_of
+from g1_description.checks.thresholds import Level, Thresholds, with_thresholds
+from g1_description.errors import (
     AllowedPairsError,
     MotionError,
     ThresholdError,
     UnknownNameError,
 )
-from g1_description.core.files.absolute_urdf import absolute_urdf
-from g1_description.core.motion.motion import Motion
-from g1_description.core.motion.trajectory import Trajectory
-from g1_description.core.rotation import from_axis_angle, multiply
-from g1_description.core.urdf.reader import parse_urdf
-from g1_description.sim.checks import robot_collisions
-from g1_description.sim.checks.checker import Checker
-from g1_description.sim.checks.robot_collisions import collisions_of
-from g1_description.sim.motion.floor import lowest_height
+from g1_description.motion.motion import Motion
+from g1_description.motion.trajectory import Trajectory
+from g1_description.robot.load import absolute_urdf
+from g1_description.robot.rotation import from_axis_angle, multiply
+from g1_description.robot.urdf import parse_urdf
+from g1_description.sim.floor import lowest_height
 
 MODEL = Path(__file__).parents[2] / "urdf" / "g1_29dof.urdf"
 ROBOT = parse_urdf(absolute_urdf(str(MODEL)))

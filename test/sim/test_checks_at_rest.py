@@ -5,13 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from g1_description.core.checks.thresholds import Thresholds, with_thresholds
-from g1_description.core.errors import MotionError, UnknownNameError
-from g1_description.core.files.absolute_urdf import absolute_urdf
-from g1_description.core.files.uris import with_absolute_uris
-from g1_description.core.rotation import from_rpy
-from g1_description.core.urdf.reader import parse_urdf
-from g1_description.sim.checks.checker import Checker
+from g1_description.checks.checker import Checker
+from g1_description.checks.thresholds import Thresholds, with_thresholds
+from g1_description.errors import MotionError, UnknownNameError
+from g1_description.files.uris import with_absolute_uris
+from g1_description.robot.load import absolute_urdf
+from g1_description.robot.rotation import from_rpy
+from g1_description.robot.urdf import parse_urdf
 
 ROOT = Path(__file__).parents[2]
 ROBOT = parse_urdf(absolute_urdf(str(ROOT / "urdf" / "g1_29dof.urdf")))

@@ -12,26 +12,25 @@ from conftest import REPOSITORY
 from robots import link
 from waiting import DEADLINE, wait_for
 
-from g1_description.core.collisions.allowed_pairs import (
+from g1_description.collisions.allowed_pairs import (
     ADJACENT,
     ALWAYS,
     DEFAULT,
     NEVER,
+    read_allowed_pairs,
 )
-from g1_description.core.collisions.pairs_file import read_allowed_pairs
-from g1_description.core.files.uris import with_absolute_uris
-from g1_description.core.poses.pose import pose_positions
-from g1_description.core.poses.yaml_text import parse_poses
-from g1_description.core.robot.kinematics import Kinematics
-from g1_description.core.transform import IDENTITY
-from g1_description.core.urdf.reader import parse_urdf
-from g1_description.sim.collisions.find_pairs import (
+from g1_description.collisions.find_pairs import (
     QUICK_SAMPLES,
     find_allowed_pairs,
     quick_allowed_pairs,
     random_poses,
 )
-from g1_description.sim.collisions.self_collisions import SelfCollisions
+from g1_description.collisions.self_collisions import SelfCollisions
+from g1_description.files.uris import with_absolute_uris
+from g1_description.robot.kinematics import Kinematics
+from g1_description.robot.poses import parse_poses, pose_positions
+from g1_description.robot.transform import IDENTITY
+from g1_description.robot.urdf import parse_urdf
 
 pytestmark = pytest.mark.slow
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from test_world import ARM
 
-from g1_description.core.sdf.world import read_sdf
+from g1_description.sdf.world import read_sdf
 
 GAZEBO_COLLAPSE = {
     0.1: 0.790,

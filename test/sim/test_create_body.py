@@ -7,9 +7,9 @@ import pytest
 import trimesh
 from robots import BOX, MASS, link
 
-from g1_description.core.errors import DescriptionError
-from g1_description.core.sdf.world import read_sdf
-from g1_description.core.transform import IDENTITY
+from g1_description.errors import DescriptionError
+from g1_description.robot.transform import IDENTITY
+from g1_description.sdf.world import read_sdf
 from g1_description.sim.bullet.create_body import MAX_JOINTS
 from g1_description.sim.standing import standing_height
 

@@ -8,9 +8,9 @@ from robots import world_poses
 from scipy.spatial.transform import Rotation
 from worlds import Bench
 
-from g1_description.core.errors import DescriptionError
-from g1_description.core.robot.description import Inertial
-from g1_description.core.sdf.world import read_sdf
+from g1_description.errors import DescriptionError
+from g1_description.robot.description import Inertial
+from g1_description.sdf.world import read_sdf
 from g1_description.sim.forces import Span
 
 BODY = """<robot name="body"><link name="body"><inertial>

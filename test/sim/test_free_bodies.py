@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from g1_description.core.robot.lumping import lump_fixed_joints
-from g1_description.core.sdf.world import read_sdf
-from g1_description.core.transform import compose
-from g1_description.core.urdf.reader import parse_urdf
+from g1_description.robot.lumping import lump_fixed_joints
+from g1_description.robot.transform import compose
+from g1_description.robot.urdf import parse_urdf
+from g1_description.sdf.world import read_sdf
 from g1_description.sim.forces import Span
 from g1_description.sim.standing import hanging_height, standing_height
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from conftest import VENDOR
 
-from g1_description.core.files.load import read_model
-from g1_description.core.files.uris import with_absolute_uris
-from g1_description.core.robot.lumping import lump_fixed_joints
+from g1_description.files.uris import with_absolute_uris
 from g1_description.importer.command import run
+from g1_description.robot.load import read_model
+from g1_description.robot.lumping import lump_fixed_joints
 
 STANDING = np.array([0.0, 0.0, 0.793, 0.0, 0.0, 0.0, 1.0])
 

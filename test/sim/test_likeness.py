@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from conftest import REPOSITORY, VENDOR
 
-from g1_description.core.files.uris import with_absolute_uris
-from g1_description.core.transform import IDENTITY
-from g1_description.core.urdf.reader import parse_urdf
-from g1_description.sim.render.camera import Camera
-from g1_description.sim.render.picture import silhouette
-from g1_description.sim.render.scene import NOTHING, Scene
+from g1_description.files.uris import with_absolute_uris
+from g1_description.render.camera import Camera
+from g1_description.render.picture import silhouette
+from g1_description.render.scene import NOTHING, Scene
+from g1_description.robot.transform import IDENTITY
+from g1_description.robot.urdf import parse_urdf
 
 OURS = REPOSITORY / "urdf" / "g1_29dof.urdf"
 BENT = {

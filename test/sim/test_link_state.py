@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from g1_description.core.errors import InvalidValueError
-from g1_description.core.robot.lumping import lump_fixed_joints
-from g1_description.core.sdf.world import read_sdf
-from g1_description.core.urdf.reader import parse_urdf
+from g1_description.errors import InvalidValueError
+from g1_description.robot.lumping import lump_fixed_joints
+from g1_description.robot.urdf import parse_urdf
+from g1_description.sdf.world import read_sdf
 from g1_description.sim.world import World
 
 INERTIAL = """<inertial><origin xyz="{}"/><mass value="1"/><inertia ixx="0.1" iyy="0.1"

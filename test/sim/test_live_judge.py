@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from g1_description.core.checks.thresholds import Thresholds
-from g1_description.core.errors import UnknownNameError
-from g1_description.core.files.absolute_urdf import absolute_urdf
-from g1_description.core.urdf.reader import parse_urdf
-from g1_description.sim.checks.checker import Checker
-from g1_description.sim.live.live_judge import AT_REST, STANDSTILL, LiveJudge
+from g1_description.checks.checker import Checker
+from g1_description.checks.live import AT_REST, STANDSTILL, LiveJudge
+from g1_description.checks.thresholds import Thresholds
+from g1_description.errors import UnknownNameError
+from g1_description.robot.load import absolute_urdf
+from g1_description.robot.urdf import parse_urdf
 
 ROBOT = parse_urdf(
     absolute_urdf(str(Path(__file__).parents[2] / "urdf" / "g1_29dof.urdf"))

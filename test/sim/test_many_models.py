@@ -7,7 +7,7 @@ from oracle import assert_poses_close, forward_kinematics
 from test_free_bodies import FLYING, TWO
 from test_world import ARM, TOP
 
-from g1_description.core.sdf.world import read_sdf
+from g1_description.sdf.world import read_sdf
 
 SDF_BOX = """<sdf version="1.6"><model name="box"><link name="body">
 <inertial><mass>1</mass></inertial><collision name="c"><geometry><box>

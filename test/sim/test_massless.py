@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from g1_description.core.robot.lumping import lump_fixed_joints
-from g1_description.core.urdf.reader import parse_urdf
-from g1_description.ros.gazebo.start import figures
+from g1_description.gazebo.start import figures
+from g1_description.robot.lumping import lump_fixed_joints
+from g1_description.robot.urdf import parse_urdf
 
 HIGH = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])
 BOX = '<collision><geometry><box size="0.2 0.2 0.2"/></geometry></collision>'

@@ -18,17 +18,17 @@ import trimesh
 from dae import box, collada, node, use
 from waiting import DEADLINE, wait_for
 
-from g1_description.core.robot.description import Shape
-from g1_description.core.robot.lumping import lump_fixed_joints
-from g1_description.core.sdf.world import read_sdf
-from g1_description.core.transform import IDENTITY
-from g1_description.core.urdf.reader import parse_urdf
+from g1_description.render.camera import Camera
+from g1_description.render.picture import draw
+from g1_description.render.scene import Scene
+from g1_description.robot.description import Shape
+from g1_description.robot.lumping import lump_fixed_joints
+from g1_description.robot.transform import IDENTITY
+from g1_description.robot.urdf import parse_urdf
+from g1_description.sdf.world import read_sdf
 from g1_description.sim.meshes import contents as mesh_contents
 from g1_description.sim.meshes.assimp import Assimp
 from g1_description.sim.meshes.shapes import find_meshes
-from g1_description.sim.render.camera import Camera
-from g1_description.sim.render.picture import draw
-from g1_description.sim.render.scene import Scene
 from g1_description.sim.standing import standing_height
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "ros"))

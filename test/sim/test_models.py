@@ -6,13 +6,10 @@ from gazebo_msgs.srv import SpawnModelRequest
 from oracle import assert_poses_close
 from scipy.spatial.transform import Rotation
 
-from g1_description.core.errors import DescriptionError, UnknownNameError
-from g1_description.core.sdf.world import read_sdf
-from g1_description.core.transform import compose, inverse
-from g1_description.ros.gazebo.services.spawn import (
-    parse_sdf_request,
-    parse_urdf_request,
-)
+from g1_description.errors import DescriptionError, UnknownNameError
+from g1_description.gazebo.services.spawn import parse_sdf_request, parse_urdf_request
+from g1_description.robot.transform import compose, inverse
+from g1_description.sdf.world import read_sdf
 
 MASS = (
     '<inertial><origin xyz="{}"/><mass value="1"/><inertia ixx="0.02" iyy="0.03" '

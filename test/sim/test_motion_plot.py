@@ -10,13 +10,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
-from g1_description.core.motion.motion import Motion
-from g1_description.core.motion.trajectory import Trajectory
-from g1_description.core.urdf.reader import parse_urdf
-from g1_description.sim.checks.checker import Checker
-from g1_description.sim.plots.motion_plot import motion_plot
-from g1_description.sim.plots.panels import COLORS
-from g1_description.sim.plots.series import MAX_BINS, bars, in_limits, thinned
+from g1_description.checks.checker import Checker
+from g1_description.checks.plot import motion_plot
+from g1_description.checks.plot_panels import COLORS, MAX_BINS, bars, in_limits, thinned
+from g1_description.motion.motion import Motion
+from g1_description.motion.trajectory import Trajectory
+from g1_description.robot.urdf import parse_urdf
 
 ROBOT = parse_urdf(POST)
 

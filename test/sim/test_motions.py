@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
-from g1_description.core.errors import InvalidValueError, UnknownNameError
-from g1_description.core.motion.trajectory import Trajectory
+from g1_description.errors import InvalidValueError, UnknownNameError
+from g1_description.motion.trajectory import Trajectory
 
 STEP = 1_000_000
 UPRIGHT = np.array([0.0, 0.0, 0.793, 0.0, 0.0, 0.0, 1.0])

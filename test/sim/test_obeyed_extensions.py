@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from worlds import Bench
 
-from g1_description.core.bridge.estimator import JointStateEstimator
-from g1_description.core.urdf.reader import parse_urdf
+from g1_description.bridge.estimator import JointStateEstimator
+from g1_description.robot.urdf import parse_urdf
 
 HIGH = np.array([0.3, 0.0, 2.0, 0.0, 0.0, 0.0, 1.0])
 MASS = (

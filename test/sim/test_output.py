@@ -10,11 +10,11 @@ from conftest import REPOSITORY
 ROBOT = '<robot name="r"><link name="a"/></robot>'
 USE_ALL = f"""
 import numpy as np
-from g1_description.core.urdf.reader import parse_urdf
-from g1_description.core.robot.lumping import lump_fixed_joints
+from g1_description.robot.urdf import parse_urdf
+from g1_description.robot.lumping import lump_fixed_joints
 from g1_description.sim.bullet.engine import Engine
 from g1_description.sim.physics import PhysicsProperties
-from g1_description.sim.render.scene import Scene
+from g1_description.render.scene import Scene
 from g1_description.sim.standing import standing_height
 robot = parse_urdf('{ROBOT}')
 Engine("hold", PhysicsProperties()).close()

@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 from checked import ARM, POST, post_motion
 
-from g1_description.core.checks.thresholds import Level, Thresholds
-from g1_description.core.checks.verdict import Verdict
-from g1_description.core.motion.motion import Motion
-from g1_description.core.reports.outcome import Outcome
-from g1_description.core.reports.text import outcome_text
-from g1_description.core.urdf.reader import parse_urdf
-from g1_description.sim.checks.physics import PhysicsCheck
-from g1_description.sim.motion.rollout import Conditions, rollout
+from g1_description.checks.physics import PhysicsCheck
+from g1_description.checks.report import Outcome, outcome_text
+from g1_description.checks.thresholds import Level, Thresholds
+from g1_description.checks.verdict import Verdict
+from g1_description.motion.motion import Motion
+from g1_description.robot.urdf import parse_urdf
+from g1_description.sim.rollout import Conditions, rollout
 
 ROBOT = parse_urdf(POST)
 LIMITS = Thresholds(tracking=Level(0.05), saturation=Level(0.1), fall=Level(0.0))

@@ -13,10 +13,10 @@ from conftest import REPOSITORY
 from oracle import forward_kinematics
 from scipy.spatial.transform import Rotation
 
-from g1_description.core.urdf.reader import parse_urdf
-from g1_description.sim.render.camera import VIEWS, Camera, framing
-from g1_description.sim.render.picture import draw, silhouette
-from g1_description.sim.render.scene import NOTHING, Scene
+from g1_description.render.camera import VIEWS, Camera, framing
+from g1_description.render.picture import draw, silhouette
+from g1_description.render.scene import NOTHING, Scene
+from g1_description.robot.urdf import parse_urdf
 
 MIDDLE = np.array([0.0, 0.0, 0.66])
 OURS = REPOSITORY / "urdf" / "g1_29dof.urdf"
@@ -276,9 +276,9 @@ def test_links_without_mass_and_on_fixed_joints_are_seen(scene):
 def test_no_screen_is_needed():
     code = (
         "import numpy as np\n"
-        "from g1_description.sim.render.camera import Camera\n"
-        "from g1_description.sim.render.picture import draw\n"
-        "from g1_description.sim.render.scene import Scene\n"
+        "from g1_description.render.camera import Camera\n"
+        "from g1_description.render.picture import draw\n"
+        "from g1_description.render.scene import Scene\n"
         "with Scene() as scene:\n"
         "    draw(scene, Camera(np.zeros(3), 0.0, 0.0, 1.0), 16, 16)\n"
     )

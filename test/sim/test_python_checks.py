@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from g1_description import Robot
-from g1_description.core.checks.verdict import Verdict
-from g1_description.core.errors import (
+from g1_description.checks.verdict import Verdict
+from g1_description.errors import (
     InvalidValueError,
     MotionError,
     ThresholdError,

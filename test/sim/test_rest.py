@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from worlds import Bench
 
-from g1_description.sim.bullet.rest import REST_SPEED
+from g1_description.sim.bullet.engine import REST_SPEED
 from g1_description.sim.forces import Span
 
 INERTIA = '<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/>'

@@ -13,18 +13,18 @@ from conftest import REPOSITORY
 from scipy.integrate import solve_ivp
 from worlds import Bench
 
-from g1_description.core.errors import InvalidValueError
-from g1_description.core.files.uris import with_absolute_uris
-from g1_description.core.motion.formats.read import read_motion
-from g1_description.core.motion.motors import Motor, Motors, read_motors
-from g1_description.core.motion.tracking import FallLimits
-from g1_description.core.motion.trajectory import Trajectory
-from g1_description.core.robot.lumping import lump_fixed_joints
-from g1_description.core.urdf.reader import parse_urdf
-from g1_description.sim.motion import rollout as rollouts
-from g1_description.sim.motion.rollout import Conditions, rollout
-from g1_description.sim.motion.tracking import WATCH_TIME
+from g1_description.errors import InvalidValueError
+from g1_description.files.uris import with_absolute_uris
+from g1_description.motion.files.read import read_motion
+from g1_description.motion.motors import Motor, Motors, read_motors
+from g1_description.motion.tracking import FallLimits
+from g1_description.motion.trajectory import Trajectory
+from g1_description.robot.lumping import lump_fixed_joints
+from g1_description.robot.urdf import parse_urdf
+from g1_description.sim import rollout as rollouts
+from g1_description.sim.motions import WATCH_TIME
 from g1_description.sim.physics import PhysicsProperties
+from g1_description.sim.rollout import Conditions, rollout
 
 pytestmark = pytest.mark.slow
 

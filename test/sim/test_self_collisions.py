@@ -11,14 +11,14 @@ from robots import link
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from g1_description.core.collisions.allowed_pairs import USER, AllowedPair, AllowedPairs
-from g1_description.core.errors import AllowedPairsError, InvalidValueError
-from g1_description.core.files.uris import with_absolute_uris
-from g1_description.core.rotation import rotate
-from g1_description.core.transform import IDENTITY
-from g1_description.core.urdf.reader import parse_urdf
-from g1_description.sim.collisions.find_pairs import adjacent_pairs, random_poses
-from g1_description.sim.collisions.self_collisions import SelfCollisions
+from g1_description.collisions.allowed_pairs import USER, AllowedPair, AllowedPairs
+from g1_description.collisions.find_pairs import adjacent_pairs, random_poses
+from g1_description.collisions.self_collisions import SelfCollisions
+from g1_description.errors import AllowedPairsError, InvalidValueError
+from g1_description.files.uris import with_absolute_uris
+from g1_description.robot.rotation import rotate
+from g1_description.robot.transform import IDENTITY
+from g1_description.robot.urdf import parse_urdf
 from g1_description.sim.meshes.hulls import outline
 from g1_description.sim.meshes.shapes import find_meshes
 

@@ -16,10 +16,10 @@ from robots import chains, world_poses
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from g1_description.core.files.uris import with_absolute_uris
-from g1_description.core.poses.yaml_text import parse_poses
-from g1_description.core.robot.lumping import lump_fixed_joints
-from g1_description.core.urdf.reader import parse_urdf
+from g1_description.files.uris import with_absolute_uris
+from g1_description.robot.lumping import lump_fixed_joints
+from g1_description.robot.poses import parse_poses
+from g1_description.robot.urdf import parse_urdf
 from g1_description.sim.standing import hanging_height, standing_height
 
 OURS = with_absolute_uris(

@@ -8,15 +8,14 @@ import pytest
 from conftest import REPOSITORY
 from worlds import Bench
 
-from g1_description.core.motion.motors import Motor, Motors, g1_motors
-from g1_description.core.motion.sampling import sample
-from g1_description.core.motion.tracking import FallLimits
-from g1_description.core.motion.trajectory import Trajectory
-from g1_description.core.poses.minimum_jerk import minimum_jerk_trajectory
-from g1_description.core.poses.yaml_text import parse_poses
-from g1_description.core.robot.lumping import lump_fixed_joints
-from g1_description.core.urdf.reader import parse_urdf
-from g1_description.sim.motion.tracking import WATCH_TIME
+from g1_description.motion.edit import minimum_jerk_trajectory
+from g1_description.motion.motors import Motor, Motors, g1_motors
+from g1_description.motion.tracking import FallLimits
+from g1_description.motion.trajectory import Trajectory, sample
+from g1_description.robot.lumping import lump_fixed_joints
+from g1_description.robot.poses import parse_poses
+from g1_description.robot.urdf import parse_urdf
+from g1_description.sim.motions import WATCH_TIME
 from g1_description.sim.standing import hanging_height, standing_height
 
 pytestmark = pytest.mark.slow

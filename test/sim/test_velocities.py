@@ -5,8 +5,8 @@ import pytest
 from conftest import REPOSITORY
 from scipy.spatial.transform import Rotation
 
-from g1_description.core.bridge.estimator import JointStateEstimator
-from g1_description.core.urdf.reader import parse_urdf
+from g1_description.bridge.estimator import JointStateEstimator
+from g1_description.robot.urdf import parse_urdf
 
 LEFT_OUT = (
     "floating",

@@ -6,11 +6,7 @@ from oracle import assert_poses_close, forward_kinematics
 from scipy.spatial.transform import Rotation
 from worlds import Bench
 
-from g1_description.core.errors import (
-    DescriptionError,
-    InvalidValueError,
-    UnknownNameError,
-)
+from g1_description.errors import DescriptionError, InvalidValueError, UnknownNameError
 from g1_description.sim.bullet.engine import PHYSICS
 
 UPRIGHT = np.array([0.0, 0.0, 0.793, 0.0, 0.0, 0.0, 1.0])

@@ -4,20 +4,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from g1_description.core.collisions.allowed_pairs import (
+from g1_description.collisions.allowed_pairs import (
     NEVER,
     REASONS,
     USER,
     AllowedPair,
     AllowedPairs,
-    with_pairs,
-)
-from g1_description.core.collisions.pairs_file import (
     allowed_pairs_text,
     read_allowed_pairs,
+    with_pairs,
     write_allowed_pairs,
 )
-from g1_description.core.errors import AllowedPairsError
+from g1_description.errors import AllowedPairsError
 
 NAMES = st.text(
     st.characters(blacklist_categories=["Cc", "Cs", "Zl", "Zp"]), min_size=1

@@ -26,10 +26,11 @@ from trajectory_msgs.msg import (
     MultiDOFJointTrajectoryPoint,
 )
 
-from g1_description.core.errors import MotionError
-from g1_description.ros.motion.files import bag_records, write
-from g1_description.ros.motion.files.read import read_motion_file
-from g1_description.ros.motion.files.write import room_of, write_motion_file
+from g1_description.cli import recorded_file as write
+from g1_description.cli.recorded_file import room_of, write_motion_file
+from g1_description.errors import MotionError
+from g1_description.motion.files import bag_records
+from g1_description.motion.files.read_any import read_motion_file
 
 ELBOW, KNEE = "left_elbow_joint", "left_knee_joint"
 SECOND = 1_000_000_000

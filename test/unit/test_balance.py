@@ -7,13 +7,13 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial import ConvexHull
 
-from g1_description.core.checks.balance import (
+from g1_description.checks.balance import (
     margins,
     support_margin,
     support_polygon,
     zero_moment_points,
 )
-from g1_description.core.dynamics.inverse_dynamics import Dynamics
+from g1_description.robot.dynamics import Dynamics
 
 POINTS = arrays(
     float, st.tuples(st.integers(3, 12), st.just(2)), elements=st.integers(-50, 50)

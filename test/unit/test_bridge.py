@@ -6,11 +6,14 @@ from robots import robot
 for module in ("rospy", "tf2_ros", "gazebo_msgs.msg"):
     pytest.importorskip(module, reason=f"{module} is not there")
 
-from g1_description.core.errors import InvalidValueError  # noqa: E402
-from g1_description.core.urdf.reader import parse_urdf  # noqa: E402
-from g1_description.ros.bridge.frames import base_child, static_edges  # noqa: E402
-from g1_description.ros.bridge.parameters import BridgeParameters  # noqa: E402
-from g1_description.ros.gazebo.parameters import GazeboParameters  # noqa: E402
+from g1_description.bridge.parameters import (  # noqa: E402
+    BridgeParameters,
+    base_child,
+    static_edges,
+)
+from g1_description.errors import InvalidValueError  # noqa: E402
+from g1_description.gazebo.parameters import GazeboParameters  # noqa: E402
+from g1_description.robot.urdf import parse_urdf  # noqa: E402
 from g1_description.sim.physics import PhysicsProperties  # noqa: E402
 
 

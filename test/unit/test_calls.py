@@ -10,7 +10,7 @@ pytest.importorskip("rospy", reason="rospy is not installed")
 
 import rospy
 
-from g1_description.ros.gazebo.calls import Calls
+from g1_description.gazebo.node import Calls
 
 
 @pytest.fixture

@@ -15,9 +15,9 @@ from checked import POST, write_motions
 from conftest import REPOSITORY
 from waiting import wait_for
 
-from g1_description.ros.apps.checks import check
-from g1_description.ros.apps.checks.check_options import MISUSE, parse
-from g1_description.ros.apps.checks.motion_paths import motion_files, picture_names
+from g1_description.cli import check
+from g1_description.cli.check_options import MISUSE, parse
+from g1_description.cli.motion_paths import motion_files, picture_names
 
 PASSES, FAILS = 0.3, 1.5
 

@@ -12,7 +12,7 @@ pytest.importorskip("rospy", reason="rospy is not there")
 pytest.importorskip("g1_description.srv", reason="no workspace is sourced")
 
 from g1_description import Client
-from g1_description.core.errors import G1DescriptionError
+from g1_description.errors import G1DescriptionError
 
 
 def refused(timeout=DEADLINE):

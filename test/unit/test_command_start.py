@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import pytest
 from waiting import DEADLINE
 
-from g1_description.ros.apps import command_start
+from g1_description.cli import start as command_start
 
 
 def test_an_interrupt_that_python_ignored_comes_again(capfd):

@@ -6,12 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from g1_description.core.bridge.command_tally import (
-    MAX_NAME_LENGTH,
-    MAX_NAMES,
-    CommandTally,
-)
-from g1_description.core.bridge.commands import split_command
+from g1_description.bridge.sender import split_command
+from g1_description.bridge.status import MAX_NAME_LENGTH, MAX_NAMES, CommandTally
 
 LIMITS = {"knee": (-0.1, 2.9), "wheel": (-math.inf, math.inf)}
 

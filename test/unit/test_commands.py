@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from g1_description.core.bridge.commands import split_command
+from g1_description.bridge.sender import split_command
 
 JOINTS = ("elbow", "knee")
 

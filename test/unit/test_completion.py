@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from conftest import REPOSITORY
 
-from g1_description.core.doctor.links import LINKS
+from g1_description.cli.doctor.faults import LINKS
 
 ROSBASH = [
     *Path("/opt/ros").glob("*/share/rosbash/rosbash"),

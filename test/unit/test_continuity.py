@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from g1_description.core.bridge.estimator import JointStateEstimator
-from g1_description.core.urdf.reader import parse_urdf
+from g1_description.bridge.estimator import JointStateEstimator
+from g1_description.robot.urdf import parse_urdf
 
 TURN = 2.0 * np.pi
 HALF = 3.14159

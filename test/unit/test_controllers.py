@@ -5,12 +5,9 @@ import pytest
 for module in ("rospy", "control_msgs.msg"):
     pytest.importorskip(module, reason=f"{module} is not there")
 
-from g1_description.core.errors import InvalidValueError  # noqa: E402
-from g1_description.core.motion.tolerances import Constraints  # noqa: E402
-from g1_description.ros.motion.action.controllers import (  # noqa: E402
-    Controller,
-    read_controllers,
-)
+from g1_description.bridge.controllers import Controller, read_controllers  # noqa: E402
+from g1_description.errors import InvalidValueError  # noqa: E402
+from g1_description.motion.tolerances import Constraints  # noqa: E402
 
 JOINTS = ("knee", "elbow", "wrist")
 ARM = {"name": "arm", "joints": ["wrist", "elbow"]}

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from g1_description.core.errors import DescriptionError
-from g1_description.core.robot.lumping import lump_fixed_joints
-from g1_description.core.urdf.reader import parse_urdf
+from g1_description.errors import DescriptionError
+from g1_description.robot.lumping import lump_fixed_joints
+from g1_description.robot.urdf import parse_urdf
 
 A_B = '<link name="a"/><link name="b"/>'
 

@@ -13,21 +13,27 @@ import numpy as np
 import pytest
 from conftest import REPOSITORY
 
-from g1_description.core.doctor import robot, shell
-from g1_description.core.doctor.faults import DISPLAY, GAZEBO, TABLE, fault
-from g1_description.core.doctor.links import BROKEN, LINKS
-from g1_description.core.doctor.nodes import (
+from g1_description.cli.doctor import robot, shell
+from g1_description.cli.doctor.faults import (
+    BROKEN,
+    DISPLAY,
+    GAZEBO,
+    LINKS,
+    TABLE,
+    fault,
+)
+from g1_description.cli.doctor.master import Master
+from g1_description.cli.doctor.nodes import (
     UNKNOWN_HOST,
     Graph,
     NodeAnswer,
     node_addresses,
 )
-from g1_description.core.robot.kinematics import Kinematics
-from g1_description.core.robot.lumping import lump_fixed_joints
-from g1_description.core.transform import IDENTITY
-from g1_description.core.urdf.reader import parse_urdf
-from g1_description.ros.apps.doctor.master import Master
-from g1_description.ros.apps.doctor.walk import Walk
+from g1_description.cli.doctor.walk import Walk
+from g1_description.robot.kinematics import Kinematics
+from g1_description.robot.lumping import lump_fixed_joints
+from g1_description.robot.transform import IDENTITY
+from g1_description.robot.urdf import parse_urdf
 
 URDF = (REPOSITORY / "urdf" / "g1_29dof.urdf").read_text()
 PAGE = (REPOSITORY / "docs" / "doctor.md").read_text()
@@ -73,7 +79,7 @@ def test_a_python_without_anything_names_what_it_lacks():
 def test_the_command_imports_the_standard_library_alone():
     code = (
         "import sys; sys.path.append('src'); known = {*sys.modules}\n"
-        "import g1_description.ros.apps.doctor.doctor\n"
+        "import g1_description.cli.doctor.doctor\n"
         "print(*{name.partition('.')[0] for name in {*sys.modules} - known})"
     )
     run = [sys.executable, "-I", "-S", "-c", code]

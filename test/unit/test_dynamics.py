@@ -8,13 +8,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from robots import chains, world_poses
 
-from g1_description.core.dynamics.inverse_dynamics import RobotMotion, inverse_dynamics
-from g1_description.core.dynamics.jacobian import center_of_mass_jacobian, link_jacobian
-from g1_description.core.dynamics.masses import Masses
-from g1_description.core.errors import DescriptionError
-from g1_description.core.robot.kinematics import Kinematics
-from g1_description.core.rotation import normalized
-from g1_description.core.urdf.reader import parse_urdf
+from g1_description.errors import DescriptionError
+from g1_description.robot.dynamics import (
+    Masses,
+    RobotMotion,
+    center_of_mass_jacobian,
+    inverse_dynamics,
+    link_jacobian,
+)
+from g1_description.robot.kinematics import Kinematics
+from g1_description.robot.rotation import normalized
+from g1_description.robot.urdf import parse_urdf
 
 pinocchio = pytest.importorskip(
     "pinocchio", reason="pinocchio is not there, as its wheels need numpy 1.23"

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from robots import robot
 
-from g1_description.core.bridge.estimator import JointStateEstimator
-from g1_description.core.urdf.reader import parse_urdf
+from g1_description.bridge.estimator import JointStateEstimator
+from g1_description.robot.urdf import parse_urdf
 
 
 def turned(angle):

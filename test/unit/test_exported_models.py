@@ -4,9 +4,9 @@ import pytest
 
 pytest.importorskip("rospkg", reason="rospkg is not installed")
 
-from g1_description.core.files import model_files
-from g1_description.core.files.uris import local_path
-from g1_description.ros.gazebo.programs.gzserver import find_world
+from g1_description.files import model_files
+from g1_description.files.uris import local_path
+from g1_description.gazebo.programs.gzserver import find_world
 
 PACKAGE = """<package format="2"><name>{}</name><version>0.0.0</version>
 <description>d</description><maintainer email="a@b.c">m</maintainer>

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from g1_description.core.errors import InvalidValueError
-from g1_description.core.motion.following import Following, Outcome, remaining
-from g1_description.core.motion.tolerances import (
+from g1_description.errors import InvalidValueError
+from g1_description.motion.playlist import Following, Outcome, remaining
+from g1_description.motion.tolerances import (
     Constraints,
     JointTolerance,
     Tolerances,
@@ -17,7 +17,7 @@ from g1_description.core.motion.tolerances import (
     tolerances_of_goal,
     worst_violation,
 )
-from g1_description.core.motion.trajectory import Trajectory
+from g1_description.motion.trajectory import Trajectory
 
 NAMES = ("knee", "elbow")
 SECOND = 1_000_000_000

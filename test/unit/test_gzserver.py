@@ -6,7 +6,7 @@ import pytest
 
 pytest.importorskip("rospy", reason="rospy is not installed")
 
-from g1_description.ros.gazebo.programs import gzclient, gzserver
+from g1_description.gazebo.programs import gzclient, gzserver
 
 
 def refusal(arguments, capsys):

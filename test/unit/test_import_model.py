@@ -18,15 +18,15 @@ from hypothesis import given, settings
 from robots import chains
 from waiting import DEADLINE, wait_for
 
-from g1_description.core.errors import DescriptionError
-from g1_description.core.files import model_files
-from g1_description.core.files.load import read_model
-from g1_description.core.files.uris import local_path, with_absolute_uris
-from g1_description.core.robot.description import Shape
-from g1_description.core.urdf.reader import parse_urdf
+from g1_description.errors import DescriptionError
+from g1_description.files import model_files
+from g1_description.files.uris import local_path, with_absolute_uris
 from g1_description.importer.command import run
 from g1_description.importer.folder import Folder
-from g1_description.importer.naming import FileNames
+from g1_description.importer.importing import FileNames
+from g1_description.robot.description import Shape
+from g1_description.robot.load import read_model
+from g1_description.robot.urdf import parse_urdf
 from g1_description.sim.meshes.shapes import find_meshes
 
 LINK = '<link name="{}"><inertial><mass value="2"/><inertia {}/></inertial>{}</link>'

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 import trimesh
 
-from g1_description.core.errors import DescriptionError
-from g1_description.importer.meshes.deviation import Surface, deviation
-from g1_description.importer.meshes.shapes import (
+from g1_description.errors import DescriptionError
+from g1_description.importer.simplify import (
+    Surface,
     convex_hull,
     decimated,
     decimated_hull,
+    deviation,
     within,
 )
 from g1_description.sim.meshes.stl import clean_header, is_binary, write_stl

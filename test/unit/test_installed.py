@@ -112,7 +112,7 @@ def test_the_version_is_that_of_the_manifest(python):
 def test_the_robot_is_there_with_its_meshes_and_poses(python):
     program = (
         "from g1_description import Robot\n"
-        "from g1_description.core.files.model_files import find_folder\n"
+        "from g1_description.files.model_files import find_folder\n"
         "from g1_description.sim.meshes.shapes import find_meshes\n"
         "robot = Robot()\n"
         "links = robot.description.links\n"

@@ -7,9 +7,8 @@ from hypothesis import strategies as st
 from oracle import forward_kinematics
 from robots import chains, world_poses
 
-from g1_description.core.bridge.joints import measured_joints
-from g1_description.core.bridge.measurement import Previous, measure
-from g1_description.core.urdf.reader import parse_urdf
+from g1_description.robot.joint_angles import Previous, measure, measured_joints
+from g1_description.robot.urdf import parse_urdf
 
 SIGNS = st.lists(st.sampled_from([1.0, -1.0]), min_size=9, max_size=9)
 TURNING = st.sampled_from(["revolute", "continuous", "fixed"])

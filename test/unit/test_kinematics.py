@@ -7,9 +7,9 @@ from oracle import assert_poses_close, forward_kinematics
 from robots import chains, world_poses
 from scipy.spatial.transform import Rotation
 
-from g1_description.core.robot.kinematics import Kinematics
-from g1_description.core.robot.lumping import lump_fixed_joints
-from g1_description.core.urdf.reader import parse_urdf
+from g1_description.robot.kinematics import Kinematics
+from g1_description.robot.lumping import lump_fixed_joints
+from g1_description.robot.urdf import parse_urdf
 
 
 def lumped_positions(lumped, positions):

@@ -10,9 +10,9 @@ import pytest
 from conftest import REPOSITORY
 from forked import run_script
 
-from g1_description.core.errors import InvalidValueError
-from g1_description.core.files.launch_arguments import CHOICES, given_to_own_file
-from g1_description.ros.gazebo.programs import launched_robot
+from g1_description.errors import InvalidValueError
+from g1_description.gazebo.programs import launched_robot
+from g1_description.robot.launch_arguments import CHOICES, given_to_own_file
 
 FOUND = shutil.which("rospack") and shutil.which("roslaunch")
 HERE = (

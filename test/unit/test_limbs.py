@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from g1_description.core.motion.formats.unnamed import G1_JOINTS
-from g1_description.core.robot.limbs import OTHER, by_limb, limb_of
+from g1_description.motion.files.unnamed import G1_JOINTS
+from g1_description.robot.description import OTHER, by_limb, limb_of
 
 
 def test_the_g1_has_two_legs_a_waist_and_two_arms():

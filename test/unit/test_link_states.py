@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from g1_description.core.errors import WireFormatError
-from g1_description.ros.wire.link_states import LinkStatesDecoder, LinkStatesEncoder
+from g1_description.errors import WireFormatError
+from g1_description.ros.wire import LinkStatesDecoder, LinkStatesEncoder
 
 NAMES = st.lists(st.text(max_size=12), max_size=6)
 SEEDS = st.integers(0, 2**32 - 1)
@@ -27,7 +27,7 @@ def random_message(names, seed):
 def genpy_bytes(names, poses, twists):
     """Serialise with the generated message class: the outside oracle."""
     gazebo_msgs = pytest.importorskip("gazebo_msgs.msg", reason="gazebo_msgs not built")
-    from g1_description.ros.wire.conversions import pose_from_array, twist_from_array
+    from g1_description.ros.conversions import pose_from_array, twist_from_array
 
     message = gazebo_msgs.LinkStates(
         name=names,
@@ -70,7 +70,7 @@ def stamped_bytes(names, poses, twists, stamp, frame="world", n_wrenches=0):
     gazebo_msgs = pytest.importorskip("gazebo_msgs.msg", reason="gazebo_msgs not built")
     from geometry_msgs.msg import Wrench
 
-    from g1_description.ros.wire import conversions
+    from g1_description.ros import conversions
 
     message = gazebo_msgs.WorldState(
         name=names,

@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from robots import BOX, MASS, chains, link, lump
 from scipy.spatial.transform import Rotation
 
-from g1_description.core.robot.lumping import lump_fixed_joints
-from g1_description.core.robot.rigid import rigid_frames
-from g1_description.core.urdf.reader import parse_urdf
+from g1_description.robot.assembly import rigid_frames
+from g1_description.robot.lumping import lump_fixed_joints
+from g1_description.robot.urdf import parse_urdf
 
 
 def joint(name, kind, parent, child, inside=""):

@@ -4,11 +4,11 @@ import os
 
 import pytest
 
-from g1_description.core.errors import DescriptionError, NoSuchModelError
-from g1_description.core.files.model_files import find_model
-from g1_description.core.files.uris import package_name
-from g1_description.core.xml import decoded
-from g1_description.ros.gazebo import start as gazebo_start
+from g1_description.errors import DescriptionError, NoSuchModelError
+from g1_description.files.model_files import find_model
+from g1_description.files.uris import package_name
+from g1_description.files.xml import decoded
+from g1_description.gazebo import start as gazebo_start
 
 
 @pytest.fixture

@@ -6,12 +6,11 @@ import sys
 import numpy as np
 import pytest
 
-from g1_description.core.errors import DescriptionError
-from g1_description.core.files.absolute_urdf import absolute_urdf
-from g1_description.core.files.load import read_model
-from g1_description.core.urdf.reader import parse_urdf
+from g1_description.errors import DescriptionError
+from g1_description.gazebo.programs import launched_robot
 from g1_description.importer.robot import open_robot
-from g1_description.ros.gazebo.programs import launched_robot
+from g1_description.robot.load import absolute_urdf, read_model
+from g1_description.robot.urdf import parse_urdf
 
 ROBOT = '<robot name="r"><link name="a"/></robot>'
 XACRO = """<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">
@@ -224,7 +223,7 @@ def test_what_is_not_there_is_told_with_what_is_near(write, tmp_path):
 
 
 def test_a_package_that_is_nearly_right_is_named(monkeypatch, tmp_path):
-    from g1_description.core.files import model_files
+    from g1_description.files import model_files
 
     package = tmp_path / "robot_arm"
     package.mkdir()

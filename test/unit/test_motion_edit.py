@@ -6,10 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from g1_description.core.errors import InvalidValueError
-from g1_description.core.motion.edit import at_speed, cut, moved, to_start_at
-from g1_description.core.motion.sampling import sample
-from g1_description.core.motion.trajectory import Trajectory
+from g1_description.errors import InvalidValueError
+from g1_description.motion.edit import at_speed, cut, moved, to_start_at
+from g1_description.motion.trajectory import Trajectory, sample
 
 
 def motion(seed=0, velocities=True):

@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 from conftest import REPOSITORY, VENDOR
 
-from g1_description.core.errors import MotionError
-from g1_description.core.files.load import read_model
-from g1_description.core.motion.formats.read import read_motion
-from g1_description.core.motion.formats.unnamed import G1_JOINTS
-from g1_description.core.motion.sampling import sample
-from g1_description.core.robot.kinematics import Kinematics
+from g1_description.errors import MotionError
+from g1_description.motion.files.read import read_motion
+from g1_description.motion.files.unnamed import G1_JOINTS
+from g1_description.motion.trajectory import sample
+from g1_description.robot.kinematics import Kinematics
+from g1_description.robot.load import read_model
 
 CLIPS = VENDOR.parents[1] / "motions"
 REVISION = VENDOR.parent / "g1_29dof_rev_1_0.urdf"

@@ -11,12 +11,8 @@ trajectory_msgs = pytest.importorskip(
 
 from genpy import Duration  # noqa: E402
 
-from g1_description.core.errors import (  # noqa: E402
-    G1DescriptionError,
-    MotionError,
-    UnknownNameError,
-)
-from g1_description.ros.motion.messages import trajectory_from_message  # noqa: E402
+from g1_description.errors import G1DescriptionError, MotionError, UnknownNameError  # noqa: E402
+from g1_description.ros.motion_messages import trajectory_from_message  # noqa: E402
 
 JOINTS = ("knee", "elbow", "wrist")
 NUMBERS = st.floats(-10.0, 10.0)

@@ -8,15 +8,14 @@ from conftest import REPOSITORY, VENDOR
 from hypothesis import given
 from hypothesis import strategies as st
 
-from g1_description.core.errors import InvalidValueError, MotionError
-from g1_description.core.files.load import read_model
-from g1_description.core.motion.formats.read import read_motion
-from g1_description.core.motion.formats.table import most_rows, table_text
-from g1_description.core.motion.formats.write import most_samples, write_motion
-from g1_description.core.motion.formats.write_npz import most_even_samples, npz_bytes
-from g1_description.core.motion.sampling import sample
-from g1_description.core.motion.trajectory import Trajectory
-from g1_description.core.rotation import normalized
+from g1_description.errors import InvalidValueError, MotionError
+from g1_description.motion.files.npz import most_even_samples, npz_bytes
+from g1_description.motion.files.read import read_motion
+from g1_description.motion.files.table import most_rows, table_text
+from g1_description.motion.files.write import most_samples, write_motion
+from g1_description.motion.trajectory import Trajectory, sample
+from g1_description.robot.load import read_model
+from g1_description.robot.rotation import normalized
 
 CLIPS = VENDOR.parents[1] / "motions"
 REVISION = VENDOR.parent / "g1_29dof_rev_1_0.urdf"

@@ -6,9 +6,9 @@ import re
 import pytest
 from conftest import REPOSITORY
 
-from g1_description.core.errors import MotorFileError
-from g1_description.core.motion.motors import Motor, Motors, g1_motors, read_motors
-from g1_description.core.urdf.reader import parse_urdf
+from g1_description.errors import MotorFileError
+from g1_description.motion.motors import Motor, Motors, g1_motors, read_motors
+from g1_description.robot.urdf import parse_urdf
 
 OURS = g1_motors()
 G1 = parse_urdf((REPOSITORY / "urdf" / "g1_29dof.urdf").read_text())

@@ -9,14 +9,11 @@ import yaml
 
 rospy = pytest.importorskip("rospy", reason="rospy is not installed")
 
-from g1_description.ros.bridge.parameters import BridgeParameters  # noqa: E402
-from g1_description.ros.checks.parameters import CheckerParameters  # noqa: E402
-from g1_description.ros.gazebo.parameters import (  # noqa: E402
-    GazeboParameters,
-    SpawnerParameters,
-)
-from g1_description.ros.node.parameters import default_parameters  # noqa: E402
-from g1_description.ros.web.parameters import WebParameters  # noqa: E402
+from g1_description.bridge.parameters import BridgeParameters  # noqa: E402
+from g1_description.checker.parameters import CheckerParameters  # noqa: E402
+from g1_description.gazebo.parameters import GazeboParameters, SpawnerParameters  # noqa: E402
+from g1_description.ros.parameters import default_parameters  # noqa: E402
+from g1_description.web.parameters import WebParameters  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
 NODES = {

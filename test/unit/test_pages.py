@@ -108,7 +108,7 @@ def wrong_tool(words):
 def wrong_service(words):
     """Say what is wrong with the words behind rosservice."""
     name = words[1].rpartition("/")[2]
-    sources = (ROOT / "src" / "g1_description" / "ros").rglob("*.py")
+    sources = (ROOT / "src" / "g1_description").rglob("*.py")
     known = any(re.search(rf'"~?{name}"', file.read_text()) for file in sources)
     return [] if words[0] == "call" and known else [words[1]]
 
@@ -147,13 +147,13 @@ def test_the_readme_links_every_page():
     assert set(NAMES) - {"README.md"} <= {target.split("#")[0] for target in targets}
 
 
-def test_the_architecture_has_a_line_for_each_room():
+def test_the_architecture_has_a_line_for_each_package():
     source = ROOT / "src" / "g1_description"
     inits = [init.parent.relative_to(source) for init in source.rglob("__init__.py")]
-    rooms = {str(room) for room in inits} - {".", "ros"}
+    packages = {str(package) for package in inits} - {"."}
     text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
-    table = text.split("## Rooms")[1].split("\n## ")[0]
-    assert set(re.findall(r"^\| `([^`]+)` \|", table, flags=re.M)) == rooms
+    table = text.split("## Packages")[1].split("\n## ")[0]
+    assert set(re.findall(r"^\| `([^`]+)` \|", table, flags=re.M)) == packages
 
 
 @pytest.mark.parametrize("page", PAGES, ids=NAMES)

@@ -16,11 +16,11 @@ import rospy
 from g1_description.srv import PlayMotionResponse
 from waiting import wait_for
 
-from g1_description.core.motion.trajectory import Trajectory
-from g1_description.ros.apps.motion_client import MotionClient
-from g1_description.ros.apps.motions import session as sessions
-from g1_description.ros.apps.motions.keyboard import Keyboard
-from g1_description.ros.apps.motions.session import Session
+from g1_description.cli.play import Keyboard
+from g1_description.motion.trajectory import Trajectory
+from g1_description.ros import playing as sessions
+from g1_description.ros.motion_client import MotionClient
+from g1_description.ros.playing import Session
 
 SOON = 0.05
 """[s] A wait for what does not come."""

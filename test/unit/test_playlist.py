@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from g1_description.core.motion.playlist import Playlist, Setpoint
-from g1_description.core.motion.trajectory import Trajectory
+from g1_description.motion.playlist import Playlist, Setpoint
+from g1_description.motion.trajectory import Trajectory
 
 PRESENT = Setpoint(np.arange(1), np.zeros(1), np.zeros(1))
 ELBOW = Trajectory(np.arange(2.0), ("elbow",), np.zeros((2, 1)))

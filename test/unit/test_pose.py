@@ -13,8 +13,8 @@ from waiting import DEADLINE
 
 pytest.importorskip("rospy", reason="rospy is not installed")
 
-from g1_description.core.errors import PoseFileError
-from g1_description.ros.apps.pose import parse, save
+from g1_description.cli.pose import parse, save
+from g1_description.errors import PoseFileError
 
 
 @pytest.mark.parametrize(

@@ -8,16 +8,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.interpolate import BPoly
 
-from g1_description.core.errors import (
-    InvalidValueError,
-    PoseFileError,
-    UnknownNameError,
+from g1_description.errors import InvalidValueError, PoseFileError, UnknownNameError
+from g1_description.motion.edit import minimum_jerk, minimum_jerk_trajectory
+from g1_description.motion.trajectory import sample
+from g1_description.robot.poses import (
+    Pose,
+    check_pose,
+    find_pose,
+    parse_poses,
+    pose_positions,
+    with_pose,
 )
-from g1_description.core.motion.sampling import sample
-from g1_description.core.poses.minimum_jerk import minimum_jerk, minimum_jerk_trajectory
-from g1_description.core.poses.pose import Pose, check_pose, find_pose, pose_positions
-from g1_description.core.poses.yaml_text import parse_poses, with_pose
-from g1_description.core.urdf.reader import parse_urdf
+from g1_description.robot.urdf import parse_urdf
 
 POSES = parse_poses((REPOSITORY / "config" / "poses.yaml").read_text(), "poses.yaml")
 G1 = parse_urdf((REPOSITORY / "urdf" / "g1_29dof.urdf").read_text())

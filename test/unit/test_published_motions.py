@@ -12,12 +12,12 @@ import pytest
 from conftest import REPOSITORY, VENDOR
 from scipy.spatial.transform import Rotation
 
-from g1_description.core.errors import G1DescriptionError, MotionError
-from g1_description.core.files.load import read_model
-from g1_description.core.motion.formats.read import read_motion
-from g1_description.core.motion.formats.unnamed import ASAP_JOINTS, G1_JOINTS
-from g1_description.core.robot.kinematics import Kinematics
-from g1_description.core.urdf.reader import parse_urdf
+from g1_description.errors import G1DescriptionError, MotionError
+from g1_description.motion.files.read import read_motion
+from g1_description.motion.files.unnamed import ASAP_JOINTS, G1_JOINTS
+from g1_description.robot.kinematics import Kinematics
+from g1_description.robot.load import read_model
+from g1_description.robot.urdf import parse_urdf
 
 FOLDER = VENDOR.parents[1] / "motion_formats"
 READ = (

@@ -12,14 +12,14 @@ from scipy.spatial.transform import Rotation
 
 import g1_description
 from g1_description import Robot
-from g1_description.core.errors import (
+from g1_description.errors import (
     DescriptionError,
     G1DescriptionError,
     InvalidValueError,
     MotionError,
     UnknownNameError,
 )
-from g1_description.core.poses.store import package_file
+from g1_description.robot.poses import package_file
 
 ROOT = Path(__file__).parents[2]
 DATA = ROOT / "test" / "data"

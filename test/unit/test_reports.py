@@ -10,12 +10,21 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from g1_description.core.checks.thresholds import LEVELS
-from g1_description.core.checks.verdict import Finding, Verdict, sorted_findings
-from g1_description.core.reports.outcome import NOT_READ, RESULTS, Outcome, counted
-from g1_description.core.reports.page import write_page
-from g1_description.core.reports.tables import FIGURES, csv_text, json_text
-from g1_description.core.reports.text import outcome_text, summary_text, table
+from g1_description.checks.report import (
+    FIGURES,
+    NOT_READ,
+    RESULTS,
+    Outcome,
+    counted,
+    csv_text,
+    json_text,
+    outcome_text,
+    summary_text,
+    table,
+)
+from g1_description.checks.report_page import write_page
+from g1_description.checks.thresholds import LEVELS
+from g1_description.checks.verdict import Finding, Verdict, sorted_findings
 
 NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
 TIMES = st.floats(0.0, 1e4)

@@ -3,8 +3,8 @@
 import pytest
 from lxml import etree
 
-from g1_description.core.errors import DescriptionError
-from g1_description.core.files.uris import local_path, with_absolute_uris
+from g1_description.errors import DescriptionError
+from g1_description.files.uris import local_path, with_absolute_uris
 
 
 def mesh(name):

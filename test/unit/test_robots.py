@@ -11,9 +11,9 @@ from conftest import REPOSITORY
 from oracle import assert_poses_close
 from scipy.spatial.transform import Rotation
 
-from g1_description.core.bridge.estimator import JointStateEstimator
-from g1_description.core.robot.lumping import lump_fixed_joints
-from g1_description.core.urdf.reader import parse_urdf
+from g1_description.bridge.estimator import JointStateEstimator
+from g1_description.robot.lumping import lump_fixed_joints
+from g1_description.robot.urdf import parse_urdf
 
 ROBOTS = sorted((REPOSITORY / "test" / "data").glob("*.urdf"))
 MODELS = ("g1", "outer::inner")

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from g1_description.core import rotation
+from g1_description.robot import rotation
 
 SEEDS = st.integers(0, 2**32 - 1)
 BATCHES = [(), (1,), (3, 1, 2)]

@@ -7,9 +7,8 @@ from hypothesis import strategies as st
 from scipy.interpolate import CubicHermiteSpline, interp1d
 from scipy.spatial.transform import Rotation, Slerp
 
-from g1_description.core.errors import MotionError
-from g1_description.core.motion.sampling import sample
-from g1_description.core.motion.trajectory import Trajectory
+from g1_description.errors import MotionError
+from g1_description.motion.trajectory import Trajectory, sample
 
 NAMES = ("knee", "elbow")
 

@@ -12,12 +12,12 @@ from lxml import etree
 from oracle import matrix_of
 from scipy.spatial.transform import Rotation
 
-from g1_description.core.errors import DescriptionError, NoSuchModelError
-from g1_description.core.robot.kinematics import Kinematics
-from g1_description.core.sdf.model.joint import turned_around
-from g1_description.core.sdf.model.tree import hung
-from g1_description.core.sdf.world import EMPTY_WORLD, read_sdf
-from g1_description.core.transform import IDENTITY
+from g1_description.errors import DescriptionError, NoSuchModelError
+from g1_description.robot.kinematics import Kinematics
+from g1_description.robot.transform import IDENTITY
+from g1_description.sdf.joint import turned_around
+from g1_description.sdf.model import hung
+from g1_description.sdf.world import EMPTY_WORLD, read_sdf
 
 GOLDEN = Path(__file__).resolve().parents[1] / "data" / "golden" / "models"
 GOLDEN_LAMP = (  # data/golden/models/lamp.sdf, seen in Gazebo 11.1.0

@@ -5,7 +5,7 @@ import pytest
 from oracle import angle_of
 from scipy.spatial.transform import Rotation
 
-from g1_description.core.sdf.world import read_sdf
+from g1_description.sdf.world import read_sdf
 
 HINGES = """<link name="base"><pose>0.1 0.2 0 0 0 0.5</pose></link>
 <link name="arm"><pose relative_to="base">0 0 1 0 0 0</pose></link>

@@ -10,16 +10,17 @@ from forked import run_script
 pytest.importorskip("rospy", reason="rospy is not installed")
 Image = pytest.importorskip("PIL.Image", reason="Pillow is not installed")
 
-from g1_description.core.errors import InvalidValueError  # noqa: E402
-from g1_description.ros.apps.pictures.film import check_length, count  # noqa: E402
-from g1_description.ros.apps.pictures.picture_files import (  # noqa: E402
+from g1_description.cli.film import (  # noqa: E402
+    check_length,
+    count,
     in_colors,
     palette_of,
     write_film,
     write_picture,
+    write_video,
 )
-from g1_description.ros.apps.pictures.snapshot import columns_of  # noqa: E402
-from g1_description.ros.apps.pictures.video import write_video  # noqa: E402
+from g1_description.cli.snapshot import columns_of  # noqa: E402
+from g1_description.errors import InvalidValueError  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
 ELBOW = "left_elbow_joint"

@@ -7,8 +7,8 @@ import pytest
 
 pytest.importorskip("gazebo_msgs", reason="no workspace is sourced")
 
-from g1_description.core.errors import DescriptionError
-from g1_description.ros.gazebo.programs import spawn_model
+from g1_description.errors import DescriptionError
+from g1_description.gazebo.programs import spawn_model
 
 WANTED = "-urdf -file f -model m"
 

@@ -7,8 +7,8 @@ import pytest
 rospy = pytest.importorskip("rospy", reason="rospy is not installed")
 pytest.importorskip("gazebo_msgs", reason="no workspace is sourced")
 
-from g1_description.ros.gazebo.parameters import SpawnerParameters  # noqa: E402
-from g1_description.ros.gazebo.programs import spawn_robot  # noqa: E402
+from g1_description.gazebo.parameters import SpawnerParameters  # noqa: E402
+from g1_description.gazebo.programs import spawn_robot  # noqa: E402
 
 
 def test_a_gazebo_that_is_replaced_while_the_robot_is_spawned_gets_it(monkeypatch):

@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from g1_description.core.bridge.stamps import (
+from g1_description.bridge.state_source import (
     MAX_CLOCK_LAG,
     MAX_CLOCK_LEAD,
     MAX_STEP_BACK,

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from g1_description.core.bridge.tf_filter import (
+from g1_description.bridge.tf_filter import (
     ANSWER_DELAY,
     JOINTS_PERIOD,
     MAX_HOLD,

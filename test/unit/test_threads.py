@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from g1_description.sim.batch.threads import THREADS
+from g1_description.threads import THREADS
 
 WATCH = """
 import os, sys
@@ -25,9 +25,9 @@ import {module}
 @pytest.mark.parametrize(
     "module",
     [
-        "g1_description.ros.apps.checks.check",
-        "g1_description.ros.checks.node",
-        "g1_description.ros.gazebo.node",
+        "g1_description.cli.check",
+        "g1_description.checker.node",
+        "g1_description.gazebo.node",
     ],
 )
 def test_a_program_takes_one_before_it_loads_numpy(module):

@@ -8,13 +8,9 @@ import pytest
 from checked import POST
 
 from g1_description import Robot
-from g1_description.core.checks import thresholds as module
-from g1_description.core.checks.thresholds import (
-    Level,
-    Thresholds,
-    read_thresholds,
-)
-from g1_description.core.errors import ThresholdError
+from g1_description.checks import thresholds as module
+from g1_description.checks.thresholds import Level, Thresholds, read_thresholds
+from g1_description.errors import ThresholdError
 
 SHIPPED = Path(__file__).parents[2] / "config" / "checks.yaml"
 
@@ -60,17 +56,17 @@ def thresholds_in_python(model):
 
 
 def thresholds_of_check(model):
-    check = pytest.importorskip("g1_description.ros.apps.checks.check")
+    check = pytest.importorskip("g1_description.cli.check")
     return check.setup_of(check.parse([str(model), "--model", str(model)])).thresholds
 
 
 def thresholds_of_the_checker(model):
-    ros = pytest.importorskip("g1_description.ros.checks.parameters")
+    ros = pytest.importorskip("g1_description.checker.parameters")
     return ros.CheckerParameters().read_thresholds()
 
 
 def thresholds_of_the_page(model):
-    ros = pytest.importorskip("g1_description.ros.web.parameters")
+    ros = pytest.importorskip("g1_description.web.parameters")
     return ros.WebParameters().read_thresholds()
 
 
@@ -93,7 +89,7 @@ def test_all_that_check_read_the_file_of_defaults(defaults, tmp_path, thresholds
 
 
 def test_the_command_web_reads_the_file_of_defaults(defaults):
-    web = pytest.importorskip("g1_description.ros.apps.web.web")
+    web = pytest.importorskip("g1_description.cli.web")
     defaults.write_text("position: {failure: x}\n")
     with pytest.raises(ThresholdError, match=r"share/config/checks\.yaml: position"):
         web.web(web.parse([]))

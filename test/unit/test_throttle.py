@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from g1_description.core.bridge.tf_filter import PoseThrottle
-from g1_description.core.rotation import from_axis_angle
+from g1_description.bridge.tf_filter import PoseThrottle
+from g1_description.robot.rotation import from_axis_angle
 
 HOME = np.array([0.0, 0.0, 0.793, 0.0, 0.0, 0.0, 1.0])
 

@@ -5,8 +5,8 @@ import time
 import pytest
 from waiting import wait_for
 
-from g1_description.ros.node import throttled_log
-from g1_description.ros.node.throttled_log import ThrottledLog
+from g1_description.ros import log as throttled_log
+from g1_description.ros.log import ThrottledLog
 
 PERIOD = 0.1
 

@@ -8,12 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from g1_description.core.errors import InvalidValueError
-from g1_description.core.motion.tracking import (
-    FallDetector,
-    FallLimits,
-    TrackingRecorder,
-)
+from g1_description.errors import InvalidValueError
+from g1_description.motion.tracking import FallDetector, FallLimits, TrackingRecorder
 
 MAX_LEAN, MAX_DROP = FallLimits().lean, FallLimits().drop
 NAMES = ("hip", "knee", "elbow")

@@ -9,11 +9,11 @@ import threading
 import pytest
 from waiting import DEADLINE
 
-from g1_description.core.interrupts import ENDING_SIGNALS, uninterrupted
+from g1_description.interrupts import ENDING_SIGNALS, uninterrupted
 
 IMPORT = """
 import os, signal, sys
-from g1_description.core.interrupts import uninterrupted
+from g1_description.interrupts import uninterrupted
 class Hook:
     def find_spec(self, name, path=None, target=None):
         os.kill(os.getpid(), signal.SIGINT)

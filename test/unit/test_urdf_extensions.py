@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from robots import BOX, MASS, link, lump
 
-from g1_description.core.bridge.joints import measured_joints
-from g1_description.core.urdf.reader import parse_urdf
-from g1_description.importer.masses import massless_links
+from g1_description.importer.importing import massless_links
+from g1_description.robot.joint_angles import measured_joints
+from g1_description.robot.urdf import parse_urdf
 
 
 def joint(name, parent, child, kind="fixed"):

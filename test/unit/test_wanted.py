@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from g1_description.core.bridge.wanted import Wanted
-from g1_description.core.motion.playlist import Setpoint
+from g1_description.bridge.player import Wanted
+from g1_description.motion.playlist import Setpoint
 
 POSE = np.array([1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 1.0])
 

@@ -20,7 +20,7 @@ pytest.importorskip("viser", reason="viser is not installed")
 from conftest import REPOSITORY
 from waiting import DEADLINE, wait_for
 
-from g1_description.ros.apps.web.options import parse
+from g1_description.cli.web import parse
 
 from ports import free_port
 

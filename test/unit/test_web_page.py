@@ -15,15 +15,15 @@ from waiting import DEADLINE, wait_for
 
 pytest.importorskip("viser", reason="viser is not installed")
 
-from g1_description.core.checks.thresholds import Thresholds
-from g1_description.core.errors import InvalidValueError
-from g1_description.core.motion.motion import Motion
-from g1_description.core.motion.trajectory import Trajectory
-from g1_description.core.transform import IDENTITY, compose
-from g1_description.core.urdf.reader import parse_urdf
-from g1_description.sim.checks.checker import Checker
-from g1_description.web.page import judges
-from g1_description.web.robots.files import FileWorld, StillRobot
+from g1_description.checks.checker import Checker
+from g1_description.checks.thresholds import Thresholds
+from g1_description.errors import InvalidValueError
+from g1_description.motion.motion import Motion
+from g1_description.motion.trajectory import Trajectory
+from g1_description.robot.transform import IDENTITY, compose
+from g1_description.robot.urdf import parse_urdf
+from g1_description.web import judges
+from g1_description.web.file_world import FileWorld, StillRobot
 from g1_description.web.scene.robot import RED, rgb
 from g1_description.web.scene.tree import pose_of
 from g1_description.web.server.address import ServerOptions

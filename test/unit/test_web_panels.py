@@ -22,29 +22,21 @@ pytest.importorskip("viser", reason="viser is not installed")
 
 import viser
 
-from g1_description.core.checks.verdict import (
-    FAILED,
-    WARNING,
-    Finding,
-    Verdict,
-)
-from g1_description.core.errors import InvalidValueError
-from g1_description.core.motion.motion import Motion
-from g1_description.core.motion.trajectory import Trajectory
-from g1_description.core.poses.yaml_text import parse_poses
-from g1_description.core.robot.description import Joint
-from g1_description.core.transform import IDENTITY
-from g1_description.web.desk import Desk
-from g1_description.web.hands.joints import JointPanel, slider_range
-from g1_description.web.motions import findings
-from g1_description.web.page import plots
-from g1_description.web.page.plots import PlotPanel
-from g1_description.web.page.simulator import SimulatorPanel
-from g1_description.web.robots.robot import RobotState
-from g1_description.web.show import (
-    configuration_command,
-    configuration_yaml,
-)
+from g1_description.checks.verdict import FAILED, WARNING, Finding, Verdict
+from g1_description.errors import InvalidValueError
+from g1_description.motion.motion import Motion
+from g1_description.motion.trajectory import Trajectory
+from g1_description.robot.description import Joint
+from g1_description.robot.poses import parse_poses
+from g1_description.robot.transform import IDENTITY
+from g1_description.web import findings_panel as findings
+from g1_description.web import plots
+from g1_description.web.joint_controls import JointPanel, slider_range
+from g1_description.web.plots import PlotPanel
+from g1_description.web.robot import RobotState
+from g1_description.web.show import configuration_command, configuration_yaml
+from g1_description.web.simulator_panel import SimulatorPanel
+from g1_description.web.ui_loop import Desk
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tools"))
 from page_client import PageClient

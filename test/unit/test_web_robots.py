@@ -10,10 +10,10 @@ import pytest
 from oracle import assert_poses_close, forward_kinematics
 from waiting import wait_for
 
-from g1_description.core.motion.motion import Motion
-from g1_description.core.motion.trajectory import Trajectory
-from g1_description.core.urdf.reader import parse_urdf
-from g1_description.web.robots.files import DISTANCE, FileWorld, StillRobot
+from g1_description.motion.motion import Motion
+from g1_description.motion.trajectory import Trajectory
+from g1_description.robot.urdf import parse_urdf
+from g1_description.web.file_world import DISTANCE, FileWorld, StillRobot
 
 BALL = (
     '<robot name="ball"><link name="base"><collision><origin xyz="0 0 0.1"/>'

@@ -17,11 +17,11 @@ pytest.importorskip("viser", reason="viser is not installed")
 
 import viser
 
-from g1_description.core.robot.assembly import WORLD, root_in_base
-from g1_description.core.robot.kinematics import Kinematics
-from g1_description.core.transform import IDENTITY, compose
-from g1_description.core.urdf.reader import parse_urdf
-from g1_description.sim.marks.canvas import GREEN, ORANGE, RED
+from g1_description.checks.marks import GREEN, ORANGE, RED
+from g1_description.robot.assembly import WORLD, root_in_base
+from g1_description.robot.kinematics import Kinematics
+from g1_description.robot.transform import IDENTITY, compose
+from g1_description.robot.urdf import parse_urdf
 from g1_description.web.scene.marks import SceneMarks
 from g1_description.web.scene.trails import last_links
 from g1_description.web.scene.tree import LinkTree, pose_of

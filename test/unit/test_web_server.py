@@ -24,7 +24,7 @@ from web_clients import (
 )
 from websockets.exceptions import ConnectionClosed
 
-from g1_description.core.errors import G1DescriptionError, PageServerError
+from g1_description.errors import G1DescriptionError, PageServerError
 from g1_description.web.server import front_door
 from g1_description.web.server.address import ServerOptions
 from g1_description.web.server.page_server import PageServer

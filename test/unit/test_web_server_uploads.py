@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from web_clients import TIMEOUT, fetch, join, opened, wait_until
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from g1_description.core.errors import MotionError
+from g1_description.errors import MotionError
 from g1_description.web.server.uploads import MAX_AT_ONCE, clean_name
 
 MAX_UPLOAD = 3 * 2**20

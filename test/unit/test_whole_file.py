@@ -7,9 +7,8 @@ import pytest
 
 pytest.importorskip("rospy", reason="rospy is not installed")
 
-from g1_description.core.errors import G1DescriptionError
-from g1_description.core.poses.pose import Pose
-from g1_description.core.poses.store import save_pose
+from g1_description.errors import G1DescriptionError
+from g1_description.robot.poses import Pose, save_pose
 
 
 @contextmanager

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from forked import run_script
 
-from g1_description.core.errors import DescriptionError
-from g1_description.core.files.load import read_model
+from g1_description.errors import DescriptionError
+from g1_description.robot.load import read_model
 
 PACKAGES = os.environ.get("ROS_PACKAGE_PATH", "")
 

@@ -8,12 +8,11 @@ from hypothesis import strategies as st
 from oracle import forward_kinematics
 from robots import chains, world_poses
 
-from g1_description.core.bridge.estimator import JointStateEstimator
-from g1_description.core.bridge.joints import measured_joints
-from g1_description.core.bridge.measurement import measure
-from g1_description.core.robot.kinematics import Kinematics
-from g1_description.core.robot.lumping import lump_fixed_joints
-from g1_description.core.urdf.reader import parse_urdf
+from g1_description.bridge.estimator import JointStateEstimator
+from g1_description.robot.joint_angles import measure, measured_joints
+from g1_description.robot.kinematics import Kinematics
+from g1_description.robot.lumping import lump_fixed_joints
+from g1_description.robot.urdf import parse_urdf
 
 G1 = parse_urdf((REPOSITORY / "urdf" / "g1_29dof.urdf").read_text())
 BODIES = lump_fixed_joints(G1)

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 from sensor_msgs.msg import JointState
 
-from g1_description.core.files.absolute_urdf import absolute_urdf
-from g1_description.core.urdf.reader import parse_urdf
+from g1_description.robot.load import absolute_urdf
+from g1_description.robot.urdf import parse_urdf
 
 from .motion import revolute, swing
 from .nodes import MeasurementError, free_port, wait_for

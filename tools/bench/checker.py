@@ -11,9 +11,9 @@ import sys
 import tempfile
 from pathlib import Path
 
-from g1_description.core.files.absolute_urdf import absolute_urdf
-from g1_description.core.motion.formats.write import write_motion
-from g1_description.core.urdf.reader import parse_urdf
+from g1_description.motion.files.write import write_motion
+from g1_description.robot.load import absolute_urdf
+from g1_description.robot.urdf import parse_urdf
 
 from .checks import RATE, clip
 from .nodes import Graph

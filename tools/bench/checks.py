@@ -18,13 +18,13 @@ from pathlib import Path
 
 import numpy as np
 
-from g1_description.core.files.absolute_urdf import absolute_urdf
-from g1_description.core.motion.formats.write import write_motion
-from g1_description.core.motion.motion import Motion
-from g1_description.core.motion.trajectory import Trajectory
-from g1_description.core.urdf.reader import parse_urdf
-from g1_description.sim.checks.checker import Checker
-from g1_description.sim.motion.floor import lowest_height
+from g1_description.checks.checker import Checker
+from g1_description.motion.files.write import write_motion
+from g1_description.motion.motion import Motion
+from g1_description.motion.trajectory import Trajectory
+from g1_description.robot.load import absolute_urdf
+from g1_description.robot.urdf import parse_urdf
+from g1_description.sim.floor import lowest_height
 
 from .nodes import MeasurementError
 

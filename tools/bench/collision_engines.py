@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from g1_description.sim.collisions.closest_points import ClosestPoints
+from g1_description.collisions.distances import ClosestPoints
 
 REACH = 5e-4  # [m] what is farther apart need not be measured
 POINT = 1e-9  # [m] radius of the sphere that stands for a point

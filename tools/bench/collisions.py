@@ -14,15 +14,15 @@ from pathlib import Path
 
 import numpy as np
 
-from g1_description.core.collisions.pairs_file import read_allowed_pairs
-from g1_description.core.files.uris import with_absolute_uris
-from g1_description.core.motion.formats.read import read_motion
-from g1_description.core.robot.kinematics import Kinematics
-from g1_description.core.urdf.reader import parse_urdf
-from g1_description.sim.collisions.convex_shapes import robot_shapes
-from g1_description.sim.collisions.find_pairs import random_poses
-from g1_description.sim.collisions.self_collisions import SelfCollisions
-from g1_description.sim.collisions.shape_collisions import SLACK, ShapeCollisions
+from g1_description.collisions.allowed_pairs import read_allowed_pairs
+from g1_description.collisions.convex_shapes import robot_shapes
+from g1_description.collisions.distances import SLACK, ShapeCollisions
+from g1_description.collisions.find_pairs import random_poses
+from g1_description.collisions.self_collisions import SelfCollisions
+from g1_description.files.uris import with_absolute_uris
+from g1_description.motion.files.read import read_motion
+from g1_description.robot.kinematics import Kinematics
+from g1_description.robot.urdf import parse_urdf
 
 from .collision_engines import ENGINES, REACH
 from .start_up import measure_models

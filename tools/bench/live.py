@@ -15,7 +15,7 @@ from gazebo_msgs.msg import LinkStates
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 
-from g1_description.ros.wire.link_states import LinkStatesDecoder
+from g1_description.ros.wire import LinkStatesDecoder
 
 from .bridge import EXACT
 from .matching import match, positions_of

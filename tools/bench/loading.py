@@ -9,9 +9,9 @@ import time
 
 import numpy as np
 
-from g1_description.core.files.uris import with_absolute_uris
-from g1_description.core.robot.lumping import lump_fixed_joints
-from g1_description.core.urdf.reader import parse_urdf
+from g1_description.files.uris import with_absolute_uris
+from g1_description.robot.lumping import lump_fixed_joints
+from g1_description.robot.urdf import parse_urdf
 from g1_description.sim.standing import standing_height
 from g1_description.sim.world import World
 

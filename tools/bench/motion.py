@@ -4,7 +4,7 @@ import numpy as np
 import rospy
 from sensor_msgs.msg import JointState
 
-from g1_description.core.urdf.reader import parse_urdf
+from g1_description.robot.urdf import parse_urdf
 
 AMPLITUDE = 0.3  # [rad]
 FREQUENCY = 0.5  # [Hz]

@@ -11,7 +11,7 @@ import sys
 import threading
 from pathlib import Path
 
-from g1_description.ros.gazebo.node import main
+from g1_description.gazebo.node import main
 
 FIELDS = ("arena", "ordblks", "smblks", "hblks", "hblkhd")
 FIELDS = (*FIELDS, "usmblks", "fsmblks", "uordblks", "fordblks", "keepcost")

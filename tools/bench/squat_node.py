@@ -16,8 +16,8 @@ from gazebo_msgs.msg import ModelState
 
 from bench.motion import TIMEOUT, Commands, robot
 from bench.nodes import wait_for
-from g1_description.core.robot.kinematics import Kinematics
-from g1_description.core.transform import IDENTITY
+from g1_description.robot.kinematics import Kinematics
+from g1_description.robot.transform import IDENTITY
 
 RATE = 100  # [Hz]
 SAMPLES = 500

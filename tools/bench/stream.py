@@ -13,11 +13,11 @@ from gazebo_msgs.msg import LinkStates, WorldState
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
-from g1_description.core.files.uris import with_absolute_uris
-from g1_description.core.robot.assembly import SCOPE
-from g1_description.core.robot.lumping import lump_fixed_joints
-from g1_description.core.urdf.reader import parse_urdf
-from g1_description.ros.wire.link_states import LinkStatesEncoder
+from g1_description.files.uris import with_absolute_uris
+from g1_description.robot.assembly import SCOPE
+from g1_description.robot.lumping import lump_fixed_joints
+from g1_description.robot.urdf import parse_urdf
+from g1_description.ros.wire import LinkStatesEncoder
 from g1_description.sim.world import World
 
 from tcpros import packed

@@ -19,15 +19,15 @@ from pathlib import Path
 
 import numpy as np
 
-from g1_description.core.files.uris import with_absolute_uris
-from g1_description.core.motion.formats.read import read_motion
-from g1_description.core.motion.motors import read_motors
-from g1_description.core.motion.sampling import sample
-from g1_description.core.poses.minimum_jerk import minimum_jerk_trajectory
-from g1_description.core.poses.yaml_text import parse_poses
-from g1_description.core.robot.lumping import lump_fixed_joints
-from g1_description.core.urdf.reader import parse_urdf
-from g1_description.sim.motion.tracking import WATCH_TIME
+from g1_description.files.uris import with_absolute_uris
+from g1_description.motion.edit import minimum_jerk_trajectory
+from g1_description.motion.files.read import read_motion
+from g1_description.motion.motors import read_motors
+from g1_description.motion.trajectory import sample
+from g1_description.robot.lumping import lump_fixed_joints
+from g1_description.robot.poses import parse_poses
+from g1_description.robot.urdf import parse_urdf
+from g1_description.sim.motions import WATCH_TIME
 from g1_description.sim.standing import hanging_height, standing_height
 from g1_description.sim.world import World
 

@@ -14,7 +14,7 @@ from collections import Counter
 
 from rospy.impl.tcpros_service import ServiceProxy
 
-from g1_description.ros.bridge.node import main
+from g1_description.bridge.node import main
 
 PACKAGE = "g1_description."
 REQUEST = ServiceProxy.call.__code__

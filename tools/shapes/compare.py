@@ -16,23 +16,23 @@ from bench import report
 from bench.figures import Bench
 from PIL import Image
 
-from g1_description.core.errors import DescriptionError
-from g1_description.core.files.absolute_urdf import absolute_urdf
-from g1_description.core.files.model_files import find_folder
-from g1_description.core.files.uris import local_path
-from g1_description.core.poses.yaml_text import parse_poses
-from g1_description.core.robot.kinematics import Kinematics
-from g1_description.core.robot.lumping import lump_fixed_joints
-from g1_description.core.rotation import rotate
-from g1_description.core.transform import IDENTITY
-from g1_description.core.urdf.reader import parse_urdf
+from g1_description.errors import DescriptionError
+from g1_description.files.model_files import find_folder
+from g1_description.files.uris import local_path
+from g1_description.render.camera import Camera
+from g1_description.render.picture import silhouette
+from g1_description.render.scene import NOTHING, Scene
+from g1_description.robot.kinematics import Kinematics
+from g1_description.robot.load import absolute_urdf
+from g1_description.robot.lumping import lump_fixed_joints
+from g1_description.robot.poses import parse_poses
+from g1_description.robot.rotation import rotate
+from g1_description.robot.transform import IDENTITY
+from g1_description.robot.urdf import parse_urdf
 from g1_description.sim.bullet.body import Body
 from g1_description.sim.bullet.client import connect
 from g1_description.sim.bullet.create_body import create_body
 from g1_description.sim.model import Model
-from g1_description.sim.render.camera import Camera
-from g1_description.sim.render.picture import silhouette
-from g1_description.sim.render.scene import NOTHING, Scene
 from g1_description.sim.standing import standing_height
 from g1_description.sim.world import World
 

@@ -17,8 +17,8 @@ from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
 
-from g1_description.ros.node.lifecycle import start_node
-from g1_description.ros.node.master import stay_registered
+from g1_description.ros.lifecycle import start_node
+from g1_description.ros.master import stay_registered
 
 TOPICS = ("/joint_states", "/tf", "/clock")
 JOINT = "left_wrist_roll_joint"

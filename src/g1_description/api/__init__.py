@@ -1,1 +1,1 @@
-"""The interface for Python programs: a robot and what can be computed of it."""
+"""Robot: the package's interface for Python programs."""

@@ -9,26 +9,25 @@ from typing import Union
 
 import numpy as np
 
-from g1_description.core.errors import (
+from g1_description.api.values import JointValues, as_array
+from g1_description.errors import (
     G1DescriptionError,
     InvalidValueError,
     UnknownNameError,
 )
-from g1_description.core.files.absolute_urdf import absolute_urdf
-from g1_description.core.poses.pose import (
+from g1_description.robot.assembly import WORLD, base_of
+from g1_description.robot.description import Joint
+from g1_description.robot.load import absolute_urdf
+from g1_description.robot.poses import (
     ZERO,
     Pose,
     check_pose,
     find_pose,
     pose_positions,
+    read_poses,
 )
-from g1_description.core.poses.store import read_poses
-from g1_description.core.robot.assembly import WORLD, base_of
-from g1_description.core.robot.description import Joint
-from g1_description.core.text import listed, similar_first
-from g1_description.core.urdf.reader import parse_urdf
-
-from .joint_values import JointValues, as_array
+from g1_description.robot.urdf import parse_urdf
+from g1_description.text import listed, similar_first
 
 MODEL = "package://g1_description/urdf/g1_29dof.urdf"
 """The robot of this package."""

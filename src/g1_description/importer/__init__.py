@@ -1,1 +1,1 @@
-"""import_model: the vendor's models made ready for this package."""
+"""The command import_model."""

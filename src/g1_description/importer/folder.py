@@ -10,8 +10,8 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from g1_description.core.errors import DescriptionError
-from g1_description.core.interrupts import ENDING_SIGNALS
+from g1_description.errors import DescriptionError
+from g1_description.interrupts import ENDING_SIGNALS
 
 
 class Folder:

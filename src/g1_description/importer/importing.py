@@ -3,24 +3,180 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Callable
 
-from g1_description.core.errors import DescriptionError
-from g1_description.importer.meshes.meshes import (
+from lxml import etree
+
+from g1_description.errors import DescriptionError
+from g1_description.files.model_files import find_folder
+from g1_description.files.uris import package_name
+from g1_description.importer.meshes import (
     Mesh,
     Options,
     Reader,
     make_mesh,
     read_bytes,
+    side_files_of,
 )
-from g1_description.importer.meshes.side_files import side_files_of
+from g1_description.importer.robot import Reference, Robot
+from g1_description.robot.assembly import rigid_frames
+from g1_description.robot.description import Description, Inertial
+from g1_description.robot.lumping import fault_of
 
-from .masses import impossible_inertias, massless_links, write_zero_masses
-from .naming import FileNames
-from .robot import Reference, Robot
+
+def massless_links(description: Description) -> tuple[list[str], list[str]]:
+    """Find the links without a mass, the root apart.
+
+    Returns:
+        Those without an inertial that fixed joints hold to a mass: they add none to
+        it. And those that have none of their own nor any they are fixed to: their mass
+        is not known, and Gazebo leaves them out.
+    """
+    frames = rigid_frames(description, as_lumped=True)
+    with_mass = {
+        frames[link.name][0]
+        for link in description.links
+        if not _is_bare(link.inertial)
+    }
+    bare = [
+        link
+        for link in description.links
+        if _is_bare(link.inertial) and link.name != description.root
+    ]
+    held = [link for link in bare if frames[link.name][0] in with_mass]
+    unknown = [link.name for link in bare if frames[link.name][0] not in with_mass]
+    return [link.name for link in held if link.inertial is None], unknown
+
+
+def _is_bare(inertial: Inertial | None) -> bool:
+    """Check whether a link has no mass."""
+    return inertial is None or inertial.mass == 0.0
+
+
+def write_zero_masses(root: etree._Element, links: list[str]) -> None:
+    """Write a mass of 0 for links."""
+    for link in root.findall("link"):
+        if link.get("name") not in links:
+            continue
+        inertial = etree.SubElement(link, "inertial")
+        etree.SubElement(inertial, "mass", value="0")
+        moments = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+        etree.SubElement(inertial, "inertia", dict.fromkeys(moments, "0"))
+        etree.indent(inertial, level=2)
+        link.text = link.text or "\n    "
+        before = inertial.getprevious()
+        if before is not None:
+            before.tail = "\n    "
+        inertial.tail = "\n  "
+
+
+def impossible_inertias(description: Description) -> list[str]:
+    """Find inertias that no body has.
+
+    Returns:
+        A sentence for each link whose mass is zero, whose principal moments are not
+        all positive, or one of them greater than the sum of the other two.
+    """
+    sentences = []
+    for link in description.links:
+        if link.inertial is None:
+            continue
+        fault = fault_of(link.inertial)
+        if fault:
+            sentences.append(f"Link {link.name}: {fault}.")
+    return sentences
+
+
+_UNSAFE = re.compile(r"[^A-Za-z0-9._+-]+")
+
+
+class FileNames:
+    """Gives each file a name of its own in the folder of all meshes.
+
+    Folders below the deepest common one are kept: so meshes with equal names do not
+    collide, and relative paths inside meshes stay valid. Characters other than ASCII
+    letters, digits and ._+- become _, because RViz and Gazebo disagree on URIs with
+    spaces; files that need no such change keep their names.
+    """
+
+    def __init__(self, files: Iterable[Path]) -> None:
+        """Set all files of the result, as absolute paths."""
+        files = list(files)
+        folders = {str(file.parent) for file in files}
+        self._top = Path(os.path.commonpath(folders)) if folders else Path(os.sep)
+        self._owners: dict[str, tuple[Path, str]] = {}
+        self._given: dict[tuple[Path, str], str] = {}
+        for file in sorted(files, key=_unsafe_parts):
+            self.of(file)
+
+    def of(self, file: Path, name: str = "") -> str:
+        """Return the name of a file, always the same one.
+
+        Args:
+            file: One of the files, or a folder above.
+            name: Name of a file made from it, such as "x_hull.stl"; empty for itself.
+
+        Returns:
+            Path in the folder of all meshes, with slashes.
+        """
+        if file in (self._top, file.parent):
+            return ""
+        key = file, name
+        if key not in self._given:
+            safe = _UNSAFE.sub("_", name or file.name)
+            parent = self.of(file.parent)
+            self._given[key] = self._free(os.path.join(parent, safe), key)
+        return self._given[key]
+
+    def _free(self, name: str, key: tuple[Path, str]) -> str:
+        """Append a number to a name that another file has."""
+        stem, suffix = os.path.splitext(name)
+        number = 1
+        while self._owners.setdefault(name, key) != key:
+            number += 1
+            name = f"{stem}_{number}{suffix}"
+        return name
+
+
+def _unsafe_parts(file: Path) -> list[bool]:
+    """Sort key that puts files that keep their names first in each folder."""
+    return [_UNSAFE.search(part) is not None for part in file.parts]
+
+
+def mesh_prefix(folder: Path) -> tuple[str, str]:
+    """Choose how a URDF refers to its meshes.
+
+    Args:
+        folder: Folder of the result, an absolute path.
+
+    Returns:
+        The prefix of a mesh's name, and a message about it.
+    """
+    for place in (folder, *folder.parents):
+        package = package_name(place / "package.xml")
+        if package is None:
+            continue
+        inside = folder.relative_to(place)
+        known = find_folder(package)
+        is_plain = re.fullmatch(r"[\w./+-]*", str(inside), re.ASCII) is not None
+        if (
+            known
+            and is_plain
+            and os.path.realpath(Path(known) / inside) == os.path.realpath(folder)
+        ):
+            uri = "/".join([f"package://{package}", *inside.parts, "meshes"])
+            return uri, f"Meshes are named `{uri}/...`."
+        break
+    return "../meshes", (
+        "Meshes are named relative to the URDF file (`../meshes/...`), because ROS "
+        "finds no package that contains it; `model:=` of the launch files resolves "
+        "them."
+    )
+
 
 Write = Callable[[str, bytes], None]
 """Takes the name of a file in the result, and its content."""

@@ -7,12 +7,11 @@ from pathlib import Path
 
 from lxml import etree
 
-from g1_description.core.files.load import ModelText
-from g1_description.core.files.model_files import find_folder
-from g1_description.core.files.uris import FINDABLE, find_file, scheme_of
-from g1_description.core.robot.description import Description
-from g1_description.core.urdf.names import give_names
-from g1_description.core.xml import parse_xml
+from g1_description.files.model_files import find_folder
+from g1_description.files.uris import FINDABLE, find_file, give_names, scheme_of
+from g1_description.files.xml import parse_xml
+from g1_description.robot.description import Description
+from g1_description.robot.load import ModelText
 
 
 @dataclass

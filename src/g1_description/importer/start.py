@@ -7,14 +7,14 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
-from g1_description.core.errors import G1DescriptionError
+from g1_description.errors import G1DescriptionError
 
 
 def main() -> None:
     """Import a model, or say why not."""
     # trimesh takes an interrupt while it is imported for a library that is missing.
     _answer_signals(signal.SIG_DFL)
-    from .command import run
+    from g1_description.importer.command import run
 
     _answer_signals(signal.default_int_handler)
     try:

@@ -1,1 +1,1 @@
-"""Nodes and programs: the only layer that knows rospy."""
+"""What every node needs: parameters, log, publishers, messages and their bytes."""

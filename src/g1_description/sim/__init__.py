@@ -1,1 +1,1 @@
-"""The simulated world, backed by PyBullet."""
+"""The simulated world: models, forces, time, and motions that models play."""

@@ -9,12 +9,11 @@ from typing import TypeVar
 
 import numpy as np
 
-from g1_description.core.errors import UnknownNameError
-from g1_description.core.robot.assembly import SCOPE
-from g1_description.core.sdf.world import Light
-from g1_description.core.transform import compose
-
-from .entities import (
+from g1_description.errors import UnknownNameError
+from g1_description.robot.assembly import SCOPE
+from g1_description.robot.transform import compose
+from g1_description.sdf.world import Light
+from g1_description.sim.entities import (
     WORLD_ENTITY,
     CollisionEntity,
     Entity,
@@ -26,7 +25,7 @@ from .entities import (
     NestedModelEntity,
     entities_of,
 )
-from .model import Model
+from g1_description.sim.model import Model
 
 _Named = TypeVar("_Named")
 

@@ -8,13 +8,12 @@ from typing import ClassVar, Protocol
 
 import numpy as np
 
-from g1_description.core.robot.assembly import SCOPE
-from g1_description.core.robot.description import Joint, Link, Shape
-from g1_description.core.rotation import conjugate, rotate
-from g1_description.core.sdf.world import Light
-from g1_description.core.transform import IDENTITY, compose, inverse
-
-from .model import Model
+from g1_description.robot.assembly import SCOPE
+from g1_description.robot.description import Joint, Link, Shape
+from g1_description.robot.rotation import conjugate, rotate
+from g1_description.robot.transform import IDENTITY, compose, inverse
+from g1_description.sdf.world import Light
+from g1_description.sim.model import Model
 
 
 class Entity(Protocol):

@@ -6,11 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from g1_description.sim.bullet.body import MAX_EFFORT
 from g1_description.sim.bullet.engine import Engine
-from g1_description.sim.bullet.joints import MAX_EFFORT
-
-from .entities import JointEntity, LinkEntity
-from .model import Model
+from g1_description.sim.entities import JointEntity, LinkEntity
+from g1_description.sim.model import Model
 
 
 @dataclass(frozen=True)

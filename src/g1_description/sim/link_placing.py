@@ -6,15 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from g1_description.core.bridge.joints import measured_joints
-from g1_description.core.bridge.measurement import measure
-from g1_description.core.errors import InvalidValueError
-from g1_description.core.robot.assembly import WORLD
-from g1_description.core.robot.description import MOVABLE, Joint
-from g1_description.core.rotation import angle_between, cross, rotate
-from g1_description.core.transform import compose, inverse
-
-from .entities import LinkEntity
+from g1_description.errors import InvalidValueError
+from g1_description.robot.assembly import WORLD
+from g1_description.robot.description import MOVABLE, Joint
+from g1_description.robot.joint_angles import measure, measured_joints
+from g1_description.robot.rotation import angle_between, cross, rotate
+from g1_description.robot.transform import compose, inverse
+from g1_description.sim.entities import LinkEntity
 
 
 class Placed(NamedTuple):

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 
-from g1_description.core.bounds import MAX_VALUE
-from g1_description.core.errors import InvalidValueError
+from g1_description.bounds import MAX_VALUE
+from g1_description.errors import InvalidValueError
 
 MAX_TIME_STEP = 10.0
 """Longest time step in [s]: what Gazebo's dynamic_reconfigure allows."""

@@ -11,22 +11,21 @@ from dataclasses import replace
 
 import numpy as np
 
-from g1_description.core.errors import DescriptionError
-from g1_description.core.motion.motors import Motors
-from g1_description.core.robot.assembly import Assembly
-from g1_description.core.robot.description import Inertial
-from g1_description.core.robot.inertias import impossible_inertias
-from g1_description.core.sdf.world import EMPTY_WORLD, Sdf, read_sdf
+from g1_description.errors import DescriptionError
+from g1_description.motion.motors import Motors
+from g1_description.robot.assembly import Assembly
+from g1_description.robot.description import Inertial
+from g1_description.robot.lumping import impossible_inertias
+from g1_description.sdf.world import EMPTY_WORLD, Sdf, read_sdf
 from g1_description.sim.bullet.create_body import check_size
 from g1_description.sim.bullet.engine import Engine
-from g1_description.sim.motion.motions import Motions
-
-from .contents import Contents
-from .entities import Frame, JointEntity, LinkEntity, in_world
-from .forces import ForceSchedule
-from .link_placing import Placed, joint_above, place_link
-from .model import Model, Report
-from .physics import PhysicsProperties
+from g1_description.sim.contents import Contents
+from g1_description.sim.entities import Frame, JointEntity, LinkEntity, in_world
+from g1_description.sim.forces import ForceSchedule
+from g1_description.sim.link_placing import Placed, joint_above, place_link
+from g1_description.sim.model import Model, Report
+from g1_description.sim.motions import Motions
+from g1_description.sim.physics import PhysicsProperties
 
 
 class World(Contents):

@@ -1,3 +1,3 @@
-"""The browser view: what is shown, and what a person does with it; no ROS."""
+"""The page in a browser, and the node web."""
 
 from . import old_libraries as _old_libraries  # noqa: F401  before anything imports viser

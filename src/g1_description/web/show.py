@@ -8,13 +8,12 @@ import shlex
 from collections.abc import Callable
 from pathlib import Path
 
-from g1_description.core.errors import InvalidValueError
-from g1_description.core.poses.pose import Pose
-from g1_description.core.poses.yaml_text import with_pose
-from g1_description.web.hands.joints import known
-from g1_description.web.page.judges import MakeChecker
-from g1_description.web.page.page import Page
-from g1_description.web.robots.robot import ShownRobot, ShownWorld
+from g1_description.errors import InvalidValueError
+from g1_description.robot.poses import Pose, with_pose
+from g1_description.web.joint_controls import known
+from g1_description.web.judges import MakeChecker
+from g1_description.web.page import Page
+from g1_description.web.robot import ShownRobot, ShownWorld
 from g1_description.web.server.address import ServerOptions
 from g1_description.web.server.page_server import PageServer
 

@@ -12,8 +12,8 @@ import rosgraph
 import roslib.packages
 from diagnostic_msgs.msg import DiagnosticArray
 
-from g1_description.core.doctor.links import BROKEN, LINKS, OK
-from g1_description.ros.apps.doctor.walk import Walk
+from g1_description.cli.doctor.faults import BROKEN, LINKS, OK
+from g1_description.cli.doctor.walk import Walk
 
 from .ros_testing import DEADLINE, Connected, program, wait_for
 

@@ -6,7 +6,7 @@ import rospy
 from gazebo_msgs.srv import SetModelConfiguration, SpawnModel
 from geometry_msgs.msg import Pose
 
-from g1_description.ros.gazebo.programs.spawn_model import GazeboServices
+from g1_description.gazebo.programs.spawn_model import GazeboServices
 
 
 def spawn_sdf_model_client(

@@ -1,1 +1,1 @@
-"""The only room that talks to PyBullet's dynamics."""
+"""Dynamics in PyBullet, which one module imports."""

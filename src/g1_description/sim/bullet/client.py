@@ -7,7 +7,7 @@ import ctypes
 import os
 from collections.abc import Iterator
 
-from g1_description.core.interrupts import uninterrupted
+from g1_description.interrupts import uninterrupted
 
 
 @contextlib.contextmanager

@@ -8,12 +8,11 @@ from typing import Any, Dict
 
 import numpy as np
 
-from g1_description.core.robot.description import Shape
+from g1_description.robot.description import Shape
+from g1_description.sim.bullet.client import BulletClient, pybullet
 from g1_description.sim.meshes.hulls import cylinder_points, thinned_hulls
 from g1_description.sim.meshes.shapes import Mesh, is_there
 from g1_description.sim.meshes.stl import write_stl
-
-from .client import BulletClient, pybullet
 
 MAX_TOGETHER = 16
 """Collision shapes that PyBullet takes in one call: of one more its process dies."""

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from g1_description.core.robot.assembly import SCOPE
+from g1_description.robot.assembly import SCOPE
+from g1_description.sim.bullet.body import Body
+from g1_description.sim.bullet.client import BulletClient
 from g1_description.sim.physics import PhysicsProperties
-
-from .body import Body
-from .client import BulletClient
 
 MAX_DEPENETRATION_SPEED = 0.3
 """Greatest speed at which links that overlap part, in [m/s]. ODE has such a bound for

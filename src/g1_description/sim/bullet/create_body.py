@@ -13,19 +13,18 @@ from pathlib import Path
 
 import numpy as np
 
-from g1_description.core.bounds import MAX_VALUE
-from g1_description.core.errors import DescriptionError
-from g1_description.core.robot.assembly import WORLD
-from g1_description.core.robot.description import Description, Inertial, Joint, Link
-from g1_description.core.robot.inertias import is_positive
-from g1_description.core.robot.tree import depth_first
-from g1_description.core.rotation import axes_to_rpy, from_rpy, rotate
-from g1_description.core.transform import IDENTITY
+from g1_description.bounds import MAX_VALUE
+from g1_description.errors import DescriptionError
+from g1_description.robot.assembly import WORLD
+from g1_description.robot.description import Description, Inertial, Joint, Link
+from g1_description.robot.lumping import is_positive
+from g1_description.robot.rotation import axes_to_rpy, from_rpy, rotate
+from g1_description.robot.transform import IDENTITY
+from g1_description.robot.tree import depth_first
+from g1_description.sim.bullet.client import BulletClient, pybullet
+from g1_description.sim.bullet.collision import MAX_TOGETHER, Form, Forms, create_shapes
 from g1_description.sim.meshes.shapes import Mesh
 from g1_description.sim.model import Model
-
-from .client import BulletClient, pybullet
-from .collision import MAX_TOGETHER, Form, Forms, create_shapes
 
 ROOT = -1
 """PyBullet's number for a body's root link."""

@@ -7,21 +7,63 @@ from itertools import chain, combinations
 
 import numpy as np
 
-from g1_description.core.errors import UnknownNameError
-from g1_description.core.files.launch_arguments import PHYSICS
-from g1_description.core.motion.motors import G1_MOTORS, Motor, Motors
-from g1_description.core.text import listed
-from g1_description.sim.bullet.rest import RestDetector
+from g1_description.errors import UnknownNameError
+from g1_description.motion.motors import G1_MOTORS, Motor, Motors
+from g1_description.robot.launch_arguments import PHYSICS
+from g1_description.sim.bullet.body import MAX_EFFORT, Body
+from g1_description.sim.bullet.client import BulletClient, connect
+from g1_description.sim.bullet.contacts import DepenetrationLimiter, find_contacts
+from g1_description.sim.bullet.create_body import TooManyLinksError, create_body
+from g1_description.sim.bullet.moving_models import MovingModels
 from g1_description.sim.meshes.shapes import find_meshes
 from g1_description.sim.model import Model
 from g1_description.sim.physics import PhysicsProperties
+from g1_description.text import listed
 
-from .body import Body
-from .client import BulletClient, connect
-from .contacts import DepenetrationLimiter, find_contacts
-from .create_body import TooManyLinksError, create_body
-from .joints import MAX_EFFORT
-from .moving_models import MovingModels
+REST_SPEED = 1e-5
+"""Greatest speed of a joint or root that counts as standing still, in [m/s] or [rad/s]:
+above the noise of the solver in a stack of boxes, far below what can be seen."""
+
+REST_TIME = 0.1
+"""How long everything must stand still before the world rests, in [s] of simulated
+time: a pendulum that turns round is slower than REST_SPEED for less."""
+
+
+class RestDetector:
+    """Counts for how long everything has stood still."""
+
+    def __init__(self) -> None:
+        """Begin awake."""
+        self._still_for = 0.0
+        self._first_speed = 0.0
+
+    @property
+    def is_resting(self) -> bool:
+        """Whether steps change nothing until something is written."""
+        return self._still_for >= REST_TIME
+
+    def wake(self) -> None:
+        """Compute again, and count from zero."""
+        self._still_for = 0.0
+
+    def update(self, speed: float, time_step: float) -> None:
+        """Count a step that was computed.
+
+        What became faster is about to move, however slow it is, such as a pole that
+        begins to topple: then the world does not rest.
+
+        Args:
+            speed: Greatest speed after the step, in [m/s] or [rad/s].
+            time_step: Length of the step in [s].
+        """
+        if not speed <= REST_SPEED:  # also where it is NaN
+            self.wake()
+            return
+        if self._still_for == 0.0:
+            self._first_speed = speed
+        self._still_for += time_step
+        if self.is_resting and speed > self._first_speed:
+            self.wake()
 
 
 class Engine:

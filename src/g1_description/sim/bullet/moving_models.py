@@ -10,15 +10,14 @@ from typing import Callable
 
 import numpy as np
 
-from g1_description.core.robot.assembly import SCOPE
-from g1_description.core.robot.description import Description, Joint, Link
-from g1_description.core.robot.kinematics import Kinematics
-from g1_description.core.rotation import cross
-from g1_description.core.transform import compose
+from g1_description.robot.assembly import SCOPE
+from g1_description.robot.description import Description, Joint, Link
+from g1_description.robot.kinematics import Kinematics
+from g1_description.robot.rotation import cross
+from g1_description.robot.transform import compose
+from g1_description.sim.bullet.body import Body
+from g1_description.sim.bullet.client import BulletClient
 from g1_description.sim.model import Model, States
-
-from .body import Body
-from .client import BulletClient
 
 
 class _LinkStates:

@@ -1,1 +1,1 @@
-"""Mesh files: what is in them, read by libraries that may crash."""
+"""Contents of mesh files, read in a child process, and their hulls."""

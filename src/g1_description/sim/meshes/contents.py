@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .read_meshes import BEGUN, LAST_WORDS
+from g1_description.sim.meshes.read_meshes import BEGUN, LAST_WORDS
 
 READ_TIMEOUT = 60.0
 """Longest time that reading all meshes of a model may take, in [s]."""

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from g1_description.core.interrupts import uninterrupted
+from g1_description.interrupts import uninterrupted
 
 if TYPE_CHECKING:
     from scipy.spatial import ConvexHull
+
 
 MAX_WHOLE = 128
 """Most points that are not thinned: PyBullet's time grows with them."""

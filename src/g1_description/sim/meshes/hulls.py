@@ -8,11 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from g1_description.core.robot.description import Shape
-
-from .hull_vertices import thinned
-from .shapes import Mesh
-from .stl import read_stl
+from g1_description.robot.description import Shape
+from g1_description.sim.meshes.hull_vertices import thinned
+from g1_description.sim.meshes.shapes import Mesh
+from g1_description.sim.meshes.stl import read_stl
 
 MAX_HULLS = 100
 """A mesh of more parts becomes one convex hull, instead of one for each."""

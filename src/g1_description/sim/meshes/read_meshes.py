@@ -18,11 +18,19 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from g1_description.core.bounds import MAX_VALUE
-
-from .assimp import TRIANGULATE, Assimp, CannotReadError, RawPart
-from .stl import HEAD, binary_size, triangle_count
-from .surfaces import triangle_normals
+from g1_description.bounds import MAX_VALUE
+from g1_description.sim.meshes.assimp import (
+    TRIANGULATE,
+    Assimp,
+    CannotReadError,
+    RawPart,
+)
+from g1_description.sim.meshes.stl import (
+    HEAD,
+    binary_size,
+    triangle_count,
+    triangle_normals,
+)
 
 BEGUN, LAST_WORDS = "begun", "last_words"
 """Files that tell that it began to read, and of what mistake of its own it ended."""

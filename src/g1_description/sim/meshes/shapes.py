@@ -13,15 +13,19 @@ from pathlib import Path
 
 import numpy as np
 
-from g1_description.core.bounds import MAX_VALUE
-from g1_description.core.files.model_files import find_folder
-from g1_description.core.files.uris import local_path
-from g1_description.core.robot.description import Shape
-
-from .contents import Part, mesh_contents
-from .read_meshes import has_direction
-from .stl import HEAD, RECORD, binary_size, triangle_count
-from .surfaces import triangle_normals
+from g1_description.bounds import MAX_VALUE
+from g1_description.files.model_files import find_folder
+from g1_description.files.uris import local_path
+from g1_description.robot.description import Shape
+from g1_description.sim.meshes.contents import Part, mesh_contents
+from g1_description.sim.meshes.read_meshes import has_direction
+from g1_description.sim.meshes.stl import (
+    HEAD,
+    RECORD,
+    binary_size,
+    triangle_count,
+    triangle_normals,
+)
 
 KINDS = (".dae", ".obj", ".stl")
 """Kinds of meshes that Gazebo takes."""

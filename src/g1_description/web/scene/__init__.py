@@ -1,1 +1,1 @@
-"""What is seen in the browser: robots, their frames, marks and trails."""
+"""What is seen: robots, frames, marks, trails."""

@@ -9,6 +9,7 @@ import numpy as np
 if TYPE_CHECKING:
     from viser import ViserServer
 
+
 LOOK_AT = (-0.1, 0.16, 0.68)
 CAMERA = (2.1, 1.35, 1.2)
 FIELD_OF_VIEW = 0.75

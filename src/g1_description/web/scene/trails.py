@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from g1_description.core.robot.assembly import WORLD, root_in_base
-from g1_description.core.robot.description import Description
-from g1_description.core.robot.kinematics import Kinematics
-from g1_description.core.transform import compose
+from g1_description.robot.assembly import WORLD, root_in_base
+from g1_description.robot.description import Description
+from g1_description.robot.kinematics import Kinematics
+from g1_description.robot.transform import compose
 
 if TYPE_CHECKING:
     from viser import LineSegmentsHandle, SceneApi
+
 
 LASTING = 10.0
 """How long a trail stays, in [s]."""

@@ -11,14 +11,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from g1_description.core.robot.assembly import WORLD, root_in_base
-from g1_description.core.robot.description import MOVABLE, Description, Joint
-from g1_description.core.robot.tree import below
-from g1_description.core.rotation import multiply, rotate
-from g1_description.core.transform import IDENTITY, compose
+from g1_description.robot.assembly import WORLD, root_in_base
+from g1_description.robot.description import MOVABLE, Description, Joint
+from g1_description.robot.rotation import multiply, rotate
+from g1_description.robot.transform import IDENTITY, compose
+from g1_description.robot.tree import below
 
 if TYPE_CHECKING:
     from viser import FrameHandle, SceneApi
+
 
 STILL = 1e-6
 """A joint that has moved by less, in [rad] or [m], is where it was."""

@@ -1,1 +1,1 @@
-"""The browser view's server, and who may use it."""
+"""Who may open the page, and what comes from browsers."""

@@ -7,8 +7,8 @@ import ipaddress
 import socket
 from dataclasses import dataclass
 
-from g1_description.core.bounds import MAX_PORT
-from g1_description.core.errors import PageServerError, cause
+from g1_description.bounds import MAX_PORT
+from g1_description.errors import PageServerError, cause
 
 MAX_UPLOAD = 64 * 2**20
 """Largest file that the page takes, in bytes: minutes of motion as text."""

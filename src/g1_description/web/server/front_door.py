@@ -18,14 +18,13 @@ from websockets.exceptions import ConnectionClosed
 from websockets.frames import CloseCode
 from websockets.http11 import Request, Response
 
-from g1_description.core.errors import G1DescriptionError, PageServerError, cause
-
-from .address import ServerOptions
-from .admission import Admission
-from .hidden_viser import HiddenViser
-from .pages import Pages, sentence
-from .pipe import Pipe, refuse
-from .uploads import Uploads
+from g1_description.errors import G1DescriptionError, PageServerError, cause
+from g1_description.web.server.address import ServerOptions
+from g1_description.web.server.admission import Admission
+from g1_description.web.server.hidden_viser import HiddenViser
+from g1_description.web.server.pages import Pages, sentence
+from g1_description.web.server.pipe import Pipe, refuse
+from g1_description.web.server.uploads import Uploads
 
 MAX_MESSAGE = 16 * 2**20
 """Largest message of a browser, in bytes: a picture of the scene is one."""

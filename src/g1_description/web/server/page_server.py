@@ -9,13 +9,13 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from g1_description.core.errors import PageServerError
-from g1_description.core.interrupts import uninterrupted
-
-from .address import ServerOptions, is_loopback, listen, origin
+from g1_description.errors import PageServerError
+from g1_description.interrupts import uninterrupted
+from g1_description.web.server.address import ServerOptions, is_loopback, listen, origin
 
 if TYPE_CHECKING:
     import viser
+
 
 MISSING = (
     "the browser view needs {}, which is not installed: "
@@ -52,11 +52,11 @@ class PageServer:
             PageServerError: If viser is not installed, or the port cannot be opened.
         """
         _check_installed()
-        from .admission import Admission
-        from .front_door import FrontDoor
-        from .hidden_viser import HiddenViser
-        from .pages import Pages
-        from .uploads import Uploads
+        from g1_description.web.server.admission import Admission
+        from g1_description.web.server.front_door import FrontDoor
+        from g1_description.web.server.hidden_viser import HiddenViser
+        from g1_description.web.server.pages import Pages
+        from g1_description.web.server.uploads import Uploads
 
         opened = listen(options.host, options.port)
         base = origin(options.host, opened)

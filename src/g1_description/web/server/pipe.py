@@ -17,7 +17,7 @@ from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import ConnectionClosed
 from websockets.frames import CloseCode
 
-from .hidden_viser import HiddenViser
+from g1_description.web.server.hidden_viser import HiddenViser
 
 MAX_QUEUE = 2
 """Most messages read ahead of what the other side has taken."""

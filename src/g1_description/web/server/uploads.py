@@ -21,7 +21,7 @@ from urllib.parse import parse_qs
 from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import ConnectionClosed
 
-from g1_description.core.errors import G1DescriptionError, PageServerError, cause
+from g1_description.errors import G1DescriptionError, PageServerError, cause
 
 MAX_AT_ONCE = 4
 """Most files on their way or being read."""

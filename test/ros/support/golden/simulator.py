@@ -8,7 +8,7 @@ import rosservice
 from rosgraph_msgs.msg import Log
 from scipy.spatial.transform import Rotation
 
-from g1_description.core.files.uris import with_absolute_uris
+from g1_description.files.uris import with_absolute_uris
 
 from ..ros_testing import DEADLINE, REPOSITORY, Listener, wait_for
 from .cases import GOLDEN, plain, with_numbers

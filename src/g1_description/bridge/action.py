@@ -1,0 +1,304 @@
+"""The action follow_joint_trajectory, as joint_trajectory_controller has it."""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections.abc import Sequence
+
+import actionlib
+import numpy as np
+import rospy
+from actionlib import ServerGoalHandle
+from control_msgs.msg import FollowJointTrajectoryAction, FollowJointTrajectoryResult
+
+from g1_description.bridge.controllers import Controller
+from g1_description.bridge.goals import (
+    ActiveGoal,
+    OldTrajectoryError,
+    tolerances_in_goal,
+    trajectory_of_goal,
+)
+from g1_description.bridge.player import MotionPlayer, Played
+from g1_description.bridge.status import RobotStatus
+from g1_description.errors import G1DescriptionError, UnknownNameError
+from g1_description.motion.playlist import Following, Outcome, Progress
+from g1_description.motion.tolerances import Tolerances
+from g1_description.motion.trajectory import Trajectory
+from g1_description.ros.lifecycle import quiet_when_closing
+from g1_description.ros.log import SHORT_PERIOD, ThrottledLog
+from g1_description.ros.motion_messages import check_joint_names
+
+STATUS_PERIOD = 0.2
+"""Time between two publications of the goals' status, in [s] of wall time."""
+
+
+class SteadyActionServer(actionlib.ActionServer):
+    """An action server that gets along with time that stands still or goes back.
+
+    actionlib's own publishes its status from a timer in simulated time: the timer is
+    woken by every message on /clock, waits while time stands still, and ends for good
+    when time goes back.
+    """
+
+    _last_status = 0.0
+
+    def initialize(self) -> None:
+        """Advertise and subscribe, without the timer."""
+        super().initialize()
+        if self.status_timer is not None:
+            self.status_timer.shutdown()
+
+    def keep_up(self) -> None:
+        """Publish the status where it is due; to be called several times a second."""
+        now = time.monotonic()
+        if now - self._last_status >= STATUS_PERIOD:
+            self._last_status = now
+            self.publish_status()
+
+    def reset(self) -> None:
+        """Forget times that are still to come, as time went back."""
+        with self.lock:
+            self.last_cancel = rospy.Time()
+            now = rospy.Time.now()
+            for tracker in self.status_list:
+                tracker.handle_destruction_time = min(
+                    tracker.handle_destruction_time, now
+                )
+
+
+ACTION = "follow_joint_trajectory"
+
+TIME_WENT_BACK = "Simulated time went back, which ends all motions."
+
+Result = FollowJointTrajectoryResult
+
+
+class FollowJointTrajectory:
+    """Lets a robot's joints follow the trajectories of goals, one after the other.
+
+    actionlib's SimpleActionServer accepts each goal before anyone looks at it. Here, as
+    in joint_trajectory_controller, a wrong goal is rejected and the present one goes
+    on. Goals and cancellations are handled in a thread of their own, because the
+    simulator may take long to answer while actionlib holds its lock.
+    """
+
+    def __init__(
+        self,
+        action: str,
+        controller: Controller,
+        status: RobotStatus,
+        player: MotionPlayer,
+        log: ThrottledLog,
+    ) -> None:
+        """Advertise the action.
+
+        Args:
+            action: Its name.
+            controller: The joints that it moves, and their tolerances.
+            status: The robot, and its last state.
+            player: What plays trajectories.
+            log: Where to log what is not done exactly as requested.
+        """
+        self._action, self._log = action, log
+        self._controller, self._status, self._player = controller, status, player
+        joints = status.description.movable_joints
+        self._continuous = {
+            joint.name for joint in joints if joint.kind == "continuous"
+        }
+        self._lock = threading.Lock()
+        self._active: ActiveGoal | None = None
+        self._resets: list[int] = []
+        requests: queue.SimpleQueue = queue.SimpleQueue()
+        threading.Thread(target=self._handle, args=[requests], daemon=True).start()
+        self._server = SteadyActionServer(
+            action,
+            FollowJointTrajectoryAction,
+            lambda handle: requests.put((self._on_goal, handle)),
+            lambda handle: requests.put((self._on_cancel, handle)),
+            auto_start=False,
+        )
+        self._server.start()
+
+    @staticmethod
+    def _handle(requests: queue.SimpleQueue) -> None:
+        """Handle goals and cancellations as they come."""
+        while True:
+            handler, handle = requests.get()
+            try:
+                with quiet_when_closing():
+                    handler(handle)
+            except Exception as error:  # the next goal is none the worse for it
+                rospy.logerr("A goal could not be handled: %r", error)
+
+    def on_state(self) -> None:
+        """Compare the robot's new state with the goal, if there is one."""
+        goal = self._active
+        if goal is None:
+            return
+        goal.is_seen = True
+        if goal.is_replaced:
+            self._preempt()
+            return
+        stamp, seen = self._status.stamp, self._status.observation
+        if seen is None or stamp < goal.following.start_ns:
+            return
+        if stamp < goal.next_feedback and not goal.following.decides_at(stamp):
+            return
+        try:
+            progress = goal.following.update(stamp, goal.actual(seen))
+        except UnknownNameError as error:
+            self._abort(str(error))
+            return
+        if progress.outcome is not Outcome.UNDER_WAY:
+            self._end(goal, stamp, progress)
+        else:
+            goal.publish_feedback(stamp, progress)
+
+    def reset(self, stamp: int) -> None:
+        """Give the goal up, as simulated time went back.
+
+        The simulator is silent for a while after it was reset. A goal that came in the
+        meantime is of the new time, and stays.
+
+        Args:
+            stamp: The new time in [ns].
+        """
+        self._server.reset()
+        with self._lock:
+            self._resets.append(stamp)
+            goal = self._active
+        if goal is not None and (goal.is_seen or goal.following.start_ns > stamp):
+            self._abort(TIME_WENT_BACK)
+
+    def keep_up(self, is_connected: bool) -> None:
+        """Do what no message triggers; to be called several times a second.
+
+        Args:
+            is_connected: Whether there is a simulator.
+        """
+        if not is_connected:
+            self._abort("The simulator is gone.")
+        self._server.keep_up()
+
+    def _on_goal(self, handle: ServerGoalHandle) -> None:
+        """Go to a new goal instead of the present one, or reject it."""
+        goal = handle.get_goal()
+        try:
+            if not goal.trajectory.points:
+                self._stop(handle, goal.trajectory.joint_names)
+                return
+            now = rospy.Time.now().to_nsec() or self._status.stamp
+            trajectory = trajectory_of_goal(goal, self._controller, now)
+            tolerances = tolerances_in_goal(goal, self._controller)
+        except UnknownNameError as error:
+            _reject(handle, Result.INVALID_JOINTS, str(error))
+        except OldTrajectoryError as error:
+            _reject(handle, Result.OLD_HEADER_TIMESTAMP, str(error))
+        except G1DescriptionError as error:
+            _reject(handle, Result.INVALID_GOAL, str(error))
+        else:
+            start = goal.trajectory.header.stamp.to_nsec() or None
+            self._start(handle, trajectory, start, tolerances)
+
+    def _on_cancel(self, handle: ServerGoalHandle) -> None:
+        """Stop the joints, if the goal is the present one and still moves them."""
+        goal = self._active
+        if goal is not None and goal.handle == handle and goal.is_replaced:
+            self._preempt()
+        elif goal is not None and goal.handle == handle and self._take(goal):
+            self._warn(self._player.stop(self._controller.joints))
+            goal.handle.set_canceled(Result(), "The goal was cancelled.")
+
+    def _stop(self, handle: ServerGoalHandle, names: Sequence[str]) -> None:
+        """Stop joints where they are; without names all of the controller."""
+        if names:
+            check_joint_names(names, self._controller.joints)
+        played = self._player.stop(names or self._controller.joints)
+        if not played.success:
+            _refuse(handle, played)
+            return
+        self._preempt()
+        handle.set_accepted()
+        handle.set_succeeded(Result())
+
+    def _start(
+        self,
+        handle: ServerGoalHandle,
+        trajectory: Trajectory,
+        start: int | None,
+        tolerances: Tolerances,
+    ) -> None:
+        """Play a trajectory from a time in [ns] on; None: now."""
+        n_resets = len(self._resets)
+        played = self._player.play(trajectory, start)
+        if not played.success:
+            _refuse(handle, played)
+            return
+        self._warn(played)
+        continuous = [name in self._continuous for name in trajectory.joint_names]
+        following = Following(
+            trajectory, played.start_ns, tolerances, np.array(continuous)
+        )
+        self._preempt()
+        handle.set_accepted()
+        with self._lock:
+            self._active = ActiveGoal(handle, following, played.playback)
+            resets = self._resets[n_resets:]
+            is_old = any(played.start_ns > stamp for stamp in resets)
+        if is_old:
+            self._abort(TIME_WENT_BACK)
+
+    def _preempt(self) -> None:
+        """End the present goal, as another motion takes its place."""
+        goal = self._active
+        if goal is not None and self._take(goal):
+            goal.handle.set_canceled(Result(), "Another motion took its place.")
+
+    def _abort(self, message: str) -> None:
+        """Give the present goal up, if there is one."""
+        goal = self._active
+        if goal is not None and self._take(goal):
+            goal.handle.set_aborted(Result(Result.INVALID_GOAL, message), message)
+
+    def _end(self, goal: ActiveGoal, stamp: int, progress: Progress) -> None:
+        """End a goal that is reached, or that a tolerance forbids."""
+        if not self._take(goal):
+            return
+        if progress.outcome is Outcome.REACHED:
+            goal.handle.set_succeeded(Result())
+            return
+        is_path = progress.outcome is Outcome.OFF_PATH
+        code = (
+            Result.PATH_TOLERANCE_VIOLATED
+            if is_path
+            else Result.GOAL_TOLERANCE_VIOLATED
+        )
+        elapsed = (stamp - goal.following.start_ns) / 1e9
+        message = f"{elapsed:.3f} s after the start {progress.message}."
+        goal.handle.set_aborted(Result(code, message), message)
+
+    def _warn(self, played: Played) -> None:
+        """Log what the simulator does not do exactly as requested."""
+        if played.message:
+            text = f"{self._action}: {played.message}."
+            self._log.warn(self._action, text, SHORT_PERIOD)
+
+    def _take(self, goal: ActiveGoal) -> bool:
+        """Make a goal end; return False where another thread has done so."""
+        with self._lock:
+            is_present = self._active is goal
+            if is_present:
+                self._active = None
+        return is_present
+
+
+def _reject(handle: ServerGoalHandle, code: int, message: str) -> None:
+    """Reject a goal with a sentence."""
+    handle.set_rejected(Result(code, message), message)
+
+
+def _refuse(handle: ServerGoalHandle, played: Played) -> None:
+    """Reject a goal that the simulator refuses."""
+    _reject(handle, Result.INVALID_GOAL, f"The motion is refused: {played.message}.")

@@ -1,0 +1,100 @@
+"""Controllers as the parameter ~controllers lists them: joints that move together."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from g1_description.errors import InvalidValueError
+from g1_description.motion.tolerances import Constraints, read_constraints
+from g1_description.text import listed, similar_first
+
+KEYS = ("name", "joints", "constraints")
+
+
+@dataclass(frozen=True)
+class Controller:
+    """Joints of a robot that one action moves."""
+
+    name: str
+    """Namespace of its action below that of the robot; empty: the robot's own."""
+
+    joints: tuple[str, ...]
+
+    constraints: Constraints = field(default_factory=Constraints)
+    """Tolerances of goals that ask for no other ones."""
+
+
+def read_controllers(
+    entries: Sequence[Any], joints: Sequence[str], owner: str
+) -> tuple[Controller, ...]:
+    """Read the controllers of a robot.
+
+    Args:
+        entries: The list; if it is empty, one controller has all joints, if the robot
+            has any.
+        joints: Names of the robot's movable joints.
+        owner: What the list is called in messages, in the plural.
+
+    Raises:
+        InvalidValueError: If an entry is no controller, or two have the same name or
+            the same joint.
+    """
+    found: list[Controller] = []
+    for number, entry in enumerate(entries):
+        try:
+            controller = _controller(entry, joints)
+        except InvalidValueError as error:
+            raise InvalidValueError(
+                f"Entry {number} of the {owner}: {error}."
+            ) from error
+        for other in found:
+            _check_apart(other, controller, owner)
+        found.append(controller)
+    if joints and not found:
+        return (Controller("", tuple(joints)),)
+    return tuple(found)
+
+
+def _controller(entry: Any, joints: Sequence[str]) -> Controller:
+    """Read one entry."""
+    if not isinstance(entry, dict) or not {*entry} <= {*KEYS}:
+        raise InvalidValueError(f"{entry!r} is not a dictionary of {listed(KEYS)}")
+    name = entry.get("name")
+    if not isinstance(name, str) or not _is_name(name):
+        raise InvalidValueError(f"the name {name!r} is no ROS name")
+    own = _joints(entry.get("joints", joints), joints)
+    constraints = read_constraints(entry.get("constraints", {}), own)
+    return Controller(name, own, constraints)
+
+
+def _is_name(name: str) -> bool:
+    """Return whether a name can be a namespace."""
+    return re.fullmatch(r"[A-Za-z]\w*(/\w+)*", name, re.ASCII) is not None
+
+
+def _joints(found: Any, joints: Sequence[str]) -> tuple[str, ...]:
+    """Check that something is a list of joints."""
+    if not isinstance(found, (list, tuple)) or not found:
+        raise InvalidValueError(f"joints are {found!r}, not a list of names")
+    unknown = [name for name in found if name not in joints]
+    if unknown:
+        near = listed(similar_first(str(unknown[0]), joints))
+        raise InvalidValueError(f"no movable joint {unknown[0]!r}; there are {near}")
+    if len({*found}) < len(found):
+        raise InvalidValueError("a joint is listed twice")
+    return tuple(found)
+
+
+def _check_apart(one: Controller, other: Controller, owner: str) -> None:
+    """Check that two controllers differ in name and joints, as ros_control demands."""
+    if one.name == other.name:
+        raise InvalidValueError(f"Two of the {owner} have the name '{one.name}'.")
+    shared = [joint for joint in other.joints if joint in one.joints]
+    if shared:
+        raise InvalidValueError(
+            f"Two of the {owner}, {one.name} and {other.name}, have {listed(shared)}; "
+            "a joint has one controller."
+        )

@@ -1,0 +1,385 @@
+"""Joint states of several robots from one LinkStates message."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from g1_description.bounds import all_usable, usable_rows
+from g1_description.robot.assembly import SCOPE, base_of, reference_links
+from g1_description.robot.description import Description
+from g1_description.robot.joint_angles import (
+    Measured,
+    MeasuredJoints,
+    Previous,
+    measure,
+    measured_joints,
+)
+from g1_description.robot.transform import IDENTITY, compose
+
+MAX_CACHED = 64
+"""Largest number of sets of links, per robot, whose joints are cached. Links may come
+and go with every message, and finding the joints of a humanoid takes milliseconds."""
+
+
+@dataclass(frozen=True)
+class RobotLayout:
+    """One robot's share of the links and joints of all robots."""
+
+    joints: MeasuredJoints
+    """Its joints; they index its own valid links."""
+
+    links: tuple[str, ...]
+    """Names of its valid links."""
+
+    invalid: tuple[str, ...]
+    """Names of its links without usable numbers, which count as missing."""
+
+    first_link: int
+    """Row of its first link among the valid links of all robots."""
+
+    span: slice
+    """Rows of its joints among those of all robots."""
+
+    base: tuple[int, np.ndarray] | None
+    """Row of the reference link of its root, or of what floats in the world, among the
+    valid links of all robots, and the root's pose in the frame of that link, shape
+    (7,). None if it is unknown."""
+
+    is_present: bool
+    """Whether the message has any link of the robot."""
+
+
+class LinkLayout:
+    """Finds the links of robots by their scoped names."""
+
+    def __init__(self, robots: Mapping[str, Description]) -> None:
+        """Begin without a message.
+
+        Args:
+            robots: The robots as in their files, by the names of their models in the
+                simulated world. The name of a model inside another begins with the
+                other's name and ``::``.
+        """
+        self._robots = list(robots.items())
+        self._cache: dict = {}
+        self._available: list[list[str]] = [[] for _ in robots]
+        self.rows: slice | np.ndarray = slice(0, 0)
+        """Rows of the robots' links in the message, one robot after the other."""
+        self.duplicates: tuple[str, ...] = ()
+        """Scoped names of the robots' links that the message has more than once."""
+
+    def find(self, names: Sequence[str]) -> None:
+        """Find the robots' links among the scoped names of a message.
+
+        Args:
+            names: The names. Of equal names the first counts.
+        """
+        index: dict[str, int] = {}
+        for row, name in enumerate(names):
+            index.setdefault(name, row)
+        self._available = [
+            [link for link in robot.link_names if f"{model}{SCOPE}{link}" in index]
+            for model, robot in self._robots
+        ]
+        scoped = [
+            f"{model}{SCOPE}{link}"
+            for (model, _), links in zip(self._robots, self._available)
+            for link in links
+        ]
+        self.rows = _as_slice(np.array([index[name] for name in scoped], dtype=int))
+        counts = Counter(names) if len(index) < len(names) else {}
+        self.duplicates = tuple(name for name in scoped if counts.get(name, 1) > 1)
+
+    def arrange(self, valid: np.ndarray | None) -> list[RobotLayout]:
+        """Lay out the valid links and the joints between them.
+
+        Args:
+            valid: True for each link found that has usable numbers, shape (n_found,);
+                None where all have.
+
+        Returns:
+            A layout per robot.
+        """
+        layouts = []
+        row = first_link = first_joint = 0
+        for (_, robot), available in zip(self._robots, self._available):
+            end = row + len(available)
+            mask = [True] * len(available) if valid is None else valid[row:end].tolist()
+            row = end
+            links = tuple(link for link, good in zip(available, mask) if good)
+            invalid = tuple(link for link, good in zip(available, mask) if not good)
+            joints, base = self._structure(robot, links)
+            span = slice(first_joint, first_joint + len(joints.names))
+            base = base and (first_link + base[0], base[1])
+            layouts.append(
+                RobotLayout(
+                    joints, links, invalid, first_link, span, base, bool(available)
+                )
+            )
+            first_link += len(links)
+            first_joint = span.stop
+        return layouts
+
+    def _structure(
+        self, robot: Description, links: tuple[str, ...]
+    ) -> tuple[MeasuredJoints, tuple[int, np.ndarray] | None]:
+        """Find a robot's joints, and its base as index and pose; both are cached."""
+        key = (id(robot), links)
+        if key not in self._cache:
+            if len(self._cache) >= MAX_CACHED * len(self._robots):
+                self._cache.clear()
+            base = None
+            root, _ = base_of(robot)
+            if root in (references := reference_links(robot, links)):
+                link, T_link_root = references[root]
+                base = (links.index(link), T_link_root)
+            self._cache[key] = (measured_joints(robot, links), base)
+        return self._cache[key]
+
+
+def _as_slice(rows: np.ndarray) -> slice | np.ndarray:
+    """Replace rows that follow one another by a slice, which numpy takes faster."""
+    first = int(rows[0]) if len(rows) else 0
+    block = slice(first, first + len(rows))
+    return block if np.array_equal(rows, np.arange(block.start, block.stop)) else rows
+
+
+MAX_RESIDUAL = 0.1
+"""Largest rotation in [rad] off a joint's axis that is not reported. Gazebo's engine
+lets the joints of a robot that lies on the floor come 0.01 to 0.02 rad off their axes,
+and those of one that has just fallen 0.056 rad. With the robot_description of another
+robot a bent joint is off by about its angle."""
+
+_MAX_SINE = np.sin(0.5 * MAX_RESIDUAL) ** 2
+
+MAX_AGE = 1.0
+"""Oldest measurement in [s] that angles are unwrapped from."""
+
+DEFAULT_INTERVAL = 0.001
+"""Time between two messages in [s] while it is unknown."""
+
+MAX_LATE = 20
+"""Largest number of intervals between two messages that a slow clock may explain.
+After a longer gap the messages did stop."""
+
+
+class Observation(NamedTuple):
+    """What a message says about one robot. The arrays are views of those of all."""
+
+    names: tuple[str, ...]
+    """Joint names in the order of the description; the same object until the links of
+    the robot change."""
+
+    position: np.ndarray
+    """In [rad] or [m], shape (n_joints,)."""
+
+    velocity: np.ndarray
+    """In [rad/s] or [m/s], shape (n_joints,)."""
+
+    base_pose: np.ndarray | None
+    """Pose in the world of the root link, or of what floats in the world, shape (7,);
+    None if it is unknown."""
+
+    missing: tuple[str, ...]
+    """Links that are unknown, so that their joints are left out."""
+
+    invalid: tuple[str, ...]
+    """Links without usable numbers, which count as missing."""
+
+    axis_residual: Mapping[str, float]
+    """Rotation in [rad] off a joint's axis, by joint name, the largest first, where it
+    is larger than ``MAX_RESIDUAL``."""
+
+    is_present: bool
+    """Whether the message has any link of the robot."""
+
+    changed: bool
+    """Whether its links are others than in the previous message."""
+
+
+class JointStateEstimator:
+    """Measures the joints of robots from one message after the other."""
+
+    def __init__(self, robots: Mapping[str, Description]) -> None:
+        """Begin without a message.
+
+        Args:
+            robots: The robots as in their files, by the names of their models in the
+                simulated world. The name of a model inside another begins with the
+                other's name and ``::``.
+        """
+        keys = [
+            (model, joint.name)
+            for model, robot in robots.items()
+            for joint in robot.movable_joints
+        ]
+        self._models = [*robots]
+        self._number = {key: number for number, key in enumerate(keys)}
+        self._links = LinkLayout(robots)
+        self._names: Sequence[str] | None = None
+        self._arranged_for: bytes | None = None
+        self._layouts: list[RobotLayout] = []
+        self._changed = [True] * len(robots)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the measurements that angles are unwrapped from."""
+        shape = (3, len(self._number))
+        self._position, self._velocity, self._seen = np.full(shape, np.nan)
+        self._time = np.nan
+        self._interval = 0.0
+
+    @property
+    def duplicates(self) -> tuple[str, ...]:
+        """Scoped names of the robots' links that the last message had repeatedly."""
+        return self._links.duplicates
+
+    def update(
+        self, names: Sequence[str], poses: np.ndarray, twists: np.ndarray, time: float
+    ) -> list[Observation]:
+        """Measure the joints in one message.
+
+        Args:
+            names: Scoped names of the links. They are compared by identity with those
+                of the previous message. Of equal names the first counts.
+            poses: Poses in the world, shape (n, 7). A link with a quaternion that is
+                not of unit length within 1e-3, or with a number beyond what a robot can
+                have, counts as missing.
+            twists: Twists along the world's axes, shape (n, 6).
+            time: Time of the message in [s].
+
+        Returns:
+            An observation per robot.
+        """
+        if names is not self._names:
+            self._links.find(names)
+            self._names, self._arranged_for = names, None
+        poses, twists = poses[self._links.rows].copy(), twists[self._links.rows]
+        lengths = np.sqrt(np.einsum("ij,ij->i", poses[:, 3:], poses[:, 3:]))
+        valid = None
+        if not all_usable(lengths, poses, twists):
+            valid = usable_rows(lengths, poses, twists)
+            poses, twists, lengths = poses[valid], twists[valid], lengths[valid]
+        poses[:, 3:] /= lengths[:, np.newaxis]
+        key = b"" if valid is None else valid.tobytes()
+        is_new = key != self._arranged_for
+        if is_new:
+            self._arrange(valid)
+            self._arranged_for = key
+        previous = None
+        if self._joints.any_needs_unwrapping:
+            previous = self._previous(time)
+        measured = measure(poses, twists, self._joints, previous)
+        if previous:
+            self._remember(measured, time)
+        return self._observations(poses, measured, is_new)
+
+    def _observations(
+        self, poses: np.ndarray, measured: Measured, is_new: bool
+    ) -> list[Observation]:
+        """Cut the common arrays into an observation per robot.
+
+        Args:
+            poses: Poses of the valid links in the world, shape (n_links, 7).
+            measured: Joint states of all robots.
+            is_new: Whether any robot's links changed with this message.
+        """
+        position, velocity, residual = measured
+        is_off = len(residual) > 0 and not residual.max() <= _MAX_SINE
+        return [
+            Observation(
+                layout.joints.names,
+                position[layout.span],
+                velocity[layout.span],
+                layout.base and _base_pose(poses, layout.base),
+                layout.joints.missing,
+                layout.invalid,
+                _off_axis(residual, layout) if is_off else {},
+                layout.is_present,
+                is_new and changed,
+            )
+            for layout, changed in zip(self._layouts, self._changed)
+        ]
+
+    def _arrange(self, valid: np.ndarray | None) -> None:
+        """Find what can be measured from the valid links."""
+        old, layouts = self._layouts, self._links.arrange(valid)
+        self._layouts = layouts
+        self._changed = [True] * len(layouts)
+        if old:
+            self._changed = [
+                (new.links, new.invalid) != (last.links, last.invalid)
+                for new, last in zip(layouts, old)
+            ]
+        self._joints = MeasuredJoints.joined(
+            [layout.joints for layout in layouts],
+            [layout.first_link for layout in layouts],
+        )
+        self._which = np.array(
+            [
+                self._number[model, name]
+                for model, layout in zip(self._models, layouts)
+                for name in layout.joints.names
+            ],
+            dtype=int,
+        )
+        absent = {m for m, new in zip(self._models, layouts) if not new.is_present}
+        if absent:  # what comes under such a name later is another robot
+            gone = [n for (model, _), n in self._number.items() if model in absent]
+            self._position[gone] = np.nan
+
+    def _previous(self, time: float) -> Previous:
+        """Return the previous measurement of the joints in the message."""
+        which = self._which
+        with np.errstate(invalid="ignore"):  # NaN stands for no measurement
+            self._position[time - self._seen > MAX_AGE] = np.nan
+        return Previous(
+            self._position[which], self._velocity[which], self._dt(time)[which]
+        )
+
+    def _remember(self, measured: Measured, time: float) -> None:
+        """Keep a measurement for the next message."""
+        self._position[self._which] = measured.position
+        self._velocity[self._which] = measured.velocity
+        self._seen[self._which] = time
+
+    def _dt(self, time: float) -> np.ndarray:
+        """Estimate the time since each joint was measured, in [s], shape (n_joints,).
+
+        Where the clock is slower than the messages, several have the same time and the
+        next one's is late. The mean interval of messages is then nearer to the truth.
+        """
+        dt = time - self._seen
+        since = time - self._time
+        self._time = time
+        if np.isnan(since):
+            return dt
+        if since > MAX_LATE * self._interval:
+            self._interval = self._interval or since
+            return dt
+        self._interval += 0.05 * (since - self._interval)
+        dt[self._seen == time - since] = self._interval or DEFAULT_INTERVAL
+        return dt
+
+
+def _base_pose(poses: np.ndarray, base: tuple[int, np.ndarray]) -> np.ndarray:
+    """Compute a root's pose from that of its reference link, shape (7,)."""
+    row, T_link_root = base
+    return poses[row] if T_link_root is IDENTITY else compose(poses[row], T_link_root)
+
+
+def _off_axis(residual: np.ndarray, layout: RobotLayout) -> dict[str, float]:
+    """List the joints of a robot that do not keep to their axes.
+
+    Returns:
+        The rotation off the axis in [rad] by joint name, the largest first.
+    """
+    angles = 2.0 * np.arcsin(np.sqrt(np.clip(residual[layout.span], 0.0, 1.0)))
+    pairs = zip(layout.joints.names, angles.tolist())
+    found = {name: angle for name, angle in pairs if angle > MAX_RESIDUAL}
+    return dict(sorted(found.items(), key=lambda item: -item[1]))

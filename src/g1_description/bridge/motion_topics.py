@@ -1,0 +1,214 @@
+"""The topics on which a robot takes motions."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+import rospy
+from geometry_msgs.msg import PoseStamped
+from trajectory_msgs.msg import JointTrajectory
+
+from g1_description.bridge.parameters import RobotParameters, topic_of
+from g1_description.bridge.player import MotionPlayer, Played
+from g1_description.bridge.status import RobotStatus
+from g1_description.errors import G1DescriptionError, MotionError
+from g1_description.motion.trajectory import Trajectory
+from g1_description.msg import RobotTrajectory
+from g1_description.ros.conversions import pose_to_array, stamp_from_ns
+from g1_description.ros.log import SHORT_PERIOD, ThrottledLog
+from g1_description.ros.map_frame import MapFrame
+from g1_description.ros.motion_messages import (
+    check_joint_names,
+    pose_from_numbers,
+    trajectory_from_message,
+    whole_body_from_message,
+)
+from g1_description.srv import PlayMotion, PlayMotionRequest, PlayMotionResponse
+
+STREAM_QUEUE_SIZE = 10
+"""Samples of a stream that may wait for the bridge; of more, the newest count: what a
+planner streams is of no use later."""
+
+MAX_LEAD = 60_000_000_000
+"""Longest time from now to the beginning of a motion, in [ns]: what would wait for
+longer was stamped by another clock than the simulator's."""
+
+NEAR_FLOOR = 0.1
+"""Height of a base in [m] from which on it does not come below the floor bit by bit."""
+
+FLOOR_TOLERANCE = 0.01
+"""Depth of a base below the floor in [m] that looks like no mistake."""
+
+BUFFER_SIZE = 1 << 20
+"""Bytes of a stream that are read at once: what piled up does not come later."""
+
+
+class MotionTopics:
+    """Hands the motions of one robot to its player.
+
+    Subscribes: joint_trajectory (trajectory_msgs/JointTrajectory), base_command
+        (geometry_msgs/PoseStamped), motion (g1_description/RobotTrajectory)
+    Service: play_motion (g1_description/PlayMotion): as motion, with an answer
+    """
+
+    def __init__(
+        self,
+        robot: RobotParameters,
+        status: RobotStatus,
+        player: MotionPlayer,
+        frame: MapFrame,
+        log: ThrottledLog,
+    ) -> None:
+        """Subscribe.
+
+        Args:
+            robot: The robot's names.
+            status: The robot.
+            player: What plays its motions.
+            frame: Transforms poses to the map.
+            log: Where to log what cannot be done.
+        """
+        self._status, self._player, self._log = status, player, log
+        self._map = frame
+        joints = status.description.movable_joints
+        self._joints = dict.fromkeys(joint.name for joint in joints)
+        for name, kind, act, queue_size in (
+            # Trajectories may move different joints, so none of them may be lost.
+            ("joint_trajectory", JointTrajectory, self._on_joint_trajectory, None),
+            ("base_command", PoseStamped, self._on_base_command, STREAM_QUEUE_SIZE),
+            ("motion", RobotTrajectory, self._on_motion, STREAM_QUEUE_SIZE),
+        ):
+            rospy.Subscriber(
+                topic_of(robot, name),
+                kind,
+                partial(self._obey, name, act),
+                queue_size=queue_size,
+                buff_size=BUFFER_SIZE,
+                tcp_nodelay=True,
+            )
+        rospy.Service(topic_of(robot, "play_motion"), PlayMotion, self._on_call)
+
+    def _on_call(self, request: PlayMotionRequest) -> PlayMotionResponse:
+        """Play a motion of joints and base, or stop them."""
+        try:
+            played = self._move(request.motion)
+        except G1DescriptionError as error:
+            return PlayMotionResponse(False, str(error), rospy.Time())
+        return PlayMotionResponse(
+            played.success, played.message, stamp_from_ns(played.start_ns)
+        )
+
+    def _obey(self, topic: str, act, message) -> None:
+        """Do what a message wants, or log why not."""
+        self._status.count(f"{topic} received")
+        try:
+            played = act(message)
+            problem = played.message
+            if not played.success:
+                problem = f"refused, {problem}"
+        except G1DescriptionError as error:
+            problem = f"refused, {error}"
+        if problem.startswith("refused"):
+            self._status.count(f"{topic} refused")
+        if problem:
+            key = f"{topic} {self._status.name}"
+            text = f"{topic} of {self._status.name}: {problem}"
+            self._log.warn(key, text, SHORT_PERIOD)
+
+    def _on_joint_trajectory(self, message: JointTrajectory) -> Played:
+        """Play a motion of joints, or stop them."""
+        names = message.joint_names
+        if not message.points:
+            if names:
+                check_joint_names(names, self._joints)
+            return self._player.stop(names or self._joints)
+        trajectory = trajectory_from_message(message, self._joints)
+        return self._play(trajectory, message.header.stamp, stream=True)
+
+    def _on_motion(self, message: RobotTrajectory) -> Played:
+        """Play a motion of joints and base, or stop them, without waiting."""
+        return self._move(message, stream=True)
+
+    def _move(self, message: RobotTrajectory, stream: bool = False) -> Played:
+        """Play a motion of joints and base, or stop them."""
+        trajectory = whole_body_from_message(message, self._joints, self._map)
+        if trajectory is None:
+            return self._player.stop()
+        joints, base = message.joint_trajectory, message.multi_dof_joint_trajectory
+        header = joints.header if joints.points else base.header
+        return self._play(trajectory, header.stamp, stream)
+
+    def _play(
+        self, trajectory: Trajectory, stamp: rospy.Time, stream: bool = False
+    ) -> Played:
+        """Play a motion.
+
+        Args:
+            trajectory: The motion.
+            stamp: When it begins; zero: at once.
+            stream: Whether not to wait where it is a configuration.
+        """
+        start, now = stamp.to_nsec(), rospy.Time.now().to_nsec()
+        late = 1e-9 * (now - start) - trajectory.duration
+        is_single = len(trajectory.times) == 1
+        is_configuration = trajectory.duration == 0.0
+        if start and late > 0.0 and not is_configuration:
+            raise MotionError(f"it was over {late:.3f} s ago")
+        if start - now > MAX_LEAD:
+            lead = 1e-9 * (start - now)
+            raise MotionError(
+                f"it begins {lead:.0f} s from now; is it stamped by another clock?"
+            )
+        if is_configuration and start <= now:
+            start = 0
+        act = self._player.stream if stream and is_single else self._player.play
+        # A base that turns over in small steps is intended.
+        remark = ""
+        if trajectory.base_poses is not None:
+            remark = _remark(
+                trajectory.base_poses[0], self._base if is_single else None
+            )
+        return _with(remark, act(trajectory, start or None))
+
+    def _on_base_command(self, message: PoseStamped) -> Played:
+        """Put the robot somewhere by its root link."""
+        pose = pose_from_numbers(pose_to_array(message.pose))
+        header = message.header
+        pose = self._map.pose_in_map(pose, header.frame_id, header.stamp)
+        remark = _remark(pose, self._base)
+        return _with(remark, self._player.place_base(pose))
+
+    @property
+    def _base(self) -> np.ndarray | None:
+        """Pose of the robot's base in the last state, shape (7,); None if unknown."""
+        seen = self._status.observation
+        return None if seen is None else seen.base_pose
+
+
+def _remark(pose: np.ndarray, now: np.ndarray | None) -> str:
+    """Say what of a base's pose looks like a mistake; empty if nothing does.
+
+    Args:
+        pose: The pose in the map, shape (7,).
+        now: Where the base is, shape (7,): what it comes to bit by bit is meant.
+    """
+    remarks = []
+    if _up(pose) < -0.5 and (now is None or _up(now) > 0.0):
+        remarks.append("the base is upside down (quaternions are x, y, z, w)")
+    if pose[2] < -FLOOR_TOLERANCE and (now is None or now[2] > NEAR_FLOOR):
+        remarks.append(f"the base is below the floor, at z = {pose[2]:.3g} m")
+    return "; ".join(remarks)
+
+
+def _up(pose: np.ndarray) -> float:
+    """Compute the height of the tip of a base's z axis above its origin."""
+    return float(1.0 - 2.0 * (pose[3] ** 2 + pose[4] ** 2))
+
+
+def _with(remark: str, played: Played) -> Played:
+    """Add a remark to the answer to what was obeyed."""
+    if not remark or not played.success:
+        return played
+    message = "; ".join(filter(None, (played.message, remark)))
+    return played._replace(message=message)

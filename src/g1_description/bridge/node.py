@@ -1,0 +1,286 @@
+"""The bridge's node: link states to joint states and TF, commands to the simulator.
+
+Publishes: joint_states (sensor_msgs/JointState): for each state, with its stamp;
+    tf_joint_states (sensor_msgs/JointState): those of them that go to TF;
+    /diagnostics (diagnostic_msgs/DiagnosticArray)
+Subscribes: <gazebo>/world_state (gazebo_msgs/WorldState) or, where there is none,
+    <gazebo>/link_states (gazebo_msgs/LinkStates); joint_commands
+    (sensor_msgs/JointState), and the topics of motion.topics.MotionTopics
+Actions: <controller>/follow_joint_trajectory (control_msgs/FollowJointTrajectory)
+Broadcasts: map -> base_link, throttled; static world -> map, base_link -> the
+    robot's root, imu_in_torso -> body_imu; fixed joints while time stands still
+Calls: <gazebo>/set_model_configuration (gazebo_msgs/SetModelConfiguration)
+Parameters: those of parameters.BridgeParameters
+"""
+
+from __future__ import annotations
+
+import posixpath
+import sys
+import threading
+import time
+from collections.abc import Iterable, Mapping, Sequence
+
+import rospy
+from geometry_msgs.msg import TransformStamped
+from tf2_msgs.msg import TFMessage
+
+from g1_description.bridge.action import ACTION, FollowJointTrajectory
+from g1_description.bridge.controllers import Controller
+from g1_description.bridge.estimator import JointStateEstimator
+from g1_description.bridge.health import BridgeHealth
+from g1_description.bridge.motion_topics import MotionTopics
+from g1_description.bridge.parameters import (
+    BridgeParameters,
+    RobotParameters,
+    StaticFrames,
+    controllers_of,
+    topic_of,
+    wait_for_descriptions,
+)
+from g1_description.bridge.robot import BridgedRobot
+from g1_description.bridge.sender import CommandListener, CommandSender
+from g1_description.bridge.state_source import RisingStamps, StateSource
+from g1_description.bridge.status import RobotStatus
+from g1_description.errors import G1DescriptionError
+from g1_description.robot.description import Description
+from g1_description.robot.launch_arguments import check_trails
+from g1_description.ros.lifecycle import quiet_when_closing, start_node
+from g1_description.ros.log import SHORT_PERIOD, ThrottledLog
+from g1_description.ros.map_frame import MapFrame
+from g1_description.ros.master import stay_registered
+from g1_description.ros.parameters import read_parameters
+from g1_description.ros.publisher import DirectPublisher
+from g1_description.ros.tcpros import serve_as_roscpp
+from g1_description.ros.wire import LinkStatesArrays
+from g1_description.text import listed
+
+PERIOD = 1.0
+"""Time between two looks in [s] of wall time."""
+
+
+class MasterWatch:
+    """Asks the master for the state of the graph, in a thread of its own.
+
+    The master may take long to answer, or be gone.
+    """
+
+    def __init__(self, robots: Sequence[BridgedRobot], log: ThrottledLog) -> None:
+        """Prepare.
+
+        Args:
+            robots: Robots whose status gets the other publishers.
+            log: Where to log new ones.
+        """
+        self._robots, self._log = robots, log
+
+    def start(self) -> None:
+        """Begin, until the node is shut down."""
+        stay_registered(self._find_other_publishers, PERIOD)
+
+    def _find_other_publishers(self, publishers: Mapping[str, list[str]]) -> None:
+        """Find other nodes that publish the robots' joint states; log new ones."""
+        own = rospy.get_name()
+        clocks = publishers.get("/clock", ())
+        for robot in self._robots:
+            found = publishers.get(robot.topic, ())
+            others = tuple(node for node in found if node != own)
+            new = [node for node in others if node not in robot.status.other_publishers]
+            robot.status.other_publishers = others
+            for node in new:
+                what = f"/clock and {robot.topic}" if node in clocks else robot.topic
+                self._log.warn(
+                    f"publisher {node} {robot.topic}",
+                    f"{node} also publishes {what}: readers get both. To look at a "
+                    "bag, end this launch and use "
+                    "roslaunch g1_description view.launch.",
+                )
+
+
+TF_QUEUE_SIZE = 100
+"""Transforms kept for a slow listener."""
+
+HOUSEKEEPING_PERIOD = 0.02
+"""Time between two rounds of housekeeping, in [s] of wall time."""
+
+STANDSTILL = 0.03
+"""Age of the last state in [s] of wall time after which time stands still."""
+
+CLOCK_STANDSTILL = 1.0
+"""Age of the last state in [s] of wall time after which nodes that wait for the clock
+have to be replaced."""
+
+NEWCOMER_DELAYS = (0.1, 0.5, 2.0)
+"""Times in [s] after which a new listener on /tf gets the last state again while time
+stands still: it may connect to the bridge before it does to robot_state_publisher."""
+
+
+class BridgeNode:
+    """The callbacks, and the housekeeping that no message triggers."""
+
+    def __init__(
+        self,
+        parameters: BridgeParameters,
+        robots: Sequence[tuple[RobotParameters, Description]],
+        controllers: Sequence[Sequence[Controller]],
+    ) -> None:
+        """Make the topics.
+
+        Args:
+            parameters: The node's parameters.
+            robots: Names and descriptions of the robots.
+            controllers: The controllers of each.
+        """
+        p = parameters
+        self._log = ThrottledLog()
+        statuses = [
+            RobotStatus(robot.name, description) for robot, description in robots
+        ]
+        self._robots = [
+            BridgedRobot(robot, p, status, self._log)
+            for (robot, _), status in zip(robots, statuses)
+        ]
+        self._estimator = JointStateEstimator({s.name: s.description for s in statuses})
+        self._stamps = RisingStamps()
+        self._has_clock = False
+        self._newcomer = threading.Event()
+        self._repeats: list[float] = []
+        self._tf = DirectPublisher(
+            "/tf", TFMessage, TF_QUEUE_SIZE, on_newcomer=self._newcomer.set
+        )
+        self._static_frames = StaticFrames(p, robots)
+        self._sender = CommandSender(
+            f"{p.gazebo}/set_model_configuration",
+            {robot.name: robot.description for robot, _ in robots},
+            {status.name: status.commands for status in statuses},
+            self._log,
+        )
+        self._sender.start()
+        frame = MapFrame((p.map_frame, p.world_frame))
+        for (robot, _), bridged in zip(robots, self._robots):
+            status, player = bridged.status, bridged.player
+            topic = topic_of(robot, "joint_commands")
+            CommandListener(topic, status, self._sender, self._log, player.command)
+            MotionTopics(robot, status, player, frame, self._log)
+        self._actions = [
+            self._action(robot, bridged, controller)
+            for (robot, _), bridged, own in zip(robots, self._robots, controllers)
+            for controller in own
+        ]
+        self._source = StateSource(p.gazebo, p.max_rate, self._on_states, self._log)
+        self._source.start()
+        self._stopped = threading.Event()
+        rospy.on_shutdown(self._stopped.set)
+        threading.Thread(target=self._keep_house, daemon=True).start()
+        MasterWatch(self._robots, self._log).start()
+        BridgeHealth(p.gazebo, self._source, self._sender, statuses, self._log).start()
+
+    def _action(
+        self, robot: RobotParameters, bridged: BridgedRobot, controller: Controller
+    ) -> FollowJointTrajectory:
+        """Make the action of one controller."""
+        name = topic_of(robot, posixpath.join(controller.name, ACTION))
+        return FollowJointTrajectory(
+            name, controller, bridged.status, bridged.player, self._log
+        )
+
+    def _on_states(self, stamp: int, states: LinkStatesArrays) -> None:
+        """Turn one state into joint states and, now and then, TF."""
+        rising = self._stamps.next(stamp, rospy.Time.now().to_nsec())
+        if rising is None:
+            return
+        time_ns, (stamp, went_back) = stamp, rising
+        if went_back:
+            self._reset(time_ns)
+        observations = self._estimator.update(*states, 1e-9 * stamp)
+        if self._estimator.duplicates:
+            names = listed(self._estimator.duplicates)
+            text = f"Links are listed more than once, the first one counts: {names}."
+            self._log.warn("duplicates", text)
+        pairs = zip(self._robots, observations)
+        edges = [robot.publish(stamp, seen, time_ns) for robot, seen in pairs]
+        if any(edges):
+            self._broadcast(edges)
+        for action in self._actions:
+            action.on_state()
+
+    def _broadcast(self, edges: Iterable[TransformStamped | None]) -> None:
+        """Send the edges that are not None in one message."""
+        found = [edge for edge in edges if edge is not None]
+        if found:
+            self._tf.publish(TFMessage(found))
+
+    def _reset(self, time_ns: int) -> None:
+        """Start again, as simulated time did, at a time in [ns]."""
+        text = "Time went back: starting over."
+        self._log.warn("time", text, SHORT_PERIOD, rospy.loginfo)
+        self._estimator.reset()
+        for robot in self._robots:
+            robot.begin_again()
+        for action in self._actions:
+            action.reset(time_ns)
+
+    def _keep_house(self) -> None:
+        """Do what no message triggers, until the node is shut down."""
+        while not self._stopped.wait(HOUSEKEEPING_PERIOD):
+            with quiet_when_closing():
+                self._source.keep_up()
+                self._tf.flush()
+                for robot in self._robots:
+                    robot.flush()
+                for action in self._actions:
+                    action.keep_up(self._source.is_connected)
+                is_wanted = self._is_wanted_again()
+                with self._source.lock:
+                    if self._stands_still:
+                        self._settle(is_wanted)
+
+    def _settle(self, is_wanted: bool) -> None:
+        """Show the last state on TF while time stands still.
+
+        Args:
+            is_wanted: Whether a new listener may have missed what was sent.
+        """
+        if not self._has_clock or self._source.age > CLOCK_STANDSTILL:
+            self._static_frames.send_fixed_joints()
+        if is_wanted:
+            stamp = self._stamps.again()
+            for robot in self._robots:
+                robot.publish_again(stamp)
+        self._broadcast(robot.settle() for robot in self._robots)
+
+    @property
+    def _stands_still(self) -> bool:
+        """Whether there was a state, and none follows, of this time or another."""
+        age, now = self._source.age, rospy.Time.now().to_nsec()
+        self._has_clock = self._has_clock or now > 0
+        was_reset = self._has_clock and self._stamps.is_ahead_of(now)
+        return age is not None and age > STANDSTILL and not was_reset
+
+    def _is_wanted_again(self) -> bool:
+        """Whether a new listener may have missed the last state."""
+        now = time.monotonic()
+        if self._newcomer.is_set():
+            self._newcomer.clear()
+            self._repeats = [now + delay for delay in NEWCOMER_DELAYS]
+        due = [moment for moment in self._repeats if moment <= now]
+        self._repeats = self._repeats[len(due) :]
+        return bool(due)
+
+
+def main() -> None:
+    """Run the node ``link_states_bridge``."""
+    serve_as_roscpp()
+    start_node("link_states_bridge")
+    try:
+        parameters = read_parameters(BridgeParameters)
+        robots = wait_for_descriptions(parameters.each_robot)
+        controllers = [controllers_of(*robot) for robot in robots]
+        check_trails("~trails", parameters.trails.split(), [one for _, one in robots])
+    except G1DescriptionError as error:
+        rospy.logfatal("%s", error)
+        sys.exit(1)
+    except rospy.ROSInterruptException:  # before the robots were there
+        return
+    BridgeNode(parameters, robots, controllers)
+    rospy.spin()

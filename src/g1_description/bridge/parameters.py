@@ -1,0 +1,337 @@
+"""Parameters of the bridge's node: names, defaults, ranges."""
+
+from __future__ import annotations
+
+import posixpath
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+import rospy
+import tf2_ros
+
+from g1_description.bridge.controllers import Controller, read_controllers
+from g1_description.errors import InvalidValueError
+from g1_description.robot.assembly import base_of
+from g1_description.robot.description import Description
+from g1_description.robot.transform import IDENTITY
+from g1_description.robot.urdf import parse_urdf
+from g1_description.ros.conversions import transform
+from g1_description.ros.parameters import check_range, wait_for_parameter
+
+_KINDS = {"controllers": (list, tuple)}
+
+
+@dataclass(frozen=True)
+class BridgeParameters:
+    """Parameters of the bridge."""
+
+    gazebo: str = "/gazebo"
+    """Namespace of the simulator's topics and services."""
+
+    model_name: str = "g1_robot"
+    """Name of the robot in the simulated world."""
+
+    robot_description: str = "robot_description"
+    """Parameter that holds the robot's URDF; searched for upward from the namespace."""
+
+    frame_prefix: str = ""
+    """What stands before the names of the robot's frames."""
+
+    robots: tuple[dict, ...] = ()
+    """Several robots in place of the one above: a list of dictionaries as
+    ``RobotParameters``."""
+
+    controllers: tuple[dict, ...] = ()
+    """What each action follow_joint_trajectory moves: a list of dictionaries as
+    ``Controller``; empty: one action moves all joints."""
+
+    position_threshold: float = 0.005
+    """map -> base_link is sent when the robot moved this far, in [m]."""
+
+    rotation_threshold: float = 0.01
+    """map -> base_link is sent when the robot turned this far, in [rad]."""
+
+    max_interval: float = 0.05
+    """map -> base_link is sent when the last one is this old, in [s]."""
+
+    min_interval: float = 0.0
+    """map -> base_link is never sent sooner than this after the last, in [s]."""
+
+    max_rate: float = 0.0
+    """States per second of simulated time that are taken from a simulator without
+    ``world_state``, such as Gazebo, in [Hz]; 0: all."""
+
+    world_frame: str = "world"
+    map_frame: str = "map"
+    base_frame: str = "base_link"
+    """Frames above the robot; base_link is the robot's root link."""
+
+    trails: str = ""
+    """Links whose paths are published on ``trails``, separated by spaces."""
+
+    ghost: bool = False
+    """Whether the commanded configuration is published as a second robot, on
+    ``commanded_joint_states`` and TF."""
+
+    imu_link: str = "imu_in_torso"
+    imu_frame: str = "body_imu"
+    """A second name for the frame of the IMU, where the robot has this link."""
+
+    def __post_init__(self) -> None:
+        """Check ranges."""
+        for name in ("position_threshold", "rotation_threshold"):
+            check_range(self, name, 0.0, 1e3)
+        for name in ("max_interval", "min_interval"):
+            check_range(self, name, 0.0, 3600.0)
+        check_range(self, "max_rate", 0.0, 1e6)
+        _check_prefix("~frame_prefix", self.frame_prefix)
+        for key in ("name", "namespace", "frame_prefix"):
+            values = [getattr(robot, key) for robot in self.each_robot]
+            twice = sorted({value for value in values if values.count(value) > 1})
+            if twice:
+                raise InvalidValueError(f"~robots has the {key} '{twice[0]}' twice.")
+
+    @property
+    def each_robot(self) -> tuple[RobotParameters, ...]:
+        """The robots to bridge: those of ``robots``, else the one."""
+        if self.robots:
+            return tuple(
+                _robot(number, entry, self.controllers)
+                for number, entry in enumerate(self.robots)
+            )
+        one = RobotParameters(
+            self.model_name,
+            "",
+            self.robot_description,
+            self.frame_prefix,
+            self.controllers,
+        )
+        return (one,)
+
+
+@dataclass(frozen=True)
+class RobotParameters:
+    """One robot of several that a bridge serves."""
+
+    name: str
+    """Name of its model in the simulated world."""
+
+    namespace: str
+    """Where its joint_states and joint_commands are; by default its name."""
+
+    description: str = "robot_description"
+    """Parameter that holds its URDF; searched for upward from the namespace."""
+
+    frame_prefix: str = ""
+    """What stands before the names of its frames; by default the namespace and a
+    slash."""
+
+    controllers: tuple[dict, ...] = ()
+    """What each of its actions moves; by default ``~controllers``."""
+
+
+def _robot(number: int, entry, controllers: tuple[dict, ...]) -> RobotParameters:
+    """Read one entry of ``~robots``."""
+    known = [field.name for field in fields(RobotParameters)]
+    name = entry.get("name") if isinstance(entry, dict) else None
+    if not isinstance(name, str) or not name:
+        raise InvalidValueError(
+            f"~robots[{number}] is {entry!r}, it must be a dictionary with a name."
+        )
+    for key, value in entry.items():
+        if key not in known or not isinstance(value, _KINDS.get(key, str)):
+            raise InvalidValueError(
+                f"~robots[{number}] has {key}: {value!r}; it may have strings for "
+                f"{', '.join(known[:-1])}, and a list for {known[-1]}."
+            )
+    default = re.sub(r"\W", "_", name, flags=re.ASCII)
+    namespace = entry.get("namespace", default).strip("/")
+    if namespace and not re.fullmatch(r"[A-Za-z][\w/]*", namespace, re.ASCII):
+        raise InvalidValueError(
+            f"~robots[{number}] has the namespace '{namespace}', which is no ROS name."
+        )
+    prefix = entry.get("frame_prefix", namespace and f"{namespace}/")
+    _check_prefix(f"frame_prefix of ~robots[{number}]", prefix)
+    return RobotParameters(
+        name,
+        namespace,
+        entry.get("description", RobotParameters.description),
+        prefix,
+        tuple(entry.get("controllers", controllers)),
+    )
+
+
+def _check_prefix(what: str, prefix: str) -> None:
+    """Check that robot_state_publisher's tf_prefix can be the same."""
+    if prefix and (prefix.startswith("/") or not prefix.endswith("/")):
+        raise InvalidValueError(
+            f"The {what} is '{prefix}', it must end with a slash, not begin with one."
+        )
+
+
+def wait_for_descriptions(
+    robots: Sequence[RobotParameters],
+) -> list[tuple[RobotParameters, Description]]:
+    """Wait until the descriptions of all robots are on the parameter server.
+
+    Args:
+        robots: The robots to wait for.
+
+    Returns:
+        The robots with their descriptions; equal texts share one description.
+
+    Raises:
+        DescriptionError: If a parameter holds no robot.
+        ROSInterruptException: If the node is shut down.
+    """
+    found = []
+    parsed: dict[str, Description] = {}
+    for robot in robots:
+        text = _wait_for_description(robot)
+        if text not in parsed:
+            parsed[text] = parse_urdf(text)
+        found.append((robot, parsed[text]))
+    return found
+
+
+def _wait_for_description(robot: RobotParameters) -> str:
+    """Wait for the description of one robot; return its text."""
+
+    def log():
+        where = f"{robot.description}, from /{robot.namespace} upward"
+        rospy.loginfo("Waiting for %s on the parameter %s.", robot.name, where)
+
+    parameter = wait_for_parameter(robot.description, robot.namespace, log)
+    return str(rospy.get_param(parameter))
+
+
+def controllers_of(
+    robot: RobotParameters, description: Description
+) -> tuple[Controller, ...]:
+    """Read a robot's controllers.
+
+    Raises:
+        InvalidValueError: If the parameter holds anything else.
+    """
+    joints = [joint.name for joint in description.movable_joints]
+    return read_controllers(robot.controllers, joints, f"controllers of {robot.name}")
+
+
+def topic_of(robot: RobotParameters, name: str) -> str:
+    """Return the name of a robot's topic."""
+    return posixpath.join(robot.namespace and f"/{robot.namespace}", name)
+
+
+def base_child(parameters: BridgeParameters, description: Description) -> str | None:
+    """Find the frame of a robot that moves in the map.
+
+    Args:
+        parameters: Names of the frames above.
+        description: The robot, which names its own frames.
+
+    Returns:
+        base_link; the root, or what floats in the world, where base_link is a link
+        below it, which has a parent already; None where the root itself is the world
+        or the map and nothing floats in it.
+    """
+    p = parameters
+    root, _ = base_of(description)
+    if root in (p.world_frame, p.map_frame):
+        return None
+    below = p.base_frame in description.link_names and p.base_frame != root
+    return root if below else p.base_frame
+
+
+def fixed_edges(
+    description: Description, prefix: str = ""
+) -> list[tuple[str, str, np.ndarray]]:
+    """List the fixed joints of a robot.
+
+    Args:
+        description: The robot.
+        prefix: Prefix of the names of the robot's own frames.
+
+    Returns:
+        Parent, child and the child's pose in the parent's frame, shape (7,).
+    """
+    return [
+        (prefix + joint.parent, prefix + joint.child, joint.pose)
+        for joint in description.joints
+        if joint.kind == "fixed"
+    ]
+
+
+def static_edges(
+    parameters: BridgeParameters, description: Description, prefix: str = ""
+) -> list[tuple[str, str]]:
+    """List the static edges around a robot, all of them identities.
+
+    Args:
+        parameters: Names of the frames above.
+        description: The robot.
+        prefix: Prefix of the names of the robot's own frames.
+
+    Returns:
+        Parent and child of world -> map, base_link -> root where base_link is no
+        link of the robot, world -> its own world where that has a prefix, and
+        imu_in_torso -> body_imu where the robot has one.
+    """
+    p = parameters
+    edges = [(p.world_frame, p.map_frame)]
+    root, _ = base_of(description)
+    if base_child(p, description) not in (None, root):
+        edges.append((prefix + p.base_frame, prefix + root))
+    if prefix and description.root in (p.world_frame, p.map_frame):
+        edges.append((description.root, prefix + description.root))
+    if p.imu_link in description.link_names:
+        edges.append((prefix + p.imu_link, prefix + p.imu_frame))
+    return edges
+
+
+class StaticFrames:
+    """Sends the edges of all robots that do not move."""
+
+    def __init__(
+        self,
+        parameters: BridgeParameters,
+        robots: Sequence[tuple[RobotParameters, Description]],
+    ) -> None:
+        """Send the edges around the robots.
+
+        Args:
+            parameters: Names of the frames above.
+            robots: Names and descriptions of the robots.
+        """
+        self._broadcaster = tf2_ros.StaticTransformBroadcaster()
+        self._static_edges = {
+            (parent, child): IDENTITY
+            for robot, description in robots
+            for parent, child in static_edges(
+                parameters, description, robot.frame_prefix
+            )
+        }
+        self._fixed_edges = {
+            (parent, child): pose
+            for robot, description in robots
+            for parent, child, pose in fixed_edges(description, robot.frame_prefix)
+        }
+        self._send(self._static_edges)
+
+    def send_fixed_joints(self) -> None:
+        """Send the robots' fixed joints once, in place of robot_state_publisher.
+
+        It sends them by a timer, which waits for the clock: while that stands still
+        nobody else does.
+        """
+        if self._fixed_edges:
+            self._send({**self._static_edges, **self._fixed_edges})
+            self._fixed_edges = {}
+
+    def _send(self, edges: dict[tuple[str, str], np.ndarray]) -> None:
+        """Send edges in one message, as listeners keep only a node's last one."""
+        now = rospy.Time.now()
+        self._broadcaster.sendTransform(
+            [transform(now, *edge, pose.tolist()) for edge, pose in edges.items()]
+        )

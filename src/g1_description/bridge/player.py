@@ -1,0 +1,333 @@
+"""The motions of one robot, on the stand-in and on the real Gazebo."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Collection, Mapping, Sequence
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+import rosgraph
+import rospy
+from gazebo_msgs.msg import ModelState
+
+from g1_description.bridge.estimator import Observation
+from g1_description.bridge.gazebo_writer import GazeboWriter
+from g1_description.bridge.sender import FAILURES
+from g1_description.bridge.status import RobotStatus
+from g1_description.motion.playlist import Playback, Playlist, Setpoint
+from g1_description.motion.trajectory import Trajectory
+from g1_description.msg import ModelTrajectory
+from g1_description.ros.conversions import model_trajectory, pose_from_array
+from g1_description.ros.log import ThrottledLog
+from g1_description.ros.master import SLAVE_API_ERRORS
+from g1_description.ros.publisher import DirectPublisher
+from g1_description.srv import SetModelTrajectory
+
+
+class Wanted:
+    """What was last wanted of a robot's joints and base; NaN where nothing was."""
+
+    def __init__(self, joint_names: Sequence[str]) -> None:
+        """Begin with nothing that is wanted.
+
+        Args:
+            joint_names: The robot's movable joints.
+        """
+        self._row_of = {name: row for row, name in enumerate(joint_names)}
+        self.positions = np.full(len(joint_names), np.nan)
+        """In [rad] or [m], shape (n_joints,)."""
+        self.base_pose = np.full(7, np.nan)
+        """Of the root link in the map, shape (7,)."""
+
+    def put(self, setpoint: Setpoint) -> None:
+        """Take over what a motion wants."""
+        self.positions[setpoint.rows] = setpoint.positions
+        if setpoint.base_pose is not None:
+            self.base_pose[:] = setpoint.base_pose
+
+    def put_joint(self, name: str, position: float) -> None:
+        """Take over a command for one joint, in [rad] or [m]."""
+        self.positions[self._row_of[name]] = position
+
+    def put_base(self, pose: np.ndarray | float) -> None:
+        """Take over a pose of the root link, shape (7,), or NaN: none is wanted."""
+        self.base_pose[:] = pose
+
+
+QUEUE_SIZE = 100
+"""Samples kept for a busy simulator: a tenth of a second of them at 1 kHz."""
+
+ASK_PERIOD = 1.0
+"""Time after which a stream asks again which simulator there is, in [s]."""
+
+ANSWER_TIMEOUT = 0.4
+"""Longest wait in [s] of wall time of a state for the answer to a motion that it may
+show: shorter than the stand-in, while it steps, waits for the bridge to read."""
+
+ANSWERS = {True: "SetModelTrajectory: success", False: "SetModelTrajectory: refused"}
+"""What the status messages of the stand-in begin with, by success."""
+
+
+class Played(NamedTuple):
+    """The answer to a motion."""
+
+    success: bool
+
+    message: str
+    """What was not done exactly as requested, or why nothing was; may be empty."""
+
+    start_ns: int = 0
+    """When its times count from, in [ns]."""
+
+    playback: Playback | None = None
+    """What is left of the motion: newer commands may replace some of it."""
+
+
+class MotionPlayer:
+    """Lets a robot go through motions.
+
+    The stand-in samples a motion itself, at the time of each step. On the real Gazebo
+    each state that it publishes is answered with the sample of that time.
+    """
+
+    def __init__(self, gazebo: str, status: RobotStatus, log: ThrottledLog) -> None:
+        """Prepare; nothing is sent before the first motion.
+
+        Args:
+            gazebo: Namespace of the simulator.
+            status: The robot, and its last state.
+            log: Where to log what goes wrong later.
+        """
+        self._status = status
+        self._name = f"{gazebo}/set_model_trajectory"
+        self._was_stand_in, self._asked = False, -math.inf
+        self._service = rospy.ServiceProxy(self._name, SetModelTrajectory)
+        self._topic = DirectPublisher(self._name, ModelTrajectory, QUEUE_SIZE)
+        self._states = DirectPublisher(
+            f"{gazebo}/set_model_state", ModelState, QUEUE_SIZE
+        )
+        self._writer = GazeboWriter(gazebo, status.name, log)
+        # Held while the simulator is told something and it is noted here, so that both
+        # know it in the same order. No state waits for it.
+        self._telling = threading.Lock()
+        self._lock = threading.Condition()
+        self._is_awaited = False
+        self._seen_before_base: Observation | None = None
+        self._joints = [joint.name for joint in status.description.movable_joints]
+        self.keeps_commands = False
+        """Whether what motions and commands want is kept, for the ghost."""
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all motions: time began again."""
+        self._writer.release(self._joints, base=True)
+        with self._lock:
+            count = partial(self._status.count, "motions superseded before shown")
+            self._playlist = Playlist(self._joints, count)
+            self.wanted = Wanted(self._joints)
+            """What was last wanted of the robot; nothing unless it is kept."""
+            self._plays_here = False
+            self.is_idle = True
+            """Whether no motion was sent since then; then nothing is to be observed."""
+
+    def play(self, trajectory: Trajectory, start_ns: int | None = None) -> Played:
+        """Let the robot go through a motion; wait for the simulator's answer.
+
+        Args:
+            trajectory: The motion.
+            start_ns: When its times count from, in [ns]; None: at once.
+        """
+        if not self._is_stand_in():
+            return self._play_here(trajectory, start_ns)
+        message = model_trajectory(self._status.name, trajectory, start_ns)
+        played = Played(False, "")
+        with self._telling:
+            self.is_idle = self._plays_here = False
+            with self._lock:
+                self._is_awaited = True
+            try:
+                played = self._call(message)
+            finally:
+                with self._lock:
+                    self._is_awaited = False
+                    if played.success:
+                        playback = self._add(trajectory, played.start_ns)
+                        played = played._replace(playback=playback)
+                    self._lock.notify_all()
+        return played
+
+    def stream(self, trajectory: Trajectory, start_ns: int | None = None) -> Played:
+        """Do the same without waiting: for configurations that follow each other."""
+        if time.monotonic() > self._asked + ASK_PERIOD:
+            self._is_stand_in()
+        if not self._was_stand_in:
+            return self._play_here(trajectory, start_ns)
+        if not self._topic.get_num_connections():
+            return self.play(trajectory, start_ns)
+        message = model_trajectory(self._status.name, trajectory, start_ns)
+        with self._telling:
+            self._plays_here = False
+            # Known before it shows, so that the first state that shows it finds it.
+            self._add(trajectory, start_ns or self._status.stamp)
+            self._topic.publish(message)
+        return Played(True, "")
+
+    def place_base(self, pose: np.ndarray) -> Played:
+        """Put the robot somewhere by its root link, which ends the base's motion.
+
+        Args:
+            pose: Of the root link in the map, shape (7,).
+        """
+        if not self._states.get_num_connections():
+            return Played(False, f"nobody listens to {self._states.name}")
+        message = ModelState(model_name=self._status.name, pose=pose_from_array(pose))
+        with self._telling:
+            if self.keeps_commands:
+                self.is_idle = False
+            self._release((), base=True)
+            with self._lock:
+                seen, before = self._status.observation, self._seen_before_base
+                if seen is not None and seen is before:
+                    self._status.count("base commands superseded before shown")
+                self._seen_before_base = seen
+                if self.keeps_commands:
+                    self.wanted.put_base(pose)
+            self._states.publish(message)
+        return Played(True, "")
+
+    def flush(self) -> None:
+        """Send the simulator what is kept for it."""
+        self._topic.flush()
+        self._states.flush()
+
+    def stop(self, joints: Collection[str] | None = None) -> Played:
+        """Stop joints where they are; by default all, and the base."""
+        if joints is not None and not joints:
+            return Played(True, "")
+        is_stand_in = self._is_stand_in()
+        with self._telling:
+            if is_stand_in:
+                message = ModelTrajectory(model_name=self._status.name)
+                message.joint_names = list(joints or ())
+                played = self._call(message)
+            else:
+                played = Played(True, "", self._status.stamp)
+            if played.success:
+                released = self._joints if joints is None else joints
+                self._release(released, joints is None)
+        return played
+
+    def command(self, positions: Mapping[str, float]) -> None:
+        """Note a command for joints, which takes them from any motion.
+
+        Args:
+            positions: In [rad] or [m] by joint name.
+        """
+        with self._telling:
+            if self.keeps_commands:
+                self.is_idle = False
+            self._release(positions)
+            if not self.keeps_commands:
+                return
+            with self._lock:
+                for name, position in positions.items():
+                    self.wanted.put_joint(name, position)
+
+    @property
+    def joint_names(self) -> list[str]:
+        """Names of the robot's movable joints."""
+        return self._joints
+
+    def _release(self, joints: Collection[str], base: bool = False) -> None:
+        """Leave joints, and perhaps the base, to another command."""
+        if self.is_idle:
+            return
+        with self._lock:
+            rows = [row for row, name in enumerate(self._joints) if name in joints]
+            self._playlist.release(rows, base)
+            if base:
+                self.wanted.put_base(np.nan)
+        if self._plays_here:
+            self._writer.release(joints, base)
+
+    def observe(self, stamp: int, seen: Observation) -> bool:
+        """Go on with the motions; return whether they reach a sample.
+
+        Args:
+            stamp: Time of the state in [ns].
+            seen: The state.
+        """
+        with self._lock:
+            # The first states of a motion come before the answer.
+            if self._is_awaited:
+                self._lock.wait_for(lambda: not self._is_awaited, ANSWER_TIMEOUT)
+                self._is_awaited = False
+            return bool(self._playlist) and self._advance(stamp, seen)
+
+    def _advance(self, stamp: int, seen: Observation) -> bool:
+        """Go on with the motions; return whether they reach a sample."""
+        if self._playlist.is_waiting:
+            self._playlist.begin(stamp, self._present(seen))
+        is_sample = False
+        for playback in self._playlist.moving():
+            is_sample = playback.reaches_sample(stamp) or is_sample
+            if self.keeps_commands:
+                self.wanted.put(playback.setpoint(stamp))
+            if self._plays_here:
+                self._writer.put(self._joints, playback.setpoint(stamp))
+        self._playlist.drop_over(stamp)
+        return is_sample
+
+    def _present(self, seen: Observation) -> Setpoint:
+        """Return where the robot is; joints that are not measured are at zero."""
+        n = len(self._joints)
+        position, velocity = np.zeros(n), np.zeros(n)
+        own = [self._joints.index(name) for name in seen.names]
+        position[own], velocity[own] = seen.position, seen.velocity
+        return Setpoint(np.arange(n), position, velocity, seen.base_pose)
+
+    def _play_here(self, trajectory: Trajectory, start_ns: int | None) -> Played:
+        """Play a motion on a simulator that cannot do so itself."""
+        now = self._status.stamp
+        if not now:
+            return Played(False, "the simulator has published no state of the robot")
+        seen = self._status.observation
+        if trajectory.base_poses is not None and (
+            seen is None or seen.base_pose is None
+        ):
+            return Played(False, f"{self._status.name} has no base that moves")
+        self._plays_here = True
+        playback = self._add(trajectory, start_ns or now)
+        return Played(True, "", start_ns or now, playback)
+
+    def _add(self, trajectory: Trajectory, start_ns: int) -> Playback:
+        """Note a motion that was begun."""
+        with self._lock:
+            self.is_idle = False
+            return self._playlist.add(trajectory, start_ns)
+
+    def _is_stand_in(self) -> bool:
+        """Ask the master whether the simulator plays motions by itself.
+
+        Listeners to its topic tell nothing: that may be a recorder.
+        """
+        try:
+            rosgraph.Master(rospy.get_name()).lookupService(self._service.resolved_name)
+            self._was_stand_in = True
+        except (rosgraph.MasterException, *SLAVE_API_ERRORS):
+            self._was_stand_in = False
+        self._asked = time.monotonic()
+        return self._was_stand_in
+
+    def _call(self, message: ModelTrajectory) -> Played:
+        """Call the stand-in's service."""
+        try:
+            answer = self._service(message)
+        except FAILURES as error:
+            return Played(False, f"the simulator does not answer: {error}")
+        details = answer.status_message[len(ANSWERS[answer.success]) :]
+        return Played(answer.success, details.lstrip(";, "), answer.start.to_nsec())

@@ -1,0 +1,174 @@
+"""A motion from a file, shown without a simulator.
+
+Publishes: joint_states (sensor_msgs/JointState), /tf (tf2_msgs/TFMessage):
+    map -> base_link, /tf_static: base_link -> root link
+Parameters: those of ReplayParameters, and robot_description
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import rospy
+import tf2_ros
+from sensor_msgs.msg import JointState
+
+from g1_description.bridge.parameters import BridgeParameters, base_child, static_edges
+from g1_description.errors import G1DescriptionError, InvalidValueError
+from g1_description.motion.files.read_any import read_motion_file
+from g1_description.motion.motion import Motion
+from g1_description.motion.trajectory import Sample, sample
+from g1_description.robot.description import Description
+from g1_description.robot.transform import IDENTITY
+from g1_description.robot.urdf import parse_urdf
+from g1_description.ros.conversions import transform
+from g1_description.ros.lifecycle import quiet_when_closing, start_node
+from g1_description.ros.master import stay_registered
+from g1_description.ros.parameters import check_range, read_parameters
+
+REST = 1.0
+"""Time between the end of a motion and its next beginning, in [s]."""
+
+
+@dataclass(frozen=True)
+class ReplayParameters:
+    """Parameters of the node that shows a motion."""
+
+    motion: str = ""
+    """The file."""
+
+    bag: str = ""
+    """The same, of a rosbag."""
+
+    topic: str = ""
+    """Topic of the bag with the joints; empty: the usual one."""
+
+    fps: float = 0.0
+    """Samples per second of a file without times, in [Hz]; 0: it is not known."""
+
+    speed: float = 1.0
+    """Seconds of the motion in a second."""
+
+    loop: bool = True
+    """Whether it begins again at its end, rather than staying there."""
+
+    publish_rate: float = 60.0
+    """States per second, in [Hz]."""
+
+    def __post_init__(self) -> None:
+        """Check ranges."""
+        if not self.file:
+            raise InvalidValueError(
+                "No motion is given; motion:=FILE or bag:=FILE names one."
+            )
+        if self.motion and self.bag:
+            raise InvalidValueError("Two motions are given, motion:= and bag:=.")
+        if not Path(self.file).is_absolute():
+            hint = "" if self.file.startswith("~") else f"; $PWD/{self.file} is one"
+            raise InvalidValueError(f"'{self.file}' is not an absolute path{hint}.")
+        check_range(self, "fps", 0.0, 1e6)
+        check_range(self, "speed", 1e-3, 1e3)
+        check_range(self, "publish_rate", 0.1, 1e3)
+
+    @property
+    def file(self) -> str:
+        """The file of either kind."""
+        return self.motion or self.bag
+
+
+class Replay:
+    """Shows a motion again and again."""
+
+    def __init__(
+        self, motion: Motion, robot: Description, parameters: ReplayParameters
+    ) -> None:
+        """Advertise the topics, and send the frames that do not move.
+
+        Args:
+            motion: What is shown.
+            robot: Whose motion it is.
+            parameters: How it is shown.
+        """
+        self._trajectory = motion.trajectory
+        self._parameters = parameters
+        self._frames = BridgeParameters()
+        self._base = base_child(self._frames, robot)
+        self._names = [joint.name for joint in robot.movable_joints]
+        names = self._trajectory.joint_names
+        self._columns = [self._names.index(name) for name in names]
+        self._states = rospy.Publisher("joint_states", JointState, queue_size=10)
+        self._tf = tf2_ros.TransformBroadcaster()
+        self._static = tf2_ros.StaticTransformBroadcaster()
+        now = rospy.Time.now()
+        edges = static_edges(self._frames, robot)
+        self._static.sendTransform([transform(now, *e, IDENTITY) for e in edges])
+
+    def run(self) -> None:
+        """Show the motion until the node is shut down."""
+        rate = rospy.Rate(self._parameters.publish_rate, reset=True)
+        begin = rospy.Time.now()
+        with quiet_when_closing():
+            while not rospy.is_shutdown():
+                now = rospy.Time.now()
+                begin = min(begin, now)  # simulated time may be reset
+                self._show(now, self._time((now - begin).to_sec()))
+                rate.sleep()
+
+    def _time(self, elapsed: float) -> float:
+        """Find the time of the motion to show, in [s]."""
+        begin, speed = self._trajectory.times[0], self._parameters.speed
+        time = elapsed * speed
+        if self._parameters.loop:
+            time %= self._trajectory.duration - begin + REST * speed
+        return begin + time
+
+    def _show(self, stamp: rospy.Time, time: float) -> None:
+        """Publish the configuration at a time of the motion."""
+        found = sample(self._trajectory, time)
+        self._states.publish(self._message(stamp, found))
+        if self._base is not None:
+            pose = IDENTITY if found.base_poses is None else found.base_poses
+            edge = transform(stamp, self._frames.map_frame, self._base, pose.tolist())
+            self._tf.sendTransform(edge)
+
+    def _message(self, stamp: rospy.Time, found: Sample) -> JointState:
+        """Make joint states; joints that the motion does not move are at zero."""
+        message = JointState(name=self._names)
+        message.header.stamp = stamp
+        position, velocity = np.zeros(len(self._names)), np.zeros(len(self._names))
+        position[self._columns], velocity[self._columns] = (
+            found.positions,
+            self._parameters.speed * found.velocities,
+        )
+        message.position, message.velocity = position.tolist(), velocity.tolist()
+        return message
+
+
+def report(motion: Motion) -> None:
+    """Log what is shown, and what is not as the file says."""
+    trajectory = motion.trajectory
+    for note in motion.notes:
+        rospy.logwarn("%s", note)
+    if trajectory.base_poses is None:
+        rospy.logwarn("The motion has no base: it is shown at the origin of the map.")
+    rospy.loginfo("%d samples, %.2f s.", len(trajectory.times), trajectory.duration)
+
+
+def main() -> None:
+    """Run the node ``replay``."""
+    start_node("replay")
+    try:
+        parameters = read_parameters(ReplayParameters)
+        robot = parse_urdf(str(rospy.get_param("robot_description", "")))
+        rate, topic = parameters.fps or None, parameters.topic or None
+        motion = read_motion_file(Path(parameters.file), robot, rate, topic)
+    except G1DescriptionError as error:
+        rospy.logfatal("%s", error)
+        sys.exit(1)
+    report(motion)
+    replay = Replay(motion, robot, parameters)
+    stay_registered()
+    replay.run()

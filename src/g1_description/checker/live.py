@@ -1,0 +1,204 @@
+"""Judges the robot as it is now, again and again."""
+
+from __future__ import annotations
+
+import threading
+import time
+from dataclasses import replace
+
+import rospy
+from diagnostic_msgs.msg import DiagnosticStatus
+from diagnostic_updater import Updater
+
+from g1_description.checker.live_markers import LiveMarkers
+from g1_description.checker.live_states import LiveState, LiveStates
+from g1_description.checker.services import positions_of, velocities_of
+from g1_description.checks.checker import Checker
+from g1_description.checks.live import LiveJudge
+from g1_description.checks.plan import NO_BASE
+from g1_description.checks.verdict import FAILED, WARNING, Finding, Verdict
+from g1_description.errors import G1DescriptionError
+from g1_description.ros.lifecycle import quiet_when_closing
+from g1_description.text import listed
+
+OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+LEVELS = {FAILED: ERROR, WARNING: WARN}
+
+MAX_AGE = 2.0
+"""Age of the last state in [s] of wall time from which on only that is reported: what
+was found of it may no longer be true."""
+
+SHOWN_IF_SKIPPED = ("self_collision", "penetration", "center_of_mass")
+"""Checks of which it is told why they are not made."""
+
+MAX_TEXTS = 3
+"""Most findings whose words are in the summary; values tell all of them."""
+
+
+class CheckHealth:
+    """Gathers what was found since the last report, so that nothing short is missed."""
+
+    def __init__(self) -> None:
+        """Begin without a state."""
+        self._lock = threading.Lock()
+        self._found: dict[tuple[str, tuple[str, ...]], Finding] = {}
+        self._verdict: Verdict | None = None
+        self._problem = ""
+        self._count = 0
+        self._time = self._reported = time.monotonic()
+        self._updater = Updater()
+        self._updater.setHardwareID("none")
+        self._updater.add("checks", self._report)
+
+    def add(self, verdict: Verdict) -> None:
+        """Add what was found of a state."""
+        with self._lock:
+            if self._count == 0:
+                self._found = {}
+            self._count += 1
+            self._verdict, self._problem = verdict, ""
+            self._time = time.monotonic()
+            for finding in verdict.findings:
+                key = finding.check, finding.subject
+                last = self._found.get(key)
+                if last is None or last.worst < finding.worst:
+                    self._found[key] = finding
+
+    def refuse(self, problem: str) -> None:
+        """Take note that a state cannot be judged."""
+        with self._lock:
+            self._problem, self._time = problem, time.monotonic()
+
+    def publish(self) -> None:
+        """Publish a report."""
+        self._updater.force_update()
+
+    def _report(self, status):
+        """Report on the states since the last report."""
+        with self._lock:
+            now = time.monotonic()
+            age, rate = now - self._time, self._count / (now - self._reported)
+            if self._verdict is None and not self._problem:
+                status.summary(WARN, "no joint_states come")
+            elif age > MAX_AGE:
+                status.summary(WARN, f"no joint_states have come for {age:.0f} s")
+                status.add("age of the last state in s", f"{age:.1f}")
+            else:
+                self._summarize(status)
+                if self._verdict is not None:
+                    status.add("states judged per s", f"{rate:.1f}")
+                    self._add_values(status, self._verdict)
+            self._count, self._reported = 0, now
+        return status
+
+    def _summarize(self, status) -> None:
+        """Say what is wrong in few words."""
+        if self._problem:
+            status.summary(ERROR, f"joint_states cannot be judged: {self._problem}")
+            return
+        found = sorted(self._found.values(), key=lambda f: f.severity != FAILED)
+        status.summary(OK, "nothing is wrong")
+        if found:
+            texts = "; ".join(finding.text for finding in found[:MAX_TEXTS])
+            more = len(found) - MAX_TEXTS
+            text = texts + (f"; and {more} more" if more > 0 else "")
+            status.summary(LEVELS[found[0].severity], text)
+
+    def _add_values(self, status, verdict: Verdict) -> None:
+        """Add names and numbers."""
+        for finding in self._found.values():
+            name = f"{finding.check} {finding.name}".strip()
+            status.add(name, f"{finding.severity}: {finding.worst:.4g} {finding.unit}")
+        if "least_center_margin" in verdict.figures:
+            margin = f"{verdict.figures['least_center_margin']:.4f}"
+            status.add("centre of mass inside of what bears, at rest, in m", margin)
+        if "penetration" in verdict.checked:
+            status.add("bears", listed(verdict.bearing) or "nothing")
+        for name in SHOWN_IF_SKIPPED:
+            if name in verdict.skipped:
+                status.add(f"{name} is not judged", verdict.skipped[name])
+
+
+REPORT_PERIOD = 1.0
+"""Time between two reports on /diagnostics in [s] of wall time."""
+
+
+class LiveChecks:
+    """A thread that judges, at most so often, and one that reports."""
+
+    def __init__(
+        self,
+        checker: Checker,
+        lock: threading.Lock,
+        states: LiveStates,
+        markers: LiveMarkers,
+        rate: float,
+    ) -> None:
+        """Begin.
+
+        Args:
+            checker: Judges.
+            lock: Held while it does.
+            states: Where the robot is.
+            markers: Shows what was found.
+            rate: How often it is judged at most, in [Hz] of wall time.
+        """
+        self._lock = lock
+        self._states, self._markers = states, markers
+        self._period = 1.0 / rate
+        self._judge = LiveJudge(checker)
+        self._health = CheckHealth()
+        self._stopped = threading.Event()
+        rospy.on_shutdown(self._stopped.set)
+        for target in (self._judge_forever, self._report_forever):
+            threading.Thread(target=target, daemon=True).start()
+
+    def _judge_forever(self) -> None:
+        """Judge what is new, until the node is shut down."""
+        due = time.monotonic()
+        try:
+            while not self._stopped.wait(max(0.0, due - time.monotonic())):
+                is_new = self._states.changed.wait(self._period)
+                self._states.changed.clear()
+                due = time.monotonic() + self._period
+                state = self._states.newest() if is_new else None
+                with quiet_when_closing():
+                    if state is not None:
+                        self._tell(state)
+                    self._markers.keep_up()
+        finally:  # after an error the node ends: what it told is no longer true
+            rospy.signal_shutdown("no state is judged any more")
+
+    def _report_forever(self) -> None:
+        """Report, until the node is shut down."""
+        while not self._stopped.wait(REPORT_PERIOD):
+            with quiet_when_closing():
+                self._health.publish()
+
+    def _tell(self, state: LiveState) -> None:
+        """Judge one state, and show what was found."""
+        if self._states.began_again:
+            self._states.began_again = False
+            self._judge.begin_again()
+        try:
+            positions = positions_of(state.message)
+            velocities = velocities_of(state.message)
+            with self._lock:
+                judged, verdict = self._judge.judge(
+                    1e-9 * state.stamp, positions, state.base, velocities
+                )
+        except G1DescriptionError as error:
+            self._health.refuse(str(error))
+            return
+        if state.base is None:
+            verdict = _renamed(verdict, NO_BASE, self._states.no_base)
+        self._health.add(verdict)
+        self._markers.show(state, judged, verdict)
+
+
+def _renamed(verdict: Verdict, reason: str, better: str) -> Verdict:
+    """Give another reason why checks were not made."""
+    skipped = {
+        name: why.replace(reason, better) for name, why in verdict.skipped.items()
+    }
+    return replace(verdict, skipped=skipped)

@@ -1,0 +1,305 @@
+"""Where the robot is now: joints and base of one time.
+
+Subscribes: joint_states (sensor_msgs/JointState), /tf, /tf_static (tf2_msgs/TFMessage)
+"""
+
+from __future__ import annotations
+
+import struct
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import genpy
+import numpy as np
+import rospy
+import tf2_ros
+from sensor_msgs.msg import JointState
+
+from g1_description.errors import WireFormatError
+from g1_description.ros.conversions import (
+    Edge,
+    read_edges,
+    stamp_from_ns,
+    transform,
+    vector_to_array,
+)
+from g1_description.ros.log import ThrottledLog
+from g1_description.ros.waiting import BUFFER
+
+PAUSE = 5e-4
+"""Messages with longer than this between them, in [s], did not come together."""
+
+_ends = threading.local()
+"""When a connection's thread was last done with a message, for all who take it: two
+that gather the same messages leave their connection alone once."""
+
+
+def gathered(act: Callable[[bytes], None], period: float) -> Callable[[bytes], None]:
+    """Let messages gather while nobody needs them.
+
+    To wait for a message costs more than to take it, so after one that was waited for
+    its connection is left alone for a while; the system keeps what comes meanwhile.
+
+    Args:
+        act: Takes a message.
+        period: How long the connection is left alone, in [s].
+
+    Returns:
+        Does the same, and returns late.
+    """
+
+    def take(data: bytes) -> None:
+        waited = time.monotonic() - getattr(_ends, "last", 0.0)
+        act(data)
+        if waited > PAUSE:
+            time.sleep(period)
+        _ends.last = time.monotonic()
+
+    return take
+
+
+MAX_STATES = 300
+"""Joint states that wait for the base of their time: 0.3 s at 1000 Hz."""
+
+MAX_BASE_AGE = 1_000_000_000
+"""A base that is older than the joints by more than this is unknown, in [ns]."""
+
+RESET = 100_000_000
+"""Time that went back by more than this began again, in [ns]."""
+
+_STAMP = struct.Struct("<II")
+_STAMP_AT = 4
+"""Where a message with a header has its stamp."""
+
+
+@dataclass(frozen=True, eq=False)
+class LiveState:
+    """Joints and base of one time."""
+
+    stamp: int
+    """In [ns]."""
+
+    message: JointState
+    base: np.ndarray | None
+    """T_map_base, shape (7,); None where TF does not know it."""
+
+
+@dataclass(frozen=True)
+class _Received:
+    """Joint states that came, and how many came before."""
+
+    stamp: int
+    data: bytes
+    number: int
+
+
+class LiveStates:
+    """Listens to joint states and to the edges of TF between the map and the robot.
+
+    Messages are kept as they came: only those that are judged are read.
+    """
+
+    def __init__(
+        self,
+        map_frame: str,
+        base_frame: str,
+        period: float,
+        log: ThrottledLog,
+        joint_states: str = "joint_states",
+    ) -> None:
+        """Subscribe.
+
+        Args:
+            map_frame: Frame whose floor the robot stands on.
+            base_frame: Frame of the robot's base.
+            period: How long messages may gather before they are read, in [s].
+            log: Where to log messages that cannot be read.
+            joint_states: Topic of the joint states.
+        """
+        self.changed = threading.Event()
+        """Set when something new has come; whoever waits for it clears it."""
+        self.began_again = False
+        """Whether time went back since this was set to False."""
+        self._map, self._base_frame, self._log = map_frame, base_frame, log
+        self._lock = threading.Lock()
+        self._states: deque[_Received] = deque(maxlen=MAX_STATES)
+        self._count = 0
+        self._taken: tuple[int, bool] | None = None
+        self._parents: dict[str, str] = {}
+        self._wanted = {base_frame.encode()}
+        self._newest: dict[str, int] = {}
+        self._times: deque[int] = deque(maxlen=MAX_STATES)
+        self._tf = tf2_ros.Buffer(debug=False)
+        self._subscribers = [
+            _subscribe(joint_states, gathered(self._on_joint_states, period), 100),
+            _subscribe("/tf", gathered(self._on_tf, period), 100),
+            _subscribe("/tf_static", self._on_static_tf, None),
+        ]
+
+    def close(self) -> None:
+        """Unsubscribe."""
+        for subscriber in self._subscribers:
+            subscriber.unregister()
+
+    def _on_joint_states(self, data: bytes) -> None:
+        """Keep joint states."""
+        if len(data) < _STAMP_AT + _STAMP.size:
+            return
+        stamp = _nanoseconds(data, _STAMP_AT)
+        with self._lock:
+            self._count += 1
+            self._states.append(_Received(stamp, data, self._count))
+        self.changed.set()
+
+    def _begin_again(self) -> None:
+        """Forget all that moves: time went back."""
+        self._states.clear()
+        self._tf.clear()
+        self._newest.clear()
+        self._times.clear()
+        self._taken = None
+        self.began_again = True
+
+    def _on_tf(self, data: bytes) -> None:
+        """Keep edges between the map and the robot."""
+        edges = self._read(data, self._wanted)
+        if edges:
+            with self._lock:
+                for stamp, _, child, _ in edges:
+                    if stamp < self._newest.get(child, 0) - RESET:
+                        self._begin_again()
+                    self._newest[child] = stamp
+                    self._times.append(stamp)
+                self._keep(edges, self._tf.set_transform)
+            self.changed.set()
+
+    def _on_static_tf(self, data: bytes) -> None:
+        """Keep edges that do not move."""
+        edges = self._read(data, None)
+        with self._lock:
+            self._keep(edges, self._tf.set_transform_static)
+        self.changed.set()
+
+    def _read(self, data: bytes, children: set[bytes] | None) -> list[Edge]:
+        """Read some edges of a message, all by default."""
+        try:
+            return read_edges(data, children)
+        except WireFormatError as error:
+            self._log.warn("tf", str(error))
+            return []
+
+    def _keep(self, edges: Sequence[Edge], keep: Callable) -> None:
+        """Keep edges, and learn which others are above the robot."""
+        for stamp, parent, child, pose in edges:
+            keep(transform(stamp_from_ns(stamp), parent, child, pose), "tf")
+            if self._parents.get(child) != parent:
+                self._parents[child] = parent
+                self._wanted = self._chain()
+
+    def _chain(self) -> set[bytes]:
+        """Name the frames from the robot up to the map."""
+        frame, names = self._base_frame, [self._base_frame]
+        while frame in self._parents:
+            frame = self._parents[frame]
+            if frame in (self._map, *names):
+                break
+            names.append(frame)
+        return {name.encode() for name in names}
+
+    @property
+    def no_base(self) -> str:
+        """Why a state has no base."""
+        return f"TF does not tell where {self._base_frame} is in {self._map}"
+
+    @property
+    def stamp(self) -> int:
+        """Time of the newest joint states, in [ns]; 0 before the first ones."""
+        with self._lock:
+            return self._states[-1].stamp if self._states else 0
+
+    def newest(self) -> LiveState | None:
+        """Find the newest joint states whose base is known, too.
+
+        Returns:
+            They, without a base where TF does not know one; None where there is nothing
+            that was not returned before.
+        """
+        with self._lock:
+            found = self._pair()
+            if found is None:
+                return None
+            received, base = found
+            if self._taken == (received.number, base is not None):
+                return None
+            self._taken = received.number, base is not None
+        message = JointState()
+        try:
+            message.deserialize(received.data)
+        except genpy.DeserializationError as error:
+            self._log.warn("joints", f"A message is no joint states: {error}.")
+            return None
+        return LiveState(received.stamp, message, base)
+
+    def _pair(self) -> tuple[_Received, np.ndarray | None] | None:
+        """Choose joint states, and the base of their time."""
+        if not self._states:
+            return None
+        newest = self._states[-1]
+        try:
+            time = self._tf.get_latest_common_time(
+                self._map, self._base_frame
+            ).to_nsec()
+            if time == 0:  # nothing moves between map and robot
+                return newest, self._base(0)
+            if newest.stamp - time > MAX_BASE_AGE:
+                return newest, None
+            chosen = self._chosen(time)
+            return chosen and (chosen, self._base(chosen.stamp))
+        except tf2_ros.TransformException:
+            return newest, None
+
+    def _chosen(self, time: int) -> _Received | None:
+        """Choose the newest joint states up to a time in [ns].
+
+        Between two bases is a place where a robot that jumps has never been, so the
+        newest ones are taken that have the stamp of a base, if there are any.
+        """
+        times, newest = set(self._times), None
+        for state in reversed(self._states):
+            if state.stamp <= time:
+                newest = newest or state
+                if state.stamp in times:
+                    return state
+        return newest
+
+    def _base(self, stamp: int) -> np.ndarray:
+        """Look the base up, shape (7,)."""
+        found = self._tf.lookup_transform_core(
+            self._map, self._base_frame, stamp_from_ns(stamp)
+        ).transform
+        q = found.rotation
+        turn = np.array([q.x, q.y, q.z, q.w])
+        return np.concatenate([vector_to_array(found.translation), turn])
+
+
+def _subscribe(
+    topic: str, act: Callable[[bytes], None], queue_size: int | None
+) -> rospy.Subscriber:
+    """Take the bytes of a topic."""
+    return rospy.Subscriber(
+        topic,
+        rospy.AnyMsg,
+        lambda message: act(message._buff),
+        queue_size=queue_size,
+        buff_size=BUFFER,
+        tcp_nodelay=True,
+    )
+
+
+def _nanoseconds(data: bytes, place: int) -> int:
+    """Read a time in [ns]."""
+    seconds, nanoseconds = _STAMP.unpack_from(data, place)
+    return seconds * 1_000_000_000 + nanoseconds

@@ -1,0 +1,85 @@
+"""The node that judges configurations and motions, and the robot as it is now.
+
+Services: ~check_state (g1_description/CheckState), ~check_trajectory
+    (g1_description/CheckTrajectory)
+Subscribes, with a ~rate: joint_states (sensor_msgs/JointState), /tf, /tf_static
+    (tf2_msgs/TFMessage)
+Publishes, with a ~rate: /diagnostics (diagnostic_msgs/DiagnosticArray), ~markers
+    (visualization_msgs/MarkerArray)
+Parameters: those of parameters.CheckerParameters
+"""
+
+from __future__ import annotations
+
+import sys
+import threading
+from functools import partial
+from pathlib import Path
+
+import rospy
+
+from g1_description.checker.live import LiveChecks
+from g1_description.checker.live_markers import LiveMarkers
+from g1_description.checker.live_states import LiveStates
+from g1_description.checker.parameters import (
+    CheckerParameters,
+    base_frame,
+    wait_for_robot,
+)
+from g1_description.checker.services import CheckServices
+from g1_description.checks.checker import Checker
+from g1_description.errors import G1DescriptionError
+from g1_description.robot.description import Description
+from g1_description.ros.lifecycle import start_node
+from g1_description.ros.log import ThrottledLog
+from g1_description.ros.map_frame import MapFrame
+from g1_description.ros.master import stay_registered
+from g1_description.ros.parameters import read_parameters
+from g1_description.ros.tcpros import serve_as_roscpp
+
+
+def make_checker(robot: Description, parameters: CheckerParameters) -> Checker:
+    """Prepare the checks of the robot.
+
+    Raises:
+        G1DescriptionError: If a file cannot be read.
+    """
+    pairs = Path(parameters.pairs) if parameters.pairs else None
+    return Checker.of(
+        robot, parameters.read_thresholds(), pairs, parameters.visual_hulls
+    )
+
+
+def start(robot: Description, parameters: CheckerParameters) -> None:
+    """Advertise services and topics.
+
+    Raises:
+        G1DescriptionError: If a file cannot be read.
+    """
+    checker, lock = make_checker(robot, parameters), threading.Lock()
+    for note in checker.notes:
+        rospy.loginfo("%s", note)
+    make_another = partial(make_checker, robot, parameters)
+    map_frame = parameters.map_frame
+    CheckServices(checker, lock, make_another, MapFrame((map_frame, "world")))
+    if parameters.rate:
+        markers = LiveMarkers(checker, parameters)
+        root = base_frame(robot, parameters)
+        states = LiveStates(map_frame, root, 1.0 / parameters.rate, ThrottledLog())
+        LiveChecks(checker, lock, states, markers, parameters.rate)
+
+
+def main() -> None:
+    """Run the node ``checker``."""
+    serve_as_roscpp()
+    start_node("checker")
+    try:
+        parameters = read_parameters(CheckerParameters)
+        start(wait_for_robot(parameters), parameters)
+    except G1DescriptionError as error:
+        rospy.logfatal("%s", error)
+        sys.exit(1)
+    except rospy.ROSInterruptException:  # before the robot was there
+        return
+    stay_registered()
+    rospy.spin()

@@ -1,0 +1,175 @@
+"""The services that judge configurations and motions.
+
+Services: ~check_state (g1_description/CheckState),
+    ~check_trajectory (g1_description/CheckTrajectory)
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Sequence
+
+import rospy
+from geometry_msgs.msg import Point
+from sensor_msgs.msg import JointState
+
+from g1_description.checks.checker import Checker
+from g1_description.checks.verdict import Finding, Verdict
+from g1_description.errors import G1DescriptionError, InvalidValueError, MotionError
+from g1_description.motion.motion import Motion
+from g1_description.msg import Finding as FindingMessage
+from g1_description.ros.conversions import pose_to_array
+from g1_description.ros.map_frame import MapFrame
+from g1_description.ros.motion_messages import (
+    pose_from_numbers,
+    whole_body_from_message,
+)
+from g1_description.srv import (
+    CheckState,
+    CheckStateRequest,
+    CheckStateResponse,
+    CheckTrajectory,
+    CheckTrajectoryRequest,
+    CheckTrajectoryResponse,
+)
+from g1_description.text import listed
+
+
+def positions_of(message: JointState) -> dict[str, float]:
+    """Read the positions of joint states, by joint.
+
+    Raises:
+        InvalidValueError: If there is not one for each name, or a name comes twice.
+    """
+    return _by_name(message, "position", message.position)
+
+
+def velocities_of(message: JointState) -> dict[str, float]:
+    """Read the velocities of joint states, by joint; empty where there are none.
+
+    Raises:
+        InvalidValueError: If there is not one for each name.
+    """
+    if not message.velocity:
+        return {}
+    return _by_name(message, "velocity", message.velocity)
+
+
+def _by_name(
+    message: JointState, what: str, numbers: Sequence[float]
+) -> dict[str, float]:
+    """Read the numbers of joint states."""
+    names = message.name
+    if len(names) != len(numbers):
+        raise InvalidValueError(
+            f"joint_state has {len(names)} names, and its {what} {len(numbers)} "
+            "numbers; there must be as many."
+        )
+    found = dict(zip(names, numbers))
+    if len(found) != len(names):
+        twice = listed(name for name in found if names.count(name) > 1)
+        raise InvalidValueError(f"joint_state names joints twice: {twice}.")
+    return found
+
+
+def finding_message(finding: Finding) -> FindingMessage:
+    """Convert what was found."""
+    return FindingMessage(
+        finding.check,
+        finding.severity,
+        list(finding.subject),
+        finding.worst,
+        finding.bound,
+        finding.unit,
+        finding.first_time,
+        finding.worst_time,
+        finding.share,
+        [Point(*point) for point in finding.points],
+        finding.text,
+    )
+
+
+def skipped_lines(verdict: Verdict) -> list[str]:
+    """List the checks that were not made, each with the reason."""
+    return [f"{name}: {reason}" for name, reason in verdict.skipped.items()]
+
+
+class CheckServices:
+    """Answers the services, each in a thread of its caller's connection."""
+
+    def __init__(
+        self,
+        checker: Checker,
+        lock: threading.Lock,
+        make_checker: Callable[[], Checker],
+        frame: MapFrame,
+    ) -> None:
+        """Advertise the services.
+
+        Args:
+            checker: Judges single configurations.
+            lock: Held while it does.
+            make_checker: Makes another one: a motion may take seconds, in which
+                configurations are judged as before.
+            frame: Transforms bases to the map.
+        """
+        self._checker, self._lock = checker, lock
+        self._make_checker = make_checker
+        self._motion_checker: Checker | None = None
+        self._motion_lock = threading.Lock()
+        self._frame = frame
+        self._joints = dict.fromkeys(
+            joint.name for joint in checker.description.movable_joints
+        )
+        rospy.Service("~check_state", CheckState, self._check_state)
+        rospy.Service("~check_trajectory", CheckTrajectory, self._check_trajectory)
+
+    def _check_state(self, request: CheckStateRequest) -> CheckStateResponse:
+        """Judge a configuration."""
+        try:
+            joints, base = request.joint_state, None
+            positions, velocities = positions_of(joints), velocities_of(joints)
+            if request.has_base:
+                base = pose_from_numbers(pose_to_array(request.base_pose))
+            with self._lock:
+                verdict = self._checker.judge_state(
+                    positions, base, request.only, velocities or None
+                ).verdict
+        except G1DescriptionError as error:
+            return CheckStateResponse(status_message=str(error))
+        return _answer(CheckStateResponse, verdict)
+
+    def _check_trajectory(
+        self, request: CheckTrajectoryRequest
+    ) -> CheckTrajectoryResponse:
+        """Judge a motion."""
+        try:
+            trajectory = whole_body_from_message(
+                request.trajectory, self._joints, self._frame
+            )
+            if trajectory is None:
+                raise MotionError("The trajectory has no points.")
+            with self._motion_lock:
+                if self._motion_checker is None:
+                    self._motion_checker = self._make_checker()
+                judged = self._motion_checker.check_motion(
+                    Motion(trajectory), request.only
+                )
+        except G1DescriptionError as error:
+            return CheckTrajectoryResponse(status_message=str(error))
+        return _answer(CheckTrajectoryResponse, judged.verdict)
+
+
+def _answer(kind, verdict: Verdict):
+    """Put a verdict into the response of either service."""
+    if verdict.nothing_made:
+        return kind(status_message=verdict.nothing_made, skipped=skipped_lines(verdict))
+    return kind(
+        True,
+        verdict.passed,
+        verdict.severity,
+        [finding_message(finding) for finding in verdict.findings],
+        list(verdict.checked),
+        skipped_lines(verdict),
+        " ".join(verdict.notes),
+    )

@@ -1,0 +1,1 @@
+"""Checks of motions and configurations: thresholds, verdicts, reports, batches."""

@@ -1,0 +1,174 @@
+"""Balance: the support polygon, and how far inside it the robot's weight acts."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Sequence, Tuple
+
+import numpy as np
+
+from g1_description.checks.verdict import Fault, without_short
+from g1_description.robot.dynamics import Dynamics
+
+STILL_TIME = 0.2
+"""How long a robot must be still for its centre of mass to be judged, in [s]."""
+
+LEAST_FORCE = 0.1
+"""Share of its weight that the floor must bear for a zero-moment point to mean
+something."""
+
+
+@dataclass(frozen=True, eq=False)
+class Balance:
+    """Where the weight of a robot acts, at each of some samples."""
+
+    center: np.ndarray
+    """Its centre of mass in the map, in [m], shape (n, 3)."""
+
+    center_margin: np.ndarray
+    """How far the centre of mass is inside what bears, in [m], shape (n,)."""
+
+    zmp_margin: np.ndarray
+    """How far the zero-moment point is inside, in [m], shape (n,)."""
+
+    is_still: np.ndarray
+    """Where the robot is still, shape (n,)."""
+
+
+Corners = Sequence[Tuple[float, float]]
+"""Of a convex polygon, counter-clockwise, in [m]. Plain numbers: numpy takes five times
+as long for the six corners of two feet."""
+
+
+def support_polygon(points: np.ndarray) -> Corners:
+    """Find the convex hull of points in a plane.
+
+    Andrew's monotone chain, 1979.
+
+    Args:
+        points: In [m], shape (n, 2), n > 0.
+
+    Returns:
+        Its corners; one or two where all points are at one place or on one line.
+    """
+    ordered = sorted({(x, y) for x, y in points.tolist()})
+    if len(ordered) < 3:
+        return ordered
+    lower, upper = _chain(ordered), _chain(ordered[::-1])
+    return lower[:-1] + upper[:-1]
+
+
+def _chain(ordered: Corners) -> list[tuple[float, float]]:
+    """Keep the points of one side of a hull."""
+    kept: list[tuple[float, float]] = []
+    for x, y in ordered:
+        while len(kept) > 1:
+            (x0, y0), (x1, y1) = kept[-2:]
+            if (x1 - x0) * (y - y0) - (y1 - y0) * (x - x0) > 0.0:
+                break
+            kept.pop()
+        kept.append((x, y))
+    return kept
+
+
+def support_margin(polygon: Corners, x: float, y: float) -> float:
+    """Compute how far inside a polygon a point is.
+
+    Args:
+        polygon: Its corners.
+        x: Of the point, in [m].
+        y: Likewise.
+
+    Returns:
+        Distance to its border in [m], negative outside.
+    """
+    nearest, is_inside = math.inf, len(polygon) > 2
+    (x0, y0) = polygon[-1]
+    for x1, y1 in polygon:
+        edge_x, edge_y, to_x, to_y = x1 - x0, y1 - y0, x - x0, y - y0
+        square = edge_x * edge_x + edge_y * edge_y
+        along = (to_x * edge_x + to_y * edge_y) / square if square > 0.0 else 0.0
+        along = min(max(along, 0.0), 1.0)
+        distance = math.hypot(to_x - along * edge_x, to_y - along * edge_y)
+        nearest = min(nearest, distance)
+        is_inside = is_inside and edge_x * to_y - edge_y * to_x >= 0.0
+        x0, y0 = x1, y1
+    return nearest if is_inside else -nearest
+
+
+def margins(support: Sequence[np.ndarray], *points: np.ndarray) -> list[np.ndarray]:
+    """Compute how far inside what bears some points are.
+
+    Args:
+        support: Points that bear, shape (k, 2) per sample.
+        points: In the map, in [m], shapes (n, 2); NaN where there is none.
+
+    Returns:
+        For each array of points: in [m], negative outside, shape (n,); NaN where
+        nothing bears.
+    """
+    found = [np.full(len(support), np.nan) for _ in points]
+    rows = [array.tolist() for array in points]
+    for number, bearing in enumerate(support):
+        if not len(bearing):
+            continue
+        polygon = support_polygon(bearing)
+        for margin, row in zip(found, rows):
+            x, y = row[number]
+            if math.isfinite(x) and math.isfinite(y):
+                margin[number] = support_margin(polygon, x, y)
+    return found
+
+
+def zero_moment_points(dynamics: Dynamics, weight: float, floor: float) -> np.ndarray:
+    """Find where the floor must bear a robot that moves.
+
+    Source: Vukobratovic and Borovac, Zero-Moment Point, 2004: the point of the floor
+    about which the wrench of gravity and inertia has no horizontal moment.
+
+    Args:
+        dynamics: Of the motion.
+        weight: Of the robot in [N].
+        floor: Height of the floor in [m].
+
+    Returns:
+        Along the map's x and y, in [m], shape (..., 2); NaN where the floor bears next
+        to nothing.
+    """
+    force, moment = dynamics.root_wrench[..., :3], dynamics.root_wrench[..., 3:]
+    up = np.where(force[..., 2] > LEAST_FORCE * weight, force[..., 2], np.nan)
+    x = (floor * force[..., 0] - moment[..., 1]) / up
+    y = (floor * force[..., 1] + moment[..., 0]) / up
+    return np.stack([x, y], axis=-1)
+
+
+def long_still(times: np.ndarray, is_still: np.ndarray) -> np.ndarray:
+    """Leave out moments of standstill, as at the turn of a movement.
+
+    Args:
+        times: Of the samples in [s], shape (n,).
+        is_still: Where the robot is still, shape (n,).
+    """
+    shortest = min(STILL_TIME, float(times[-1] - times[0]))
+    return without_short(times, is_still, shortest)
+
+
+def balance_faults(balance: Balance, is_known: np.ndarray, floor: float) -> list[Fault]:
+    """Find where a robot would tip over.
+
+    Args:
+        balance: Where its weight acts.
+        is_known: Where accelerations, and so the zero-moment point, are known, shape
+            (n,).
+        floor: Height of the floor in [m].
+    """
+    below = balance.center.copy()
+    below[:, 2] = floor
+    still = np.where(balance.is_still, -balance.center_margin, np.nan)
+    zmp = np.where(is_known, -balance.zmp_margin, np.nan)
+    outside = "{worst:.4g} m outside of what bears at {time:.3f} s"
+    return [
+        Fault("center_of_mass", (), still, "m", f"centre of mass {outside}", below),
+        Fault("zero_moment_point", (), zmp, "m", f"zero-moment point {outside}"),
+    ]

@@ -1,0 +1,372 @@
+"""A robot's outlines above a floor, sample by sample."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from g1_description.checks.thresholds import Thresholds
+from g1_description.checks.verdict import runs, without_short
+from g1_description.motion.trajectory import SNAP
+from g1_description.robot.rotation import cross, to_axes
+
+SLIDE_WINDOW = 0.1
+"""Over how long a sliding link's speed is averaged, in [s]."""
+
+
+def sliding_speeds(
+    slide: np.ndarray, touches: np.ndarray, times: np.ndarray
+) -> np.ndarray:
+    """Average how fast links slide, as long as they touch the floor.
+
+    A foot that is put down or lifted moves a little on its last millimetres, which
+    counts together with the time that it stands.
+
+    Args:
+        slide: Speeds of lowest points along the floor, in [m/s], shape (n, n_links).
+        touches: Where they touch the floor, shape (n, n_links).
+        times: Of the samples in [s], shape (n,).
+
+    Returns:
+        Means over ``SLIDE_WINDOW``, or the whole time of contact where that is shorter,
+        in [m/s]; NaN where a link does not touch, shape (n, n_links).
+    """
+    found = np.full(slide.shape, np.nan)
+    for column in np.flatnonzero(touches.any(axis=0)):
+        for first, last in runs(touches[:, column]):
+            rows = slice(first, last + 1)
+            inside = times[rows]
+            summed = np.append(0.0, np.cumsum(slide[rows, column]))
+            latest = max(inside[0], inside[-1] - SLIDE_WINDOW)
+            start = np.clip(inside - SLIDE_WINDOW / 2.0, inside[0], latest)
+            begin = np.searchsorted(inside, start - SNAP, side="left")
+            end = np.searchsorted(inside, start + SLIDE_WINDOW + SNAP, side="right")
+            found[rows, column] = (summed[end] - summed[begin]) / (end - begin)
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class Outline:
+    """Points, and a radius about them, whose convex hull is a part of a link."""
+
+    row: int
+    """Of the link."""
+
+    points: np.ndarray
+    """In the link frame, in [m], shape (k, 3)."""
+
+    radius: float
+
+    @property
+    def reach(self) -> float:
+        """How far it is from the link's origin at most, in [m]."""
+        return float(np.linalg.norm(self.points, axis=1).max()) + self.radius
+
+
+@dataclass(frozen=True, eq=False)
+class LinkHeights:
+    """Where links are above the floor, at each of some successive samples.
+
+    Of links that stay away from the floor only heights are kept: of a long motion, more
+    would need much memory.
+    """
+
+    columns: np.ndarray
+    """Links that are ever low enough to bear, or lower than all others: places in
+    ``Ground.rows``, shape (k,)."""
+
+    heights: np.ndarray
+    """Of the lowest point of each link above the floor, in [m], shape (n, n_links);
+    infinite for a link that is neither the lowest one nor near the floor."""
+
+    lowest: np.ndarray
+    """The lowest points of the links of ``columns``, in the map, in [m], shape
+    (n, k, 3)."""
+
+    slide: np.ndarray
+    """How fast their lowest points move along the floor, the mean of those that touch
+    it when the link does, in [m/s], shape (n, k)."""
+
+
+@dataclass(frozen=True, eq=False)
+class GroundPiece(LinkHeights):
+    """What is known of some of a motion's samples alone.
+
+    Its heights are those of all links with an outline.
+    """
+
+    speed: np.ndarray
+    """How fast the lowest point moves, in [m/s], shape (n, k)."""
+
+    low: np.ndarray
+    """Samples of points that are low enough to bear, and places of their links in
+    ``Ground.rows``, shape (2, n_points)."""
+
+    low_points: np.ndarray
+    """These points, along the map's x and y, in [m], shape (n_points, 2)."""
+
+
+@dataclass(frozen=True, eq=False)
+class GroundFrames(LinkHeights):
+    """How a robot stands, at each sample of a motion.
+
+    Its heights are those of the links of ``columns``.
+    """
+
+    bears: np.ndarray
+    """Whether a link bears, shape (n, k)."""
+
+    support: list[np.ndarray]
+    """Points that bear, along the map's x and y, in [m], shape (n_points, 2) per
+    sample."""
+
+
+HYSTERESIS = 2.0
+"""A link that bears does so until it is so many times as fast as one that begins to."""
+
+
+class Ground:
+    """A robot's outlines above a floor."""
+
+    def __init__(
+        self, outlines: Sequence[Outline], ends: np.ndarray, thresholds: Thresholds
+    ) -> None:
+        """Prepare.
+
+        Args:
+            outlines: Of the links.
+            ends: Which links carry none that moves against them, shape (n_links,): feet
+                and hands. Only these bear without touching the floor.
+            thresholds: Where the floor is, and how near a point bears.
+        """
+        self.rows = np.array(sorted({outline.row for outline in outlines}), dtype=int)
+        self._outlines = outlines
+        self._is_end = ends[self.rows]
+        self._outline_rows = [outline.row for outline in outlines]
+        self._reaches = np.array([outline.reach for outline in outlines])
+        self._column = {row: column for column, row in enumerate(self.rows)}
+        self._thresholds = thresholds
+
+    def piece(self, link_poses: np.ndarray, link_twists: np.ndarray) -> GroundPiece:
+        """Find where links are above the floor.
+
+        Args:
+            link_poses: Poses of all links in the map, shape (n, n_links, 7).
+            link_twists: Twists of their origins along the map's axes, shape
+                (n, n_links, 6).
+        """
+        shape = (len(link_poses), len(self.rows))
+        heights, lowest = np.full(shape, np.inf), np.zeros((*shape, 3))
+        owners, low = [np.zeros((2, 0), dtype=int)], [np.zeros((0, 3))]
+        near = self._near(link_poses)
+        for number in np.flatnonzero(near.any(axis=1)):
+            outline, at = self._outlines[number], np.flatnonzero(near[number])
+            column = self._column[outline.row]
+            points = self._points(outline, link_poses[at, outline.row])
+            best = points[..., 2].argmin(axis=1)
+            lowest_points = points[np.arange(len(at)), best]
+            is_lower = lowest_points[:, 2] < heights[at, column]
+            changed = at[is_lower]
+            heights[changed, column] = lowest_points[is_lower, 2]
+            lowest[changed, column] = lowest_points[is_lower]
+            is_low = points[..., 2] <= self._thresholds.bearing_height
+            frame = at[np.nonzero(is_low)[0]]
+            owners.append(np.stack([frame, np.full_like(frame, column)]))
+            low.append(points[is_low])
+        owner, points = np.concatenate(owners, axis=1), np.concatenate(low)
+        velocity = self._velocity(link_poses, link_twists, lowest, np.indices(shape))
+        slide = np.hypot(velocity[..., 0], velocity[..., 1])
+        moves = self._velocity(link_poses, link_twists, points, owner)
+        self._average(slide, heights, moves, (owner, points))
+        lowest[..., 2] += self._thresholds.floor_height
+        speed = np.linalg.norm(velocity, axis=-1)
+        is_used = heights <= self._thresholds.bearing_height
+        is_used[np.arange(len(heights)), heights.argmin(axis=1)] = True
+        used = np.flatnonzero(is_used.any(axis=0))
+        parts = lowest[:, used], slide[:, used], speed[:, used]
+        return GroundPiece(used, heights, *parts, owner, points[:, :2])
+
+    def _average(
+        self,
+        slide: np.ndarray,
+        heights: np.ndarray,
+        velocity: np.ndarray,
+        low: tuple[np.ndarray, np.ndarray],
+    ) -> None:
+        """Replace the lowest point's sliding by the mean of all that touch as it does.
+
+        Which corner of a flat sole is the lowest one is a matter of rounding.
+
+        Args:
+            slide: Of the lowest points in [m/s], shape (n, n_links); is changed.
+            heights: Of the lowest points in [m], shape (n, n_links).
+            velocity: Of the low points in [m/s], shape (k, 3).
+            low: Their samples and links, shape (2, k), and the points, shape (k, 3).
+        """
+        (frame, column), points = low
+        lowest = heights[frame, column]
+        touches = points[:, 2] <= lowest + self._thresholds.contact_height
+        at = frame[touches] * slide.shape[1] + column[touches]
+        speed = np.hypot(velocity[touches, 0], velocity[touches, 1])
+        count = np.bincount(at, minlength=slide.size)
+        total = np.bincount(at, weights=speed, minlength=slide.size)
+        known = count > 0
+        slide.reshape(-1)[known] = total[known] / count[known]
+
+    def _near(self, link_poses: np.ndarray) -> np.ndarray:
+        """Mark where outlines may be the lowest, or near the floor.
+
+        Returns:
+            Shape (n_outlines, n_samples).
+        """
+        z = link_poses[:, self._outline_rows, 2].T - self._thresholds.floor_height
+        reach = self._reaches[:, np.newaxis]
+        highest = np.maximum((z + reach).min(axis=0), self._thresholds.bearing_height)
+        return np.asarray(z - reach <= highest)
+
+    def _points(self, outline: Outline, poses: np.ndarray) -> np.ndarray:
+        """Place the lowest points of an outline, relative to the floor.
+
+        Returns:
+            Shape (n, k, 3).
+        """
+        points = outline.points @ np.swapaxes(to_axes(poses[:, 3:]), 1, 2)
+        points += poses[:, np.newaxis, :3]
+        points[..., 2] -= outline.radius + self._thresholds.floor_height
+        return points
+
+    def _velocity(
+        self, poses: np.ndarray, twists: np.ndarray, points: np.ndarray, at: np.ndarray
+    ) -> np.ndarray:
+        """Compute how points of links move.
+
+        Args:
+            poses: Of all links, shape (n, n_links, 7).
+            twists: Of their origins, shape (n, n_links, 6).
+            points: In the map, heights above the floor, shape (..., 3).
+            at: Samples and columns of their links, shape (2, ...).
+        """
+        frame, row = at[0], self.rows[at[1]]
+        origin, twist = poses[frame, row, :3], twists[frame, row]
+        origin[..., 2] -= self._thresholds.floor_height
+        return np.asarray(twist[..., :3] + cross(twist[..., 3:], points - origin))
+
+    def frames(self, pieces: Sequence[GroundPiece], times: np.ndarray) -> GroundFrames:
+        """Find how the robot stands.
+
+        Args:
+            pieces: Of successive samples.
+            times: Of the samples in [s], shape (n,).
+        """
+        columns = np.unique(np.concatenate([piece.columns for piece in pieces]))
+        heights = np.concatenate([piece.heights[:, columns] for piece in pieces])
+        firsts = np.cumsum([0, *(len(piece.heights) for piece in pieces[:-1])])
+        offsets = [np.array([[first], [0]]) for first in firsts]
+        moved = [piece.low + offset for piece, offset in zip(pieces, offsets)]
+        low = np.concatenate(moved, axis=1)
+        low[1] = np.searchsorted(columns, low[1])
+        points = np.concatenate([piece.low_points for piece in pieces])
+        lowest, slide, speed = (
+            _spread(pieces, name, columns) for name in ("lowest", "slide", "speed")
+        )
+        bears = self._bearing(heights, speed, times, self._is_end[columns])
+        support = _support(low, points, bears)
+        return GroundFrames(columns, heights, lowest, slide, bears, support)
+
+    def _bearing(
+        self,
+        heights: np.ndarray,
+        speed: np.ndarray,
+        times: np.ndarray,
+        is_end: np.ndarray,
+    ) -> np.ndarray:
+        """Tell which links bear, shape (n, n_links).
+
+        Args:
+            heights: Of the links' lowest points in [m], shape (n, n_links).
+            speed: Of these points in [m/s], shape (n, n_links).
+            times: Of the samples in [s], shape (n,).
+            is_end: Which links carry none that moves against them, shape (n_links,).
+        """
+        limits = self._thresholds
+        touches = heights <= limits.contact_height
+        is_near = (heights <= limits.bearing_height) & is_end
+        if len(times) == 1:
+            return touches | is_near
+        bears = touches | (is_near & (speed < limits.bearing_speed))
+        may_bear = touches | (is_near & (speed < HYSTERESIS * limits.bearing_speed))
+        for column in np.flatnonzero(bears.any(axis=0)):
+            stood = bears[:, column]
+            for first, last in runs(may_bear[:, column]):
+                if stood[first : last + 1].any():
+                    stood[first : last + 1] = True
+            for first, last in runs(~stood):
+                is_between = first > 0 and last < len(times) - 1
+                is_short = times[last] - times[first] < limits.shortest_contact
+                if is_between and is_short and is_near[first : last + 1, column].all():
+                    stood[first : last + 1] = True
+            stood[:] = without_short(times, stood, limits.shortest_contact)
+        return bears
+
+    def touching(self, frames: GroundFrames, times: np.ndarray) -> np.ndarray:
+        """Tell which links slide if they move, shape (n, n_links).
+
+        Those that bear and touch the floor. Where for long none bears a robot that is
+        almost on the floor, its lowest foot or hand does.
+
+        Args:
+            frames: How the robot stands.
+            times: Of the samples in [s], shape (n,).
+        """
+        heights, limits = frames.heights, self._thresholds
+        touches = frames.bears & (heights <= limits.contact_height)
+        lowest = heights <= heights.min(axis=1, keepdims=True)
+        lowest &= self._is_end[frames.columns]
+        lowest &= heights <= limits.bearing_height
+        is_lonely = lowest.any(axis=1) & ~frames.bears.any(axis=1)
+        is_lonely = without_short(times, is_lonely, SLIDE_WINDOW)
+        return np.asarray(touches | (lowest & is_lonely[:, np.newaxis]))
+
+
+def _spread(
+    pieces: Sequence[GroundPiece], name: str, columns: np.ndarray
+) -> np.ndarray:
+    """Chain what pieces say of some links.
+
+    Args:
+        pieces: Of successive samples.
+        name: Of an attribute with an entry for each of a piece's columns.
+        columns: All links that are wanted, shape (n_links,).
+
+    Returns:
+        Zero where a piece says nothing, as of links that are far from the floor, shape
+        (n, n_links, ...).
+    """
+    values = [getattr(piece, name) for piece in pieces]
+    count = sum(map(len, values))
+    found = np.zeros((count, len(columns), *values[0].shape[2:]))
+    first = 0
+    for piece, part in zip(pieces, values):
+        found[first : first + len(part), np.searchsorted(columns, piece.columns)] = part
+        first += len(part)
+    return found
+
+
+def _support(
+    low: np.ndarray, points: np.ndarray, bears: np.ndarray
+) -> list[np.ndarray]:
+    """Sort the low points of bearing links by the sample that they belong to.
+
+    Args:
+        low: Samples and links of points, shape (2, k).
+        points: The points, shape (k, 2).
+        bears: Which links bear, shape (n, n_links).
+    """
+    frame, column = low
+    is_kept = bears[frame, column]
+    frame, points = frame[is_kept], points[is_kept]
+    order = np.argsort(frame, kind="stable")
+    ends = np.searchsorted(frame[order], np.arange(1, len(bears)))
+    return np.split(points[order], ends)

@@ -1,0 +1,120 @@
+"""Judges one robot as it is now, again and again."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from g1_description.checks.checker import NAMES, Checker
+from g1_description.checks.timeline import Judged
+from g1_description.checks.verdict import Verdict
+from g1_description.errors import UnknownNameError
+from g1_description.text import listed
+
+AT_REST = ("center_of_mass", "floating")
+"""Checks that say something of a robot at rest only."""
+
+LIVE = tuple(name for name in NAMES if name != "zero_moment_point")
+"""Checks that are made: at rest the zero-moment point is below the centre of mass."""
+
+STANDSTILL = 1e-6
+"""States that are nearer in time than this, in [s], are of one time that stands
+still: the robot is placed, it does not move."""
+
+
+class LiveJudge:
+    """Judges states of one robot; one that has not changed is not judged again."""
+
+    def __init__(self, checker: Checker) -> None:
+        """Begin.
+
+        Args:
+            checker: Judges.
+        """
+        self._checker = checker
+        joints = checker.description.movable_joints
+        self._joints = frozenset(joint.name for joint in joints)
+        self._last: tuple[float, np.ndarray] | None = None
+        self._newest: tuple[object, Judged] | None = None
+
+    def begin_again(self) -> None:
+        """Forget how the robot moved: time went back."""
+        self._last = None
+
+    def judge(
+        self,
+        time: float,
+        positions: Mapping[str, float],
+        base: np.ndarray | None,
+        velocities: Mapping[str, float] | None = None,
+    ) -> tuple[Judged, Verdict]:
+        """Judge a state.
+
+        Args:
+            time: Of the state, in [s].
+            positions: In [rad] or [m] by name; joints of others, such as hands, are
+                passed over.
+            base: T_map_base, shape (7,); None where it is not known.
+            velocities: In [rad/s] or [m/s] by name, where they are known.
+
+        Returns:
+            What was measured, and the verdict: without the checks of a robot at rest
+            while its centre of mass moves.
+
+        Raises:
+            G1DescriptionError: If it cannot be judged.
+        """
+        content = (
+            dict(positions),
+            None if base is None else base.tobytes(),
+            None if velocities is None else dict(velocities),
+        )
+        if self._newest is None or content != self._newest[0]:
+            own = self._own(positions)
+            rates = None if velocities is None else self._own(velocities) or None
+            judged = self._checker.judge_state(own, base, LIVE, rates)
+            self._newest = content, judged
+        judged = self._newest[1]
+        if self._moves(time, judged):
+            return judged, _without(judged.verdict, AT_REST, "the robot moves")
+        return judged, judged.verdict
+
+    def _own(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Leave out joints of others, such as hands.
+
+        Raises:
+            UnknownNameError: If there are only such.
+        """
+        own = {name: value for name, value in values.items() if name in self._joints}
+        if values and not own:
+            raise UnknownNameError(
+                f"{self._checker.description.name} has none of the joints "
+                f"{listed(values)}."
+            )
+        return own
+
+    def _moves(self, time: float, judged: Judged) -> bool:
+        """Tell whether the centre of mass has moved since the last state."""
+        balance, last = judged.timeline.balance, self._last
+        if balance is None:
+            self._last = None
+            return False
+        center = balance.center[0]
+        self._last = time, center
+        if last is None or time - last[0] < STANDSTILL:
+            return False
+        speed = np.linalg.norm(center - last[1]) / (time - last[0])
+        return bool(speed > self._checker.thresholds.still_speed)
+
+
+def _without(verdict: Verdict, checks: tuple[str, ...], reason: str) -> Verdict:
+    """Leave out what some checks found."""
+    left_out = [name for name in verdict.checked if name in checks]
+    return replace(
+        verdict,
+        findings=tuple(f for f in verdict.findings if f.check not in checks),
+        checked=tuple(name for name in verdict.checked if name not in checks),
+        skipped={**verdict.skipped, **dict.fromkeys(left_out, reason)},
+    )

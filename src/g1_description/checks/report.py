@@ -1,0 +1,244 @@
+"""Outcomes for people at a terminal."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from g1_description.checks.thresholds import LEVELS
+from g1_description.checks.verdict import FAILED, PASSED, WARNING, Finding, Verdict
+
+NOT_READ, NOT_CHECKED = "not read", "not checked"
+NO_MOTION = "not a motion"
+
+RESULTS = (PASSED, WARNING, FAILED, NOT_READ, NOT_CHECKED, NO_MOTION)
+"""What may become of a file."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """A verdict on the motion of a file, or why there is none."""
+
+    file: str
+    """As it was named, or as it was found in a folder that was."""
+
+    verdict: Verdict | None = None
+
+    problem: str = ""
+    """A sentence on why there is no verdict."""
+
+    without_verdict: str = NOT_CHECKED
+    """The result where there is no verdict."""
+
+    plot: bytes = b""
+    """A picture as PNG; empty where none is wanted."""
+
+    @property
+    def result(self) -> str:
+        """One of ``RESULTS``."""
+        if self.verdict is not None:
+            return self.verdict.severity
+        return self.without_verdict
+
+    def without_plot(self) -> Outcome:
+        """Leave the picture out."""
+        return replace(self, plot=b"")
+
+
+def counted(results: Iterable[str]) -> dict[str, int]:
+    """Count results: numbers by all of ``RESULTS``."""
+    counts = Counter(results)
+    return {result: counts[result] for result in RESULTS}
+
+
+HEAD = ("", "check", "joint, link or pair", "worst", "first at", "share of time")
+
+
+def outcome_text(outcome: Outcome) -> str:
+    """Describe what was found of a file, in a line or in a table."""
+    head = f"{outcome.file}: {outcome.result}"
+    verdict = outcome.verdict
+    if verdict is None:
+        return f"{head}: {outcome.problem}"
+    lines = [f"{head}{_measures(verdict)}"]
+    if verdict.findings:
+        lines += table([HEAD, *(finding_row(f) for f in verdict.findings)], 3)
+    lines += [f"  note: {note}" for note in verdict.notes]
+    if verdict.skipped:
+        lines.append(f"  skipped: {skipped_text(verdict)}")
+    return "\n".join(lines)
+
+
+def summary_text(outcomes: Sequence[Outcome], not_done: int = 0) -> str:
+    """Count the outcomes, in a sentence.
+
+    Args:
+        outcomes: Of the files that are done.
+        not_done: Number of files that are not.
+    """
+    counts = counted(outcome.result for outcome in outcomes)
+    parts = [f"{n} {_plural(word, n)}" for word, n in counts.items() if n]
+    files = f"{len(outcomes)} file{'s' if len(outcomes) != 1 else ''}"
+    rest = f"; interrupted, {not_done} not done" if not_done else ""
+    return f"{files}: {', '.join(parts) or 'nothing done'}{rest}"
+
+
+def _plural(result: str, count: int) -> str:
+    """Return the word for files with a result."""
+    if result == WARNING:
+        return "with warnings" if count != 1 else "with a warning"
+    return result
+
+
+def _measures(verdict: Verdict) -> str:
+    """Tell how long a motion is."""
+    figures = verdict.figures
+    if "duration" not in figures:
+        return ""
+    return f", {figures['duration']:.2f} s, {figures['samples']:.0f} samples"
+
+
+def finding_row(finding: Finding) -> tuple[str, ...]:
+    """Describe a finding: severity, check, subject, size, first time, duration."""
+    return (
+        finding.severity,
+        finding.check,
+        finding.name or "the robot",
+        f"{finding.worst:.4g} {finding.unit}" if finding.unit else "",
+        f"{finding.first_time:.3f} s",
+        f"{100.0 * finding.share:.1f} %" if finding.unit else "",
+    )
+
+
+def skipped_text(verdict: Verdict) -> str:
+    """List the checks that were not made, by their reasons."""
+    reasons = dict.fromkeys(verdict.skipped.values())
+    return "; ".join(
+        f"{', '.join(c for c, why in verdict.skipped.items() if why == reason)} "
+        f"({reason})"
+        for reason in reasons
+    )
+
+
+def table(rows: Sequence[Sequence[str]], n_left: int) -> list[str]:
+    """Align columns.
+
+    Args:
+        rows: Cells, as many in each.
+        n_left: So many columns are aligned to the left, the others to the right.
+    """
+    widths = [max(map(len, column)) for column in zip(*rows)]
+
+    def aligned(row: Sequence[str]) -> str:
+        cells = [
+            cell.ljust(width) if number < n_left else cell.rjust(width)
+            for number, (cell, width) in enumerate(zip(row, widths))
+        ]
+        return f"  {'  '.join(cells)}".rstrip()
+
+    return [aligned(row) for row in rows]
+
+
+FIGURES = (
+    "duration",
+    "samples",
+    "samples_beyond_limits",
+    "largest_joint_speed",
+    "deepest_self_collision",
+    "lowest_height",
+    "least_center_margin",
+    "least_zmp_margin",
+    "fall_time",
+    "rms_tracking_error",
+    "largest_tracking_error",
+)
+"""Figures of a motion that have a column."""
+
+COLUMNS = (
+    *("file", "result", "failed", "warnings", "first_time", "problem"),
+    *FIGURES,
+    *(column for check in LEVELS for column in (check, f"{check}_worst")),
+)
+"""Columns of the CSV."""
+
+
+def json_text(outcomes: Sequence[Outcome], not_done: int = 0) -> str:
+    """Write outcomes as JSON.
+
+    Args:
+        outcomes: Of the files that are done.
+        not_done: Number of files that were left out, as the work was interrupted.
+    """
+    content = {
+        "interrupted": not_done > 0,
+        "not_done": not_done,
+        "counts": counted(outcome.result for outcome in outcomes),
+        "files": [_as_dict(outcome) for outcome in outcomes],
+    }
+    return json.dumps(_finite(content), indent=1, allow_nan=False) + "\n"
+
+
+def _as_dict(outcome: Outcome) -> dict[str, Any]:
+    """Return an outcome for JSON."""
+    found: dict[str, Any] = {"file": outcome.file, "result": outcome.result}
+    if outcome.verdict is None:
+        return {**found, "problem": outcome.problem}
+    return {**found, **outcome.verdict.as_dict()}
+
+
+def _finite(value: Any) -> Any:
+    """Replace what JSON has no number for, such as a share of a limit of zero."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, dict):
+        return {key: _finite(part) for key, part in value.items()}
+    if isinstance(value, list):
+        return [_finite(part) for part in value]
+    return value
+
+
+def csv_text(outcomes: Sequence[Outcome]) -> str:
+    """Write outcomes as CSV; what is not known is empty.
+
+    Lines end as Unix has it. A carriage return in a name, which would end one, too,
+    becomes a space.
+    """
+    text = io.StringIO()
+    writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
+    writer.writeheader()
+    for outcome in outcomes:
+        writer.writerow(_row(outcome))
+    return text.getvalue().replace("\r", " ")
+
+
+def _row(outcome: Outcome) -> dict[str, Any]:
+    """Return the row of a file."""
+    row: dict[str, Any] = {"file": outcome.file, "result": outcome.result}
+    verdict = outcome.verdict
+    if verdict is None:
+        return {**row, "problem": outcome.problem}
+    severities = [finding.severity for finding in verdict.findings]
+    row["failed"], row["warnings"] = map(severities.count, (FAILED, WARNING))
+    if verdict.first_time is not None:
+        row["first_time"] = verdict.first_time
+    row.update({k: verdict.figures[k] for k in FIGURES if k in verdict.figures})
+    for check in LEVELS:
+        row.update(_cells(verdict, check))
+    return row
+
+
+def _cells(verdict: Verdict, check: str) -> dict[str, Any]:
+    """Return what one check says: its result, and the largest fault."""
+    if check not in verdict.checked:
+        return {check: "skipped"} if check in verdict.skipped else {}
+    found = verdict.of(check)
+    if not found:
+        return {check: PASSED}
+    severity = FAILED if FAILED in {f.severity for f in found} else WARNING
+    return {check: severity, f"{check}_worst": max(f.worst for f in found)}

@@ -1,0 +1,148 @@
+"""A page with all outcomes, which needs no other file and no network."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterator, Sequence
+from html import escape
+from pathlib import Path
+
+from g1_description.checks.report import (
+    HEAD,
+    Outcome,
+    counted,
+    finding_row,
+    skipped_text,
+    summary_text,
+)
+from g1_description.checks.verdict import Verdict
+
+STYLE = """
+body { font: 15px/1.45 system-ui, sans-serif; color: #222; margin: 2em auto;
+  max-width: 100em; padding: 0 1.5em; }
+h1 { font-size: 1.5em; } h2 { font-size: 1.15em; margin: 2.2em 0 .4em; }
+table { border-collapse: collapse; margin: .6em 0; }
+th, td { text-align: left; padding: .22em .9em .22em 0; border-bottom: 1px solid #ddd;
+  vertical-align: top; }
+th { color: #666; font-weight: 600; }
+td { font-variant-numeric: tabular-nums; }
+td + td:not(:last-child) { white-space: nowrap; }
+.result { padding: .05em .5em; border-radius: .3em; white-space: nowrap; }
+.passed { background: #bfe5d8; } .warning { background: #f7e9a0; }
+.failed { background: #f0bf99; } .not { background: #ddd; }
+.about { color: #555; margin: .2em 0; } img { max-width: 100%; }
+a { color: #0060a0; }
+"""
+
+
+def write_page(
+    path: Path,
+    outcomes: Sequence[Outcome],
+    pictures: Sequence[Path | None],
+    not_done: int = 0,
+) -> None:
+    """Write a page.
+
+    Args:
+        path: The file.
+        outcomes: Of the files that are done.
+        pictures: PNG files, one for each outcome, or None. They become a part of the
+            page, one after the other: all of them may not fit into memory.
+        not_done: Number of files that are not done.
+
+    Raises:
+        OSError: If it cannot be written.
+    """
+    # Names of files may hold bytes that are no text.
+    with path.open("w", encoding="utf-8", errors="backslashreplace") as file:
+        file.writelines(_page(outcomes, pictures, not_done))
+
+
+def _page(
+    outcomes: Sequence[Outcome], pictures: Sequence[Path | None], not_done: int
+) -> Iterator[str]:
+    """Write the parts of a page."""
+    yield (
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<title>Checks of motions</title>\n<style>{STYLE}</style>\n</head>\n<body>\n"
+        f"<h1>Checks of motions</h1>\n<p>{escape(summary_text(outcomes, not_done))}."
+        "</p>\n"
+    )
+    yield from _overview(outcomes)
+    for number, (outcome, picture) in enumerate(zip(outcomes, pictures)):
+        yield from _section(number, outcome, picture)
+    yield "</body>\n</html>\n"
+
+
+def _overview(outcomes: Sequence[Outcome]) -> Iterator[str]:
+    """Write the table of all files."""
+    heads = ("file", "result", "failed", "warnings", "first at", "checks that failed")
+    yield f"<table>\n{_row('th', heads)}"
+    for number, outcome in enumerate(outcomes):
+        cells = [f'<a href="#file{number}">{escape(outcome.file)}</a>']
+        cells.append(_badge(outcome.result))
+        if outcome.verdict is None:
+            yield _row("td", [*cells, "", "", "", escape(outcome.problem)], False)
+            continue
+        findings = outcome.verdict.findings
+        counts = counted(finding.severity for finding in findings)
+        time = outcome.verdict.first_time
+        first = "" if time is None else f"{time:.3f} s"
+        names = dict.fromkeys(f.check for f in findings if f.severity == "failed")
+        cells += [str(counts["failed"]), str(counts["warning"]), first]
+        yield _row("td", [*cells, escape(", ".join(names))], False)
+    yield "</table>\n"
+
+
+def _section(number: int, outcome: Outcome, picture: Path | None) -> Iterator[str]:
+    """Write what was found of a file."""
+    yield (
+        f'<h2 id="file{number}">{escape(outcome.file)} {_badge(outcome.result)}</h2>\n'
+    )
+    if outcome.verdict is None:
+        yield f"<p>{escape(outcome.problem)}</p>\n"
+        return
+    yield from _verdict(outcome.verdict)
+    if picture is not None:
+        data = base64.b64encode(picture.read_bytes()).decode("ascii")
+        yield (
+            f'<img alt="{escape(outcome.file)} over time" '
+            f'src="data:image/png;base64,{data}">\n'
+        )
+
+
+def _verdict(verdict: Verdict) -> Iterator[str]:
+    """Write a verdict."""
+    figures = ", ".join(
+        f"{name.replace('_', ' ')} {value:.4g}"
+        for name, value in verdict.figures.items()
+    )
+    yield f'<p class="about">{escape(verdict.robot)}: {escape(figures)}</p>\n'
+    if verdict.findings:
+        yield f"<table>\n{_row('th', HEAD)}"
+        for finding in verdict.findings:
+            severity, *cells = finding_row(finding)
+            yield _row("td", [_badge(severity), *map(escape, cells)], False)
+        yield "</table>\n"
+    for note in verdict.notes:
+        yield f'<p class="about">{escape(note)}</p>\n'
+    if verdict.skipped:
+        yield f'<p class="about">skipped: {escape(skipped_text(verdict))}</p>\n'
+
+
+def _badge(result: str) -> str:
+    """Write a result in its colour."""
+    return f'<span class="result {result.split()[0]}">{result}</span>'
+
+
+def _row(tag: str, cells: Sequence[str], is_text: bool = True) -> str:
+    """Write a row of a table.
+
+    Args:
+        tag: Of its cells.
+        cells: What is in them.
+        is_text: Whether that is text, else HTML.
+    """
+    written = [escape(cell) if is_text else cell for cell in cells]
+    return f"<tr>{''.join(f'<{tag}>{cell}</{tag}>' for cell in written)}</tr>\n"

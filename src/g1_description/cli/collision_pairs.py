@@ -1,0 +1,136 @@
+"""Find which links of a robot may touch by design, and write a file of them.
+
+It needs nothing of ROS.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections import Counter
+from pathlib import Path
+
+from g1_description.collisions.allowed_pairs import (
+    REASONS,
+    USER,
+    AllowedPairs,
+    allowed_pairs_text,
+    read_allowed_pairs,
+    with_pairs,
+    write_allowed_pairs,
+)
+from g1_description.collisions.find_pairs import NEAR, SAMPLES, find_allowed_pairs
+from g1_description.command_line import OneSentenceParser, say
+from g1_description.errors import G1DescriptionError
+from g1_description.robot.load import absolute_urdf
+from g1_description.robot.urdf import parse_urdf
+
+G1 = "package://g1_description/urdf/g1_29dof.urdf"
+"""The robot where none is given."""
+
+ABOUT = """\
+Pairs of links that are not checked for collisions, each with the reason. The file was
+written by
+
+  rosrun g1_description collision_pairs {model}--samples {samples} --seed {seed}
+
+which puts all joints at random positions inside their limits. A pair is called "never"
+if it was never nearer than {near:g} mm. That does not prove that it cannot touch:
+a contact in more than {share:.2g} % of all configurations is missed with a probability
+of 5 %. Delete a line to have the pair checked. Lines with "user" are kept when
+the file is written again. The file serves any robot whose links are all in it.
+"""
+
+
+def parser() -> OneSentenceParser:
+    """Make a parser of the command line."""
+    made = OneSentenceParser(
+        prog="collision_pairs",
+        description="Find pairs of links that need no check for collisions: because a "
+        "joint connects them, or because they overlap always, at zero, or never. Print "
+        "them as a file of YAML.",
+    )
+    made.add_argument(
+        "model",
+        nargs="?",
+        default=G1,
+        metavar="MODEL",
+        help="URDF or xacro file, as for model:= of the launch files; default: the G1",
+    )
+    made.add_argument(
+        "--samples",
+        type=_count,
+        default=SAMPLES,
+        metavar="N",
+        help=f"random configurations; default: {SAMPLES}",
+    )
+    made.add_argument(
+        "--seed",
+        type=_count,
+        default=0,
+        metavar="S",
+        help="seed of the random numbers; default: 0",
+    )
+    made.add_argument(
+        "-o",
+        "--out",
+        type=Path,
+        metavar="FILE",
+        help="write the pairs into this file instead; its pairs of reason 'user' stay",
+    )
+    return made
+
+
+def _count(text: str) -> int:
+    """Read a whole number that fits into a seed."""
+    if text.isdecimal() and int(text) < 2**32:
+        return int(text)
+    raise argparse.ArgumentTypeError(f"'{text}' is not a whole number of at least 0")
+
+
+def show_progress(done: int, total: int) -> None:
+    """Show on a terminal how many samples are done."""
+    if sys.stderr.isatty():
+        end = "\n" if done >= total else ""
+        share = 100 * done // total
+        print(f"\rcollision_pairs: {share:3d} %", end=end, file=sys.stderr, flush=True)
+
+
+def summary(allowed: AllowedPairs) -> str:
+    """Count the pairs of each reason."""
+    counts = Counter(pair.reason for pair in allowed.pairs)
+    listed = ", ".join(f"{counts[reason]} {reason}" for reason in REASONS)
+    return f"{len(allowed.links)} links; pairs that are not checked: {listed}."
+
+
+def run(args: argparse.Namespace) -> None:
+    """Find the pairs, and write or print them.
+
+    Raises:
+        G1DescriptionError: If that fails; nothing is written then.
+    """
+    kept = read_allowed_pairs(args.out).pairs if args.out and args.out.exists() else ()
+    robot = parse_urdf(absolute_urdf(args.model))
+    allowed = find_allowed_pairs(robot, args.samples, args.seed, show_progress)
+    allowed = with_pairs(allowed, [pair for pair in kept if pair.reason == USER])
+    about = ABOUT.format(
+        model="" if args.model == G1 else f"{args.model} ",
+        samples=args.samples,
+        seed=args.seed,
+        near=1e3 * NEAR,
+        share=300.0 / max(args.samples, 1),
+    )
+    if args.out:
+        write_allowed_pairs(args.out, allowed, about)
+        say(f"{args.out}: {summary(allowed)}")
+    else:
+        say(allowed_pairs_text(allowed, about).rstrip("\n"))
+
+
+def main() -> None:
+    """Run the command line."""
+    args = parser().parse_args()
+    try:
+        run(args)
+    except G1DescriptionError as error:
+        sys.exit(f"collision_pairs: {error}")

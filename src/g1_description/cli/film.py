@@ -1,0 +1,397 @@
+"""A film: moments of robots on ROS' clock, drawn afterwards."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import io
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Callable, Iterator
+
+import imageio_ffmpeg
+import numpy as np
+import rospy
+from PIL import Image
+
+from g1_description.cli.watched_robot import Moment, RobotWatch
+from g1_description.errors import InvalidValueError
+from g1_description.files.atomic import write_whole
+from g1_description.motion.files.read_any import read_motion_file
+from g1_description.motion.motion import Motion
+from g1_description.motion.trajectory import sample
+from g1_description.robot.description import Description
+from g1_description.ros.waiting import NoAnswerError, wait_until
+
+COLORS = 255
+"""Colours of a film; one more stands for what has not changed."""
+
+FILMS = (".gif", ".mp4")
+"""What names of films end in."""
+
+BLOCK = 4096
+"""How many colours are looked up at a time, for the sake of memory."""
+
+
+def check_place(path: Path, suffixes: Sequence[str]) -> None:
+    """Check that a file can be written, before the work is done.
+
+    Args:
+        path: The file; one that is there will be replaced.
+        suffixes: What its name may end in.
+
+    Raises:
+        InvalidValueError: If it cannot.
+    """
+    folder = path.parent
+    if path.suffix.lower() not in suffixes:
+        raise InvalidValueError(
+            f"The file {path} does not end in {' or '.join(suffixes)}; a picture is "
+            "written as .png, a film as .gif or .mp4."
+        )
+    if not folder.is_dir():
+        raise InvalidValueError(f"There is no folder {folder} for {path.name}.")
+    if path.is_dir() or not os.access(folder, os.W_OK):
+        raise InvalidValueError(f"The file {path} cannot be written there.")
+
+
+def write_picture(path: Path, picture: np.ndarray) -> None:
+    """Write a picture.
+
+    Args:
+        path: The file.
+        picture: Colours as uint8, shape (height, width, 3).
+
+    Raises:
+        InvalidValueError: If it cannot be written; what was there stays.
+    """
+    content = io.BytesIO()
+    Image.fromarray(picture).save(content, "PNG", optimize=True)
+    write_whole(path, content.getvalue())
+
+
+def side_by_side(pictures: Sequence[np.ndarray], columns: int) -> np.ndarray:
+    """Join pictures of one size in rows.
+
+    Args:
+        pictures: As uint8, shape (height, width, 3) each.
+        columns: How many stand in a row.
+
+    Returns:
+        The whole, white where there is no picture, shape (n_rows height, columns
+        width, 3).
+    """
+    blank = np.full_like(pictures[0], 255)
+    rows = [list(pictures[k : k + columns]) for k in range(0, len(pictures), columns)]
+    rows[-1] += [blank] * (columns - len(rows[-1]))
+    return np.concatenate([np.concatenate(row, axis=1) for row in rows])
+
+
+def palette_of(pictures: Sequence[np.ndarray]) -> Image.Image:
+    """Choose the colours of a film.
+
+    Args:
+        pictures: Some of it, as uint8, shape (height, width, 3) each.
+    """
+    together = Image.fromarray(np.concatenate(pictures))
+    return together.quantize(COLORS, dither=Image.Dither.NONE)
+
+
+def in_colors(picture: np.ndarray, palette: Image.Image) -> Image.Image:
+    """Give each pixel the nearest colour of a film.
+
+    Pillow's own way looks at the upper bits only, which tints light areas.
+
+    Args:
+        picture: As uint8, shape (height, width, 3).
+        palette: An image that has the colours.
+    """
+    packed = picture.astype(np.uint32) @ np.array([1 << 16, 1 << 8, 1], np.uint32)
+    codes, places = np.unique(packed, return_inverse=True)
+    blocks = np.array_split(codes, len(codes) // BLOCK + 1)
+    nearest = np.concatenate([_nearest(block, palette) for block in blocks])
+    image = Image.fromarray(nearest[places].reshape(picture.shape[:2]), "P")
+    image.putpalette(palette.getpalette())
+    return image
+
+
+def _nearest(codes: np.ndarray, palette: Image.Image) -> np.ndarray:
+    """Find colours, packed into integers, in a palette: indices, shape (n,)."""
+    known = np.array(palette.getpalette()[: 3 * COLORS], dtype=int).reshape(-1, 3)
+    wanted = codes[:, np.newaxis].astype(int) >> [16, 8, 0] & 255
+    squares = ((wanted[:, np.newaxis] - known) ** 2).sum(axis=-1)
+    return squares.argmin(axis=1).astype(np.uint8)
+
+
+def write_film(path: Path, images: Sequence[Image.Image], rate: float) -> None:
+    """Write a film that begins again at its end.
+
+    A GIF counts in hundredths of a second, so its images are shown for times that
+    add up to the right ones. An image equal to the last one prolongs that.
+
+    Args:
+        path: The file.
+        images: All of one palette.
+        rate: Images per second in [Hz].
+
+    Raises:
+        InvalidValueError: If it cannot be written; what was there stays.
+    """
+    ends = np.round(100.0 * np.arange(len(images) + 1) / rate)
+    content = io.BytesIO()
+    images[0].save(
+        content,
+        "GIF",
+        save_all=True,
+        append_images=images[1:],
+        duration=(10.0 * np.diff(ends)).astype(int).tolist(),
+        loop=0,
+        optimize=False,
+    )
+    write_whole(path, content.getvalue())
+
+
+CLOCK_TIMEOUT = 10.0
+"""Longest wait for the clock to go on, in [s]."""
+
+LONGEST, FASTEST = 60.0, 30.0
+"""Of a film, in [s] and in pictures per second."""
+
+MAX_PIXELS = 500e6
+"""Of all pictures of a film together: they are kept until it is written."""
+
+
+def count(seconds: float, fps: float) -> int:
+    """Return how many pictures a film has."""
+    return max(1, round(seconds * fps))
+
+
+def check_length(seconds: float, fps: float, size: tuple[int, int]) -> None:
+    """Check that a film can be made.
+
+    Raises:
+        InvalidValueError: If it would be too long, too fast or too large.
+    """
+    for name, value, most in (("fps", fps, FASTEST), ("seconds", seconds, LONGEST)):
+        if not 0.0 < value <= most:
+            raise InvalidValueError(
+                f"A film cannot have --{name} {value:g}, only more than 0 and at most "
+                f"{most:g}."
+            )
+    pixels = count(seconds, fps) * size[0] * size[1]
+    if pixels > MAX_PIXELS:
+        raise InvalidValueError(
+            f"A film of {count(seconds, fps)} pictures of {size[0]}x{size[1]} has "
+            f"{pixels / 1e6:.0f} million pixels; there is room for "
+            f"{MAX_PIXELS / 1e6:.0f} million."
+        )
+
+
+def record(
+    watches: Sequence[RobotWatch], seconds: float, fps: float
+) -> list[list[Moment]]:
+    """Watch robots for a while.
+
+    Args:
+        watches: The robots.
+        seconds: How long, in [s] of ROS' clock.
+        fps: Moments per second of ROS' clock.
+
+    Returns:
+        What all robots did at each moment.
+
+    Raises:
+        NoAnswerError: If the clock stands still.
+        ROSInterruptException: If the node is shut down.
+    """
+    clock, moments = _Stopwatch(), []
+    for n in range(count(seconds, fps)):
+        clock.wait(n / fps)
+        moments.append([watch.now() for watch in watches])
+    return moments
+
+
+class _Stopwatch:
+    """Time that passes on ROS' clock, also where a reset puts that back."""
+
+    def __init__(self) -> None:
+        """Begin at zero."""
+        self._last = rospy.get_time()
+        self._passed = 0.0
+
+    def wait(self, time: float) -> None:
+        """Wait until a time, in [s], however slow the clock is.
+
+        Raises:
+            NoAnswerError: If the clock stands still.
+            ROSInterruptException: If the node is shut down.
+        """
+        while self._passed < time:
+            if not wait_until(lambda: rospy.get_time() != self._last, CLOCK_TIMEOUT):
+                raise NoAnswerError(
+                    f"The clock stood still for {CLOCK_TIMEOUT:g} s at "
+                    f"{self._last:g} s."
+                )
+            now = rospy.get_time()
+            self._passed += max(0.0, now - self._last)
+            self._last = now
+
+
+def drawn(n: int, picture: Callable[[int], np.ndarray]) -> Iterator[np.ndarray]:
+    """Draw all pictures of a film, and show the progress.
+
+    Args:
+        n: How many.
+        picture: Draws one of them as uint8, shape (height, width, 3).
+
+    Raises:
+        KeyboardInterrupt: If the node was shut down meanwhile.
+    """
+    for k in range(n):
+        if rospy.is_shutdown():
+            raise KeyboardInterrupt
+        yield picture(k)
+        _show_progress(k + 1, n)
+
+
+def film(n: int, picture: Callable[[int], np.ndarray]) -> list[Image.Image]:
+    """Draw all pictures of a film, in the same colours.
+
+    Args:
+        n: How many.
+        picture: Draws one of them as uint8, shape (height, width, 3).
+
+    Raises:
+        KeyboardInterrupt: If the node was shut down meanwhile.
+    """
+    palette = palette_of([picture(k) for k in {0, n // 2, n - 1}])
+    return [in_colors(pixels, palette) for pixels in drawn(n, picture)]
+
+
+def _show_progress(done: int, n: int) -> None:
+    """Show the progress: in one line of a terminal, now and then elsewhere."""
+    is_last = done == n
+    if sys.stderr.isatty():
+        end = "\n" if is_last else ""
+        print(f"\rframe {done} of {n}", end=end, file=sys.stderr, flush=True)
+    elif is_last or done % 25 == 0:
+        print(f"frame {done} of {n}", file=sys.stderr, flush=True)
+
+
+def write_video(
+    path: Path, pictures: Iterable[np.ndarray], size: tuple[int, int], rate: float
+) -> None:
+    """Write a film.
+
+    Args:
+        path: The file.
+        pictures: As uint8, shape (height, width, 3).
+        size: Width and height in pixels, both even, as the format wants.
+        rate: Pictures per second in [Hz].
+
+    Raises:
+        InvalidValueError: If it cannot be written; what was there stays.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        whole = Path(folder) / "film.mp4"
+        _encode(whole, pictures, size, rate, path.name)
+        write_whole(path, whole.read_bytes())
+
+
+def _encode(
+    whole: Path,
+    pictures: Iterable[np.ndarray],
+    size: tuple[int, int],
+    rate: float,
+    name: str,
+) -> None:
+    """Let ffmpeg write a file; it is ended, whatever happens."""
+    command = [
+        *(imageio_ffmpeg.get_ffmpeg_exe(), "-loglevel", "error", "-y"),
+        *("-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{size[0]}x{size[1]}"),
+        *("-r", f"{rate}", "-i", "-", "-c:v", "libx264", "-pix_fmt", "yuv420p"),
+        str(whole),
+    ]
+    with tempfile.TemporaryFile() as errors, subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=errors
+    ) as encoder:
+        try:
+            for picture in pictures:
+                encoder.stdin.write(np.ascontiguousarray(picture).tobytes())
+        except BrokenPipeError:  # it has ended, and said why
+            pass
+        except BaseException:
+            encoder.kill()
+            raise
+        finally:
+            with contextlib.suppress(BrokenPipeError):
+                encoder.stdin.close()
+        if encoder.wait() or not whole.exists():
+            errors.seek(0)
+            lines = errors.read().decode("utf-8", "replace").strip().splitlines()
+            problem = lines[-1] if lines else f"it ended with {encoder.returncode}"
+            raise InvalidValueError(f"ffmpeg cannot write {name}: {problem}.")
+
+
+SHEET = 6
+"""Pictures of a contact sheet whose times are not given."""
+
+
+def read_moments(
+    args: argparse.Namespace, description: Description
+) -> tuple[list[list[Moment]], tuple[str, ...]]:
+    """Read the moments of a motion that are to be drawn.
+
+    Args:
+        args: Of the command line.
+        description: The robot.
+
+    Returns:
+        What the robot does at each moment, and messages on what does not fit.
+
+    Raises:
+        MotionError: If the file holds no motion of this robot.
+        InvalidValueError: If a time is not in it, or the film would be too long.
+    """
+    motion = read_motion_file(
+        Path(args.motion), description, args.motion_fps, args.motion_topic
+    )
+    begin = float(motion.trajectory.times[0])
+    moments = _moments(motion, _times(args, begin, motion))
+    return [[now.with_joints(args.joints)] for now in moments], motion.notes
+
+
+def _times(args: argparse.Namespace, begin: float, motion: Motion) -> np.ndarray:
+    """Choose the times to draw, in [s] since the beginning."""
+    end = motion.trajectory.duration
+    if args.is_film:
+        whole = max(end - begin, 1.0 / args.fps)
+        seconds = whole if args.seconds is None else min(args.seconds, whole)
+        check_length(seconds, args.fps, args.size)
+        return begin + np.arange(count(seconds, args.fps)) / args.fps
+    if args.times is None:
+        return np.linspace(begin, end, SHEET if end > begin else 1)
+    wrong = [time for time in args.times if not begin <= time <= end]
+    if wrong:
+        raise InvalidValueError(
+            f"The motion has no time {wrong[0]:g} s; it lasts from {begin:g} to "
+            f"{end:g} s."
+        )
+    return np.array(args.times)
+
+
+def _moments(motion: Motion, times: np.ndarray) -> list[Moment]:
+    """Sample a motion."""
+    found = sample(motion.trajectory, times)
+    names = motion.trajectory.joint_names
+    return [
+        Moment(
+            dict(zip(names, positions.tolist())),
+            None if found.base_poses is None else found.base_poses[number],
+        )
+        for number, positions in enumerate(found.positions)
+    ]

@@ -1,0 +1,97 @@
+"""Which files are meant: those that are named, and motions below folders."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from g1_description.checks.batch import Task
+from g1_description.errors import InvalidValueError
+
+ENDINGS = (".bag", ".csv", ".npz", ".pickle", ".pkl", ".yaml", ".yml")
+"""What names of motions in folders end in; files that are named may have any name."""
+
+
+@dataclass(frozen=True)
+class MotionFiles:
+    """Files that are to be checked."""
+
+    tasks: tuple[Task, ...]
+
+    named: frozenset[str]
+    """Names of those that were named one by one."""
+
+    n_left_out: int
+    """How many other files the folders have, whose names are none of motions."""
+
+
+def motion_files(paths: Sequence[Path]) -> MotionFiles:
+    """Find the files.
+
+    Args:
+        paths: Files and folders.
+
+    Returns:
+        Each file once, in the order of the paths; those of a folder by their names.
+
+    Raises:
+        InvalidValueError: If there is no such file, or no motion in a folder.
+    """
+    found: dict[str, tuple[str, Path]] = {}
+    named, n_left_out = set(), 0
+
+    def add(path: Path) -> str:
+        """Add a file, if it was not found by another name; return its first name."""
+        return found.setdefault(os.path.realpath(path), (str(path), path))[0]
+
+    for path in paths:
+        if not path.is_dir():
+            if not path.is_file():
+                what = "is no file" if path.exists() else "does not exist"
+                raise InvalidValueError(f"{path} {what}.")
+            named.add(add(path))
+            continue
+        below = list(_files_below(path))
+        motions = [file for file in below if file.suffix.lower() in ENDINGS]
+        if not motions:
+            raise InvalidValueError(
+                f"The folder {path} has no file that ends in {', '.join(ENDINGS)}."
+            )
+        n_left_out += len(below) - len(motions)
+        for file in motions:
+            add(file)
+    tasks = [Task(number, *item) for number, item in enumerate(found.values())]
+    return MotionFiles(tuple(tasks), frozenset(named), n_left_out)
+
+
+def _files_below(folder: Path) -> Iterator[Path]:
+    """Find files in a folder and all below it, sorted; hidden ones are left out."""
+
+    def refuse(error: OSError) -> None:
+        raise InvalidValueError(
+            f"{error.filename} cannot be read: {error.strerror}."
+        ) from error
+
+    for place, folders, files in os.walk(folder, onerror=refuse):
+        folders[:] = sorted(name for name in folders if not name.startswith("."))
+        for name in sorted(files):
+            path = Path(place, name)
+            if not name.startswith(".") and path.is_file():
+                yield path
+
+
+def picture_names(tasks: Sequence[Task]) -> list[Path]:
+    """Name a picture for each file, below a folder.
+
+    Args:
+        tasks: The files.
+
+    Returns:
+        Relative paths that differ: those from the folder that all files are below.
+    """
+    absolute = [Path(os.path.abspath(task.path)) for task in tasks]
+    common = os.path.commonpath([path.parent for path in absolute])
+    names = [path.relative_to(common) for path in absolute]
+    return [name.with_name(f"{name.name}.png") for name in names]

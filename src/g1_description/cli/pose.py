@@ -1,0 +1,341 @@
+"""A command that puts a robot into a named pose, lists poses or saves one."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import rosgraph
+import rospy
+from sensor_msgs.msg import JointState
+
+from g1_description.cli.robot_options import add_namespace
+from g1_description.command_line import OneSentenceParser, number, say
+from g1_description.errors import G1DescriptionError, PoseFileError
+from g1_description.motion.edit import minimum_jerk_trajectory
+from g1_description.robot.poses import (
+    ZERO,
+    Pose,
+    check_name,
+    check_pose,
+    find_pose,
+    package_file,
+    pose_positions,
+    read_file,
+    read_poses,
+    save_pose,
+    user_file,
+)
+from g1_description.ros.conversions import stamp_from_ns
+from g1_description.ros.lifecycle import own_arguments, quiet_when_closing, start_node
+from g1_description.ros.motion_client import MotionClient
+from g1_description.ros.robot_view import STANDS_STILL, RobotView
+from g1_description.ros.waiting import NoAnswerError
+from g1_description.srv import PlayMotion
+from g1_description.text import listed
+
+TIMEOUT = 30.0
+"""Longest wait for the bridge, or for its effect, in [s]: machines may be busy."""
+
+QUEUE_SIZE = 10
+"""Commands kept for a slow bridge."""
+
+RESEND_PERIOD = 1.0
+"""Time after which a goal is sent again, in [s]."""
+
+TOLERANCE = 0.01
+"""Largest distance of a joint from its goal, in [rad] or [m]: motors give way."""
+
+
+class PosedRobot(RobotView):
+    """The robot behind joint_states and the topics of commands of a namespace."""
+
+    def __init__(self, namespace: str, notify: Callable[[str], None]) -> None:
+        """Connect.
+
+        Args:
+            namespace: Of the robot's topics, without slashes around; empty: the
+                node's.
+            notify: Takes messages about what is waited for.
+
+        Raises:
+            DescriptionError: If there is no description, or it is not one.
+        """
+        super().__init__(namespace, notify)
+        self._names = [joint.name for joint in self.description.movable_joints]
+        self._commands = rospy.Publisher(
+            f"{self._prefix}joint_commands",
+            JointState,
+            queue_size=QUEUE_SIZE,
+            tcp_nodelay=True,
+        )
+        service = rospy.ServiceProxy(f"{self._prefix}play_motion", PlayMotion)
+        self._motions = MotionClient(service)
+        # While the node can still call: afterwards the robot would go on.
+        rospy.core.add_preshutdown_hook(lambda _: self._leave())
+
+    def measured_positions(self) -> np.ndarray:
+        """Return where the joints are now.
+
+        Returns:
+            Positions in [rad] or [m] inside the limits, in the order of the movable
+            joints, shape (n_joints,).
+
+        Raises:
+            NoAnswerError: If joints are not measured.
+        """
+        return self._inside(self._next(None))
+
+    def teleport(self, goal: np.ndarray) -> None:
+        """Set all joints, and wait until joint_states shows it.
+
+        Args:
+            goal: Positions in [rad] or [m], shape (n_joints,).
+
+        Raises:
+            NoAnswerError: If nobody listens, or it does not happen.
+        """
+        self._wait_for_listener()
+        self._arrive(goal)
+
+    def move(self, goal: np.ndarray, seconds: float) -> None:
+        """Move all joints from where they are, beginning and ending at rest.
+
+        Args:
+            goal: Positions in [rad] or [m], shape (n_joints,).
+            seconds: How long, in [s] of the robot's time.
+
+        Raises:
+            NoAnswerError: If that is refused, time goes back, or it does not happen.
+        """
+        begin = self._next(None)
+        way = minimum_jerk_trajectory(self._names, self._inside(begin), goal, seconds)
+        start_ns, note = self._motions.play(way)
+        if note:
+            self._notify(f"{note}.")
+        end = stamp_from_ns(start_ns) + rospy.Duration.from_sec(seconds)
+        self._wait_for_time(begin.header.stamp, end)
+        self._wait_for_goal(goal)
+
+    def _wait_for_time(self, now: rospy.Time, end: rospy.Time) -> None:
+        """Wait until the end of a motion; it need not be stopped afterwards."""
+        while now < end:
+            before, now = now, self._next(now, timeout=None).header.stamp
+            if now < before:
+                self._motions.may_move = False
+                raise NoAnswerError("Time went back on the way; the robot was reset.")
+        self._motions.may_move = False
+
+    def _leave(self) -> None:
+        """Stop the robot where it is, if it is on its way."""
+        try:
+            self._motions.leave()
+        except NoAnswerError as error:
+            self._notify(f"the robot may go on: {error}")
+
+    def _publish(self, positions: np.ndarray) -> None:
+        """Send a command."""
+        message = JointState(name=self._names, position=positions.tolist())
+        message.header.stamp = rospy.Time.now()
+        with quiet_when_closing():
+            self._commands.publish(message)
+
+    def _arrive(self, goal: np.ndarray) -> None:
+        """Send the goal, once a second, until the joints are there."""
+        sent = -np.inf
+
+        def send_again():
+            nonlocal sent
+            if time.monotonic() >= sent + RESEND_PERIOD:
+                self._publish(goal)
+                sent = time.monotonic()
+
+        self._wait_for_goal(goal, send_again)
+
+    def _wait_for_goal(
+        self, goal: np.ndarray, meanwhile: Callable[[], None] = lambda: None
+    ) -> None:
+        """Wait until the joints are at the goal.
+
+        Args:
+            goal: Positions in [rad] or [m], shape (n_joints,).
+            meanwhile: Called again and again.
+
+        Raises:
+            NoAnswerError: If they do not get there.
+        """
+        self.forget_newest()
+
+        def is_there():
+            meanwhile()
+            return self.newest and not self._away(goal)
+
+        if self.wait_until(is_there, TIMEOUT):
+            return
+        if self.newest is None:
+            raise NoAnswerError(f"The command is sent, but {self.silence}")
+        reason = f"; {STANDS_STILL}" if self.stands_still else ""
+        raise NoAnswerError(
+            f"After {TIMEOUT:g} s {self.topic} still has "
+            f"{listed(self._away(goal))}{reason}."
+        )
+
+    def _away(self, goal: np.ndarray) -> list[str]:
+        """List the joints that are not at the goal, and where they are."""
+        return self.away(dict(zip(self._names, goal)), TOLERANCE)
+
+    def _inside(self, message: JointState) -> np.ndarray:
+        """Read a message's positions, clamped to the limits."""
+        shown = dict(zip(message.name, message.position))
+        missing = [name for name in self._names if name not in shown]
+        if missing:
+            raise NoAnswerError(f"{self.topic} has no position of {listed(missing)}.")
+        joints = self.description.movable_joints
+        return np.array(
+            [min(max(shown[j.name], j.lower), j.upper) for j in joints], dtype=float
+        )
+
+    def _wait_for_listener(self) -> None:
+        """Wait until the bridge hears commands."""
+        if not self.wait_until(self._commands.get_num_connections, TIMEOUT):
+            name = self._commands.resolved_name
+            raise NoAnswerError(f"Nobody listens to {name}; is the bridge running?")
+
+    def _next(self, after, timeout: float | None = TIMEOUT) -> JointState:
+        """Wait for joint states.
+
+        Args:
+            after: Stamp of a message; the next has another. None: any message will do.
+            timeout: Longest wait in [s]; None: no limit.
+        """
+
+        def is_next():
+            return self.newest and self.newest.header.stamp != after
+
+        if not self.wait_until(is_next, timeout):
+            raise NoAnswerError(f"The robot's positions are unknown: {self.silence}")
+        return self.newest
+
+
+DIGITS = 6
+"""Decimals of the positions that are saved."""
+
+
+def parser() -> OneSentenceParser:
+    """Make a parser of the command's arguments."""
+    made = OneSentenceParser(
+        prog="pose",
+        description="Move a robot to a named pose, list the poses, or save one.",
+    )
+    what = made.add_mutually_exclusive_group(required=True)
+    what.add_argument("name", nargs="?", metavar="NAME", help="pose to go to")
+    what.add_argument("--list", action="store_true", help="list all poses")
+    what.add_argument("--save", metavar="NAME", help="save the current pose")
+    made.add_argument(
+        "--seconds",
+        type=number,
+        default=0.0,
+        help="duration of a smooth motion in seconds of simulated time; default: 0, "
+        "set the joints at once",
+    )
+    add_namespace(made)
+    made.add_argument(
+        "--file", type=Path, help=f"file of your own poses; default: {user_file()}"
+    )
+    made.add_argument(
+        "--force", action="store_true", help="replace a saved pose of that name"
+    )
+    made.add_argument("--about", default="", help="description of the saved pose")
+    return made
+
+
+def parse(arguments: list[str]) -> argparse.Namespace:
+    """Read a command line; end the program when it is wrong."""
+    reader = parser()
+    args = reader.parse_args(arguments)
+    if args.seconds < 0.0:
+        reader.error("argument --seconds: time does not go back")
+    if (args.force or args.about) and args.save is None:
+        reader.error("--force and --about go with --save")
+    if args.save == ZERO:
+        reader.error(f"argument --save: every robot has {ZERO}, choose another name")
+    return args
+
+
+def list_poses(args: argparse.Namespace) -> None:
+    """Print a line for each pose."""
+    poses = read_poses(args.file)
+    width = max(map(len, poses), default=0)
+    for pose in poses.values():
+        print(f"{pose.name:{width}}  {pose.about or pose.place}")
+
+
+def go(args: argparse.Namespace) -> None:
+    """Move the robot to a pose.
+
+    Raises:
+        G1DescriptionError: If there is no such pose, or it does not get there.
+    """
+    pose = find_pose(args.name, read_poses(args.file))
+    robot = _connect(args)
+    check_pose(pose, robot.description)
+    goal = pose_positions(pose, robot.description)
+    if args.seconds:
+        robot.move(goal, args.seconds)
+    else:
+        robot.teleport(goal)
+    print(f"pose: {pose.name}")
+
+
+def save(args: argparse.Namespace) -> None:
+    """Save the robot's current pose.
+
+    Raises:
+        G1DescriptionError: If there is one of that name, or it cannot be saved.
+    """
+    file = (args.file or user_file()).expanduser()
+    check_name(args.save)
+    known = read_file(package_file())
+    if file.exists():
+        known.update(read_file(file))
+    if args.save in known and not args.force:
+        raise PoseFileError(
+            f"There is a pose '{args.save}' in {known[args.save].place} already; "
+            "--force saves yours, which is used instead."
+        )
+    robot = _connect(args)
+    joints = robot.description.movable_joints
+    rounded = {
+        joint.name: min(max(round(position, DIGITS), joint.lower), joint.upper)
+        for joint, position in zip(joints, robot.measured_positions().tolist())
+    }
+    nonzero = {name: position for name, position in rounded.items() if position}
+    save_pose(Pose(args.save, nonzero, args.about), file)
+    print(f"pose: {args.save} is saved in {file}")
+
+
+def _connect(args: argparse.Namespace) -> PosedRobot:
+    """Start the node and find the robot."""
+
+    def notify(line):
+        say(f"pose: {line}")
+
+    try:
+        start_node("pose", anonymous=True, disable_rosout=True)
+        return PosedRobot(args.namespace, notify)
+    except (OSError, rosgraph.MasterException) as error:
+        raise NoAnswerError(f"The master is gone: {error}.") from error
+
+
+def main() -> None:
+    """Run the command, or exit with a message."""
+    args = parse(own_arguments())
+    act = list_poses if args.list else go if args.save is None else save
+    try:
+        act(args)
+    except G1DescriptionError as error:
+        sys.exit(f"pose: {error}")

@@ -1,0 +1,237 @@
+"""A command that records the motion of a robot that runs."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import signal
+import sys
+import time
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
+
+import rosgraph
+import rospy
+
+from g1_description.cli.recorded_file import ENDINGS, room_of, write_motion_file
+from g1_description.cli.recorder import Recorder
+from g1_description.cli.robot_options import add_namespace
+from g1_description.command_line import OneSentenceParser, number, say
+from g1_description.errors import G1DescriptionError, InvalidValueError
+from g1_description.robot.description import Description
+from g1_description.ros.lifecycle import handle_signals, own_arguments, start_node
+from g1_description.ros.robot_view import wait_for_description
+from g1_description.ros.waiting import NoAnswerError, wait_until
+
+TIMEOUT = 20.0
+"""Longest wait for the first state, in [s]: machines may be busy."""
+
+SPAWN_TIMEOUT = 5.0
+"""Longest wait for a robot that the simulator's states do not have, in [s]."""
+
+GONE = 5.0
+"""Time without a simulator after which the recording ends, in [s]: one that failed may
+be started again."""
+
+QUIET = 2.0
+"""Time without states after which it is told, in [s]."""
+
+LAST_TIMEOUT = 1.0
+"""Longest wait for the last joint states, in [s]: the bridge may be busy."""
+
+POLL_PERIOD = 0.05
+"""Time between two looks, in [s]."""
+
+
+def parser() -> OneSentenceParser:
+    """Make a parser of the command's arguments."""
+    made = OneSentenceParser(
+        prog="record",
+        description="Record base and joints of a robot of the simulator. Ctrl-C ends "
+        "the recording and saves it.",
+    )
+    made.add_argument(
+        "out", type=Path, metavar="OUT", help=f"output file: {', '.join(ENDINGS)}"
+    )
+    made.add_argument(
+        "--rate",
+        type=number,
+        default=50.0,
+        help="samples per second of simulated time; 0: every state; default: 50",
+    )
+    made.add_argument(
+        "--seconds",
+        type=number,
+        help="duration in seconds of simulated time; default: until Ctrl-C",
+    )
+    add_namespace(made)
+    made.add_argument(
+        "--model",
+        default="",
+        help="name of the robot in the simulator; default: the one with its links",
+    )
+    made.add_argument("--gazebo", default="/gazebo", help="namespace of the simulator")
+    made.add_argument("--force", action="store_true", help="replace a file")
+    return made
+
+
+def parse(arguments: list[str]) -> argparse.Namespace:
+    """Read a command line; end the program when it is wrong.
+
+    Raises:
+        InvalidValueError: If the file cannot be written.
+    """
+    reader = parser()
+    args = reader.parse_args(arguments)
+    if not 0.0 <= args.rate <= 1e6:
+        reader.error(f"--rate {args.rate:g} is no number of samples per second")
+    if args.seconds is not None and args.seconds <= 0.0:
+        reader.error(f"--seconds {args.seconds:g} is no duration")
+    if not rosgraph.names.is_legal_name(args.gazebo):
+        reader.error(f"--gazebo {args.gazebo} is no ROS name")
+    _check_place(args.out, args.force)
+    return args
+
+
+def _check_place(out: Path, force: bool) -> None:
+    """Check, before anything is recorded, that a file can be written."""
+    if out.suffix.lower() not in ENDINGS:
+        raise InvalidValueError(
+            f"{out} ends in none of {', '.join(ENDINGS)}: its format is unknown."
+        )
+    if out.is_dir() or (out.exists() and not force):
+        what = "folder" if out.is_dir() else "file"
+        hint = "" if out.is_dir() else "; --force replaces it"
+        raise InvalidValueError(f"There is a {what} {out} already{hint}.")
+    trial = out.with_name(f".{out.name}.trial")
+    try:
+        trial.touch()
+        trial.unlink(missing_ok=True)
+    except OSError as error:
+        raise InvalidValueError(
+            f"The file {out} cannot be written: {error.strerror}."
+        ) from error
+
+
+def notify(text: str) -> None:
+    """Print a message."""
+    say(f"record: {text}", sys.stderr)
+
+
+def record(args: argparse.Namespace) -> None:
+    """Record and save.
+
+    Raises:
+        G1DescriptionError: If nothing comes, or the file cannot be written.
+    """
+    start_node("record", anonymous=True, disable_rosout=True)
+    robot = wait_for_description(args.namespace, notify)
+    names = args.gazebo, args.model, args.namespace
+    find_room = partial(room_of, args.out)
+    recorder = Recorder(robot, names, args.rate, args.seconds, find_room)
+    _wait_for_first(recorder, args.namespace)
+    stop = _Stop()
+    seconds = "" if args.seconds is None else f" {args.seconds:g} s, or"
+    notify(f"recording{seconds} until Ctrl-C.")
+    _follow(recorder, stop)
+    recorder.close()
+    save(recorder, robot, args)
+
+
+class _Stop:
+    """Whether a signal came that ends the recording; it is saved all the same."""
+
+    def __init__(self) -> None:
+        """Answer signals from now on; a second one ends the program."""
+        self.is_wanted = False
+        signal.set_wakeup_fd(-1)
+        handle_signals(self._take)
+
+    def _take(self, *_: object) -> None:
+        """Remember a signal; a lock may not be waited for here."""
+        self.is_wanted = True
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def _wait_for_first(recorder: Recorder, namespace: str) -> None:
+    """Wait for the first sample, and in a namespace for its joint states.
+
+    Raises:
+        NoAnswerError: If there is none.
+        UnknownNameError: If the robot is not in the simulator.
+        MotionError: If the file cannot hold its motion.
+    """
+    missed = math.inf
+
+    def is_known() -> bool:
+        nonlocal missed
+        recorder.keep_up()
+        is_there = recorder.n_samples and (recorder.hears_bridge or not namespace)
+        is_missing = recorder.n_samples or recorder.problem
+        if is_missing:
+            missed = min(missed, time.monotonic())
+        is_late = time.monotonic() > missed + SPAWN_TIMEOUT
+        return bool(recorder.refusal or is_there or (is_missing and is_late))
+
+    wait_until(is_known, TIMEOUT, period=POLL_PERIOD)
+    if recorder.refusal:
+        raise recorder.refusal
+    if not recorder.n_samples:
+        raise recorder.problem or NoAnswerError(
+            f"No state of the robot came on {recorder.topic} in {TIMEOUT:g} s; "
+            "does a simulator run, and does time? 'rosbag record /joint_states "
+            "/tf' records a robot without one."
+        )
+    if namespace and not recorder.hears_bridge:
+        raise NoAnswerError(
+            f"Nobody publishes /{namespace}/joint_states; is the namespace right?"
+        )
+
+
+def _follow(recorder: Recorder, stop: _Stop) -> None:
+    """Wait for the end of the recording."""
+    told = False
+    connected = time.monotonic()
+
+    def is_over() -> bool:
+        nonlocal told, connected
+        recorder.keep_up()
+        if recorder.is_connected:
+            connected = time.monotonic()
+        elif time.monotonic() > connected + GONE:
+            recorder.end("the simulator ended")
+        is_quiet = time.monotonic() - recorder.heard > QUIET
+        if is_quiet and not told:
+            notify(f"nothing comes on {recorder.topic}; is time paused?")
+        told = is_quiet
+        return recorder.is_over or stop.is_wanted
+
+    with suppress(rospy.ROSInterruptException):  # what was recorded is saved
+        wait_until(is_over, period=POLL_PERIOD)
+        wait_until(lambda: not recorder.lacks_joints, LAST_TIMEOUT, period=POLL_PERIOD)
+
+
+def save(recorder: Recorder, robot: Description, args: argparse.Namespace) -> None:
+    """Write what was recorded.
+
+    Raises:
+        G1DescriptionError: If it cannot be written.
+    """
+    trajectory, begin = recorder.trajectory()
+    rate = args.rate or None
+    notes = write_motion_file(args.out, trajectory, robot, rate, begin)
+    for note in (*recorder.notes, *notes):
+        notify(note)
+    count = len(trajectory.times)
+    print(f"{args.out}: {count} samples, {trajectory.duration:.2f} s", flush=True)
+
+
+def main() -> None:
+    """Run the command, or exit with a message."""
+    try:
+        record(parse(own_arguments()))
+    except G1DescriptionError as error:
+        sys.exit(f"record: {error}")
+    except (OSError, rosgraph.MasterException) as error:
+        sys.exit(f"record: The master is gone: {error}.")

@@ -1,0 +1,154 @@
+"""A motion to a file of any format, rosbags too."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import genpy
+import numpy as np
+from sensor_msgs.msg import JointState
+from tf2_msgs.msg import TFMessage
+
+from g1_description.bridge.parameters import BridgeParameters, base_child, static_edges
+from g1_description.errors import MotionError
+from g1_description.files.atomic import whole_file
+from g1_description.motion.files import write
+from g1_description.motion.files.arrays import MAX_SIZE
+from g1_description.motion.files.bag_records import MAX_MESSAGES, MAX_READ
+from g1_description.motion.trajectory import Trajectory
+from g1_description.robot.description import Description
+from g1_description.robot.transform import IDENTITY
+from g1_description.ros.conversions import stamp_from_ns, transform
+
+if TYPE_CHECKING:
+    import rosbag
+
+
+BAG = ".bag"
+ENDINGS = (*write.ENDINGS, BAG)
+
+MIN_STAMP = 1
+"""The first stamp of a bag, in [ns]: ROS takes zero for none."""
+
+MAX_STAMP = (1 << 32) * 1_000_000_000 - 1
+
+SPARE = 0.98
+"""Share of what a reader takes that is written: a bag also says what its topics are."""
+
+
+class Room(NamedTuple):
+    """What a file can hold."""
+
+    samples: int
+    is_even: bool
+    """Whether these are counted at even times."""
+
+
+def room_of(path: Path, joints: Sequence[str], has_base: bool) -> Room:
+    """Find how long a motion may be that can be read from a file again.
+
+    Args:
+        path: The file, whose ending tells the format.
+        joints: Names of the motion's joints.
+        has_base: Whether it has a base.
+
+    Raises:
+        MotionError: If the format cannot hold it, however short it is.
+    """
+    ending = path.suffix.lower()
+    if ending != BAG:
+        return Room(write.most_samples(ending, joints, has_base), ending == ".npz")
+    size = 500 + sum(len(name.encode()) + 4 + 2 * 8 for name in joints)
+    n_messages = 2 if has_base else 1
+    counts = MAX_MESSAGES / n_messages, MAX_READ / size, MAX_SIZE / (len(joints) or 1)
+    return Room(int(SPARE * min(counts)), False)
+
+
+def write_motion_file(
+    path: Path,
+    trajectory: Trajectory,
+    robot: Description,
+    rate: float | None = None,
+    begin: int = MIN_STAMP,
+) -> tuple[str, ...]:
+    """Write a motion; ``read_motion_file`` reads the same numbers.
+
+    Args:
+        path: The file, whose ending tells the format; one that is there is replaced.
+        trajectory: The motion.
+        robot: Whose motion it is.
+        rate: Samples per second of an npz, in [Hz]; None: those of the motion.
+        begin: Stamp of a bag's first sample, in [ns].
+
+    Returns:
+        Messages on what is not as in the motion.
+
+    Raises:
+        MotionError: If the format cannot hold it.
+        InvalidValueError: If the file cannot be written.
+    """
+    if path.suffix.lower() not in ENDINGS:
+        raise MotionError(
+            f"{path.name} ends in none of {', '.join(ENDINGS)}: its format is unknown."
+        )
+    if path.suffix.lower() != BAG:
+        return write.write_motion(path, trajectory, robot, rate)
+    with whole_file(path) as part:
+        _write_bag(part, trajectory, robot, begin)
+    return ()
+
+
+def _write_bag(
+    path: Path, trajectory: Trajectory, robot: Description, begin: int
+) -> None:
+    """Write joint_states, and the base on TF with the same stamps."""
+    import rosbag  # takes a third of a second
+
+    t, frames = trajectory, BridgeParameters()
+    times = (t.times - t.times[0]).tolist()
+    stamps = [begin + round(time * 1e9) for time in times]
+    if stamps[-1] > MAX_STAMP:
+        raise MotionError(f"A bag can have no stamp {stamps[-1] / 1e9:g} s.")
+    base = base_child(frames, robot)
+    with rosbag.Bag(str(path), "w") as bag:
+        _write_static(bag, stamp_from_ns(begin), static_edges(frames, robot))
+        for number, stamp in enumerate(map(stamp_from_ns, stamps)):
+            velocities = None if t.velocities is None else t.velocities[number]
+            state = _joint_state(stamp, t.joint_names, t.positions[number], velocities)
+            bag.write("/joint_states", state, stamp)
+            if t.base_poses is not None and base is not None:
+                pose = t.base_poses[number].tolist()
+                edge = transform(stamp, frames.map_frame, base, pose)
+                bag.write("/tf", TFMessage([edge]), stamp)
+
+
+def _write_static(
+    bag: rosbag.Bag, stamp: genpy.Time, edges: Sequence[tuple[str, str]]
+) -> None:
+    """Write the frames around the robot, latched as their publishers do."""
+    topic = "/tf_static"
+    header = {
+        "topic": topic,
+        "type": TFMessage._type,
+        "md5sum": TFMessage._md5sum,
+        "message_definition": TFMessage._full_text,
+        "latching": "1",
+    }
+    message = TFMessage([transform(stamp, *edge, IDENTITY) for edge in edges])
+    bag.write(topic, message, stamp, connection_header=header)
+
+
+def _joint_state(
+    stamp: genpy.Time,
+    names: Sequence[str],
+    positions: np.ndarray,
+    velocities: np.ndarray | None,
+) -> JointState:
+    """Make a message."""
+    message = JointState(name=names, position=positions.tolist())
+    message.header.stamp = stamp
+    if velocities is not None:
+        message.velocity = velocities.tolist()
+    return message

@@ -1,0 +1,1 @@
+"""Collisions of a robot with itself, for many configurations at once."""

@@ -1,0 +1,200 @@
+"""Which pairs of links may touch by design, found as MoveIt's setup assistant does."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from typing import Callable
+
+import numpy as np
+
+from g1_description.collisions.allowed_pairs import (
+    ADJACENT,
+    ALWAYS,
+    DEFAULT,
+    NEVER,
+    AllowedPair,
+    AllowedPairs,
+)
+from g1_description.collisions.self_collisions import SelfCollisions
+from g1_description.robot.assembly import rigid_frames
+from g1_description.robot.description import Description
+from g1_description.robot.kinematics import Kinematics
+from g1_description.robot.transform import IDENTITY
+from g1_description.robot.tree import below
+
+SAMPLES = 100_000
+"""Random configurations by default. Of a contact in more than 3 / SAMPLES of all
+configurations one is missed with a probability of 5 % at most."""
+
+QUICK_SAMPLES = 1000
+"""Random configurations for a robot that has no file of allowed pairs."""
+
+NEAR = 0.02
+"""A pair that comes nearer than this is checked, though it may never touch, in [m]."""
+
+REACH = 1.0
+"""How far a joint that slides without limits is moved to both sides, in [m]."""
+
+BATCH = 2000
+"""Configurations between two reports of progress."""
+
+Progress = Callable[[int, int], None]
+"""Is told how many samples are done, and of how many."""
+
+
+def find_allowed_pairs(
+    description: Description,
+    samples: int = SAMPLES,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> AllowedPairs:
+    """Find which pairs of links need not be checked.
+
+    A pair is left to be checked once a sample has it near and another one has it
+    apart: it then is neither ``never`` nor ``always``, whatever comes.
+
+    Args:
+        description: The robot; names of its meshes can be found from anywhere.
+        samples: Number of random configurations inside the limits.
+        seed: Of the random numbers.
+        progress: What is told how far it is.
+
+    Returns:
+        The pairs with their reasons, the same for the same arguments.
+    """
+    adjacent = adjacent_pairs(description)
+    collisions = SelfCollisions(description, adjacent)
+    batches = _random_batches(description, samples, seed)
+    was_near, was_apart = _watch(collisions, batches, progress or _tell_nobody, samples)
+    reasons = np.where(was_near | (samples == 0), "", NEVER).astype(object)
+    reasons[collisions.contacts(zero_poses(description)).pair] = DEFAULT
+    reasons[was_near & ~was_apart] = ALWAYS
+    found = zip(collisions.pairs, reasons.tolist())
+    links = collisions.links
+    pairs = [pair for pair in adjacent if pair.links <= {*links}]
+    pairs += [AllowedPair(*pair, reason) for pair, reason in found if reason]
+    return AllowedPairs(description.name, links, tuple(pairs), samples, seed)
+
+
+def _tell_nobody(done: int, total: int) -> None:
+    """Report no progress."""
+
+
+def _random_batches(
+    description: Description, samples: int, seed: int
+) -> Iterator[np.ndarray]:
+    """Give poses of the links in random configurations, batch by batch."""
+    random = np.random.RandomState(seed)
+    for first in range(0, samples, BATCH):
+        yield random_poses(description, random, min(BATCH, samples - first))
+
+
+def _watch(
+    collisions: SelfCollisions,
+    batches: Iterable[np.ndarray],
+    progress: Progress,
+    total: int,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Find which pairs are ever near, and which do not overlap at least once.
+
+    Returns:
+        Whether a pair was, shapes (n_pairs,).
+    """
+    n_pairs, done = len(collisions.pairs), 0
+    was_near, was_apart = np.zeros(n_pairs, bool), np.zeros(n_pairs, bool)
+    for poses in batches:
+        unknown = np.flatnonzero(~(was_near & was_apart))
+        near = collisions.contacts(poses, NEAR, unknown)
+        was_near[near.pair] = True
+        overlaps = np.bincount(near.pair[near.distance < 0.0], minlength=n_pairs)
+        was_apart[unknown] |= overlaps[unknown] < len(poses)
+        done += len(poses)
+        progress(done, total)
+    return was_near, was_apart
+
+
+def quick_allowed_pairs(description: Description) -> AllowedPairs:
+    """Find what a robot without a file of allowed pairs needs, in about a second.
+
+    Few samples do not show that a pair never touches, so these are checked.
+    """
+    found = find_allowed_pairs(description, QUICK_SAMPLES)
+    pairs = tuple(pair for pair in found.pairs if pair.reason != NEVER)
+    return replace(found, pairs=pairs)
+
+
+def adjacent_pairs(description: Description) -> tuple[AllowedPair, ...]:
+    """List pairs of links that a joint connects.
+
+    What fixed joints hold together counts as one body, so that each link of one is
+    adjacent to each of the other. A body without any shape is passed over: what hangs
+    on it is adjacent to what carries it.
+    """
+    groups: dict[str, list[str]] = {}
+    for tree in description.trees:
+        for link, (body, _) in rigid_frames(tree).items():
+            groups.setdefault(body, []).append(link)
+    body_of = {link: body for body, links in groups.items() for link in links}
+    shaped = {
+        link.name for link in description.links if link.collisions or link.visuals
+    }
+    carrier: dict[str, str] = {}
+    pairs = []
+    for joint in below(description.roots, description.joints):
+        child, parent = body_of[joint.child], body_of[joint.parent]
+        if child == parent or child != joint.child:
+            continue
+        if shaped.isdisjoint(groups[parent]):
+            parent = carrier.get(parent, parent)
+        carrier[child] = parent
+        pairs += [
+            AllowedPair(a, b, ADJACENT) for a in groups[parent] for b in groups[child]
+        ]
+    return tuple(pairs)
+
+
+def random_poses(
+    description: Description, random: np.random.RandomState, count: int
+) -> np.ndarray:
+    """Place the links in random configurations inside the limits.
+
+    Args:
+        description: The robot.
+        random: Where the numbers are from.
+        count: Number of configurations.
+
+    Returns:
+        Poses of the links, the root at the origin, shape (count, n_links, 7).
+    """
+    lower, upper = _ranges(description)
+    shares = random.random_sample((count, len(lower)))
+    return _poses(description, lower + shares * (upper - lower))
+
+
+def zero_poses(description: Description) -> np.ndarray:
+    """Place the links with all joints at zero, or at the limit that is nearest to it.
+
+    Returns:
+        Poses of the links, shape (1, n_links, 7).
+    """
+    lower, upper = _ranges(description)
+    return _poses(description, np.clip(np.zeros((1, len(lower))), lower, upper))
+
+
+def _poses(description: Description, positions: np.ndarray) -> np.ndarray:
+    """Place the links of all trees, whose roots are at the origin."""
+    roots = np.tile(IDENTITY, (len(positions), len(description.roots), 1))
+    return Kinematics(description).link_poses(roots, positions)
+
+
+def _ranges(description: Description) -> tuple[np.ndarray, np.ndarray]:
+    """Give the limits of joints in [rad] or [m]; a usual range where there are none."""
+    joints = description.movable_joints
+    usual = [REACH if joint.kind == "prismatic" else np.pi for joint in joints]
+    lower = np.array([joint.lower for joint in joints])
+    upper = np.array([joint.upper for joint in joints])
+    return (
+        np.where(np.isfinite(lower), lower, np.minimum(upper, 0.0) - usual),
+        np.where(np.isfinite(upper), upper, np.maximum(lower, 0.0) + usual),
+    )

@@ -1,1 +1,0 @@
-"""What needs no ROS client library, no PyBullet and no clock."""

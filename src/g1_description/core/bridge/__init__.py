@@ -1,1 +1,0 @@
-"""What the bridge computes: joint positions from link poses, stamps, commands."""

@@ -1,1 +1,0 @@
-"""Verdicts over configurations and motions: limits, smoothness, ground, balance."""

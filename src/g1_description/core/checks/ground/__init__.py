@@ -1,1 +1,0 @@
-"""The robot and the floor: what bears, sinks in, floats or slides."""

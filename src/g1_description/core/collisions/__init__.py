@@ -1,1 +1,0 @@
-"""Pairs of links that may touch by design."""

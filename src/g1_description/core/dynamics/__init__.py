@@ -1,1 +1,0 @@
-"""Mass in motion: centre of mass, Jacobians, inverse dynamics."""

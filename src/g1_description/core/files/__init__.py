@@ -1,1 +1,0 @@
-"""Which file is meant, and reading and writing it whole."""

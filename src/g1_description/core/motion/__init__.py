@@ -1,1 +1,0 @@
-"""Whole-body motions: one form in memory, its interpolation, its file formats."""

@@ -1,1 +1,0 @@
-"""Files of motions: each format is read in one module."""

@@ -1,1 +1,0 @@
-"""Named poses and their file."""

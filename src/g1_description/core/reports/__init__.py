@@ -1,1 +1,0 @@
-"""What many verdicts are told in: tables, JSON, CSV and a page."""

@@ -1,1 +1,0 @@
-"""What a robot is, whatever file it came from."""

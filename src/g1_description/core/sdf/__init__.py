@@ -1,1 +1,0 @@
-"""SDF documents: worlds, their models, lights, states and physics."""

@@ -1,1 +1,0 @@
-"""One model of an SDF document: its links, joints and tree."""

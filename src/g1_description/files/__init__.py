@@ -1,0 +1,1 @@
+"""Files from outside: found, loaded and replaced whole."""

@@ -1,0 +1,134 @@
+"""Which file is meant by what a user calls a model, and what is near it if none is."""
+
+from __future__ import annotations
+
+import os
+import re
+import stat
+from collections.abc import Iterable
+from pathlib import Path
+from urllib.parse import unquote
+
+from g1_description.errors import DescriptionError
+from g1_description.files.model_files import find_folder, package_names
+from g1_description.text import similar
+
+_ARGUMENT = re.compile(r"\s+(?=[A-Za-z_]\w*:?=)")
+
+
+def split_arguments(requested: str) -> tuple[str, dict[str, str]]:
+    """Take a model apart into its file and the arguments for xacro behind it.
+
+    Args:
+        requested: File, then any number of ``NAME=VALUE`` or ``NAME:=VALUE``. The name
+            of a file that exists is not taken apart.
+
+    Returns:
+        The file as it was written, and the arguments.
+    """
+    if _exists(Path(os.path.expanduser(requested))):
+        return requested, {}
+    file, *given = _ARGUMENT.split(requested.strip())
+    pairs = (re.split(":?=", word, maxsplit=1) for word in given)
+    return file, {name: value.strip() for name, value in pairs}
+
+
+def find_model_file(name: str) -> Path:
+    """Find the file of a model.
+
+    Args:
+        name: Path, absolute or from the working directory, ``~`` for the home;
+            ``file:///PATH``; or ``package://PACKAGE/PATH``.
+
+    Returns:
+        Path of an existing regular file.
+
+    Raises:
+        DescriptionError: If there is none; the message lists similar ones.
+    """
+    path = named_path(name)
+    try:
+        mode = path.stat().st_mode
+    except (FileNotFoundError, NotADirectoryError) as error:
+        raise DescriptionError(_absent(path)) from error
+    except (OSError, ValueError) as error:
+        why = getattr(error, "strerror", None) or str(error)
+        raise DescriptionError(f"{path} cannot be read: {why}.") from error
+    if stat.S_ISDIR(mode):
+        raise DescriptionError(f"{path} is a folder{with_robots(path)}.")
+    if not stat.S_ISREG(mode):
+        raise DescriptionError(f"{path} is not a regular file.")
+    return path
+
+
+def _exists(path: Path) -> bool:
+    """Return whether a path exists; one that cannot be looked at does not."""
+    try:
+        return path.exists()
+    except (OSError, ValueError):
+        return False
+
+
+def named_path(name: str) -> Path:
+    """Turn what a user wrote into a path, whether or not it exists.
+
+    Raises:
+        DescriptionError: If it names an unknown package or another scheme.
+    """
+    scheme, separator, rest = name.partition("://")
+    if not separator:
+        return Path(os.path.expanduser(name))
+    if scheme == "file":
+        return Path(unquote(rest))
+    if scheme != "package":
+        raise DescriptionError(
+            f"{name} has the scheme {scheme}://; models come from paths, package:// "
+            "and file://."
+        )
+    package, _, inside = rest.partition("/")
+    folder = find_folder(package)
+    if folder is None:
+        near = _similar(package, package_names())
+        raise DescriptionError(f"There is no package '{package}'{near}.")
+    return Path(folder) / unquote(inside)
+
+
+def _similar(name: str, existing: Iterable[str]) -> str:
+    """Return the end of a message: which names are like one that does not exist."""
+    found = similar(name, existing)
+    return f"; like it is {' or '.join(found)}" if found else ""
+
+
+def _absent(path: Path) -> str:
+    """Say what is not there, and what is in its place."""
+    missing = path
+    while not missing.parent.is_dir() and missing.parent != missing:
+        missing = missing.parent
+    kind = "file" if missing == path else "folder"
+    near = _similar(missing.name, _names_in(missing.parent))
+    if not near and kind == "file":
+        near = with_robots(missing.parent)
+    return f"There is no {kind} {missing}{near}."
+
+
+def _names_in(folder: Path) -> list[str]:
+    """List what is in a folder; nothing where there is none, or it is not readable."""
+    try:
+        return sorted(os.listdir(folder))
+    except OSError:
+        return []
+
+
+def with_robots(folder: Path) -> str:
+    """Find which robots are in a folder, or in its folder urdf."""
+    for place in ("", "urdf"):
+        names = [
+            os.path.join(place, name)
+            for suffix in (".urdf", ".xacro")
+            for name in _names_in(folder / place)
+            if name.endswith(suffix)
+        ]
+        if names:
+            more = f" and {len(names) - 3} more" if len(names) > 3 else ""
+            return f"; there is {', '.join(names[:3])}{more}"
+    return ""

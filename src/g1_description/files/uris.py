@@ -1,0 +1,188 @@
+"""Where the files that a URDF names really are."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable
+from itertools import count
+from pathlib import Path
+from urllib.parse import quote, unquote
+
+from lxml import etree
+
+from g1_description.errors import DescriptionError
+from g1_description.files.model_files import resource_folders
+from g1_description.files.xml import decoded, parse_xml
+
+
+def give_names(root: etree._Element, name: str) -> list[str]:
+    """Give a robot and the materials of its visuals the names that they lack.
+
+    Args:
+        root: The robot element, which is changed.
+        name: For the robot.
+
+    Returns:
+        A sentence for the robot, and one for all materials, that got a name.
+    """
+    sentences = []
+    if root.get("name") is None:
+        root.set("name", name)
+        sentences.append(f"The robot, which had no name, is named {name}, as its file.")
+    taken = {material.get("name") for material in root.iter("material")}
+    free = (f"material_{number}" for number in count(1))
+    given = []
+    for link in root.findall("link"):
+        for material in link.findall("visual/material"):
+            if material.get("name") is None:
+                new = next(word for word in free if word not in taken)
+                material.set("name", new)
+                given.append(f"{new} (link {link.get('name')})")
+    if given:
+        sentences.append(f"Materials that had no name are named {', '.join(given)}.")
+    return sentences
+
+
+_HAS_SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*://")
+
+FINDABLE = ("package", "model", "file")
+"""Schemes of URIs that can be files of this machine."""
+
+
+def scheme_of(name: str) -> str:
+    """Give the scheme of a URI, empty for a path."""
+    return name.partition("://")[0] if _HAS_SCHEME.match(name) else ""
+
+
+def _nowhere(_: str) -> str | None:
+    """Find no package."""
+    return None
+
+
+def with_absolute_uris(
+    text: str,
+    folder: Path,
+    package_folder: Callable[[str], str | None] = _nowhere,
+    name: str | None = None,
+) -> str:
+    """Make the file names in a URDF mean the same everywhere.
+
+    RViz and every other reader of the parameter server then find the meshes
+    without knowing where the URDF file was: relative names become absolute, and so
+    do those in a package that only the folder around the file reveals. Everything else
+    stays as it is, comments and unknown tags too.
+
+    Args:
+        text: URDF as XML text.
+        folder: Folder of the URDF file, which relative names start from.
+        package_folder: Gives a package's folder, None if there is no such package.
+        name: Of the robot where the text gives none; with it materials get names, too,
+            that have none. RViz wants both.
+
+    Returns:
+        The same XML with ``file://`` URIs in place of plain paths.
+
+    Raises:
+        DescriptionError: If the text is not XML.
+    """
+    root = parse_xml("robot description", text, keep_comments=True)
+    if name is not None:
+        give_names(root, name)
+    for element in root.iter("mesh", "texture"):
+        file = element.get("filename", "")
+        if not file:
+            continue
+        if not scheme_of(file):
+            element.set("filename", _absolute_uri(file, folder))
+        elif local_path(file, package_folder) is None:
+            path = find_file(file, folder, package_folder)
+            if path is not None:
+                element.set("filename", "file://" + quote(str(path)))
+    return etree.tostring(root, encoding="unicode")
+
+
+def _absolute_uri(name: str, folder: Path) -> str:
+    """Make a URI of a path that starts from a folder."""
+    return "file://" + quote(os.path.normpath(folder.resolve() / name))
+
+
+def find_file(
+    name: str, folder: Path, package_folder: Callable[[str], str | None]
+) -> Path | None:
+    """Find the file that a URDF names.
+
+    A package that is unknown, or has no such file, can be around the URDF file: a
+    folder whose package.xml, or whose own name, bears the package's name.
+
+    Args:
+        name: As written in the URDF.
+        folder: Folder of the URDF file, which relative names start from.
+        package_folder: Gives a package's folder, None if there is no such package.
+
+    Returns:
+        The file's path, or None where there is no such file.
+    """
+    if not name:
+        return None
+    if not scheme_of(name):
+        return local_path(_absolute_uri(name, folder), package_folder)
+    return local_path(name, package_folder) or local_path(name, _around(folder).get)
+
+
+def _around(folder: Path) -> dict[str, str]:
+    """List a folder and those around it by their names; of equal ones the nearest."""
+    folder = folder.resolve()
+    around: dict[str, str] = {}
+    for place in (folder, *folder.parents):
+        for name in (package_name(place / "package.xml"), place.name):
+            if name:
+                around.setdefault(name, str(place))
+    return around
+
+
+def package_name(manifest: Path) -> str | None:
+    """Read a package's name; None where there is no package."""
+    try:
+        text = decoded(manifest.read_bytes())
+        name = parse_xml("package manifest", text).findtext("name")
+    except (OSError, UnicodeError, DescriptionError):
+        return None
+    return name.strip() if name else None
+
+
+def local_path(uri: str, package_folder: Callable[[str], str | None]) -> Path | None:
+    """Find the file behind a mesh URI.
+
+    Args:
+        uri: ``package://NAME/...``, ``model://NAME/...``, ``file:///...``,
+            ``file://...`` below a folder of Gazebo's resources, or an absolute path.
+        package_folder: Gives a package's folder, None if there is no such package.
+
+    Returns:
+        The file's path without ``..``, or None where there is no such file.
+    """
+    scheme, _, rest = uri.partition("://")
+    path: Path | None = None
+    if scheme in ("package", "model"):
+        package, _, inside = rest.partition("/")
+        folder = package_folder(package)
+        path = None if folder is None else Path(folder) / unquote(inside)
+    elif scheme == "file":
+        path = _below_resources(unquote(rest))
+    elif os.path.isabs(uri):
+        path = Path(uri)
+    if path is None:
+        return None
+    path = Path(os.path.normpath(path))
+    try:
+        return path if path.is_file() else None
+    except OSError:  # such as a name that is too long
+        return None
+
+
+def _below_resources(name: str) -> Path:
+    """Find a file below the folders of Gazebo's resources, unless it is absolute."""
+    places = () if os.path.isabs(name) else resource_folders()
+    paths = (Path(place, name) for place in places)
+    return next((path for path in paths if os.path.isfile(path)), Path(name))

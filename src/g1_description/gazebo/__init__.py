@@ -1,0 +1,7 @@
+"""The node /gazebo, the stand-in for Gazebo."""
+
+from g1_description.threads import one_thread
+
+# Before anything imports numpy: the same motion then falls the same way, whatever the
+# number of cores, and as in the command check.
+one_thread()

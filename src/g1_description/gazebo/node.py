@@ -1,0 +1,387 @@
+"""The stand-in's node: one loop that steps, publishes and answers.
+
+Publishes: /clock (rosgraph_msgs/Clock), ~link_states (gazebo_msgs/LinkStates),
+    ~model_states (gazebo_msgs/ModelStates), ~world_state (gazebo_msgs/WorldState):
+    at each step, while someone listens; ~tracking (g1_description/TrackingReport)
+Subscribes: ~set_model_state (gazebo_msgs/ModelState), ~set_link_state
+    (gazebo_msgs/LinkState), ~set_model_trajectory (g1_description/ModelTrajectory)
+Services: those in the folder services, and dynamic_reconfigure's
+Parameters: those of parameters.GazeboParameters
+"""
+
+from __future__ import annotations
+
+import contextlib
+import queue
+import sys
+import threading
+import time
+from concurrent.futures import CancelledError, Future
+from functools import partial
+
+import rospy
+from gazebo_msgs.msg import LinkState, ModelState
+
+from g1_description.errors import G1DescriptionError, InvalidValueError
+from g1_description.gazebo.parameters import GazeboParameters
+from g1_description.gazebo.reconfigure import offer_physics
+from g1_description.gazebo.services.base import StatusMessages, Stepper
+from g1_description.gazebo.services.joints import JointServices, TrajectoryServices
+from g1_description.gazebo.services.links import LinkServices
+from g1_description.gazebo.services.models import ModelServices
+from g1_description.gazebo.services.spawn import SpawnServices
+from g1_description.gazebo.services.time import StepServices, TimeServices
+from g1_description.gazebo.services.world import (
+    UNSETTABLE,
+    LightServices,
+    PhysicsServices,
+)
+from g1_description.gazebo.start import find_listeners, make_world, spawn_robot
+from g1_description.gazebo.topics import StateTopics, TrackingTopic
+from g1_description.msg import ModelTrajectory
+from g1_description.ros.gazebo_log import answer_as_roscpp, publish_log
+from g1_description.ros.lifecycle import quiet_when_closing, start_node
+from g1_description.ros.log import SHORT_PERIOD, ThrottledLog
+from g1_description.ros.master import stay_registered
+from g1_description.ros.parameters import read_parameters
+from g1_description.ros.tcpros import serve_as_roscpp
+from g1_description.sim.world import World
+
+MAX_PENDING = 100
+"""Pending calls above which a subscriber's thread waits for its message's turn."""
+
+
+class Calls:
+    """Callbacks of rospy, which run in its threads, and the calls that they queue.
+
+    Only the loop changes the world. Others read it while they hold its lock: they do
+    not wait for the step under way, but for a command that is being obeyed.
+    """
+
+    def __init__(self, lock: threading.Lock) -> None:
+        """Begin without any.
+
+        Args:
+            lock: Held while the world changes.
+        """
+        self._lock = lock
+        # Not a SimpleQueue: a signal during its get() can make it wait for ever.
+        self._queue: queue.Queue = queue.Queue()
+        self._is_over = False
+
+    def serve(self, name: str, answer, *prepare):
+        """Make the callback of a service: one that reads does not need the loop.
+
+        Args:
+            name: The service's; those that read begin with ``get_``.
+            answer: What answers.
+            prepare: What is done with the request before, while time runs on.
+        """
+        make = self._beside_the_loop if name.startswith("get_") else self.in_the_loop
+        return make(answer, *prepare)
+
+    def _beside_the_loop(self, answer):
+        """Make a callback that answers at once, from the state after the last step.
+
+        A robot that lies keeps the loop busy all the time.
+        """
+
+        def handler(request):
+            with self._lock:
+                return answer(request)
+
+        return handler
+
+    def in_the_loop(self, answer, prepare=None):
+        """Make a callback that lets the loop answer, and waits for it.
+
+        Args:
+            answer: What answers, in the loop.
+            prepare: What is done with the request before, while time runs on.
+        """
+
+        def handler(request):
+            if prepare:
+                request = prepare(request)
+            call: Future = Future()
+            self._queue.put((call, answer, request))
+            if self._is_over:
+                self.cancel()
+            try:
+                return call.result()
+            except CancelledError:
+                raise rospy.ServiceException("the simulator is shutting down") from None
+
+        return handler
+
+    def later_in_the_loop(self, act):
+        """Make a callback that lets the loop act, and waits only where much waits.
+
+        To wait each time would let messages pile up on a busy machine, where it takes
+        the loop long to get its turn.
+        """
+
+        def callback(message):
+            call: Future = Future()
+            call.add_done_callback(_log_failure)
+            self._queue.put((call, act, message))
+            if self._queue.qsize() > MAX_PENDING:
+                with contextlib.suppress(CancelledError):
+                    call.result()
+
+        return callback
+
+    def __len__(self) -> int:
+        """Count those that wait for the loop."""
+        return self._queue.qsize()
+
+    def answer(self, wait: float) -> bool:
+        """Wait for a call and answer it, if one comes; only the loop does.
+
+        Args:
+            wait: Longest wait in [s].
+
+        Returns:
+            Whether one came.
+        """
+        try:
+            call, answer, request = self._queue.get(wait > 0.0, wait)
+        except queue.Empty:
+            return False
+        try:
+            with self._lock:
+                result = answer(request)
+        except BaseException as error:  # the caller's thread raises it again
+            call.set_exception(error)
+        else:
+            if isinstance(result, Future):
+                result.add_done_callback(partial(_hand_on, call))
+            else:
+                call.set_result(result)
+        return True
+
+    def cancel(self) -> None:
+        """Cancel all calls, also those to come; nobody answers any more."""
+        self._is_over = True
+        with contextlib.suppress(queue.Empty):
+            while True:
+                self._queue.get_nowait()[0].cancel()
+
+
+def _hand_on(call: Future, result: Future) -> None:
+    """Answer a call with what has come later."""
+    if result.cancelled():
+        call.cancel()
+    elif result.exception():
+        call.set_exception(result.exception())
+    else:
+        call.set_result(result.result())
+
+
+def _log_failure(call: Future) -> None:
+    """Log the exception of a call that nobody waits for."""
+    if not call.cancelled() and call.exception() is not None:
+        rospy.logerr("A message could not be obeyed: %r", call.exception())
+
+
+MAX_WAIT = 0.1
+"""Longest wait before looking whether to shut down, in [s]. Time lost to a busy
+machine beyond this is not caught up."""
+
+SWITCH_INTERVAL = 5e-5
+"""Longest in [s] that the loop's Python keeps a caller's thread from running."""
+
+HUSH_POLL = 0.01
+"""Wait before checking again whether states may be published, in [s]."""
+
+
+class GazeboNode:
+    """The loop, which alone changes the world."""
+
+    def __init__(self, world: World, parameters: GazeboParameters) -> None:
+        """Make the topics and services.
+
+        Args:
+            world: What the node simulates.
+            parameters: The node's parameters.
+        """
+        self._world = world
+        messages = StatusMessages(parameters.strict_messages)
+        self._stepper = Stepper(parameters.paused)
+        self._physics = PhysicsServices(world, messages, self._stepper)
+        self._calls = Calls(world.lock)
+        network = parameters.enable_ros_network
+        listeners = find_listeners() if network else ()
+        self._topics = StateTopics(world, parameters, listeners)
+        self._tracking = TrackingTopic(world) if network else None
+        if not network:
+            return
+        self._log = ThrottledLog()
+        models = ModelServices(world, messages)
+        links = LinkServices(world, messages, self._log)
+        trajectories = TrajectoryServices(world, messages, self._stepper)
+        for topic, kind, act in (
+            ("~set_model_state", ModelState, models.apply_state),
+            ("~set_link_state", LinkState, links.apply_state),
+            ("~set_model_trajectory", ModelTrajectory, self._warn(trajectories.apply)),
+        ):
+            # Each message counts: they may be of different models.
+            rospy.Subscriber(
+                topic,
+                kind,
+                self._calls.later_in_the_loop(self._warn_if_refused(topic, act)),
+                queue_size=None,
+                tcp_nodelay=True,
+            )
+        for services in (
+            models,
+            links,
+            JointServices(world, messages),
+            LightServices(world, messages),
+            SpawnServices(world, messages),
+            trajectories,
+            self._physics,
+            TimeServices(world, messages, self._stepper),
+            StepServices(world, messages, self._stepper),
+        ):
+            for name, kind, *handlers in services.table():
+                handler = self._calls.serve(name, *handlers)
+                rospy.Service(f"~{name}", kind, handler)
+        offer_physics(world.properties, self._calls.in_the_loop(self._reconfigure))
+
+    def _reconfigure(self, numbers: dict) -> dict:
+        """Change the physics' numbers; return them as they are if that is refused."""
+        try:
+            self._physics.change_physics(numbers)
+        except InvalidValueError as error:
+            rospy.logerr("set_parameters: refused, %s", error)
+            properties = self._world.properties
+            return {n: getattr(properties, n) for n in numbers if n not in UNSETTABLE}
+        rospy.loginfo("physics dynamics reconfigure update complete")
+        rospy.loginfo("physics dynamics reconfigure complete")
+        return {}
+
+    def _warn_if_refused(self, topic: str, act):
+        """Make a callback that logs a warning where a message is refused."""
+
+        def callback(message):
+            try:
+                act(message)
+            except InvalidValueError as error:
+                self._log.warn(topic, f"{topic[1:]}: refused, {error}", SHORT_PERIOD)
+
+        return callback
+
+    def _warn(self, act):
+        """Make a callback that logs what of a message is not done as it says."""
+
+        def callback(message):
+            details = act(message)
+            if details:
+                key = f"{message.model_name} set_model_trajectory"
+                self._log.warn(key, f"{message.model_name}: {details}", SHORT_PERIOD)
+
+        return callback
+
+    def run(self) -> None:
+        """Step, publish and answer until the node is shut down."""
+        due = time.monotonic()
+        while not rospy.is_shutdown():
+            now = time.monotonic()
+            if self._is_hushed or not self._is_running:
+                self._answer_one(self._stand_still())
+                due = time.monotonic()
+                continue
+            # The period may have become shorter since the last step.
+            due = min(due, now + self._world.properties.period)
+            if now < due and not self._stepper.is_stepping:
+                self._answer_one(min(due - now, MAX_WAIT))
+            else:
+                self._answer_all()
+                self._step()
+                due = max(due + self._world.properties.period, now - MAX_WAIT)
+        self._refuse()
+
+    def _stand_still(self) -> float:
+        """Show what changes while time stands still.
+
+        Returns:
+            How long to wait for a call until the next look, in [s].
+        """
+        wait = HUSH_POLL
+        if not self._is_hushed:
+            with quiet_when_closing():
+                wait = min(self._topics.settle(), MAX_WAIT)
+        return wait
+
+    @property
+    def _is_hushed(self) -> bool:
+        """Whether nothing may be published yet, because time has gone back."""
+        hushed = True
+        with quiet_when_closing():
+            hushed = self._topics.is_hushed(self._stepper.paused)
+        return hushed
+
+    @property
+    def _is_running(self) -> bool:
+        """Whether steps are to be done."""
+        wanted = not self._stepper.paused or self._stepper.is_stepping
+        return wanted and self._world.properties.step_ns > 0
+
+    def _answer_all(self) -> None:
+        """Answer the calls that have come until now."""
+        for _ in range(len(self._calls)):
+            self._answer_one(0.0)
+
+    def _answer_one(self, wait: float) -> None:
+        """Wait for a call and answer it, if one comes.
+
+        Args:
+            wait: Longest wait in [s].
+        """
+        if self._calls.answer(wait):
+            self._topics.change()
+
+    def _step(self) -> None:
+        """Let a time step pass and publish the states after it."""
+        if self._is_hushed or not self._is_running:
+            return
+        if self._stepper.is_stepping:
+            self._topics.wait_for_room()
+        self._world.step()
+        with quiet_when_closing():
+            self._topics.publish(self._stepper.is_last_step)
+            if self._tracking:
+                self._tracking.publish()
+        self._stepper.count()
+
+    def _refuse(self) -> None:
+        """Cancel the calls that nobody will answer any more."""
+        self._stepper.cancel()
+        self._calls.cancel()
+
+
+def main(given=None, on_start=lambda: None) -> None:
+    """Run the node ``gazebo``.
+
+    Args:
+        given: Parameters by name that win over the defaults, not over those on the
+            parameter server.
+        on_start: Called when the node can log.
+    """
+    sys.setswitchinterval(SWITCH_INTERVAL)
+    serve_as_roscpp()
+    answer_as_roscpp()
+    start_node("gazebo", disable_rosout=True)
+    publish_log()
+    on_start()
+    try:
+        parameters = read_parameters(GazeboParameters, given)
+        world, parameters = make_world(parameters)
+        spawn_robot(world, parameters)
+    except G1DescriptionError as error:
+        rospy.logfatal("%s", error)
+        sys.exit(1)
+    node = GazeboNode(world, parameters)
+    stay_registered()
+    node.run()

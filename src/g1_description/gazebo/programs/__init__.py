@@ -1,0 +1,1 @@
+"""Executables of gazebo_ros, and commands of the launch files."""

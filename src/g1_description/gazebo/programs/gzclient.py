@@ -1,0 +1,62 @@
+"""Gazebo's window on the stand-in: RViz, where there is a screen."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import rospkg
+import rospy
+
+from g1_description.command_line import Ignored, OneSentenceParser
+from g1_description.ros.lifecycle import at_shutdown, own_arguments, start_node
+
+NODE = "gazebo_gui"
+
+
+def parser() -> OneSentenceParser:
+    """Make a parser of gzclient's arguments; none means anything here."""
+    made = OneSentenceParser(
+        prog="gzclient", description="Open RViz where there is a screen."
+    )
+    made.set_defaults(ignored=[])
+    made.add_argument("--verbose", action="store_true", help="accepted")
+    for names in (("-g", "--gui-plugin"), ("--gui-client-plugin",)):
+        made.add_argument(*names, dest="ignored", action=Ignored, metavar="VALUE")
+    return made
+
+
+def rviz() -> list[str]:
+    """Give the command that opens RViz with the robot."""
+    folder = rospkg.RosPack().get_path("g1_description")
+    return ["rviz", "-d", os.path.join(folder, "rviz", "g1.rviz")]
+
+
+def has_screen() -> bool:
+    """Return whether there is a screen to open a window on."""
+    return bool(os.environ.get("DISPLAY"))
+
+
+def open_beside() -> None:
+    """Open the window beside this node, and close it with the node."""
+    if not has_screen():
+        rospy.loginfo("There is no screen: no window opens.")
+        return
+    window = subprocess.Popen([*rviz(), f"__name:={NODE}"])
+    at_shutdown(window.terminate)
+
+
+def main() -> None:
+    """Become RViz; where there is no screen, wait for the shutdown."""
+    ignored = parser().parse_args(own_arguments()).ignored
+    if has_screen():
+        remappings = [word for word in sys.argv[1:] if ":=" in word]
+        try:
+            os.execvp("rviz", [*rviz(), f"__name:={NODE}", *remappings])
+        except OSError as error:
+            sys.exit(f"gzclient: rviz cannot be started: {error.strerror}.")
+    start_node(NODE)
+    note = f" Without meaning here: {', '.join(ignored)}." if ignored else ""
+    rospy.loginfo("There is no screen: no window opens.%s", note)
+    rospy.spin()

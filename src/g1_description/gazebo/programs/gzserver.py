@@ -1,0 +1,153 @@
+"""gzserver's command line on the stand-in: how launch files for Gazebo start it."""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import os
+from pathlib import Path
+
+import rospkg
+import rospy
+
+from g1_description.command_line import Ignored, OneSentenceParser
+from g1_description.files.model_files import RESOURCE_PATH, resource_folders
+from g1_description.gazebo.programs import gzclient
+from g1_description.ros.lifecycle import own_arguments
+
+PHYSICS = {
+    **dict.fromkeys(("ode", "bullet", "dart", "simbody"), "limp"),
+    **{name: name for name in ("kinematic", "hold", "limp")},
+}
+"""Physics by engine. Whichever engine Gazebo has, its robots have no motors."""
+
+EMPTY_WORLD = "worlds/empty.world"
+"""Name of the world that Gazebo brings, and we have without a file."""
+
+WITHOUT_MEANING = (
+    ("--lockstep",),
+    ("-r", "--record"),
+    ("--record_resources",),
+    ("--minimal_comms",),
+    ("--headless",),  # said by our empty_world.launch
+)
+WITHOUT_MEANING_WITH_VALUE = (
+    ("-p", "--play"),
+    ("--record_encoding",),
+    ("--record_path",),
+    ("--record_period",),
+    ("--record_filter",),
+    ("--seed",),
+    ("--initial_sim_time",),
+    ("--iters",),
+    ("-s", "--server-plugin"),
+    ("-g", "--gui-plugin"),
+    ("--gui-client-plugin",),
+    ("-o", "--profile"),
+)
+
+
+def parser() -> OneSentenceParser:
+    """Make a parser of gzserver's arguments."""
+    made = OneSentenceParser(
+        prog="gzserver",
+        description="Run the stand-in for Gazebo. Arguments without help are those "
+        "of gzserver that mean nothing to it: they are named in the log.",
+    )
+    made.set_defaults(ignored=[])
+    made.add_argument("world", nargs="*", help="world file (SDF)")
+    made.add_argument("-v", "--version", action="version", version=_version())
+    made.add_argument("-u", "--pause", action="store_true", help="start paused")
+    made.add_argument("--verbose", action="store_true", help="accepted")
+    made.add_argument(
+        "-e",
+        "--physics",
+        choices=PHYSICS,
+        default="ode",
+        help="Gazebo's engines are all limp: robots without motors",
+    )
+    for names in WITHOUT_MEANING:
+        made.add_argument(*names, dest="ignored", action=Ignored, nargs=0)
+    for names in WITHOUT_MEANING_WITH_VALUE:
+        made.add_argument(*names, dest="ignored", action=Ignored, metavar="VALUE")
+    return made
+
+
+def _version() -> str:
+    """Return the version of the package, as --version prints it."""
+    manifest = rospkg.RosPack().get_manifest("g1_description")
+    return f"g1_description {manifest.version}, a stand-in for Gazebo 11"
+
+
+def find_world(name: str) -> str:
+    """Find a world file: from the working directory, then the resource path.
+
+    Args:
+        name: Path, or name below a folder of GAZEBO_RESOURCE_PATH or one that a
+            package exports.
+
+    Returns:
+        Absolute path; empty for the empty world.
+
+    Raises:
+        argparse.ArgumentTypeError: If there is no such file.
+    """
+    if not name:
+        return ""
+    # Others have files of that name, too; Gazebo's own folder comes before them.
+    folders = () if name == EMPTY_WORLD else resource_folders()
+    for folder in ["", *folders]:
+        path = Path(folder, name)
+        if path.is_file():
+            return str(path.resolve())
+    if name == EMPTY_WORLD:
+        return ""
+    raise argparse.ArgumentTypeError(
+        f"there is no world file {name} in {Path.cwd()} "
+        f"nor below {RESOURCE_PATH} ({os.environ.get(RESOURCE_PATH) or 'empty'}) "
+        "and the folders that packages export"
+    )
+
+
+def parse(arguments: list[str]) -> tuple[dict, list[str]]:
+    """Read a command line; end the program when it is wrong.
+
+    Args:
+        arguments: Those of gzserver, without ROS' remappings.
+
+    Returns:
+        Values of parameters, and what was given without meaning here.
+    """
+    reader = parser()
+    args = reader.parse_intermixed_args(arguments)
+    world, *others = args.world or [""]
+    given = {"physics": PHYSICS[args.physics]}
+    try:
+        given["world"] = find_world(world)
+    except argparse.ArgumentTypeError as error:
+        reader.error(str(error))
+    if args.pause:
+        given["paused"] = True
+    return given, args.ignored + others
+
+
+def main(client: bool = False, debug: bool = False) -> None:
+    """Run the node ``gazebo`` with gzserver's arguments.
+
+    Args:
+        client: Whether to open a window too, where there is a screen.
+        debug: Whether to log debug messages too.
+    """
+    given, ignored = parse(own_arguments())
+    # Only now: PyBullet takes its time and prints a line, also before a mere --help.
+    from g1_description.gazebo.node import main as run
+
+    def on_start():
+        if debug:
+            logging.getLogger("rosout").setLevel(logging.DEBUG)
+        if ignored:
+            rospy.loginfo("Without meaning for the stand-in: %s.", ", ".join(ignored))
+        if client:
+            gzclient.open_beside()
+
+    run(given, on_start)

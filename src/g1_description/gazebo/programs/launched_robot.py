@@ -1,0 +1,180 @@
+"""The command that a launch file loads the robot with.
+
+roslaunch runs it while it reads the file, before any node: so it checks the other
+arguments too, and that none of the file's nodes runs already. Files without a robot run
+it for these checks alone.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import posixpath
+import socket
+import sys
+from http.client import HTTPException
+from pathlib import Path
+from xml.parsers.expat import ExpatError
+from xmlrpc.client import Error, ServerProxy
+
+from g1_description.command_line import OneSentenceParser
+from g1_description.errors import (
+    G1DescriptionError,
+    InvalidValueError,
+    UnknownNameError,
+)
+from g1_description.robot.description import Description
+from g1_description.robot.launch_arguments import (
+    check_arguments,
+    check_for_empty,
+    check_trails,
+    given_to_own_file,
+    own_file,
+    words_of_parent,
+)
+from g1_description.robot.load import read_absolute
+from g1_description.robot.poses import ZERO, check_pose, find_pose, read_poses
+from g1_description.text import listed, similar_first
+
+SWITCHED = (("web", "web"), ("checker", "checks"))
+"""Nodes that a launch file starts if an argument is true, and the arguments."""
+
+QUESTIONS = frozenset(
+    ("--nodes", "--files", "--args", "--ros-args", "--dump-params", "--find-node")
+)
+"""Options of roslaunch with which it starts nothing."""
+
+TIMEOUT = 2.0
+"""Longest wait in [s] for an answer of the master, or of a node."""
+
+
+def launched_robot(model: str | None, given: dict[str, str], nodes: list[str]) -> str:
+    """Read the robot, and check the other launch arguments.
+
+    Args:
+        model: The model, as for ``read_model``; None: there is none.
+        given: Other arguments of the launch file, by name.
+        nodes: Nodes of the launch file that must not run yet.
+
+    Returns:
+        URDF text with absolute mesh URIs; empty without a model.
+
+    Raises:
+        G1DescriptionError: If there is no such robot, a value is wrong, or one of the
+            nodes runs.
+    """
+    if model is not None and not model.strip():
+        raise InvalidValueError("model is empty; a URDF or xacro file is wanted.")
+    words = words_of_parent()
+    check_for_empty({"model": model or "", **given}, words)
+    given = {**given_to_own_file(words), **given}
+    check_arguments(given)
+    for node in (*nodes, *(n for n, switch in SWITCHED if _is_on(given.get(switch)))):
+        _check_for_node(node, words)
+    if model is None:
+        return ""
+    robot = read_absolute(model)
+    _check_pose(given.get("initial_pose", ZERO), robot.description)
+    check_trails("trails", given.get("trails", "").split(), [robot.description])
+    if given.get("base"):
+        _check_root(given.get("root", ""), robot.description)
+    return robot.text
+
+
+def _check_for_node(name: str, words: list[str]) -> None:
+    """Check that a node does not run yet: the master would end it, and others with it.
+
+    Args:
+        name: Its name. A relative one is looked up for this package's files only:
+            others may include them in any namespace.
+        words: Command line of what reads the file. rostest has a master of its own, and
+            so has roslaunch with the option -p.
+    """
+    is_launched = any(Path(word).name == "roslaunch" for word in words[:2])
+    if not is_launched or QUESTIONS.intersection(words):
+        return
+    if not name.startswith("/") and own_file(words) is None:
+        return
+    name = posixpath.join("/", os.environ.get("ROS_NAMESPACE", ""), name)
+    options = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    options.add_argument("-p", "--port")
+    port = options.parse_known_args(words)[0].port
+    uri = f"http://localhost:{port}" if port else os.environ.get("ROS_MASTER_URI", "")
+    caller = "/launched_robot"
+    timeout = socket.getdefaulttimeout()
+    socket.setdefaulttimeout(TIMEOUT)
+    try:
+        code, _, node = ServerProxy(uri).lookupNode(caller, name)
+        if code != 1:
+            return
+        ServerProxy(node).getPid(caller)
+    except (OSError, ValueError, Error, HTTPException, ExpatError):
+        return  # no master, or a node that died
+    finally:
+        socket.setdefaulttimeout(timeout)
+    raise InvalidValueError(
+        f"A node {name} runs at {uri} already. End it, or take a master of your own: "
+        "roslaunch -p 11411."
+    )
+
+
+def _is_on(switch: str | None) -> bool:
+    """Return whether an argument is true, as roslaunch writes it."""
+    return switch is not None and switch.lower() in ("true", "1")
+
+
+def _check_root(frame: str, description: Description) -> None:
+    """Check that a frame, with or without a prefix, is one of the robot's links."""
+    links, name = description.link_names, frame.rpartition("/")[2]
+    if name not in links:
+        near = listed(similar_first(name, links))
+        raise UnknownNameError(f"root is '{frame}', but the links are {near}.")
+
+
+def _check_pose(name: str, description: Description) -> None:
+    """Check that there is a pose that suits the robot."""
+    if name != ZERO:
+        check_pose(find_pose(name, read_poses()), description)
+
+
+def _argument(text: str) -> tuple[str, str]:
+    """Read NAME=VALUE."""
+    name, equals, value = text.partition("=")
+    if not equals:
+        raise argparse.ArgumentTypeError(f"'{text}' is not NAME=VALUE")
+    return name, value
+
+
+def main() -> None:
+    """Print the robot, or say what is wrong."""
+    parser = OneSentenceParser(
+        description="Print a robot with absolute mesh URIs, for the parameter "
+        "robot_description. The file stays as it is."
+    )
+    parser.add_argument(
+        "model",
+        nargs="?",
+        help="URDF or xacro file, or package://PACKAGE/FILE; its meshes may be "
+        "relative; for xacro with arguments in the same word: 'FILE NAME=VALUE'",
+    )
+    parser.add_argument(
+        "--check",
+        nargs="*",
+        type=_argument,
+        default=[],
+        metavar="NAME=VALUE",
+        help="other arguments of a launch file, to be checked",
+    )
+    parser.add_argument(
+        "--alone",
+        nargs="*",
+        default=[],
+        metavar="NODE",
+        help="nodes of a launch file that must not run yet",
+    )
+    args = parser.parse_args()
+    try:
+        text = launched_robot(args.model, dict(args.check), args.alone)
+    except G1DescriptionError as error:
+        sys.exit(str(error))
+    sys.stdout.buffer.write(text.encode("utf-8") + b"\n")

@@ -1,0 +1,119 @@
+"""The robot of the launch files, spawned in Gazebo on its feet and in its pose.
+
+Gazebo sets joints only after a model is there, so time stands still meanwhile:
+else the robot would begin to fall at zero, maybe with its feet in the floor.
+
+Calls: spawn_urdf_model (gazebo_msgs/SpawnModel), set_model_configuration
+    (gazebo_msgs/SetModelConfiguration), get_physics_properties
+    (gazebo_msgs/GetPhysicsProperties), pause_physics and unpause_physics
+    (std_srvs/Empty), below /gazebo
+Parameters: those of parameters.SpawnerParameters
+"""
+
+from __future__ import annotations
+
+import sys
+
+import rosgraph
+import rospy
+from gazebo_msgs.srv import GetPhysicsProperties, SetModelConfiguration, SpawnModel
+from std_srvs.srv import Empty
+
+from g1_description.errors import G1DescriptionError
+from g1_description.gazebo.parameters import SpawnerParameters, SpawnParameters
+from g1_description.gazebo.placement import place_robot
+from g1_description.gazebo.programs.spawn_model import GazeboServices
+from g1_description.ros.conversions import pose_from_array
+from g1_description.ros.lifecycle import start_node
+from g1_description.ros.parameters import read_parameters
+from g1_description.ros.waiting import wait_until
+
+GAZEBO = "/gazebo"
+"""Name of the node, and namespace of its services."""
+
+WATCH_PERIOD = 1.0
+"""Time between two looks for a new Gazebo in [s]."""
+
+
+def spawn(parameters: SpawnParameters, gazebo: GazeboServices) -> None:
+    """Spawn the robot.
+
+    Raises:
+        G1DescriptionError: If there is no such robot or pose.
+        ROSInterruptException: If the node was shut down meanwhile.
+        ServiceException: If Gazebo refuses.
+    """
+    p = parameters
+    assembly, pose = place_robot(p)
+    model = p.model_name, rospy.get_param(p.robot_description), rospy.get_namespace()
+    at = pose_from_array(pose), ""
+    begin = assembly.positions
+    if not begin:
+        _log(gazebo.wait_and_call("spawn_urdf_model", SpawnModel, *model, *at))
+        return
+    physics = gazebo.wait_and_call("get_physics_properties", GetPhysicsProperties)
+    gazebo.call("pause_physics", Empty)
+    try:
+        _log(gazebo.call("spawn_urdf_model", SpawnModel, *model, *at))
+        joints = p.model_name, "", [*begin], [*begin.values()]
+        _log(gazebo.call("set_model_configuration", SetModelConfiguration, *joints))
+    finally:
+        if not physics.pause:
+            gazebo.call("unpause_physics", Empty)
+
+
+def spawn_in_each(parameters: SpawnParameters, gazebo: GazeboServices) -> None:
+    """Spawn the robot now, and again in each Gazebo that replaces this one.
+
+    Returns when the node is shut down.
+
+    Raises:
+        G1DescriptionError: If there is no such robot or pose.
+        ROSInterruptException: If the node was shut down before the robot was spawned.
+    """
+    while True:
+        gazebo.wait_for("spawn_urdf_model")
+        known = _address()  # another one may be there before an error is
+        try:
+            spawn(parameters, gazebo)
+        except rospy.ServiceException as error:
+            rospy.logerr("%s", error)
+        try:
+            _wait_for_another(known)
+        except rospy.ROSInterruptException:
+            return
+        rospy.loginfo("Gazebo was restarted; the robot is spawned again.")
+
+
+def _wait_for_another(known: str | None) -> None:
+    """Wait until Gazebo's node is at another address."""
+    wait_until(lambda: _address() not in (None, known), period=WATCH_PERIOD)
+
+
+def _address() -> str | None:
+    """Look up the address of Gazebo's node; each process has its own."""
+    try:
+        return rosgraph.Master(rospy.get_name()).lookupNode(GAZEBO)
+    except (OSError, rosgraph.MasterException):
+        return None
+
+
+def _log(response) -> None:
+    """Log the status message of a response."""
+    rospy.loginfo("%s", response.status_message)
+
+
+def main() -> None:
+    """Spawn the robot, or say why not."""
+    try:
+        start_node("spawn_urdf")
+        parameters = read_parameters(SpawnerParameters)
+        act = spawn_in_each if parameters.respawn else spawn
+        act(parameters, GazeboServices(GAZEBO))
+    except rospy.ROSInterruptException:
+        sys.exit("spawn_robot: interrupted before the robot was spawned.")
+    except (G1DescriptionError, rospy.ServiceException) as error:
+        rospy.logerr("%s", error)
+        sys.exit(1)
+    except ConnectionError as error:
+        sys.exit(f"spawn_robot: The master is gone: {error}.")

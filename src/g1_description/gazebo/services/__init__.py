@@ -1,0 +1,1 @@
+"""The services of /gazebo, by subject."""

@@ -1,0 +1,189 @@
+"""What the stand-in begins with: a world file, a robot, and who listens already."""
+
+from __future__ import annotations
+
+import os
+from contextlib import suppress
+from dataclasses import asdict, replace
+from pathlib import Path
+from urllib.parse import urlparse
+
+import rosgraph
+import rosgraph.network
+import rospy
+
+from g1_description.errors import DescriptionError, InvalidValueError
+from g1_description.files.model_files import find_model
+from g1_description.files.xml import decoded
+from g1_description.gazebo.parameters import INITIAL, GazeboParameters
+from g1_description.gazebo.placement import place_robot
+from g1_description.gazebo.services.spawn import log_hulls
+from g1_description.motion.motors import Motors, g1_motors, read_motors
+from g1_description.robot.assembly import Assembly
+from g1_description.ros.master import SLAVE_API_ERRORS, slave_api_of
+from g1_description.ros.parameters import private_parameters
+from g1_description.sdf.world import EMPTY_WORLD, Sdf, read_sdf
+from g1_description.sim.physics import GRAVITY, PhysicsProperties
+from g1_description.sim.world import World
+
+LAUNCH_TIME = 1.0
+"""A node that was started at most this long before the simulator, in [s], is of the
+same launch and knows no time."""
+
+ANSWER_TIMEOUT = 0.5
+"""Longest time in [s] that a node may take to answer a question."""
+
+
+def find_listeners() -> frozenset[str]:
+    """Find the nodes that listen to /clock, if one may know an older time.
+
+    Returns:
+        Names of the nodes that answer; none if all were started with this node, or
+        after it. Nodes on other hosts are taken for old.
+    """
+    name, starts = rospy.get_name(), {}
+    with suppress(*SLAVE_API_ERRORS, rosgraph.MasterException):
+        master = rosgraph.Master(name)
+        _, subscribers, _ = master.getSystemState()
+        listeners = {*dict(subscribers).get(rospy.resolve_name("/clock"), ())} - {name}
+        for node in listeners:
+            ignored = (rosgraph.MasterException, TypeError, ValueError)
+            with suppress(*SLAVE_API_ERRORS, *ignored):
+                starts[node] = _start_of_node(master.lookupNode(node))
+    begin = _start_of(os.getpid()) - LAUNCH_TIME
+    is_any_old = any(start < begin for start in starts.values())
+    return frozenset(starts) if is_any_old else frozenset()
+
+
+def _start_of_node(address: str) -> float:
+    """Return when a node was started, as ``_start_of``; 0 if it is on another host."""
+    _, _, process = slave_api_of(address, ANSWER_TIMEOUT).getPid(rospy.get_name())
+    if not rosgraph.network.is_local_address(urlparse(address).hostname):
+        return 0.0
+    return _start_of(int(process))
+
+
+def _start_of(process: int) -> float:
+    """Return when a process was started, in [s] since the system was.
+
+    It is 0 for one that is not seen, as in another container.
+    """
+    try:
+        line = Path(f"/proc/{process}/stat").read_bytes()
+    except OSError:
+        return 0.0
+    return int(line.rsplit(b")", 1)[1].split()[19]) / os.sysconf("SC_CLK_TCK")
+
+
+def make_world(parameters: GazeboParameters) -> tuple[World, GazeboParameters]:
+    """Make the world of the file ``~world``.
+
+    Args:
+        parameters: The node's parameters.
+
+    Returns:
+        The world, and the parameters with what the file says of physics; initial
+        numbers on the parameter server win over the file.
+
+    Raises:
+        G1DescriptionError: If the file cannot be read or a model not be loaded.
+    """
+    content = _content(parameters.world)
+    physics, notes = _physics(content, parameters)
+    properties = replace(parameters.properties, **physics)
+    parameters = replace(parameters, properties=properties)
+    world = World(parameters.physics, properties, content, _motors(parameters))
+    for line in (*notes, *world.left_out):
+        rospy.logwarn("%s: %s", parameters.world, line)
+    _log_bare_numbers(properties)
+    return world, parameters
+
+
+def _log_bare_numbers(properties: PhysicsProperties) -> None:
+    """Log which numbers that somebody may have set have no effect."""
+    own = private_parameters()
+    for name, used in asdict(properties).items():
+        if own.get(name, used) != used:
+            rospy.loginfo(
+                "~%s = %s is ignored; set ~%s%s", name, own[name], INITIAL, name
+            )
+
+
+def _motors(parameters: GazeboParameters) -> Motors | None:
+    """Read the file of motors, where there are any.
+
+    Raises:
+        MotorFileError: If it cannot be read.
+    """
+    if parameters.physics != "hold":
+        return None
+    given = parameters.motors
+    return read_motors(Path(given)) if given else g1_motors()
+
+
+def _content(path: str) -> Sdf:
+    """Read a world file; without one, the empty world."""
+    if not path:
+        return read_sdf(EMPTY_WORLD)
+    file = Path(path)
+    if not file.is_file():
+        raise DescriptionError(f"There is no world file {path}.")
+    try:
+        return read_sdf(decoded(file.read_bytes(), "replace"), find_model)
+    except DescriptionError as error:
+        raise DescriptionError(f"World file {path}: {error}") from error
+
+
+def _physics(
+    content: Sdf, parameters: GazeboParameters
+) -> tuple[dict[str, float], list[str]]:
+    """Collect the physics of a world file that no parameter overrides.
+
+    Returns:
+        Numbers by name, and a sentence for each that is overridden or invalid.
+    """
+    given = {**content.physics, **dict(zip(GRAVITY, content.gravity or ()))}
+    found, notes = {}, []
+    for name, value in given.items():
+        initial = getattr(parameters.properties, name)
+        number = type(initial)(value)
+        parameter = f"~{INITIAL}{name}"
+        if rospy.has_param(parameter):
+            if parameters.world and initial != number:
+                notes.append(
+                    f"{name} is {initial:g}, from {parameter}, instead of the file's "
+                    f"{number:g}"
+                )
+            continue
+        try:
+            replace(parameters.properties, **{name: number})
+        except InvalidValueError as error:
+            notes.append(f"{error}: it is left out")
+        else:
+            found[name] = number
+    return found, notes
+
+
+def spawn_robot(world: World, parameters: GazeboParameters) -> None:
+    """Spawn the robot of the parameters, if they name one.
+
+    Raises:
+        G1DescriptionError: If it cannot be spawned.
+    """
+    name = parameters.spawn.model_name
+    if not parameters.spawn.robot_description:
+        return
+    dynamic, fixed = world.is_dynamic, parameters.fixed_base
+    assembly, pose = place_robot(parameters.spawn, fixed and dynamic, dynamic)
+    for line in world.spawn(name, assembly, pose, fixed):
+        rospy.logwarn("%s: %s", name, line)
+    log_hulls(world.models[name])
+    rospy.loginfo("%s: %s", name, figures(assembly, parameters.physics))
+
+
+def figures(assembly: Assembly, physics: str) -> str:
+    """Summarize a robot in a line; its mass is left out where its file has none."""
+    robot = assembly.description
+    mass = "" if robot.mass is None else f" {robot.mass:.3f} kg,"
+    joints, links = len(robot.movable_joints), len(assembly.link_names)
+    return f"{joints} joints, {links} links,{mass} {physics}"

@@ -1,0 +1,279 @@
+"""What the stand-in publishes after each step."""
+
+from __future__ import annotations
+
+import math
+import struct
+import time
+from collections.abc import Collection
+
+import rospy
+from gazebo_msgs.msg import LinkStates, ModelStates, WorldState
+from rosgraph_msgs.msg import Clock
+
+from g1_description.gazebo.parameters import GazeboParameters
+from g1_description.msg import TrackingReport
+from g1_description.ros.conversions import stamp_from_ns
+from g1_description.ros.publisher import DirectPublisher
+from g1_description.ros.wire import (
+    LinkStatesEncoder,
+    PreparedLinkStates,
+    PreparedModelStates,
+    PreparedWorldState,
+)
+from g1_description.sim.motions import TrackedMotion
+from g1_description.sim.world import World
+
+QUEUE_SIZE = 100
+"""Messages kept for a slow subscriber; a tenth of a second of steps."""
+
+RESET_SILENCE = 0.15
+"""When time went back nothing is sent for so long, then /clock alone, and nothing for
+so long again, in [s] of wall time. A transform of the old time that meets a listener
+after the new clock, or one of the new time before it, spoils what it knows."""
+
+SETTLE_TIME = 0.1
+"""While time stands still a change is shown this long after it, in [s] of wall time: a
+script that sets and then steps has stepped by then."""
+
+INTRODUCTION = 1.0
+"""Longest time in [s] of wall time in which listeners of an earlier simulator must have
+connected to the new /clock. Those of roscpp take up to a quarter of a second."""
+
+CLOCK_PERIOD = 0.01
+"""Time between two messages of /clock meanwhile, in [s]."""
+
+STALL_TIMEOUT = 0.5
+"""A subscriber that takes nothing for this long is not waited for, in [s]."""
+
+
+class StateTopics:
+    """First the time, then the states of that time, to whom listens."""
+
+    def __init__(
+        self,
+        world: World,
+        parameters: GazeboParameters,
+        listeners: Collection[str] = (),
+    ) -> None:
+        """Advertise the topics.
+
+        Args:
+            world: Whose states the messages hold.
+            parameters: Which steps are published, and whether more than /clock is.
+            listeners: Nodes that must listen to /clock before there is more, as one of
+                them may know the time of an earlier simulator.
+        """
+        self._world = world
+        self._parameters = parameters
+        self._seq = 0
+        self._clock_ns = self._sent_ns = world.time_ns
+        self._sent = self._changed = time.monotonic()
+        self._awaited, self._awaited_until = listeners, math.inf
+        self._hushed_until = math.inf if listeners else self._sent
+        self._introduced = self._sent
+        self._is_settled = False
+        self._shown: tuple[int, bytes] | None = None
+        self._links, self._models = LinkStatesEncoder(), LinkStatesEncoder()
+        self._clock = DirectPublisher("/clock", Clock, QUEUE_SIZE)
+        self._topics = []
+        self._latched: DirectPublisher | None = None
+        if parameters.enable_ros_network:
+            self._latched = DirectPublisher(
+                "~world_state", WorldState, QUEUE_SIZE, True
+            )
+            self._topics = [
+                (
+                    DirectPublisher("~link_states", LinkStates, QUEUE_SIZE),
+                    self._link_states,
+                ),
+                (
+                    DirectPublisher("~model_states", ModelStates, QUEUE_SIZE),
+                    self._model_states,
+                ),
+                (self._latched, self._world_state),
+            ]
+
+    def publish(self, is_last: bool = False) -> None:
+        """Publish the time, then the states of that time.
+
+        Args:
+            is_last: Whether it is the last step for now, which none of the rates
+                leaves out.
+        """
+        if is_last or self._is_due(self._parameters.pub_clock_frequency):
+            self._publish_clock()
+        if is_last or self._is_due(self._parameters.link_states_rate):
+            for topic, message in self._topics:
+                if topic.get_num_connections():
+                    topic.publish(message())
+                    self._sent, self._sent_ns = time.monotonic(), self._world.time_ns
+                elif topic is self._latched:
+                    topic.forget()
+        self._is_settled, self._changed = False, -math.inf
+
+    def _publish_clock(self) -> None:
+        """Publish the time."""
+        self._clock_ns = self._world.time_ns
+        self._clock.publish(Clock(stamp_from_ns(self._clock_ns)))
+
+    def wait_for_room(self) -> None:
+        """Let subscribers take what is kept for them before there is more."""
+        for topic, _ in self._topics:
+            topic.wait_for_room(STALL_TIMEOUT)
+
+    def is_hushed(self, paused: bool) -> bool:
+        """Return whether nothing may be published yet, because time has gone back.
+
+        It has, too, for those who listened to an earlier simulator. /clock is
+        published here, when it is its turn.
+
+        Args:
+            paused: Whether time stands still: then /clock shows it at once, since it is
+                silent while a client looks, and hardly anything is on its way.
+        """
+        now = time.monotonic()
+        if self._world.time_ns < max(self._clock_ns, self._sent_ns):
+            if self._latched is not None:
+                self._latched.forget()
+            is_heard = any(topic.get_num_connections() for topic, _ in self._topics)
+            if is_heard and not paused and now < self._sent + RESET_SILENCE:
+                return True
+            self._publish_clock()
+            self._sent_ns = self._world.time_ns
+            self._hushed_until = now + RESET_SILENCE if is_heard else now
+        if self._awaited:
+            self._introduce(now)
+        return now < self._hushed_until
+
+    def _introduce(self, now: float) -> None:
+        """Show the time to those who know an older one, until all have it.
+
+        Args:
+            now: Wall time in [s].
+        """
+        is_first = self._hushed_until == math.inf
+        if is_first:  # before, the node had services to advertise
+            self._awaited_until = now + INTRODUCTION
+        is_complete = all(self._clock.is_heard_by(node) for node in self._awaited)
+        if is_first or (not is_complete and now < self._awaited_until):
+            self._hushed_until = now + RESET_SILENCE
+        if now >= self._hushed_until:
+            self._awaited = ()
+        elif is_first or now >= self._introduced + CLOCK_PERIOD:
+            self._introduced = now
+            self._publish_clock()
+
+    def change(self) -> None:
+        """Note that the world may have changed while time stands still."""
+        if self._is_settled:
+            self._is_settled, self._changed = False, time.monotonic()
+
+    def settle(self) -> float:
+        """Show what has changed while time stands still, as soon as it is due.
+
+        Only world_state and, where rates left it out, /clock: what Gazebo has is
+        silent then.
+
+        Returns:
+            How long until it is due, in [s]; infinite where nothing is.
+        """
+        for topic in (self._clock, *(topic for topic, _ in self._topics)):
+            topic.flush()
+        if self._is_settled:
+            return math.inf
+        left = self._changed + SETTLE_TIME - time.monotonic()
+        if left > 0.0:
+            return left
+        self._is_settled = True
+        if self._world.time_ns != self._clock_ns:
+            self._publish_clock()
+        if self._latched is not None:
+            shown, message = self._shown, self._world_state()
+            if self._shown != shown:
+                self._latched.publish(message)
+                self._sent, self._sent_ns = time.monotonic(), self._world.time_ns
+        return math.inf
+
+    def _is_due(self, rate: float) -> bool:
+        """Return whether this step is one that a rate publishes; 0: all are.
+
+        The states of a rate come at multiples of its period, whatever pauses, resets
+        and single steps lie between.
+        """
+        if not rate:
+            return True
+        properties = self._world.properties
+        every = int(1.0 / (properties.time_step * rate) + 1e-9)
+        period_ns = max(1, every) * properties.step_ns
+        return self._world.time_ns % period_ns < properties.step_ns
+
+    def _link_states(self) -> PreparedLinkStates:
+        """Make a message of the states of all links."""
+        message = PreparedLinkStates()
+        message.data = self._encoded_links()
+        return message
+
+    def _model_states(self) -> PreparedModelStates:
+        """Make a message of the states of all models."""
+        message = PreparedModelStates()
+        names = self._world.model_names
+        message.data = self._models.encode(names, *self._world.model_states())
+        return message
+
+    def _world_state(self) -> PreparedWorldState:
+        """Make a message of all links' states and their time; forces are unknown."""
+        message = PreparedWorldState()
+        self._seq += 1
+        message.header.seq = self._seq
+        message.header.stamp = stamp_from_ns(self._world.time_ns)
+        message.header.frame_id = "world"
+        message.data = self._encoded_links() + struct.pack("<I", 0)
+        self._shown = self._world.time_ns, message.data
+        return message
+
+    def _encoded_links(self) -> bytes:
+        """Write the states of all links."""
+        names = self._world.link_names
+        return self._links.encode(names, *self._world.link_states())
+
+
+TRACKING_QUEUE_SIZE = 100
+"""Reports kept for a slow subscriber: as many robots may end a motion together."""
+
+
+class TrackingTopic:
+    """Publishes and logs what became of each motion that motors followed."""
+
+    def __init__(self, world: World) -> None:
+        """Advertise the topic.
+
+        Args:
+            world: Whose motions are told.
+        """
+        self._world = world
+        self._publisher = rospy.Publisher(
+            "~tracking", TrackingReport, queue_size=TRACKING_QUEUE_SIZE, latch=True
+        )
+
+    def publish(self) -> None:
+        """Publish and log what ended since the last time."""
+        for tracked in self._world.motions.take_tracked():
+            rospy.loginfo("%s: %s", tracked.model_name, tracked.report)
+            self._publisher.publish(_message(tracked))
+
+
+def _message(tracked: TrackedMotion) -> TrackingReport:
+    """Write a report as a message."""
+    report = tracked.report
+    return TrackingReport(
+        model_name=tracked.model_name,
+        start=stamp_from_ns(tracked.start_ns),
+        duration=report.duration,
+        joint_names=list(report.joint_names),
+        rms_errors=report.rms_errors.tolist(),
+        largest_errors=report.largest_errors.tolist(),
+        limit_shares=report.limit_shares.tolist(),
+        has_fallen=report.fall_time is not None,
+        fall_time=report.fall_time or 0.0,
+    )

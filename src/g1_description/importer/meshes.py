@@ -1,0 +1,295 @@
+"""Meshes as they are in the result: what is made of a file, and what was changed."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from urllib.parse import unquote
+
+import numpy as np
+
+from g1_description.errors import DescriptionError
+from g1_description.importer.simplify import (
+    MakeFewer,
+    convex_hull,
+    decimated,
+    decimated_hull,
+    within,
+)
+from g1_description.sim.meshes import shapes
+from g1_description.sim.meshes.stl import clean_header, is_binary, read_stl, write_stl
+
+_NAMED = {
+    ".obj": re.compile(rb"^\s*mtllib\s+(.+?)\s*$", re.MULTILINE),
+    ".mtl": re.compile(
+        rb"^\s*(?:map_\w+|bump|disp|decal|norm|refl)\s+(.+?)\s*$", re.MULTILINE | re.I
+    ),
+    ".dae": re.compile(rb"<init_from>(?:<ref>)?\s*([^<>]+?)\s*<"),
+}
+
+_IMAGE = re.compile(rb"<image\b[^>]*(?<!/)>.*?</image>", re.DOTALL)
+"""A picture of a DAE; init_from is also in surfaces, where it names an image."""
+
+
+def side_files_of(mesh: Path) -> tuple[dict[str, Path], list[str]]:
+    """Find the side files of a mesh.
+
+    Args:
+        mesh: An existing file.
+
+    Returns:
+        The files by their paths relative to the mesh's folder; and the names of
+        files that do not exist.
+    """
+    found: dict[str, Path] = {}
+    absent: list[str] = []
+    waiting = [(mesh, "")]
+    while waiting:
+        file, folder = waiting.pop()
+        for name in _names_in(file):
+            relative = _existing(file.parent, name)
+            if relative is None:
+                absent.append(name)
+                continue
+            place = os.path.normpath(os.path.join(folder, relative))
+            if place not in found:
+                found[place] = file.parent / relative
+                waiting.append((found[place], os.path.dirname(place)))
+    return found, absent
+
+
+def _names_in(file: Path) -> list[str]:
+    """List what a file names by relative paths."""
+    kind = file.suffix.lower()
+    pattern = _NAMED.get(kind)
+    if pattern is None:
+        return []
+    try:
+        data = file.read_bytes()
+        if kind == ".dae":
+            data = b"".join(_IMAGE.findall(data))
+        names = [name.decode("utf-8") for name in pattern.findall(data)]
+    except (OSError, UnicodeDecodeError):
+        return []
+    if kind == ".obj":
+        names = [word for name in names for word in _libraries(file.parent, name)]
+    local = (name for name in names if "://" not in name and not os.path.isabs(name))
+    return list(dict.fromkeys(local))
+
+
+def _libraries(folder: Path, names: str) -> list[str]:
+    """Split the names after mtllib, unless they are one name with spaces."""
+    return [names] if (folder / names).is_file() else names.split()
+
+
+def _existing(folder: Path, name: str) -> str | None:
+    """Return the reading of a name that is an existing file.
+
+    A DAE writes spaces as %20; an MTL may have options before the name.
+    """
+    for reading in (name, unquote(name), name.split()[-1]):
+        if (folder / reading).is_file():
+            return reading
+    return None
+
+
+TOLERANCE = 0.002
+"""Default of how far decimation may move a surface, in [m]."""
+
+AT_A_TIME = 10
+"""Files that are read by one process, which takes a moment to begin.
+
+All of them may take their whole time of the processor, and the last is not too late.
+"""
+
+
+@dataclass(frozen=True)
+class Options:
+    """What a user wants of meshes."""
+
+    most_triangles: int | None = None
+    """Of each mesh; None for as many as there are."""
+
+    tolerance: float = TOLERANCE
+    """How far fewer triangles may move a surface of the robot, in [m]."""
+
+    convex_collisions: bool = False
+    keep_missing: bool = False
+    """Whether meshes that are missing stay in the URDF."""
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """A mesh of the result."""
+
+    data: bytes
+    name: str
+    """Name of the file if it is not that of the source, else empty."""
+
+    triangles: int | None = None
+    """How many it has; None where they were not counted."""
+
+    changes: tuple[str, ...] = ()
+    findings: tuple[str, ...] = ()
+    moved: float | None = None
+    """How far its surface moved, in [m]; None where no triangle was taken away."""
+
+
+class Reader:
+    """Reads the files of an import as the stand-in and snapshot do."""
+
+    def __init__(self, paths: Iterable[Path]) -> None:
+        """Begin with none.
+
+        Args:
+            paths: Existing files, in the order of their use.
+        """
+        self._paths = [path for path in paths if path.suffix.lower() in shapes.KINDS]
+        self._found: dict[Path, shapes.Mesh | str] = {}
+
+    def read(self, path: Path) -> shapes.Mesh:
+        """Read a file, and those that come after it.
+
+        Raises:
+            DescriptionError: If it cannot be read.
+        """
+        if path not in self._found:
+            first = self._paths.index(path)
+            self._found = shapes.open_meshes(self._paths[first : first + AT_A_TIME])
+        found = self._found[path]
+        if isinstance(found, str):
+            raise DescriptionError(found)
+        return found
+
+
+def make_mesh(
+    path: Path, reader: Reader, is_collision: bool, scale: float, options: Options
+) -> Mesh:
+    """Make a mesh of the result.
+
+    STL becomes binary; OBJ and DAE are kept, with their materials. Hulls are made of
+    STL and OBJ, of decimated meshes STL and OBJ without materials.
+
+    Args:
+        path: An existing file.
+        reader: Reads it.
+        is_collision: Whether it is for collisions.
+        scale: By how much the robot magnifies it, in [m] per unit of the file.
+        options: What to make of it.
+
+    Returns:
+        The mesh.
+
+    Raises:
+        DescriptionError: If it cannot be read; the message says why.
+    """
+    kind = path.suffix.lower()
+    data = read_bytes(path)
+    if kind not in shapes.KINDS:
+        note = (
+            f"neither Gazebo nor the stand-in reads {kind or 'a file without suffix'}"
+        )
+        kept = Mesh(data, "", findings=(note,))
+        triangles = None
+    else:
+        parts = reader.read(path).parts
+        triangles = _corners(parts) if parts else read_stl(data)
+        kept = _as_stl(data, parts) if kind == ".stl" else Mesh(data, "")
+    wants_hull = is_collision and options.convex_collisions
+    if not wants_hull and options.most_triangles is None:
+        return kept
+    if triangles is None or kind == ".dae":
+        return _as_it_is(kept, f"kept as it is: of {kind} nothing is made")
+    if wants_hull:
+        return _hull(kept, path, triangles, scale, options)
+    if kind == ".obj" and any(side_files_of(path)):
+        return _as_it_is(kept, "kept as it is: it would lose its materials")
+    fewer = _fewer(kept, triangles, scale, options, decimated)
+    if kind == ".obj" and fewer.moved is not None:
+        return replace(fewer, name=f"{path.stem}.stl")
+    return fewer
+
+
+def read_bytes(path: Path) -> bytes:
+    """Read a file.
+
+    Raises:
+        DescriptionError: If it cannot be read; the message says why.
+    """
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise DescriptionError(str(error.strerror)) from error
+
+
+def _corners(parts: tuple[shapes.Part, ...]) -> np.ndarray:
+    """Give the corners of all triangles of a mesh, shape (n, 3, 3)."""
+    return np.concatenate([part.corners for part in parts])
+
+
+def _as_stl(data: bytes, parts: tuple[shapes.Part, ...]) -> Mesh:
+    """Make a binary STL that all take for one.
+
+    Args:
+        data: Content of a file.
+        parts: What was read of it; empty where it is sound and binary.
+    """
+    if not parts:
+        data, changes = clean_header(data)
+    else:
+        changes = ("normals computed" if is_binary(data) else "text made binary",)
+        data = write_stl(_corners(parts))
+    return Mesh(data, "", len(read_stl(data)), changes)
+
+
+def _hull(
+    kept: Mesh, path: Path, triangles: np.ndarray, scale: float, options: Options
+) -> Mesh:
+    """Make the convex hull of a mesh, if it has one."""
+    try:
+        hull = convex_hull(triangles)
+    except DescriptionError as error:
+        return _as_it_is(kept, f"kept as it is: {error}")
+    note = f"convex hull, {len(hull)} triangles for {len(triangles)}"
+    mesh = Mesh(write_stl(hull), f"{path.stem}_hull.stl", len(hull), (note,))
+    return _fewer(mesh, hull, scale, options, decimated_hull)
+
+
+def _fewer(
+    mesh: Mesh,
+    triangles: np.ndarray,
+    scale: float,
+    options: Options,
+    make_fewer: MakeFewer,
+) -> Mesh:
+    """Give a mesh of these triangles with fewer of them, if it has too many."""
+    most = options.most_triangles or len(triangles)
+    if len(triangles) <= most:
+        return mesh
+    fewer, moved = within(options.tolerance / scale, triangles, most, make_fewer)
+    findings = mesh.findings
+    if len(fewer) > most:
+        findings += (
+            f"has {len(fewer)} triangles: fewer cannot be made, or would move it by "
+            f"more than {millimetres(options.tolerance)}",
+        )
+    if len(fewer) == len(triangles):
+        return replace(mesh, findings=findings)
+    note = f"{len(fewer)} triangles for {len(triangles)}"
+    moved *= scale
+    changes = (*mesh.changes, note, f"moved by {millimetres(moved)}")
+    return Mesh(write_stl(fewer), mesh.name, len(fewer), changes, findings, moved)
+
+
+def millimetres(distance: float) -> str:
+    """Write a distance in [m] for people."""
+    return f"{1000.0 * distance:.2g} mm"
+
+
+def _as_it_is(mesh: Mesh, why: str) -> Mesh:
+    """Give a mesh with a finding."""
+    findings = (*mesh.findings, why)
+    return Mesh(mesh.data, mesh.name, mesh.triangles, mesh.changes, findings)

@@ -1,1 +1,0 @@
-"""The importer's work on mesh files."""

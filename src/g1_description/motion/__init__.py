@@ -1,0 +1,1 @@
+"""Whole-body motions: in memory, sampled, edited, played, compared."""

@@ -1,0 +1,165 @@
+"""Motions made from others: cut, faster, elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from g1_description.errors import InvalidValueError
+from g1_description.motion.trajectory import SNAP, Trajectory, sample
+from g1_description.robot.rotation import rotate
+from g1_description.robot.transform import compose, inverse
+
+
+def cut(
+    trajectory: Trajectory, begin: float | None = None, end: float | None = None
+) -> Trajectory:
+    """Cut a part out of a motion.
+
+    Args:
+        trajectory: The motion.
+        begin: When the part begins, in [s]; by default the motion's beginning. A
+            sample is made there where there is none.
+        end: When it ends, likewise.
+
+    Returns:
+        The part, with the motion's own times.
+
+    Raises:
+        InvalidValueError: If there is no such part.
+    """
+    first, last = float(trajectory.times[0]), trajectory.duration
+    begin, end = (first if begin is None else begin), (last if end is None else end)
+    if not first <= begin <= end <= last:
+        raise InvalidValueError(
+            f"The motion lasts from {first:g} to {last:g} s; {begin:g} to {end:g} s is "
+            "no part of it."
+        )
+    inside = (trajectory.times > begin + SNAP) & (trajectory.times < end - SNAP)
+    ends = np.unique([begin, end])
+    times = np.concatenate([ends[:1], trajectory.times[inside], ends[1:]])
+    found = sample(trajectory, times)
+    velocities = found.velocities
+    if trajectory.velocities is not None and end == last:
+        velocities[-1] = trajectory.velocities[-1]
+    return replace(
+        trajectory,
+        times=times,
+        positions=found.positions,
+        velocities=None if trajectory.velocities is None else velocities,
+        base_poses=found.base_poses,
+    )
+
+
+def at_speed(trajectory: Trajectory, speed: float, start: float = 0.0) -> Trajectory:
+    """Play a motion faster or slower.
+
+    Args:
+        trajectory: The motion.
+        speed: Seconds of the motion in a second, positive.
+        start: Time of the motion that becomes zero, in [s].
+    """
+    velocities = trajectory.velocities
+    return replace(
+        trajectory,
+        times=(trajectory.times - start) / speed,
+        velocities=None if velocities is None else speed * velocities,
+    )
+
+
+def later(trajectory: Trajectory, lead_in: float) -> Trajectory:
+    """Leave time to come to the first sample, and to be at rest there.
+
+    Args:
+        trajectory: The motion.
+        lead_in: The time in [s]; 0: the motion stays as it is.
+    """
+    if not lead_in:
+        return trajectory
+    velocities = trajectory.velocities
+    if velocities is not None:
+        velocities = np.vstack([np.zeros_like(velocities[:1]), velocities[1:]])
+    return replace(trajectory, times=trajectory.times + lead_in, velocities=velocities)
+
+
+def moved(trajectory: Trajectory, T_map_motion: np.ndarray) -> Trajectory:
+    """Move the base of a motion as a whole.
+
+    Args:
+        trajectory: The motion.
+        T_map_motion: Where the origin of the motion shall be in the map, shape (7,).
+    """
+    if trajectory.base_poses is None:
+        return trajectory
+    return replace(trajectory, base_poses=compose(T_map_motion, trajectory.base_poses))
+
+
+def to_start_at(trajectory: Trajectory, pose: np.ndarray) -> Trajectory:
+    """Move a motion so that it begins where the base is, and looks where it does.
+
+    Height, roll and pitch of the motion stay.
+
+    Args:
+        trajectory: The motion.
+        pose: Of the base in the map, shape (7,).
+    """
+    if trajectory.base_poses is None:
+        return trajectory
+    T_map_motion = compose(
+        _on_floor(pose), inverse(_on_floor(trajectory.base_poses[0]))
+    )
+    return moved(trajectory, T_map_motion)
+
+
+def _on_floor(pose: np.ndarray) -> np.ndarray:
+    """Project a pose to the floor: its place, and the way that its x axis points."""
+    forward = rotate(pose[3:], np.array([1.0, 0.0, 0.0]))
+    half = 0.5 * np.arctan2(forward[1], forward[0])
+    return np.array([pose[0], pose[1], 0.0, 0.0, 0.0, np.sin(half), np.cos(half)])
+
+
+N_SAMPLES = 101
+"""Samples of a way: cubic polynomials between them are within 1e-7 of its length."""
+
+
+def minimum_jerk(start: np.ndarray, goal: np.ndarray, share: float) -> np.ndarray:
+    """Give a point of the way that begins and ends at rest with the least jerk.
+
+    Each joint goes straight from start to goal and never beyond either, so what is
+    between limits at both ends stays between them.
+
+    Args:
+        start: Positions at the beginning in [rad] or [m], shape (n,).
+        goal: Positions at the end, shape (n,).
+        share: How much of the time is over; below 0 is before, above 1 after.
+
+    Returns:
+        Positions, shape (n,).
+    """
+    t = min(max(share, 0.0), 1.0)
+    done = t**3 * (10.0 - 15.0 * t + 6.0 * t**2)
+    way = (1.0 - done) * start + done * goal
+    return np.clip(way, np.minimum(start, goal), np.maximum(start, goal))
+
+
+def minimum_jerk_trajectory(
+    joint_names: Sequence[str], start: np.ndarray, goal: np.ndarray, seconds: float
+) -> Trajectory:
+    """Sample the way of all joints, with velocities.
+
+    Args:
+        joint_names: The joints.
+        start: Their positions at the beginning in [rad] or [m], shape (n,).
+        goal: Their positions at the end, shape (n,).
+        seconds: How long it takes in [s].
+    """
+    shares = np.linspace(0.0, 1.0, N_SAMPLES)
+    rates = 30.0 * shares**2 * (1.0 - shares) ** 2 / seconds
+    return Trajectory(
+        shares * seconds,
+        tuple(joint_names),
+        np.array([minimum_jerk(start, goal, share) for share in shares.tolist()]),
+        np.outer(rates, goal - start),
+    )

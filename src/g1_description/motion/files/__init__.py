@@ -1,0 +1,1 @@
+"""Files of motions, a module per format."""

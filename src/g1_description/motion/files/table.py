@@ -1,0 +1,296 @@
+"""Tables of comma-separated numbers, with or without a header.
+
+Without a header a row is a sample: x y z and quaternion x y z w of the base, then the
+joints, as in the LAFAN1 retargeting set of the G1; tables of Kimodo have w first, which
+their numbers tell. With a header, also in a comment, the columns are named:
+
+- ``time``;
+- ``base_x`` to ``base_qw``, or none of them;
+- each joint by its name;
+- ``NAME.velocity`` for each joint, or for none.
+"""
+
+from __future__ import annotations
+
+import re
+from array import array
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from g1_description.errors import MotionError, NoMotionError
+from g1_description.motion.files.unnamed import names_of_columns, w_last
+from g1_description.motion.motion import Motion
+from g1_description.motion.trajectory import Trajectory
+from g1_description.robot.description import Description
+from g1_description.text import listed
+
+TIME = "time"
+BASE = tuple(f"base_{part}" for part in ("x", "y", "z", "qx", "qy", "qz", "qw"))
+"""Columns of the base: its place in [m] and its quaternion."""
+
+VELOCITY = ".velocity"
+"""Follows a joint's name in the name of the column with its velocity."""
+
+DEFAULT_RATE = 30.0
+"""Rate of a table without times, in [Hz]: that of the LAFAN1 set."""
+
+MAX_COLUMNS = 3000
+
+MAX_LINE = 100_000
+"""Longest line, in characters."""
+
+MAX_LINES = 1_000_000
+"""Most lines, a quarter of an hour at 1 kHz."""
+
+MAX_NUMBERS = 8_000_000
+"""Most numbers: an hour of 29 joints and the base at 60 Hz."""
+
+NUMBER_LENGTH = 25
+"""Longest number that is written, with its comma: -1.2345678901234567e-300."""
+
+_SEPARATOR = re.compile(r"[,;\t ]+")
+"""Separates the columns of tables, if not of those that are read."""
+
+
+def read_table(text: str, robot: Description, rate: float | None) -> Motion:
+    """Read a table.
+
+    Args:
+        text: The file's text.
+        robot: The robot, whose joints the columns are where they have no names.
+        rate: Samples per second of a table without times; None: ``DEFAULT_RATE``.
+
+    Raises:
+        MotionError: If it is no such table, with the line.
+    """
+    above, comment = 0, ""
+    for number, line in _lines(text):
+        if not line.startswith("#"):
+            break
+        above, comment = number, line[1:]
+    else:
+        raise MotionError("The file is empty.")
+    names = [name.strip() for name in _fields(number, line, None)]
+    if not _is_number(names[0]):
+        return _headed(_rows(text, number), number, names, robot)
+    # numpy.savetxt writes its header as a comment.
+    header = [name.strip() for name in comment.split(",")]
+    if TIME in header and len(header) == len(names):
+        return _headed(_rows(text), above, header, robot)
+    return _headless(_rows(text), (number, len(names)), robot, rate)
+
+
+def _headless(
+    rows: Iterator[tuple[int, str]],
+    first: tuple[int, int],
+    robot: Description,
+    rate: float | None,
+) -> Motion:
+    """Read a table without a header, whose first line has this number and width."""
+    number, width = first
+    if width <= len(BASE):
+        raise MotionError(
+            f"Line {number} has {width} columns; x y z, the quaternion x y z w and "
+            "joints are expected."
+        )
+    values = _numbers(rows, width)
+    base, positions = values[:, : len(BASE)], values[:, len(BASE) :]
+    joints, notes = names_of_columns(positions, robot)
+    times = np.arange(len(values)) / (rate or DEFAULT_RATE)
+    trajectory = Trajectory(times, joints, positions, base_poses=base)
+    trajectory, more = w_last(trajectory, robot)
+    notes = (*notes, *more)
+    if not rate:
+        notes = (f"The file has no times: {DEFAULT_RATE:g} Hz assumed.", *notes)
+    return Motion(trajectory, notes, has_times=False)
+
+
+def _headed(
+    rows: Iterator[tuple[int, str]], number: int, names: list[str], robot: Description
+) -> Motion:
+    """Read a table with a header, whose line has this number."""
+    twice = [name for name in dict.fromkeys(names) if names.count(name) > 1]
+    if twice:
+        raise MotionError(f"Line {number} has columns twice: {listed(twice)}.")
+    base = [name for name in BASE if name in names]
+    joints = [
+        name
+        for name in names
+        if name not in (TIME, *BASE) and not name.endswith(VELOCITY)
+    ]
+    velocities = [joint + VELOCITY for joint in joints]
+    has_velocities = any(name.endswith(VELOCITY) for name in names)
+    wanted = [TIME, *(BASE if base else ()), *(velocities if has_velocities else ())]
+    missing = [name for name in wanted if name not in names]
+    if missing:
+        hint = "; columns must be separated by commas" if len(names) == 1 else ""
+        is_motion = _may_be_motion(names, next(rows, (0, "0"))[1], robot)
+        raise (MotionError if is_motion else NoMotionError)(
+            f"Line {number} names {listed(names)}, but not {listed(missing)}{hint}."
+        )
+    strange = [n for n in names if n not in (*wanted, *joints)]
+    if strange:
+        raise MotionError(
+            f"Line {number} has {listed(strange)}, but no column of that joint."
+        )
+    values = _numbers(rows, len(names))
+
+    def columns(wanted: Sequence[str]) -> np.ndarray:
+        return values[:, [names.index(name) for name in wanted]]
+
+    return Motion(
+        Trajectory(
+            values[:, names.index(TIME)],
+            tuple(joints),
+            columns(joints),
+            columns(velocities) if has_velocities else None,
+            columns(BASE) if base else None,
+        )
+    )
+
+
+def _may_be_motion(names: list[str], row: str, robot: Description) -> bool:
+    """Return whether a table with this first row is one, if in an unknown format."""
+    header = {word.strip("\"'") for name in names for word in _SEPARATOR.split(name)}
+    known = {TIME, *(joint.name for joint in robot.movable_joints)}
+    words = filter(None, _SEPARATOR.split(row))
+    return bool(known & header) or all(map(_is_number, words))
+
+
+def table_text(trajectory: Trajectory) -> str:
+    """Write a motion as a table with a header, in numbers that are read as the same.
+
+    Raises:
+        MotionError: If a joint has the name of another column.
+    """
+    t = trajectory
+    names, columns = [TIME], [t.times[:, np.newaxis]]
+    if t.base_poses is not None:
+        names, columns = [*names, *BASE], [*columns, t.base_poses]
+    names, columns = [*names, *t.joint_names], [*columns, t.positions]
+    if t.velocities is not None:
+        names += [joint + VELOCITY for joint in t.joint_names]
+        columns = [*columns, t.velocities]
+    _check_writable(t.joint_names)
+    rows = np.concatenate(columns, axis=1).tolist()
+    lines = [",".join(names), *(",".join(map(repr, row)) for row in rows), ""]
+    return "\n".join(lines)
+
+
+def most_rows(joints: Sequence[str], has_base: bool, size: int) -> int:
+    """Return how many rows ``table_text`` may write, whatever the numbers are.
+
+    Args:
+        joints: Names of the joints, which have velocities.
+        has_base: Whether there is a base.
+        size: Most bytes.
+
+    Raises:
+        MotionError: If a joint has the name of another column.
+    """
+    _check_writable(joints)
+    header = 100 + sum(len(2 * name.encode()) + len(VELOCITY) + 2 for name in joints)
+    width = 1 + has_base * len(BASE) + 2 * len(joints)
+    if width > MAX_COLUMNS or header > MAX_LINE:
+        return 0
+    rows = (size - header) // (width * NUMBER_LENGTH)
+    return min(rows, MAX_NUMBERS // width, MAX_LINES - 1)
+
+
+def _check_writable(joints: Sequence[str]) -> None:
+    """Check that joints can be told from the other columns."""
+    for name in joints:
+        is_other = name in (TIME, *BASE) or name.endswith(VELOCITY)
+        if is_other or name != name.strip() or re.search(r"[,#\r\n]|^$", name):
+            raise MotionError(f"A table can have no joint called {name!r}.")
+
+
+def _rows(text: str, after: int = 0) -> Iterator[tuple[int, str]]:
+    """Go through the lines behind one that have something and are no comments."""
+    for number, line in _lines(text):
+        if number > after and not line.startswith("#"):
+            yield number, line
+
+
+def _lines(text: str) -> Iterator[tuple[int, str]]:
+    """Go through the lines that have something, with their numbers.
+
+    One after the other: as a list, the lines of a large file need ten times its room.
+    """
+    end = "\n" if "\n" in text else "\r"
+    begin = number = 0
+    while begin < len(text):
+        found = text.find(end, begin)
+        stop = len(text) if found < 0 else found
+        number += 1
+        if number > MAX_LINES:
+            raise MotionError(f"The file has more than {MAX_LINES} lines.")
+        if stop - begin > MAX_LINE:
+            found = text.count(",", begin, stop) + 1
+            raise MotionError(
+                f"Line {number} has {found} columns and {stop - begin} characters; "
+                f"there may be {MAX_COLUMNS} and {MAX_LINE}."
+            )
+        line = text[begin:stop].strip()
+        begin = stop + 1
+        if line:
+            yield number, line
+
+
+def _fields(number: int, line: str, width: int | None) -> list[str]:
+    """Split a line."""
+    fields = line.split(",")
+    if len(fields) > MAX_COLUMNS:
+        raise MotionError(
+            f"Line {number} has {len(fields)} columns; there may be {MAX_COLUMNS}."
+        )
+    if width is not None and len(fields) != width:
+        raise MotionError(
+            f"Line {number} has {len(fields)} columns, those before it have {width}."
+        )
+    return fields
+
+
+def _numbers(rows: Iterator[tuple[int, str]], width: int) -> np.ndarray:
+    """Read rows of numbers, shape (n, width)."""
+    values, numbers = array("d"), array("q")
+    for number, line in rows:
+        fields = _fields(number, line, width)
+        try:
+            values.extend(map(float, fields))
+        except ValueError:
+            raise _wrong(number, fields) from None
+        if "_" in line:
+            raise _wrong(number, fields)
+        if len(values) > MAX_NUMBERS:
+            raise MotionError(
+                f"Line {number} has more numbers than {MAX_NUMBERS}, of all lines."
+            )
+        numbers.append(number)
+    if not values:
+        raise MotionError("The table has no rows.")
+    table = np.frombuffer(values).reshape(-1, width)
+    infinite = np.flatnonzero(~np.isfinite(table).all(axis=1))
+    if infinite.size:
+        raise MotionError(
+            f"Line {numbers[infinite[0]]} has a number that is not finite."
+        )
+    return table
+
+
+def _wrong(number: int, fields: Sequence[str]) -> MotionError:
+    """Name the field of a line that is no number."""
+    wrong = next(field for field in fields if not _is_number(field))
+    return MotionError(
+        f"Line {number} has {wrong.strip()[:40]!r} where a number is expected."
+    )
+
+
+def _is_number(field: str) -> bool:
+    """Return whether a field can be read as a number; Python reads 1_0 as ten."""
+    try:
+        float(field)
+    except ValueError:
+        return False
+    return "_" not in field

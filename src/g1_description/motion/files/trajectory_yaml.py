@@ -1,0 +1,195 @@
+"""The YAML that ``rostopic echo`` prints of a trajectory_msgs/JointTrajectory."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from ruamel.yaml import YAML
+from ruamel.yaml.events import (
+    AliasEvent,
+    DocumentEndEvent,
+    MappingEndEvent,
+    MappingStartEvent,
+    ScalarEvent,
+    SequenceEndEvent,
+    SequenceStartEvent,
+)
+
+from g1_description.bounds import MAX_VALUE
+from g1_description.errors import MotionError, NoMotionError, cause
+from g1_description.motion.motion import Motion
+from g1_description.motion.trajectory import Trajectory
+
+MAX_JOINTS = 1000
+
+MAX_TEXT = 3_000_000
+"""Longest text, in characters: reading takes half a second per million."""
+
+MAX_DEPTH = 20
+"""Deepest nesting; a JointTrajectory has five levels."""
+
+MAX_DIGITS = 40
+"""Longest number, in characters."""
+
+
+def read_trajectory_yaml(text: str) -> Motion:
+    """Read the first message of a text.
+
+    Raises:
+        MotionError: If it is no such message, with the line where it is no YAML.
+        NoMotionError: If it is YAML of something else, without ``joint_names``.
+    """
+    if not text.strip():
+        raise MotionError("The file is empty.")
+    if len(text) > MAX_TEXT:
+        raise MotionError(
+            f"The text has {len(text) / 1e6:.0f} million characters; there may be "
+            f"{MAX_TEXT / 1e6:.0f}."
+        )
+    message = _message(text)
+    if isinstance(message, str):
+        raise MotionError("Not a JointTrajectory: keys and values are expected.")
+    found = message if isinstance(message, dict) else {}
+    missing = [repr(key) for key in ("joint_names", "points") if key not in found]
+    if missing:
+        verb = "are" if len(missing) > 1 else "is"
+        raise _refusal(text)(
+            f"Not a JointTrajectory: {' and '.join(missing)} {verb} missing."
+        )
+    names = _list(message.get("joint_names"), "joint_names")
+    if not all(type(name) is str for name in names) or len(names) > MAX_JOINTS:
+        raise MotionError("The trajectory has no list of names as joint_names.")
+    points = _list(message["points"], "points")
+    if not points or not all(isinstance(point, dict) for point in points):
+        raise MotionError("The trajectory has no points.")
+    return Motion(
+        Trajectory(
+            np.array([_time(point, number) for number, point in enumerate(points, 1)]),
+            tuple(names),
+            np.array(_columns(points, "positions", len(names))),
+            _velocities(points, len(names)),
+        )
+    )
+
+
+def _refusal(text: str) -> type[MotionError]:
+    """Return the error of a text that is YAML: is it of a motion that is damaged?"""
+    return MotionError if re.search(r"\bjoint_names\b", text) else NoMotionError
+
+
+def _message(text: str) -> Any:
+    """Read the first document; its scalars stay text."""
+    try:
+        return _built(iter(YAML(typ="safe").parse(text)))
+    except MotionError as error:
+        raise _refusal(text)(str(error)) from error
+    # Whatever damaged text makes a library of YAML raise.
+    except Exception as error:
+        mark = getattr(error, "problem_mark", None)
+        where = f"Line {mark.line + 1}" if mark else "The text"
+        problem = getattr(error, "problem", None)
+        raise MotionError(
+            f"{where} is not valid YAML: {problem or cause(error)}."
+        ) from error
+
+
+def _built(events: Iterator[Any]) -> Any:
+    """Build dictionaries, lists and text from the events of a document.
+
+    Not recursive, without anchors and merges: text of any kind takes as long to read
+    as it is long.
+
+    Raises:
+        MotionError: If it is nested too deep, or uses what no message does.
+    """
+    outer: list[list] = []
+    parts: list[Any] = []
+    for event in events:
+        if isinstance(event, DocumentEndEvent):
+            break
+        _check_event(event, len(outer))
+        if isinstance(event, ScalarEvent):
+            parts.append(event.value)
+        elif isinstance(event, (MappingStartEvent, SequenceStartEvent)):
+            outer.append(parts)
+            parts = []
+        elif isinstance(event, (MappingEndEvent, SequenceEndEvent)):
+            is_list = isinstance(event, SequenceEndEvent)
+            found = parts if is_list else _dictionary(parts, event)
+            parts = outer.pop()
+            parts.append(found)
+    return parts[0] if parts else None
+
+
+def _check_event(event: Any, depth: int) -> None:
+    """Check that a part of the text can be one of a message."""
+    line = event.start_mark.line + 1
+    if isinstance(event, AliasEvent) or getattr(event, "anchor", None):
+        raise MotionError(f"Line {line} has an anchor or an alias; a message has none.")
+    if getattr(event, "tag", None):
+        raise MotionError(f"Line {line} has a tag; a message has none.")
+    if depth > MAX_DEPTH:
+        raise MotionError(f"Line {line} is nested {depth} levels deep.")
+
+
+def _dictionary(parts: list[Any], event: Any) -> dict[str, Any]:
+    """Pair keys and values."""
+    keys = parts[::2]
+    if not all(type(key) is str for key in keys):
+        line = event.start_mark.line + 1
+        raise MotionError(f"Line {line} ends a mapping with a key that is no text.")
+    return dict(zip(keys, parts[1::2]))
+
+
+def _list(value: Any, what: str) -> list:
+    """Check that something is a list."""
+    if not isinstance(value, list):
+        raise MotionError(f"The trajectory has no list of {what}.")
+    return value
+
+
+def _time(point: dict, number: int) -> float:
+    """Read when a point is, in [s]."""
+    found = point.get("time_from_start")
+    found = found if isinstance(found, dict) else {}
+    parts: list[Any] = [found.get(part) for part in ("secs", "nsecs")]
+    if not all(type(p) is str and re.fullmatch(r"-?[0-9]{1,18}", p) for p in parts):
+        raise MotionError(f"Point {number} has no time_from_start with secs and nsecs.")
+    seconds, rest = map(int, parts)
+    return (seconds * 1_000_000_000 + rest) / 1e9
+
+
+def _columns(points: list[dict], what: str, width: int) -> list[list[float]]:
+    """Read the positions or velocities of all points."""
+    found = []
+    for number, point in enumerate(points, 1):
+        values = _list(point.get(what), what)
+        if len(values) != width:
+            raise MotionError(
+                f"Point {number} has {len(values)} {what}; there are {width} joints."
+            )
+        row = [_number(value) for value in values]
+        if not all(abs(value) <= MAX_VALUE for value in row):
+            raise MotionError(f"Point {number} has {what} that are no numbers.")
+        found.append(row)
+    return found
+
+
+def _number(value: Any) -> float:
+    """Read a number; NaN where it is none."""
+    if type(value) is not str or len(value) > MAX_DIGITS or "_" in value:
+        return np.nan
+    try:
+        return float(value)
+    except ValueError:
+        return np.nan
+
+
+def _velocities(points: list[dict], width: int) -> np.ndarray | None:
+    """Read the velocities; None unless all points have some."""
+    if not all(point.get("velocities") for point in points):
+        return None
+    return np.array(_columns(points, "velocities", width))

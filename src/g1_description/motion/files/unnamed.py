@@ -1,0 +1,246 @@
+"""What the numbers of a file tell where the file itself does not.
+
+The names of joints, the order of a quaternion, and whether angles are in radians.
+Each has conventions that differ between publishers of files of one shape.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from g1_description.errors import MotionError
+from g1_description.motion.motion import Motion
+from g1_description.motion.trajectory import Trajectory
+from g1_description.robot.assembly import WORLD
+from g1_description.robot.description import Description
+from g1_description.robot.kinematics import Kinematics
+from g1_description.robot.rotation import rotate
+
+LEG = ("hip_pitch", "hip_roll", "hip_yaw", "knee", "ankle_pitch", "ankle_roll")
+WAIST = ("waist_yaw", "waist_roll", "waist_pitch")
+ARM = ("shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow")
+WRIST = ("wrist_roll", "wrist_pitch", "wrist_yaw")
+
+
+def _g1_joints(waist: Sequence[str], arm: Sequence[str]) -> tuple[str, ...]:
+    """Name the joints of a G1 in the order of the vendor's files."""
+    legs = [f"{side}_{joint}" for side in ("left", "right") for joint in LEG]
+    arms = [f"{side}_{joint}" for side in ("left", "right") for joint in arm]
+    return tuple(f"{name}_joint" for name in (*legs, *waist, *arms))
+
+
+G1_JOINTS = {
+    29: _g1_joints(WAIST, (*ARM, *WRIST)),
+    23: _g1_joints(WAIST[:1], (*ARM, WRIST[0])),
+}
+"""Joints of the G1's versions by their number, in the order of the vendor's files."""
+
+ASAP_JOINTS = _g1_joints(WAIST, ARM)
+"""The other 23 joints in use: ASAP, PBHC and GMT lock the wrists of the 29."""
+
+_LIMITS = {
+    "waist_roll_joint": 0.52,
+    "waist_pitch_joint": 0.52,
+    "left_wrist_roll_joint": 1.972,
+    "right_wrist_roll_joint": 1.972,
+}
+"""Limits in [rad] of the joints in which the two versions of 23 joints differ."""
+
+BEYOND = 0.05
+"""Files of a layout are beyond its limits by less, in [rad]."""
+
+SOLES = ("left_ankle_roll_link", "right_ankle_roll_link")
+"""Links of the feet, whose z axes are normal to the soles."""
+
+MAX_TILT = 25.0
+"""The sole of the lower foot of a robot that stands is tilted by less, in [deg]."""
+
+LOWEST_FOOT = -0.3
+"""The lower foot of a robot that stands is higher, in [m]."""
+
+SAME_TILT = 3.0
+"""Tilts this near to each other do not tell the order of a quaternion, in [deg]."""
+
+N_SAMPLES = 100
+"""Most samples that are looked at for the order of a quaternion."""
+
+MAX_ANGLE = 10.0
+"""No revolute joint turns so far, even unwrapped by a turn, in [rad]."""
+
+W_FIRST = (
+    "The base's quaternions are read as w x y z: only so does the robot stand on its "
+    "soles."
+)
+
+UNKNOWN_QUATERNION = (
+    "The order of the base's quaternions is unknown, since the robot stands on its "
+    "soles in neither: read as x y z w. If it is w x y z, move w behind z in the file."
+)
+
+
+def names_of_columns(
+    positions: np.ndarray, robot: Description
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Name the joints of a file that does not.
+
+    23 joints of a G1 have two layouts. For another robot than one of 23 joints they are
+    ASAP's if they are within ASAP's limits, else Unitree's: right for 125 of 126 files,
+    of which 67 were in ASAP's layout and 59 cut to Unitree's.
+
+    Args:
+        positions: Positions of the joints, shape (n_samples, n_joints).
+        robot: The robot; a file of as many joints has its own, in their order.
+
+    Returns:
+        The names, those of the G1 with so many joints where the robot has others, and a
+        message if they are a choice.
+
+    Raises:
+        MotionError: If no robot that is known has so many.
+    """
+    found = layouts(positions.shape[1], robot)
+    if len(found) == 1:
+        return found[0], ()
+    excess = [_excess(positions, names, robot) for names in found]
+    fitting = [number for number, beyond in enumerate(excess) if beyond <= BEYOND]
+    best = fitting[0] if fitting else int(np.argmin(excess))
+    is_asap = found[best] == ASAP_JOINTS
+    whose = (
+        "ASAP's, with the whole waist and no wrist"
+        if is_asap
+        else ("Unitree's, with waist_yaw and wrist_roll")
+    )
+    why = "the other's limits are exceeded"
+    if len(fitting) != 1:
+        why = "the limits fit both" if fitting else "the limits fit neither well"
+    note = (
+        f"23 joints without names have two orders; read as {whose}: {why}. A CSV with "
+        "a header names its joints."
+    )
+    return found[best], (note,)
+
+
+def layouts(n_joints: int, robot: Description) -> list[tuple[str, ...]]:
+    """List what the joints of a file may be, the likeliest first.
+
+    Raises:
+        MotionError: If no robot that is known has so many.
+    """
+    own = tuple(joint.name for joint in robot.movable_joints)
+    found = [own] if n_joints == len(own) else []
+    if found and set(own) not in (set(G1_JOINTS[23]), set(ASAP_JOINTS)):
+        return found
+    if set(G1_JOINTS[29]) & set(own):
+        known = (ASAP_JOINTS, *G1_JOINTS.values())
+        others = [names for names in known if len(names) == n_joints]
+        found += [names for names in others if set(names) != set(own)]
+    if not found:
+        raise MotionError(
+            f"The motion has {n_joints} joints without names; {robot.name} has "
+            f"{len(own)}."
+        )
+    return found
+
+
+def _excess(positions: np.ndarray, names: tuple[str, ...], robot: Description) -> float:
+    """Return how far positions are beyond the limits, at most, in [rad]."""
+    limits = {name: (-limit, limit) for name, limit in _LIMITS.items()}
+    limits.update({j.name: (j.lower, j.upper) for j in robot.movable_joints})
+    lower, upper = np.array([limits.get(n, (-np.inf, np.inf)) for n in names]).T
+    excess = np.maximum(lower - positions, positions - upper)
+    return float(excess.max(initial=-np.inf))
+
+
+def w_last(
+    trajectory: Trajectory, robot: Description
+) -> tuple[Trajectory, tuple[str, ...]]:
+    """Bring w behind x y z where a file has it before them.
+
+    The sole of the lower foot tells: of 67 files, 62 x y z w and 5 w x y z, its tilt
+    (the median of up to 100 samples) was smaller in the right order in all, at most 17
+    degrees, and 13 to 180 in the wrong one. It does not tell where the robot lies, and
+    a robot without ``SOLES`` is not looked at. Of a robot that stands straight in both
+    orders, facing along x in one and backwards in the other, x y z w is taken.
+
+    Args:
+        trajectory: With a base, whose quaternions are as in the file.
+        robot: The robot.
+
+    Returns:
+        The motion, and a message if its quaternions are not certainly x y z w.
+    """
+    base = trajectory.base_poses
+    has_soles = {*SOLES} <= {*robot.link_names}
+    if base is None or not has_soles or robot.root == WORLD or len(robot.roots) > 1:
+        return trajectory, ()
+    other = replace(trajectory, base_poses=base[:, [0, 1, 2, 4, 5, 6, 3]])
+    as_read, turned = (_tilt(each, robot) for each in (trajectory, other))
+    if min(as_read, turned) > MAX_TILT:
+        return trajectory, (UNKNOWN_QUATERNION,)
+    if as_read <= turned + SAME_TILT:
+        return trajectory, ()
+    return other, (W_FIRST,)
+
+
+def _tilt(trajectory: Trajectory, robot: Description) -> float:
+    """Find the tilt of the lower sole in [deg]; infinite if it is below the floor."""
+    count = len(trajectory.times)
+    samples = np.unique(np.linspace(0, count - 1, N_SAMPLES).astype(int))
+    positions = of_robot(trajectory.joint_names, trajectory.positions[samples], robot)
+    assert trajectory.base_poses is not None
+    base = trajectory.base_poses[samples]
+    rows = [robot.link_names.index(link) for link in SOLES]
+    feet = Kinematics(robot).link_poses(base, positions)[:, rows]
+    lower = feet[np.arange(len(samples)), np.argmin(feet[..., 2], axis=1)]
+    if np.median(lower[:, 2]) < LOWEST_FOOT:
+        return np.inf
+    upward = rotate(lower[:, 3:], np.array([0.0, 0.0, 1.0]))[:, 2]
+    return float(np.degrees(np.arccos(np.clip(np.median(upward), -1.0, 1.0))))
+
+
+def of_robot(
+    names: Sequence[str], positions: np.ndarray, robot: Description
+) -> np.ndarray:
+    """Bring positions to the robot's joints; those that the file has not are at zero.
+
+    Args:
+        names: Names of the file's joints; others than the robot's are ignored.
+        positions: Their positions, shape (n_samples, n_joints).
+        robot: The robot.
+
+    Returns:
+        Positions of the movable joints, shape (n_samples, n_movable_joints).
+    """
+    column = {name: number for number, name in enumerate(names)}
+    found = np.zeros((len(positions), len(robot.movable_joints)))
+    for number, joint in enumerate(robot.movable_joints):
+        if joint.name in column:
+            found[:, number] = positions[:, column[joint.name]]
+    return found
+
+
+def check_radians(motion: Motion, robot: Description) -> None:
+    """Check that angles are not in degrees.
+
+    Args:
+        motion: Of joints of the robot.
+        robot: The robot. Continuous joints may turn any number of times.
+
+    Raises:
+        MotionError: If a joint turns farther than any does.
+    """
+    revolute = {j.name: j for j in robot.movable_joints if j.kind == "revolute"}
+    positions = np.abs(motion.trajectory.positions)
+    for number, name in enumerate(motion.trajectory.joint_names):
+        if name not in revolute or positions[:, number].max() <= MAX_ANGLE:
+            continue
+        row = int(np.argmax(positions[:, number]))
+        joint = revolute[name]
+        raise MotionError(
+            f"{name} is at {motion.trajectory.positions[row, number]:.6g} in sample "
+            f"{row + 1}, with limits of {joint.lower:.3g} and {joint.upper:.3g} rad: "
+            "this looks like degrees. Positions must be in radians."
+        )

@@ -1,0 +1,353 @@
+"""The motions that one robot is going through; of two for a joint the newer counts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, replace
+from enum import Enum
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from g1_description.motion.tolerances import Tolerances, worst_violation
+from g1_description.motion.trajectory import SNAP, Trajectory, sample
+
+
+class Setpoint(NamedTuple):
+    """Where a motion wants a robot at one time."""
+
+    rows: np.ndarray
+    """Which of the robot's movable joints it moves, shape (n,)."""
+
+    positions: np.ndarray
+    """In [rad] or [m], shape (n,)."""
+
+    velocities: np.ndarray
+    """In [rad/s] or [m/s], shape (n,)."""
+
+    base_pose: np.ndarray | None = None
+    """Of the root link in the map, shape (7,); None where it is left alone."""
+
+    base_twist: np.ndarray | None = None
+    """Velocity of the root link's origin and its angular velocity, along the map's
+    axes, shape (6,); None with the pose."""
+
+
+class Playback:
+    """What is left of a motion: newer commands may have replaced some of it."""
+
+    def __init__(
+        self,
+        trajectory: Trajectory,
+        start_ns: int,
+        columns: np.ndarray,
+        rows: np.ndarray,
+    ) -> None:
+        """Wait for the beginning.
+
+        Args:
+            trajectory: The motion.
+            start_ns: When its times count from, in [ns].
+            columns: Which of the motion's joints the robot has, shape (n,).
+            rows: Which of the robot's movable joints these are, shape (n,).
+        """
+        self.start_ns = start_ns
+        self.has_begun = False
+        self.moves_base = trajectory.base_poses is not None
+        """Whether it moves the base."""
+        self.is_single = len(trajectory.times) == 1
+        """Whether it is a single configuration."""
+        self._trajectory = trajectory
+        self._n_reached = 0
+        self._columns = columns
+        self.rows = rows
+        """Which of the robot's movable joints it moves, shape (n,)."""
+
+    @property
+    def is_unseen(self) -> bool:
+        """Whether ``reaches_sample`` was true of none of its samples."""
+        return not self._n_reached
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing is left of it."""
+        return not (self.moves_base or len(self.rows))
+
+    def release(self, rows: Collection[int], base: bool) -> None:
+        """Leave joints, given by rows, and perhaps the base to another command."""
+        gone = set(rows)
+        kept = [n for n, row in enumerate(self.rows.tolist()) if row not in gone]
+        self.rows, self._columns = self.rows[kept], self._columns[kept]
+        self.moves_base = self.moves_base and not base
+
+    def begin(self, time_ns: int, present: Setpoint) -> None:
+        """Begin, and go to the first sample from where the robot is.
+
+        Args:
+            time_ns: When it begins, in [ns].
+            present: Where all of the robot's joints, and its base, are then.
+        """
+        self.has_begun = True
+        elapsed = max(0.0, self._elapsed(time_ns))
+        if elapsed < self._trajectory.times[0]:
+            self._prepend(elapsed, present)
+
+    def _prepend(self, time: float, present: Setpoint) -> None:
+        """Put the present state of the robot before the first sample."""
+        old = self._trajectory
+        positions, velocities = old.positions[0].copy(), np.zeros(len(old.joint_names))
+        positions[self._columns] = present.positions[self.rows]
+        velocities[self._columns] = present.velocities[self.rows]
+        added: dict[str, Any] = {"times": np.append(time, old.times)}
+        added["positions"] = np.vstack([positions, old.positions])
+        if old.velocities is not None:
+            added["velocities"] = np.vstack([velocities, old.velocities])
+        if old.base_poses is not None:
+            first = (
+                old.base_poses[0] if present.base_pose is None else present.base_pose
+            )
+            added["base_poses"] = np.vstack([first, old.base_poses])
+        self._trajectory = replace(old, **added)
+
+    def reaches_sample(self, time_ns: int) -> bool:
+        """Return whether a sample lies between the last such question and a time."""
+        times, before = self._trajectory.times, self._n_reached
+        until = self._elapsed(time_ns) + SNAP
+        self._n_reached = int(np.searchsorted(times, until, side="right"))
+        return self._n_reached != before
+
+    def is_over(self, time_ns: int) -> bool:
+        """Return whether it is at its end, or beyond, at a time in [ns]."""
+        return self._elapsed(time_ns) >= self._trajectory.rest_time
+
+    def setpoint(self, time_ns: int) -> Setpoint:
+        """Compute where it wants the robot at a time in [ns]."""
+        found = sample(self._trajectory, self._elapsed(time_ns))
+        positions, velocities = found.positions, found.velocities
+        joints = positions[self._columns], velocities[self._columns]
+        if not self.moves_base:
+            return Setpoint(self.rows, *joints)
+        return Setpoint(self.rows, *joints, found.base_poses, found.base_twists)
+
+    def _elapsed(self, time_ns: int) -> float:
+        """Compute the time since the beginning, in [s]."""
+        return 1e-9 * (time_ns - self.start_ns)
+
+
+class Playlist:
+    """The motions under way, and those that wait for their beginning."""
+
+    def __init__(
+        self,
+        joint_names: Sequence[str],
+        on_unseen: Callable[[], None] = lambda: None,
+    ) -> None:
+        """Begin without any.
+
+        Args:
+            joint_names: The robot's movable joints.
+            on_unseen: Called for each motion that newer ones replaced before any of
+                its samples was reached.
+        """
+        self._on_unseen = on_unseen
+        self._row_of = {name: row for row, name in enumerate(joint_names)}
+        self._names: tuple[str, ...] = ()
+        self._columns = self._rows = np.zeros(0, dtype=int)
+        self._playbacks: list[Playback] = []
+
+    def __bool__(self) -> bool:
+        """Return whether there is any."""
+        return bool(self._playbacks)
+
+    @property
+    def is_waiting(self) -> bool:
+        """Whether one waits for its beginning."""
+        return any(not one.has_begun for one in self._playbacks)
+
+    def add(self, trajectory: Trajectory, start_ns: int) -> Playback:
+        """Add a motion; what it moves is taken from those that were to begin later.
+
+        Args:
+            trajectory: The motion; joints that the robot does not have are ignored.
+            start_ns: When its times count from, in [ns].
+        """
+        if trajectory.joint_names != self._names:
+            self._find(trajectory.joint_names)
+        playback = Playback(trajectory, start_ns, self._columns, self._rows)
+        later = [
+            one
+            for one in self._playbacks
+            if not one.has_begun and one.start_ns >= start_ns
+        ]
+        self._replace(later, playback)
+        self._playbacks.append(playback)
+        return playback
+
+    def _find(self, names: tuple[str, ...]) -> None:
+        """Find the robot's joints among those of a motion."""
+        own = [column for column, name in enumerate(names) if name in self._row_of]
+        self._columns = np.array(own, dtype=int)
+        self._rows = np.array([self._row_of[names[n]] for n in own], dtype=int)
+        self._names = names
+
+    def release(self, rows: Collection[int] = (), base: bool = False) -> None:
+        """Leave joints, given by rows, and perhaps the base to another command."""
+        self._release(self._playbacks, rows, base)
+
+    def begin(self, time_ns: int, present: Setpoint) -> None:
+        """Begin what is due, and take what it moves from what came before it.
+
+        Args:
+            time_ns: The time in [ns].
+            present: Where all of the robot's joints, and its base, are now.
+        """
+        for playback in [*self._playbacks]:
+            if playback.start_ns <= time_ns and not playback.has_begun:
+                playback.begin(time_ns, present)
+                older = self._playbacks[: self._playbacks.index(playback)]
+                self._replace(older, playback)
+
+    def moving(self) -> list[Playback]:
+        """List the motions under way."""
+        return [one for one in self._playbacks if one.has_begun]
+
+    def drop_over(self, time_ns: int) -> None:
+        """Forget what is over at a time in [ns]."""
+        self._playbacks = [
+            one
+            for one in self._playbacks
+            if not (one.has_begun and one.is_over(time_ns))
+        ]
+
+    def _replace(self, old: Collection[Playback], new: Playback) -> None:
+        """Take what a motion moves from some that came before it."""
+        self._release(old, new.rows, new.moves_base)
+        for playback in old:
+            if playback.is_empty and playback.is_unseen:
+                self._on_unseen()
+
+    def _release(
+        self, playbacks: Collection[Playback], rows: Collection[int], base: bool
+    ) -> None:
+        """Take joints and base from some motions, and forget those without any."""
+        if not playbacks:
+            return
+        for playback in playbacks:
+            playback.release(rows, base)
+        self._playbacks = [one for one in self._playbacks if not one.is_empty]
+
+
+class Outcome(Enum):
+    """What has become of a goal."""
+
+    UNDER_WAY = "under way"
+    REACHED = "reached"
+    OFF_PATH = "a path tolerance is violated"
+    OFF_GOAL = "a goal tolerance is violated"
+
+
+@dataclass(frozen=True, eq=False)
+class Progress:
+    """Joints at one time of a trajectory.
+
+    Rows of arrays are positions in [rad] or [m] and velocities in [rad/s] or [m/s],
+    shape (2, n_joints).
+    """
+
+    desired: np.ndarray
+    actual: np.ndarray
+
+    error: np.ndarray
+    """The desired minus the actual ones."""
+
+    outcome: Outcome
+
+    message: str
+    """Which joint violates a tolerance, as a part of a sentence; else empty."""
+
+
+class Following:
+    """Compares joints with a trajectory, by the rules of joint_trajectory_controller.
+
+    On the way no error may exceed its path tolerance. From the end on a joint has to
+    come within its goal tolerances before the time for that is over; it need not stay
+    there until the others come.
+    """
+
+    def __init__(
+        self,
+        trajectory: Trajectory,
+        start_ns: int,
+        tolerances: Tolerances,
+        is_continuous: np.ndarray,
+    ) -> None:
+        """Wait for the beginning.
+
+        Args:
+            trajectory: Where the joints should be. Before its first sample they go
+                there from where they are.
+            start_ns: When its times count from, in [ns].
+            tolerances: How far they may be from it.
+            is_continuous: Whether whole turns of a joint do not count, shape
+                (n_joints,).
+        """
+        self.joint_names = trajectory.joint_names
+        self.start_ns = start_ns
+        every = np.arange(len(self.joint_names))
+        self._playback = Playback(trajectory, start_ns, every, every)
+        self._end = trajectory.duration
+        self._tolerances, self._has_path = tolerances, tolerances.has_path
+        self._is_continuous = is_continuous
+        self._reached = np.zeros(len(self.joint_names), dtype=bool)
+
+    def decides_at(self, time_ns: int) -> bool:
+        """Return whether errors at a time in [ns] can end the goal."""
+        return self._has_path or self._elapsed(time_ns) >= self._end
+
+    def update(self, time_ns: int, actual: np.ndarray) -> Progress:
+        """Compare the joints with the trajectory.
+
+        Args:
+            time_ns: The time in [ns], not before the start.
+            actual: Positions and velocities then, shape (2, n_joints).
+        """
+        if not self._playback.has_begun:
+            self._playback.begin(time_ns, Setpoint(self._playback.rows, *actual))
+        wanted = self._playback.setpoint(time_ns)
+        desired = np.stack([wanted.positions, wanted.velocities])
+        error = desired - actual
+        turns = np.round(error[0] / (2.0 * np.pi))
+        error[0] -= np.where(self._is_continuous, 2.0 * np.pi * turns, 0.0)
+        outcome, message = self._outcome(self._elapsed(time_ns), error)
+        return Progress(desired, actual, error, outcome, message)
+
+    def _outcome(self, time: float, error: np.ndarray) -> tuple[Outcome, str]:
+        """Find what has become of the goal, with a message where it has failed."""
+        allowed = self._tolerances
+        if time < self._end:
+            message = worst_violation(self.joint_names, error, allowed.path)
+            return (Outcome.OFF_PATH if message else Outcome.UNDER_WAY), message
+        message = worst_violation(self.joint_names, error, allowed.goal)
+        if message and time >= self._end + allowed.goal_time:
+            return Outcome.OFF_GOAL, message
+        self._reached |= (np.abs(error) <= allowed.goal).all(axis=0)
+        return (Outcome.REACHED if self._reached.all() else Outcome.UNDER_WAY), ""
+
+    def _elapsed(self, time_ns: int) -> float:
+        """Compute the time since the start, in [s]."""
+        return (time_ns - self.start_ns) / 1e9
+
+
+def remaining(trajectory: Trajectory, time: float) -> Trajectory | None:
+    """Leave out the samples until a time, in [s]; None where no others follow."""
+    first = int(np.searchsorted(trajectory.times, time + SNAP, side="right"))
+    if first == len(trajectory.times):
+        return None
+    velocities, bases = trajectory.velocities, trajectory.base_poses
+    return replace(
+        trajectory,
+        times=trajectory.times[first:],
+        positions=trajectory.positions[first:],
+        velocities=None if velocities is None else velocities[first:],
+        base_poses=None if bases is None else bases[first:],
+    )

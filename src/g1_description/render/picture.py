@@ -1,0 +1,216 @@
+"""Pictures of a scene: smooth edges, a floor, a shadow; or outlines alone."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from g1_description.render.camera import Camera, Crop
+from g1_description.render.scene import NOTHING, Scene
+
+AIR = np.array([[0.99, 0.99, 0.995], [0.91, 0.925, 0.94]])
+"""Colours of the top and the bottom of a picture, from 0 to 1."""
+
+CELL = 0.25
+"""Width of a cell of the grid, in [m]."""
+
+LINE = 0.004
+"""Width of a line of the grid, in [m]."""
+
+LINES_DARKEN, SHADOW_DARKENS = 0.13, 0.42
+"""How much darker the floor is there."""
+
+
+def backdrop(
+    camera: Camera,
+    width: int,
+    height: int,
+    floor: float,
+    shadow: tuple[Camera, np.ndarray],
+) -> np.ndarray:
+    """Paint what is behind the robots.
+
+    Args:
+        camera: Where the picture is taken from.
+        width: Of the picture, in pixels.
+        height: Likewise.
+        floor: Height of the floor in the world, in [m].
+        shadow: Camera in the place of the lamp, and how much of the lamp's light
+            robots block in each pixel that it sees, from 0 to 1, shape (n, m).
+
+    Returns:
+        Colours from 0 to 1, shape (height, width, 3).
+    """
+    blend = np.linspace(0.0, 1.0, height)[:, np.newaxis, np.newaxis]
+    air = AIR[0] + (AIR[1] - AIR[0]) * blend + np.zeros((1, width, 1))
+    eye, rays = camera.rays(width, height)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        way = (floor - eye[2]) / rays[..., 2]
+        is_floor = (way > 0.0) & (way < 20.0)
+    points = eye + np.where(is_floor, way, 1.0)[..., np.newaxis] * rays
+    darker = LINES_DARKEN * _grid(points, is_floor)
+    darker = 1.0 - (1.0 - darker) * (1.0 - SHADOW_DARKENS * _shadow_at(points, *shadow))
+    across = np.linalg.norm(points[..., :2] - camera.target[:2], axis=-1)
+    fade = np.where(is_floor, np.exp(-((across / camera.width) ** 2)), 0.0)
+    return air * (1.0 - fade * darker)[..., np.newaxis]
+
+
+def _grid(points: np.ndarray, is_floor: np.ndarray) -> np.ndarray:
+    """Find how much of each pixel is covered by lines.
+
+    Args:
+        points: Where the pixels meet the floor, in [m], shape (height, width, 3).
+        is_floor: Whether they do, shape (height, width).
+
+    Returns:
+        Shares from 0 to 1, shape (height, width).
+    """
+    clear = np.ones(points.shape[:2])
+    for axis in (0, 1):
+        values = points[..., axis]
+        pixel = np.hypot(*np.gradient(values)) + 1e-9
+        off = np.abs(values - CELL * np.round(values / CELL))
+        line = np.maximum(LINE, pixel)
+        covered = np.clip(0.5 + (line / 2 - off) / pixel, 0.0, 1.0) * LINE / line
+        clear *= 1.0 - np.where(pixel < CELL / 2, covered, 0.0)
+    return np.where(is_floor, 1.0 - clear, 0.0)
+
+
+def _shadow_at(points: np.ndarray, lamp: Camera, shadow_mask: np.ndarray) -> np.ndarray:
+    """Return how much of the lamp's light robots block on its way to points.
+
+    Args:
+        points: In the world, in [m], shape (height, width, 3).
+        lamp: Camera in the place of the lamp.
+        shadow_mask: How much of its light robots block in what it sees, shape (n, m).
+
+    Returns:
+        Shares from 0 to 1, shape (height, width).
+    """
+    n, m = shadow_mask.shape
+    seen = lamp.seen(points.reshape(-1, 3)) * m
+    column, row = seen[:, 0] + m / 2 - 0.5, n / 2 - 0.5 - seen[:, 1]
+    inside = (column >= 0) & (column < m - 1) & (row >= 0) & (row < n - 1)
+    column, row = np.where(inside, column, 0.0), np.where(inside, row, 0.0)
+    i, j = row.astype(int), column.astype(int)
+    down, right = row - i, column - j
+    top = shadow_mask[i, j] * (1 - right) + shadow_mask[i, j + 1] * right
+    bottom = shadow_mask[i + 1, j] * (1 - right) + shadow_mask[i + 1, j + 1] * right
+    shares = np.where(inside, top * (1 - down) + bottom * down, 0.0)
+    return shares.reshape(points.shape[:2])
+
+
+def blur(shares: np.ndarray, reach: int) -> np.ndarray:
+    """Blur a picture, three times by the mean of a square.
+
+    Args:
+        shares: Shape (n, m).
+        reach: Half of the square's side, in pixels.
+
+    Returns:
+        Shape (n, m); what lies outside counts as 0.
+    """
+    side = 2 * reach + 1
+    for _ in range(3):
+        for _ in ("down", "across"):
+            sums = np.cumsum(np.pad(shares, ((reach + 1, reach), (0, 0))), axis=0)
+            shares = ((sums[side:] - sums[:-side]) / side).T
+    return shares
+
+
+SUPERSAMPLING = 3
+"""Pixels drawn for one pixel of the picture, in each direction."""
+
+LAMP = np.radians([-38.0, 50.0])
+"""Where the lamp is: about z from the camera, and above the floor, in [rad]."""
+
+LAMP_PIXELS = 400
+"""Side of the picture that the lamp takes of the robots to find their shadow."""
+
+SHADOW_BLUR = 2
+"""How far the edge of a shadow reaches, in pixels of that picture."""
+
+
+def draw(
+    scene: Scene, camera: Camera, width: int, height: int, floor: float = 0.0
+) -> np.ndarray:
+    """Draw a scene on a floor.
+
+    The floor hides nothing: what is below it is seen.
+
+    Args:
+        scene: The robots.
+        camera: Where from.
+        width: Of the picture, in pixels.
+        height: Likewise.
+        floor: Its height in the world, in [m].
+
+    Returns:
+        Colours as uint8, shape (height, width, 3).
+    """
+    lamp = _lamp(camera, height / width)
+    behind = 255.0 * backdrop(
+        camera, width, height, floor, (lamp, _shadow_mask(scene, lamp))
+    )
+    crop = scene.crop(camera, width, height)
+    fine = SUPERSAMPLING * width, SUPERSAMPLING * height, _supersampled(crop)
+    colors, robots = scene.render(camera, *fine, lamp.axes[2])
+    seen = (robots != NOTHING)[..., np.newaxis]
+    clear = 1.0 - _downsampled(seen)
+    behind[crop] = behind[crop] * clear + _downsampled(colors * seen)
+    return np.clip(np.round(behind), 0, 255).astype(np.uint8)
+
+
+def silhouette(scene: Scene, camera: Camera, width: int, height: int) -> np.ndarray:
+    """Find which pixels show a robot.
+
+    Args:
+        scene: The robots.
+        camera: Where from.
+        width: Of the picture, in pixels.
+        height: Likewise.
+
+    Returns:
+        The robot's number, ``NOTHING`` where there is none, shape (height, width).
+    """
+    crop = scene.crop(camera, width, height)
+    robots = np.full((height, width), NOTHING)
+    robots[crop] = scene.render(camera, width, height, crop)[1]
+    return robots
+
+
+def _supersampled(crop: Crop) -> Crop:
+    """Return a crop of the supersampled picture."""
+    rows, columns = (
+        slice(SUPERSAMPLING * w.start, SUPERSAMPLING * w.stop) for w in crop
+    )
+    return rows, columns
+
+
+def _downsampled(pixels: np.ndarray) -> np.ndarray:
+    """Return the mean of the rendered pixels that become one."""
+    height, width, parts = pixels.shape
+    fine = pixels.reshape(
+        height // SUPERSAMPLING,
+        SUPERSAMPLING,
+        width // SUPERSAMPLING,
+        SUPERSAMPLING,
+        parts,
+    )
+    return fine.mean(axis=(1, 3), dtype=np.float32)
+
+
+def _lamp(camera: Camera, aspect: float) -> Camera:
+    """Place the lamp on one side of the camera, so that it sees all that this sees.
+
+    Args:
+        camera: Where the picture is taken from.
+        aspect: Height of the picture over its width.
+    """
+    width = 1.5 * camera.width * max(1.0, aspect)
+    return Camera(camera.target, camera.yaw + LAMP[0], LAMP[1], width)
+
+
+def _shadow_mask(scene: Scene, lamp: Camera) -> np.ndarray:
+    """Return how much of the lamp's light robots block, from 0 to 1."""
+    size = LAMP_PIXELS, LAMP_PIXELS
+    return blur((silhouette(scene, lamp, *size) != NOTHING).astype(float), SHADOW_BLUR)

@@ -1,0 +1,281 @@
+"""Robots to be drawn: their visual shapes in a PyBullet of their own.
+
+Nothing moves here by itself. Each shape is a body without mass, put where our
+kinematics has it, so no joint and no mass of a robot is given to PyBullet, and links
+without mass are seen too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from g1_description.render.camera import Camera, Crop, crop_around, matrices
+from g1_description.robot.assembly import Assembly
+from g1_description.robot.description import Description, Shape
+from g1_description.robot.kinematics import Kinematics
+from g1_description.robot.transform import IDENTITY, compose
+from g1_description.sim.bullet.client import BulletClient, connect, pybullet
+from g1_description.sim.meshes.contents import Part
+from g1_description.sim.meshes.shapes import Mesh, find_meshes, is_there
+from g1_description.sim.meshes.stl import cylinder, sphere
+
+BATCH_SIZE = 40_000
+"""PyBullet takes 131072 corners of one shape."""
+
+GREY = (0.7, 0.7, 0.7, 1.0)
+"""Colour of a shape where its file gives none."""
+
+
+def load_visual(
+    client: BulletClient, shape: Shape, mesh: Mesh | None
+) -> tuple[list[int], str]:
+    """Load a shape, with a box around it that PyBullet keeps up.
+
+    Args:
+        client: PyBullet.
+        shape: The shape.
+        mesh: What was found of it if it is a mesh. As in RViz, the colours of the
+            mesh's own materials count more than that of the shape.
+
+    Returns:
+        PyBullet's numbers for its bodies, and a message that says why there is none.
+    """
+    color = list(shape.color or GREY)
+    kind = pybullet.GEOM_BOX if shape.kind == "box" else pybullet.GEOM_MESH
+    looks = [(_primitive(shape), color)]
+    if mesh is not None:
+        looks = [
+            (form, list(part.color or color))
+            for part in by_color(mesh.parts)
+            for form in _triangles(part, np.array(shape.size))
+        ] or [({"fileName": str(mesh.path), "meshScale": list(shape.size)}, color)]
+    try:
+        return [_body(client, kind, *look) for look in looks], ""
+    except pybullet.error:
+        return [], f"{shape.kind} {shape.filename} cannot be read"
+
+
+def by_color(parts: Sequence[Part]) -> list[Part]:
+    """Put the parts of one colour together."""
+    return [
+        Part(
+            np.concatenate([part.corners for part in parts if part.color == color]),
+            np.concatenate([part.normals for part in parts if part.color == color]),
+            color,
+        )
+        for color in dict.fromkeys(part.color for part in parts)
+    ]
+
+
+def _body(
+    client: BulletClient, kind: int, form: dict[str, object], color: list[float]
+) -> int:
+    """Make a body of a form in PyBullet's words; give PyBullet's number for it."""
+    visual = client.createVisualShape(kind, **form, rgbaColor=color)
+    solid = {name: value for name, value in form.items() if name != "normals"}
+    box = client.createCollisionShape(kind, **solid)
+    return int(client.createMultiBody(0.0, box, visual))
+
+
+def _triangles(part: Part, scale: np.ndarray) -> Iterator[dict[str, object]]:
+    """Write a part of a mesh as PyBullet takes it: so many triangles at a time.
+
+    Args:
+        part: The part.
+        scale: Of the mesh, shape (3,); below zero it is mirrored.
+    """
+    turn = 1 if np.prod(scale) > 0 else -1
+    with np.errstate(all="ignore"):
+        normals = part.normals / scale
+        normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+    corners = (part.corners * scale)[:, ::turn]
+    normals = np.nan_to_num(normals)[:, ::turn]
+    for first in range(0, len(corners), BATCH_SIZE):
+        some = slice(first, first + BATCH_SIZE)
+        yield {
+            "vertices": corners[some].reshape(-1, 3).tolist(),
+            "normals": normals[some].reshape(-1, 3).tolist(),
+            "indices": list(range(corners[some].size // 3)),
+        }
+
+
+def _primitive(shape: Shape) -> dict[str, object]:
+    """Write a shape as PyBullet takes it; its own round shapes have corners."""
+    if shape.kind == "mesh":
+        return {}
+    if shape.kind == "box":
+        return {"halfExtents": [size / 2 for size in shape.size]}
+    surface = sphere(*shape.size) if shape.kind == "sphere" else cylinder(*shape.size)
+    return {
+        "vertices": surface.vertices.tolist(),
+        "normals": surface.normals.tolist(),
+        "indices": surface.triangles.ravel().tolist(),
+    }
+
+
+AMBIENT, DIFFUSE, SPECULAR = 0.72, 0.55, 0.06
+"""Shares of the light: from everywhere, from the lamp, mirrored."""
+
+NOTHING = -1
+"""In the place of a robot's number where none is seen."""
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """A visual shape in the scene."""
+
+    link: str
+    pose: np.ndarray
+    """In the frame of its link, shape (7,)."""
+
+    body: int
+    """PyBullet's number for it."""
+
+
+@dataclass(frozen=True)
+class _Robot:
+    """What is drawn of one robot, and what places it."""
+
+    joints: tuple[str, ...]
+    links: tuple[str, ...]
+    kinematics: Kinematics
+    pieces: tuple[_Piece, ...]
+
+
+class Scene:
+    """Robots in the world. Ends with ``close`` or with a ``with`` statement."""
+
+    def __init__(self) -> None:
+        """Make a scene without robots."""
+        self._client = connect()
+        self._robots: list[_Robot] = []
+
+    def __enter__(self) -> Scene:
+        """Begin a ``with`` statement."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """End it."""
+        self.close()
+
+    def close(self) -> None:
+        """End PyBullet's part."""
+        self._client.disconnect()
+
+    def add(self, description: Description) -> tuple[int, tuple[str, ...]]:
+        """Add a robot, its root at the origin and its joints at zero.
+
+        Args:
+            description: The robot, with fixed links lumped or not.
+
+        Returns:
+            The robot's number, from 0, and a message for each mesh left out.
+        """
+        pieces, refused = [], []
+        shapes = [
+            (link.name, shape) for link in description.links for shape in link.visuals
+        ]
+        meshes, left_out = find_meshes(shape for _, shape in shapes)
+        for link, shape in shapes:
+            if is_there(shape, meshes):
+                mesh = meshes.get(shape.filename)
+                bodies, why_not = load_visual(self._client, shape, mesh)
+                pieces += [_Piece(link, shape.pose, body) for body in bodies]
+                refused += [why_not] if why_not else []
+        self._robots.append(
+            _Robot(
+                tuple(joint.name for joint in description.movable_joints),
+                Assembly(description).link_names,
+                Kinematics(description),
+                tuple(pieces),
+            )
+        )
+        number = len(self._robots) - 1
+        self.place(number, IDENTITY, {})
+        return number, (*left_out, *dict.fromkeys(refused))
+
+    def place(
+        self, robot: int, T_world_root: np.ndarray, positions: Mapping[str, float]
+    ) -> None:
+        """Put a robot somewhere.
+
+        Args:
+            robot: The robot's number.
+            T_world_root: Pose of its root link in the world, shape (7,).
+            positions: Of its joints in [rad] or [m] by name; 0 where one is missing.
+        """
+        figure = self._robots[robot]
+        position = np.array([positions.get(name, 0.0) for name in figure.joints])
+        poses = figure.kinematics.link_poses(T_world_root, position)
+        by_link = dict(zip(figure.links, poses))
+        for piece in figure.pieces:
+            pose = compose(by_link.get(piece.link, T_world_root), piece.pose)
+            self._client.resetBasePositionAndOrientation(piece.body, pose[:3], pose[3:])
+
+    def corners(self) -> np.ndarray:
+        """Give the corners of the boxes, along the world's axes, around all shapes.
+
+        Returns:
+            Points in the world, in [m], shape (8 n_shapes, 3).
+        """
+        bodies = [piece.body for robot in self._robots for piece in robot.pieces]
+        boxes = np.array([self._client.getAABB(body) for body in bodies])
+        boxes = boxes.reshape(-1, 2, 3)
+        choices = np.indices((2, 2, 2)).reshape(3, 8).T
+        return boxes[:, choices, np.arange(3)].reshape(-1, 3)
+
+    def crop(self, camera: Camera, width: int, height: int) -> Crop:
+        """Find the part of a picture, in pixels, that robots can be seen in."""
+        return crop_around(self.corners(), camera, width, height)
+
+    def render(
+        self,
+        camera: Camera,
+        width: int,
+        height: int,
+        crop: Crop,
+        light: np.ndarray | None = None,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Render the robots, without ground and sky and without smooth edges.
+
+        Args:
+            camera: Where from.
+            width: Of the whole picture, in pixels.
+            height: Likewise.
+            crop: Part of the picture, n times m pixels, that is seen.
+            light: Direction to the lamp in the world, shape (3,); by default it is
+                where the camera is.
+
+        Returns:
+            Colours as uint8, shape (n, m, 3), and the number of the robot that is
+            seen, ``NOTHING`` for none, shape (n, m).
+        """
+        rows, columns = (part.stop - part.start for part in crop)
+        if not rows or not columns:
+            return np.zeros((rows, columns, 3), np.uint8), np.zeros(
+                (rows, columns), int
+            )
+        _, _, rgba, _, bodies = self._client.getCameraImage(
+            columns,
+            rows,
+            *matrices(camera, width, height, crop),
+            lightDirection=list(camera.axes[2] if light is None else light),
+            lightAmbientCoeff=AMBIENT,
+            lightDiffuseCoeff=DIFFUSE,
+            lightSpecularCoeff=SPECULAR,
+            shadow=0,
+            renderer=self._client.ER_TINY_RENDERER,
+        )
+        rgb = np.reshape(rgba, (rows, columns, 4))[:, :, :3].astype(np.uint8)
+        return rgb, self._owners()[np.reshape(bodies, (rows, columns))]
+
+    def _owners(self) -> np.ndarray:
+        """Map PyBullet's numbers for bodies to robots; its last row is for none."""
+        pairs = [(p.body, n) for n, r in enumerate(self._robots) for p in r.pieces]
+        owners = np.full(max((body for body, _ in pairs), default=0) + 2, NOTHING)
+        for body, number in pairs:
+            owners[body] = number
+        return owners

@@ -1,0 +1,1 @@
+"""A robot: description, tree, kinematics, dynamics, URDF, named poses."""

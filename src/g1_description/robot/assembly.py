@@ -1,0 +1,185 @@
+"""What a simulator builds: bodies, the joints between them, and where they begin."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from g1_description.robot.description import FREE, Description, Link
+from g1_description.robot.transform import IDENTITY, compose, inverse
+from g1_description.robot.tree import below
+from g1_description.text import listed
+
+SCOPE = "::"
+"""Separates the name of a model from that of its link or joint."""
+
+WORLD = "world"
+"""A root link of this name is the world itself: it is no body and does not move."""
+
+
+def base_of(description: Description) -> tuple[str, np.ndarray]:
+    """Find the link whose pose is the robot's.
+
+    Args:
+        description: The robot as its file has it.
+
+    Returns:
+        The root link; where that is the world, the first link that floats in it. And
+        its pose in the root link, if nothing floats yet, shape (7,).
+    """
+    if description.root == WORLD:
+        for joint in description.joints:
+            if joint.parent == WORLD and joint.kind in FREE:
+                return joint.child, joint.pose
+    return description.root, IDENTITY
+
+
+def root_in_base(description: Description) -> np.ndarray:
+    """Find where the root link is in the base: T_base_root, shape (7,)."""
+    base, pose = base_of(description)
+    return IDENTITY if base == description.root else inverse(pose)
+
+
+@dataclass(frozen=True)
+class Assembly:
+    """A model as Gazebo would simulate it, whether it came as URDF or as SDF."""
+
+    description: Description
+    """Bodies with mass and the joints between them, fixed ones only where they are
+    kept; its root may be ``WORLD``. The bodies of each tree move on their own."""
+
+    root_poses: np.ndarray = field(default_factory=lambda: np.array([IDENTITY]))
+    """Poses of the root links in the model frame, joints at zero, in the order of
+    ``Description.roots``, shape (n_trees, 7)."""
+
+    positions: dict[str, float] = field(default_factory=dict)
+    """Where joints begin, in [rad] or [m] by name, inside their limits; the others
+    begin at zero."""
+
+    canonical: str = ""
+    """Link whose pose and twist are the model's; empty: the root, wherever it is."""
+
+    static: bool = False
+    """Whether it never moves by itself, nor its joints."""
+
+    nested: tuple[str, ...] = ()
+    """Models inside that keep a name of their own, such as ``inner::innermost``; the
+    names of what they hold begin with it."""
+
+    left_out: tuple[str, ...] = ()
+    """A message for each thing in the file that is not simulated, or not as it is."""
+
+    @property
+    def root_pose(self) -> np.ndarray:
+        """Pose of the first tree's root link in the model frame, shape (7,)."""
+        return self.root_poses[0]
+
+    @property
+    def link_names(self) -> tuple[str, ...]:
+        """Names of the bodies, in the order of the file."""
+        names = self.description.link_names
+        if self.description.root != WORLD:
+            return names
+        return tuple(name for name in names if name != WORLD)
+
+    def inside_limits(self) -> Assembly:
+        """Return a copy in which all joints begin inside their limits.
+
+        One that cannot be at zero, and begins nowhere else, begins at the limit that is
+        nearest.
+        """
+        moved = {
+            joint.name: float(np.clip(0.0, joint.lower, joint.upper))
+            for joint in self.description.movable_joints
+            if joint.name not in self.positions
+            and not joint.lower <= 0.0 <= joint.upper
+        }
+        if not moved:
+            return self
+        begin = listed(f"{name} at {value:g}" for name, value in moved.items())
+        return replace(
+            self,
+            positions={**self.positions, **moved},
+            left_out=(*self.left_out, f"joints that cannot be at zero begin: {begin}"),
+        )
+
+    def holder(self, name: str) -> str:
+        """Return the nested model that holds a thing directly.
+
+        Args:
+            name: Of a link, joint or nested model, as this assembly has it.
+
+        Returns:
+            One of ``nested``; empty for the outermost model.
+        """
+        around = [model for model in self.nested if name.startswith(model + SCOPE)]
+        return max(around, key=len, default="")
+
+    def with_link(self, link: Link) -> Assembly:
+        """Return a copy with a link in place of the one of the same name."""
+        links = tuple(
+            link if old.name == link.name else old for old in self.description.links
+        )
+        return replace(self, description=replace(self.description, links=links))
+
+
+def rigid_frames(
+    description: Description, as_lumped: bool = False
+) -> dict[str, tuple[str, np.ndarray]]:
+    """Find the uppermost link that each link is rigidly connected to.
+
+    Args:
+        description: Any robot.
+        as_lumped: Whether only what Gazebo lumps counts: the world holds nothing then,
+            nor does a joint that the file wants to be kept.
+
+    Returns:
+        For each link the uppermost link that fixed joints hold it to, and its pose
+        in that link's frame, shape (7,).
+    """
+    root = description.root
+    apart = WORLD if as_lumped and root == WORLD else None
+    frames: dict[str, tuple[str, np.ndarray]] = {root: (root, IDENTITY)}
+    for joint in below([root], description.joints):
+        is_kept = joint.parent == apart or (as_lumped and joint.kept_as)
+        if joint.kind == "fixed" and not is_kept:
+            body, pose = frames[joint.parent]
+            frames[joint.child] = (body, compose(pose, joint.pose))
+        else:
+            frames[joint.child] = (joint.child, IDENTITY)
+    return frames
+
+
+def reference_links(
+    description: Description, available: Collection[str]
+) -> dict[str, tuple[str, np.ndarray]]:
+    """Find for each link an available link that it is fixed to.
+
+    A simulator publishes some links of a robot: one that lumps fixed joints leaves
+    out the children of these joints, others leave out other links.
+
+    Args:
+        description: The robot as in its file, with its fixed joints.
+        available: Names of the links whose poses are known.
+
+    Returns:
+        For each link that is available or fixed to an available one: the name of that
+        link, and its own pose in that link's frame, shape (7,).
+    """
+    frames = rigid_frames(description)
+    known: dict[str, tuple[str, np.ndarray]] = {}
+    for link in description.link_names:
+        body, pose = frames[link]
+        if link in available and body not in known:
+            known[body] = (link, inverse(pose))
+    found = {}
+    for link in description.link_names:
+        body, pose = frames[link]
+        if link in available:
+            found[link] = (link, IDENTITY)
+        elif body in known:
+            reference, T_reference_body = known[body]
+            found[link] = (reference, compose(T_reference_body, pose))
+    return found

@@ -1,0 +1,303 @@
+"""Inverse dynamics: what efforts and what wrench at the root a motion takes.
+
+Newton's and Euler's equations of all links, at the world's origin. Source:
+Featherstone, Rigid Body Dynamics Algorithms, 2008, chapter 5.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from g1_description.errors import DescriptionError
+from g1_description.robot.assembly import WORLD
+from g1_description.robot.description import Description
+from g1_description.robot.kinematics import Kinematics
+from g1_description.robot.rotation import cross, rotate, to_axes
+
+GRAVITY = 9.81
+"""In [m/s^2], as Pinocchio has it; Gazebo's default world has 9.8."""
+
+
+class Masses:
+    """The mass properties of all links, as arrays in the order of the description."""
+
+    def __init__(self, description: Description) -> None:
+        """Gather them.
+
+        Args:
+            description: The robot. A link without ``<inertial>`` has no mass here, nor
+                has a root called ``WORLD``.
+        """
+        links = [link for link in description.links if link.name != WORLD]
+        self.mass = np.zeros(len(links))
+        self.center_of_mass = np.zeros((len(links), 3))
+        self.inertia = np.zeros((len(links), 3, 3))
+        for row, link in enumerate(links):
+            if link.inertial is not None:
+                self.mass[row] = link.inertial.mass
+                self.center_of_mass[row] = link.inertial.center_of_mass
+                self.inertia[row] = link.inertial.inertia
+        self.total = float(self.mass.sum())
+        self._name = description.name
+
+    def centers(self, link_poses: np.ndarray) -> np.ndarray:
+        """Place the links' centres of mass.
+
+        Args:
+            link_poses: Poses of all links in the world, shape (..., n_links, 7).
+
+        Returns:
+            In the world, in [m], shape (..., n_links, 3).
+        """
+        return link_poses[..., :3] + rotate(link_poses[..., 3:], self.center_of_mass)
+
+    def robot_center(self, link_poses: np.ndarray) -> np.ndarray:
+        """Compute the centre of mass of the robot.
+
+        Args:
+            link_poses: Poses of all links in the world, shape (..., n_links, 7).
+
+        Returns:
+            In the world, in [m], shape (..., 3).
+
+        Raises:
+            DescriptionError: If the robot has no mass.
+        """
+        if not self.total > 0.0:
+            raise DescriptionError(
+                f"{self._name} has no centre of mass: none of its links has a mass."
+            )
+        return (self.mass / self.total) @ self.centers(link_poses)
+
+    def robot_velocity(
+        self, link_poses: np.ndarray, link_twists: np.ndarray
+    ) -> np.ndarray:
+        """Compute the velocity of the robot's centre of mass.
+
+        Args:
+            link_poses: Poses of all links in the world, shape (..., n_links, 7).
+            link_twists: Twists of their origins along the world's axes, shape
+                (..., n_links, 6).
+
+        Returns:
+            Along the world's axes, in [m/s], shape (..., 3); NaN without masses.
+        """
+        levers = self.centers(link_poses) - link_poses[..., :3]
+        velocities = link_twists[..., :3] + cross(link_twists[..., 3:], levers)
+        total = self.total if self.total > 0.0 else np.nan
+        return (self.mass / total) @ velocities
+
+
+@dataclass(frozen=True, eq=False)
+class RobotMotion:
+    """Configurations of a robot with one tree, and how they change.
+
+    Leading axes of all arrays are those of a batch.
+    """
+
+    T_world_root: np.ndarray
+    """Poses of the root link in the world, shape (..., 7)."""
+
+    positions: np.ndarray
+    """Of the movable joints in [rad] or [m], shape (..., n_joints)."""
+
+    root_twists: np.ndarray
+    """Linear velocities of the root's origin and its angular velocities, along the
+    world's axes, in [m/s] and [rad/s], shape (..., 6)."""
+
+    velocities: np.ndarray
+    """In [rad/s] or [m/s], shape (..., n_joints)."""
+
+    root_accelerations: np.ndarray
+    """Linear accelerations of the root's origin and its angular accelerations, along
+    the world's axes, in [m/s^2] and [rad/s^2], shape (..., 6)."""
+
+    accelerations: np.ndarray
+    """In [rad/s^2] or [m/s^2], shape (..., n_joints)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Dynamics:
+    """What a motion takes."""
+
+    efforts: np.ndarray
+    """Of the joints if nothing but the root is held, in [N m] or [N], shape
+    (..., n_joints)."""
+
+    root_wrench: np.ndarray
+    """What must act on the robot from outside, besides gravity: the force and its
+    moment about the world's origin, along the world's axes, in [N] and [N m], shape
+    (..., 6)."""
+
+    center_of_mass: np.ndarray
+    """In the world, in [m], shape (..., 3)."""
+
+    link_poses: np.ndarray
+    """Poses of all links in the world, shape (..., n_links, 7)."""
+
+
+def inverse_dynamics(
+    kinematics: Kinematics,
+    masses: Masses,
+    motion: RobotMotion,
+    gravity: float = GRAVITY,
+) -> Dynamics:
+    """Compute the efforts and the root's wrench of a motion.
+
+    Args:
+        kinematics: Of a robot with one tree.
+        masses: Of the same robot.
+        motion: The motion.
+        gravity: Along -z, in [m/s^2].
+
+    Returns:
+        They, and where the robot is.
+    """
+    poses, origin, axis = kinematics.place(motion.T_world_root, motion.positions)
+    screws = kinematics.joint_screws(origin, axis)
+    above = kinematics.joints_above
+    moved = screws * motion.velocities[..., np.newaxis]
+    twists = above @ moved + _root_twist(motion)[..., np.newaxis, :]
+    child = kinematics.child_rows
+    changed = screws * motion.accelerations[..., np.newaxis]
+    changed += _motion_cross(twists[..., child, :], moved)
+    rates = above @ changed + _root_rate(motion)[..., np.newaxis, :]
+    centers = masses.centers(poses)
+    wrenches = _wrenches(poses, centers, masses, twists, rates, gravity)
+    efforts = (screws * (above.T @ wrenches)).sum(axis=-1)
+    total = masses.total if masses.total > 0.0 else np.nan
+    center = (masses.mass / total) @ centers
+    return Dynamics(efforts, wrenches.sum(axis=-2), center, poses)
+
+
+def _root_twist(motion: RobotMotion) -> np.ndarray:
+    """Move the root's twist to the world's origin, shape (..., 6)."""
+    twist = motion.root_twists.copy()
+    twist[..., :3] += cross(motion.T_world_root[..., :3], twist[..., 3:])
+    return twist
+
+
+def _root_rate(motion: RobotMotion) -> np.ndarray:
+    """Find how the root's twist at the world's origin changes, shape (..., 6)."""
+    rate = motion.root_accelerations.copy()
+    linear, angular = motion.root_twists[..., :3], motion.root_twists[..., 3:]
+    rate[..., :3] += cross(motion.T_world_root[..., :3], rate[..., 3:])
+    rate[..., :3] -= cross(angular, linear)
+    return rate
+
+
+def _motion_cross(twist: np.ndarray, moved: np.ndarray) -> np.ndarray:
+    """Compute how motion vectors change that move with a twist, shape (..., 6)."""
+    linear = cross(twist[..., 3:], moved[..., :3]) + cross(
+        twist[..., :3], moved[..., 3:]
+    )
+    return np.concatenate([linear, cross(twist[..., 3:], moved[..., 3:])], axis=-1)
+
+
+def _wrenches(
+    poses: np.ndarray,
+    centers: np.ndarray,
+    masses: Masses,
+    twists: np.ndarray,
+    rates: np.ndarray,
+    gravity: float,
+) -> np.ndarray:
+    """Compute the wrench that each link takes, at the world's origin.
+
+    Args:
+        poses: Of the links, shape (..., n_links, 7).
+        centers: Centres of mass in the world, shape (..., n_links, 3).
+        masses: Of the links.
+        twists: At the world's origin, shape (..., n_links, 6).
+        rates: How they change, shape (..., n_links, 6).
+        gravity: Along -z, in [m/s^2].
+
+    Returns:
+        Shape (..., n_links, 6).
+    """
+    spin, turning = twists[..., 3:], rates[..., 3:]
+    speed = twists[..., :3] + cross(spin, centers)
+    acceleration = rates[..., :3] + cross(turning, centers) + cross(spin, speed)
+    acceleration[..., 2] += gravity
+    force = masses.mass[:, np.newaxis] * acceleration
+    axes = to_axes(poses[..., 3:])
+    inertia = axes @ masses.inertia @ np.swapaxes(axes, -1, -2)
+    momentum = (inertia @ spin[..., np.newaxis])[..., 0]
+    moment = (inertia @ turning[..., np.newaxis])[..., 0] + cross(spin, momentum)
+    return np.concatenate([force, moment + cross(centers, force)], axis=-1)
+
+
+def link_jacobian(
+    kinematics: Kinematics, T_world_root: np.ndarray, position: np.ndarray, link: int
+) -> np.ndarray:
+    """Compute the geometric Jacobian of a link's origin.
+
+    Source: Featherstone, Rigid Body Dynamics Algorithms, 2008, section 2.10.
+
+    Args:
+        kinematics: Of a robot with one tree.
+        T_world_root: Pose of the root link in the world, shape (..., 7).
+        position: Positions of the movable joints in [rad] or [m], shape
+            (..., n_joints).
+        link: Row of the link.
+
+    Returns:
+        J such that J @ (root's linear velocity, root's angular velocity, joints'
+        velocities) is the twist of the link's origin, linear then angular, along the
+        world's axes, shape (..., 6, 6 + n_joints).
+    """
+    poses, origin, axis = kinematics.place(T_world_root, position)
+    screws = kinematics.joint_screws(origin, axis)
+    screws = screws * kinematics.joints_above[link][:, np.newaxis]
+    moved = _with_root(screws, T_world_root)
+    moved[..., :3] -= cross(poses[..., link, np.newaxis, :3], moved[..., 3:])
+    return np.swapaxes(moved, -1, -2)
+
+
+def center_of_mass_jacobian(
+    kinematics: Kinematics,
+    masses: Masses,
+    T_world_root: np.ndarray,
+    position: np.ndarray,
+) -> np.ndarray:
+    """Compute the Jacobian of the centre of mass.
+
+    Args:
+        kinematics: Of a robot with one tree.
+        masses: Of the same robot.
+        T_world_root: Pose of the root link in the world, shape (..., 7).
+        position: Positions of the movable joints in [rad] or [m], shape
+            (..., n_joints).
+
+    Returns:
+        J such that J @ (root's linear velocity, root's angular velocity, joints'
+        velocities) is the velocity of the centre of mass along the world's axes, shape
+        (..., 3, 6 + n_joints).
+    """
+    poses, origin, axis = kinematics.place(T_world_root, position)
+    screws = _with_root(kinematics.joint_screws(origin, axis), T_world_root)
+    n_links = len(masses.mass)
+    moves = np.concatenate([np.ones((n_links, 6)), kinematics.joints_above], axis=1)
+    share = masses.mass / masses.total
+    carried = (share @ moves)[:, np.newaxis]
+    levers = np.swapaxes(moves * share[:, np.newaxis], 0, 1) @ masses.centers(poses)
+    moved = carried * screws[..., :3] - cross(levers, screws[..., 3:])
+    return np.swapaxes(moved, -1, -2)
+
+
+def _with_root(screws: np.ndarray, T_world_root: np.ndarray) -> np.ndarray:
+    """Put the six ways to move the root before the screws of the joints.
+
+    Args:
+        screws: Of the joints, at the world's origin, shape (..., n_joints, 6).
+        T_world_root: Pose of the root, shape (..., 7).
+
+    Returns:
+        Shape (..., 6 + n_joints, 6).
+    """
+    root = np.zeros((*screws.shape[:-2], 6, 6))
+    root[...] = np.eye(6)
+    root[..., 3:, :3] = cross(T_world_root[..., np.newaxis, :3], np.eye(3))
+    return np.concatenate([root, screws], axis=-2)

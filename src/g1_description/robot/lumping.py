@@ -1,0 +1,349 @@
+"""Fixed joints lumped away, as Gazebo does it when it loads a URDF.
+
+A link on a fixed joint becomes part of the link above it: masses add up by the
+parallel-axis theorem, shapes move along, joints below hang on the link above.
+What the file says of the gravity of one counts for the whole body, the last word in
+Gazebo's order wins. ``rigid.rigid_frames`` computes where lumped links are.
+
+A fixed joint that the file wants to be kept stays, and the link on it. A link called
+"world" at the root is the world itself; joints to it are kept, fixed ones too. A link
+without mass on a joint that stays vanishes with all that hangs below it, where things
+move by themselves. A floating or planar joint is none: what it carries is free, below
+"world" as anywhere. Of a model that never moves by itself all joints hold still.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+
+from g1_description.robot.assembly import WORLD, Assembly, rigid_frames
+from g1_description.robot.description import (
+    FREE,
+    Description,
+    Inertial,
+    Joint,
+    Link,
+    Shape,
+)
+from g1_description.robot.rotation import to_axes
+from g1_description.robot.transform import IDENTITY, compose
+from g1_description.robot.tree import below, depth_first
+from g1_description.text import listed
+
+TOLERANCE = 1e-9
+"""Relative rounding error of the moments: plates meet the triangle inequality with
+equality, and the least moment of a singular tensor is not quite zero."""
+
+
+def is_positive(inertia: np.ndarray) -> bool:
+    """Return whether a tensor, shape (3, 3), is positive definite."""
+    least, _, most = np.linalg.eigvalsh(inertia)
+    return bool(least > max(TOLERANCE * most, 0.0))
+
+
+def impossible_inertias(links: Iterable[Link]) -> tuple[str, ...]:
+    """Return messages on links of which physics cannot, or should not, use the inertia.
+
+    Gazebo's ODE takes 1 kg m^2 about each axis for a tensor that is not positive
+    definite, and any other as it is.
+    """
+    found: dict[bool, list[str]] = {False: [], True: []}
+    for link in links:
+        if link.inertial and fault_of(link.inertial):
+            found[is_positive(link.inertial.inertia)].append(link.name)
+    why = {
+        False: "is not positive definite; 1 kg m^2 about each axis is used, as in "
+        "Gazebo",
+        True: "violates the triangle inequality; used as it is",
+    }
+    return tuple(
+        f"inertia of {listed(names)} {why[positive]}"
+        for positive, names in found.items()
+        if names
+    )
+
+
+def fault_of(inertial: Inertial) -> str:
+    """Return a message on what is wrong with an inertial; empty if nothing is."""
+    if inertial.mass == 0.0:
+        return "mass 0 with an inertia" if inertial.inertia.any() else ""
+    moments = np.linalg.eigvalsh(inertial.inertia)
+    listed = ", ".join(f"{moment:.6g}" for moment in moments)
+    if not is_positive(inertial.inertia):
+        return f"inertia is not positive, principal moments {listed}"
+    if moments[2] > (moments[0] + moments[1]) * (1.0 + TOLERANCE):
+        return f"inertia breaks the triangle inequality, principal moments {listed}"
+    return ""
+
+
+def combine_inertials(
+    parts: Iterable[tuple[Inertial, np.ndarray]],
+) -> Inertial | None:
+    """Add up masses that are rigidly connected (parallel-axis theorem).
+
+    Args:
+        parts: Inertials with the pose, shape (7,), of their link in the body.
+
+    Returns:
+        The inertial of the body, or None where there is no mass at all.
+    """
+    placed = [
+        (part.mass, *_turned(part, pose)) for part, pose in parts if part.mass > 0.0
+    ]
+    if not placed:
+        return None
+    mass = sum(part[0] for part in placed)
+    center = np.sum([part[0] * part[1] for part in placed], axis=0) / mass
+    inertia = np.zeros((3, 3))
+    for part_mass, part_center, part_inertia in placed:
+        offset = part_center - center
+        steiner = offset @ offset * np.eye(3) - np.outer(offset, offset)
+        inertia += part_inertia + part_mass * steiner
+    return Inertial(mass, center, inertia)
+
+
+def _turned(part: Inertial, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Write a link's center of mass and inertia in its body's frame."""
+    axes = to_axes(pose[3:])
+    center = pose[:3] + axes @ part.center_of_mass
+    return center, axes @ part.inertia @ axes.T
+
+
+def lump_fixed_joints(description: Description, is_dynamic: bool = True) -> Assembly:
+    """Merge each link on a fixed joint into the link above it.
+
+    Args:
+        description: Any robot.
+        is_dynamic: Whether things move by themselves. Where they do not, nothing needs
+            a mass, and links without one stay.
+
+    Returns:
+        The robot as Gazebo would simulate it.
+    """
+    frames = rigid_frames(description, as_lumped=True)
+    bodies = {
+        name: _merge(name, parts) for name, parts in _parts(description, frames).items()
+    }
+    joints = _between_bodies(description, frames)
+    massless = _massless(description.root, bodies, joints)
+    if is_dynamic:
+        bodies = {name: body for name, body in bodies.items() if name not in massless}
+    robot = _robot(description, bodies, joints)
+    return Assembly(
+        description=robot,
+        root_poses=_root_poses(description.root, joints, robot.roots),
+        static=description.static,
+        left_out=(
+            *description.left_out,
+            *_mass_clauses(description, frames, massless, is_dynamic),
+            *(
+                f"joint {joint.name} is {joint.kind}, {joint.child} is free"
+                for joint in joints
+                if joint.child in bodies and joint.kind in FREE
+            ),
+            *(joint.remark for joint in robot.joints if joint.remark),
+        ),
+    )
+
+
+def _between_bodies(
+    description: Description, frames: dict[str, tuple[str, np.ndarray]]
+) -> tuple[Joint, ...]:
+    """Select the joints that are not lumped, hung on the bodies that hold their links.
+
+    Args:
+        description: The robot.
+        frames: Which body each link is part of, and where, as ``rigid_frames``.
+    """
+    joints = tuple(
+        _rehang(joint, frames)
+        for joint in description.joints
+        if frames[joint.child][0] == joint.child
+    )
+    return tuple(_held(joint) for joint in joints) if description.static else joints
+
+
+def _robot(
+    description: Description, bodies: dict[str, Link], joints: tuple[Joint, ...]
+) -> Description:
+    """Make a robot of the bodies that are left.
+
+    Joints that Gazebo makes nothing of leave their children free. Where nothing else
+    hangs on the world, the first free one is the root.
+
+    Args:
+        description: The robot as its file has it.
+        bodies: What is left of its links, by name.
+        joints: Between all bodies, also those that are not left.
+    """
+    names = [name for name in description.link_names if name in bodies]
+    held = tuple(j for j in joints if j.child in bodies and j.kind not in FREE)
+    free = {j.child for j in joints if j.child in bodies and j.kind in FREE}
+    root = description.root
+    if root == WORLD and free and not any(joint.parent == WORLD for joint in held):
+        names.remove(WORLD)
+        root = next(name for name in names if name in free)
+    return Description(
+        name=description.name,
+        root=root,
+        links=tuple(bodies[name] for name in names),
+        joints=held,
+    )
+
+
+def _mass_clauses(
+    description: Description,
+    frames: dict[str, tuple[str, np.ndarray]],
+    massless: dict[str, str],
+    is_dynamic: bool,
+) -> list[str]:
+    """Return messages on links that have no mass, or hang on one that has none.
+
+    Args:
+        description: The robot.
+        frames: Which body each link is part of, and where, as ``rigid_frames``.
+        massless: Bodies without mass, and what hangs on them, as ``_massless``.
+        is_dynamic: Whether they are left out; else they stay, unlike in Gazebo.
+    """
+    why = {
+        name: massless[frames[name][0]]
+        for name in description.link_names
+        if frames[name][0] in massless
+    }
+    if is_dynamic:
+        return [
+            f"link {name} has no mass"
+            if frames[name][0] == body
+            else f"link {name} hangs on {body}, which has no mass"
+            for name, body in why.items()
+        ]
+    bare = [name for name, body in why.items() if frames[name][0] == body]
+    hanging = [name for name, body in why.items() if frames[name][0] != body]
+    return [_unlike_gazebo(bare, hanging)] if why else []
+
+
+def _unlike_gazebo(bare: list[str], hanging: list[str]) -> str:
+    """Return a message on links that stay though Gazebo would leave them out.
+
+    Args:
+        bare: Links without mass.
+        hanging: Links with mass that hang on them.
+    """
+    one, alone = len(bare) == 1, len(bare) + len(hanging) == 1
+    words = f"{listed(bare)} {'has' if one else 'have'} no mass"
+    if hanging:
+        verb = "hangs" if len(hanging) == 1 else "hang"
+        words += f" and {listed(hanging)} {verb} on {'it' if one else 'them'}"
+    return f"{words}: Gazebo would leave {'it' if alone else 'them'} out"
+
+
+def _root_poses(
+    root: str, joints: tuple[Joint, ...], roots: tuple[str, ...]
+) -> np.ndarray:
+    """Place the roots of all trees in the frame of the file's root.
+
+    Args:
+        root: The file's root.
+        joints: Between bodies, floating and planar ones too.
+        roots: Of the trees.
+
+    Returns:
+        Their poses with all joints at zero, shape (n_trees, 7).
+    """
+    poses = {root: IDENTITY}
+    for joint in below([root], joints):
+        poses[joint.child] = compose(poses[joint.parent], joint.pose)
+    return np.array([poses[name] for name in roots])
+
+
+def _parts(
+    description: Description, frames: dict[str, tuple[str, np.ndarray]]
+) -> dict[str, list[tuple[Link, np.ndarray]]]:
+    """Group the links by the body that holds them, in Gazebo's order."""
+    links = {link.name: link for link in description.links}
+    parts: dict[str, list[tuple[Link, np.ndarray]]] = {}
+    for name in depth_first(description.root, description.joints):
+        body, pose = frames[name]
+        parts.setdefault(body, []).append((links[name], pose))
+    return parts
+
+
+def _merge(name: str, parts: list[tuple[Link, np.ndarray]]) -> Link:
+    """Make one link of several that do not move against each other."""
+    collisions = [(link.name, s, pose) for link, pose in parts for s in link.collisions]
+    said = [link.gravity for link, _ in parts if link.gravity is not None]
+    return Link(
+        name=name,
+        inertial=combine_inertials(
+            (link.inertial, pose) for link, pose in parts if link.inertial is not None
+        ),
+        visuals=tuple(_moved(s, pose) for link, pose in parts for s in link.visuals),
+        collisions=tuple(
+            replace(_moved(shape, pose), name=_collision_name(name, link, shape, n))
+            for n, (link, shape, pose) in enumerate(collisions)
+        ),
+        gravity=said[-1] if said else None,
+    )
+
+
+def _collision_name(body: str, link: str, shape: Shape, number: int) -> str:
+    """Name a collision as Gazebo does when it turns URDF into its own format.
+
+    A name that does not begin with the body's marks a lumped link: also a collision
+    of the body's own that the file gives another name.
+
+    Args:
+        body: The link that is left.
+        link: The link of the file that has the shape.
+        shape: The collision.
+        number: Which collision of the body it is, from 0.
+    """
+    count = f"_{number}" if number else ""
+    name = f"{shape.name or link}_collision{count}"
+    return name if name.startswith(body) else f"{body}_fixed_joint_lump__{name}"
+
+
+def _moved(shape: Shape, pose: np.ndarray) -> Shape:
+    """Express a shape's pose in the frame of the body that holds its link."""
+    return replace(shape, pose=compose(pose, shape.pose))
+
+
+def _rehang(joint: Joint, frames: dict[str, tuple[str, np.ndarray]]) -> Joint:
+    """Hang a joint on the body that holds its parent link.
+
+    A fixed one that is kept as one that turns has the axis that SDF gives one without.
+    """
+    body, pose = frames[joint.parent]
+    joint = replace(joint, parent=body, pose=compose(pose, joint.pose))
+    if joint.kept_as != "revolute":
+        return joint
+    axis = np.array([0.0, 0.0, 1.0])
+    return replace(joint, kind="revolute", axis=axis, lower=0.0, upper=0.0)
+
+
+def _held(joint: Joint) -> Joint:
+    """Make a joint fixed; one that Gazebo makes nothing of is not listed."""
+    return replace(joint, kind="fixed", listed=joint.kind not in FREE)
+
+
+def _massless(
+    root: str, bodies: dict[str, Link], joints: tuple[Joint, ...]
+) -> dict[str, str]:
+    """Find the bodies that have no mass, and all that hang on them.
+
+    Returns:
+        Of each its own name where it has no mass, else the name of the nearest body
+        above it that has none.
+    """
+    found: dict[str, str] = {}
+    if root != WORLD and bodies[root].inertial is None:
+        found[root] = root
+    for joint in below([root], joints):
+        if bodies[joint.child].inertial is None:
+            found[joint.child] = joint.child
+        elif joint.parent in found:
+            found[joint.child] = found[joint.parent]
+    return found

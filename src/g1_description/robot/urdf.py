@@ -1,0 +1,342 @@
+"""URDF text in, robot description out.
+
+This is the only module that reads URDF, and urdf_parser_py (urdfdom) does the
+reading. No joint or link name is known here or anywhere else in code.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+from lxml import etree
+from urdf_parser_py import urdf
+from urdf_parser_py.xml_reflection import core as xml_reflection
+
+from g1_description.bounds import checked, position_limits
+from g1_description.errors import DescriptionError
+from g1_description.files.xml import check_size, parse_xml, part_at_fault
+from g1_description.robot.description import (
+    MOVABLE,
+    Description,
+    Inertial,
+    Joint,
+    Link,
+    Shape,
+)
+from g1_description.robot.rotation import from_rpy, to_axes
+from g1_description.robot.tree import one_root
+from g1_description.robot.urdf_extensions import Extensions, read_extensions
+
+
+def named_colors(robot: etree._Element) -> dict[str, tuple[float, ...] | None]:
+    """Read the colours of a robot's own materials by name."""
+    return {
+        material.get("name", ""): _color(material)
+        for material in robot.findall("material")
+    }
+
+
+def visual_colors(
+    link: etree._Element, named: Mapping[str, tuple[float, ...] | None]
+) -> Iterator[tuple[float, ...] | None]:
+    """Read the colours of a link's visual shapes.
+
+    A wrong colour hinders nobody from moving the robot, so it is no error.
+
+    Args:
+        link: The link element.
+        named: Colours of the robot's own materials by name.
+
+    Yields:
+        Red, green, blue, opacity from 0 to 1 for each visual element; None where the
+        file has no numbers.
+    """
+    for visual in link.findall("visual"):
+        material = visual.find("material")
+        if material is None:
+            yield None
+        else:
+            yield _color(material) or named.get(material.get("name", ""))
+
+
+def _color(material: etree._Element) -> tuple[float, ...] | None:
+    """Read the colour of a material; None where it has no numbers."""
+    color = material.find("color")
+    text = "" if color is None else color.get("rgba", "")
+    try:
+        rgba = np.array(text.split(), dtype=float)
+    except ValueError:
+        return None
+    if rgba.shape != (4,) or not np.isfinite(rgba).all():
+        return None
+    return tuple(np.clip(rgba, 0.0, 1.0).tolist())
+
+
+_MANY = ("link", "joint", "visual", "collision")
+"""Elements that may stand beside others of their kind. Of the rest the first counts."""
+
+_SHAPE = ("origin", "geometry")
+_PARTS = {
+    "robot": ("link", "joint"),
+    "link": ("inertial", "visual", "collision"),
+    "inertial": ("origin", "mass", "inertia"),
+    "visual": _SHAPE,
+    "collision": _SHAPE,
+    "joint": (
+        "origin",
+        "parent",
+        "child",
+        "axis",
+        "limit",
+        "dynamics",
+        "mimic",
+        "safety_controller",
+        "calibration",
+    ),
+}
+"""What urdfdom reads in an element."""
+
+_WITHOUT_AXIS = ("fixed", "floating")
+"""Types of joints whose axis means nothing."""
+
+
+def keep_parts(robot: etree._Element) -> None:
+    """Take out of a robot element all that does not describe links and joints.
+
+    Args:
+        robot: The element; materials are taken out too.
+    """
+    name = robot.get("name", "")
+    robot.attrib.clear()
+    robot.set("name", name)
+    waiting = [robot]
+    for element in waiting:
+        for key in [key for key in element.attrib if ":" in key]:
+            del element.attrib[key]  # of another format; its prefix may be unknown
+        for child in _surplus(element):
+            element.remove(child)
+        waiting.extend(element)
+
+
+def _surplus(element: etree._Element) -> list[etree._Element]:
+    """List the children of an element that do not count."""
+    if element.tag == "geometry":
+        return list(element)[1:]
+    parts = _PARTS.get(element.tag, ())
+    if element.tag == "joint" and element.get("type") in _WITHOUT_AXIS:
+        parts = tuple(part for part in parts if part != "axis")
+    seen: set[str] = set()
+    surplus = []
+    for child in element:
+        if child.tag not in parts or (child.tag in seen and child.tag not in _MANY):
+            surplus.append(child)
+        seen.add(child.tag)
+    return surplus
+
+
+# An unknown geometry is a plain Exception.
+UNREADABLE = Exception
+"""What urdf_parser_py raises for text that is not URDF."""
+
+IT_IS_XACRO = (
+    "This looks like unexpanded xacro: run xacro on it, or name the file .xacro."
+)
+"""What is added where that is why a description cannot be read."""
+
+_LOGGER = logging.getLogger(__name__)
+# An attribute that URDF does not know is not worth a line on stderr.
+xml_reflection.on_error = _LOGGER.debug
+
+
+def parse_urdf(text: str) -> Description:
+    """Read a robot description.
+
+    Args:
+        text: URDF as XML text.
+
+    Returns:
+        The robot, checked to be one tree with unit axes and ordered limits, infinite
+        where the file's are not in order. Its name is empty where the file gives none.
+
+    Raises:
+        DescriptionError: If the text is too large, not XML, not URDF, or not one tree.
+    """
+    check_size("The robot description", len(text))
+    try:
+        return _description(parse_xml("robot description", text))
+    except DescriptionError as error:
+        if not _is_xacro(text):
+            raise
+        raise DescriptionError(f"{error} {IT_IS_XACRO}") from error
+
+
+def _is_xacro(text: str) -> bool:
+    """Return whether a document is XML with parts that xacro has to expand.
+
+    Plugins may have a ``${`` of their own.
+    """
+    with suppress(DescriptionError):
+        root = parse_xml("robot description", text)
+        return any(
+            element.prefix == "xacro"
+            or element.tag.startswith("xacro:")  # the prefix is not declared
+            or any("${" in value for value in element.attrib.values())
+            for element in root.xpath("//*[not(ancestor-or-self::gazebo)]")
+        )
+    return False
+
+
+def _description(element: etree._Element) -> Description:
+    """Read a robot description; raises what ``parse_urdf`` does."""
+    if element.tag != "robot":
+        raise DescriptionError(
+            f"The robot description is not URDF, its root is <{element.tag}>."
+        )
+    named = named_colors(element)
+    colors = [tuple(visual_colors(link, named)) for link in element.findall("link")]
+    extensions = read_extensions(element)
+    keep_parts(element)
+    try:
+        robot = urdf.URDF.from_xml_string(etree.tostring(element, encoding="utf-8"))
+    except UNREADABLE as error:
+        sentence = " ".join(str(error).split())
+        place = "" if "ParseError" in sentence else part_at_fault(element, _is_urdf)
+        raise DescriptionError(
+            f"The robot description is not URDF: {place}{sentence}."
+        ) from error
+    links = tuple(
+        _link(link, found, extensions) for link, found in zip(robot.links, colors)
+    )
+    joints = tuple(_joint(joint, extensions) for joint in robot.joints)
+    return Description(
+        name=robot.name,
+        root=one_root(robot.name, links, joints),
+        links=links,
+        joints=joints,
+        static=extensions.static,
+        left_out=extensions.left_out,
+    )
+
+
+def _is_urdf(robot: etree._Element) -> bool:
+    """Return whether a robot element can be read."""
+    try:
+        urdf.URDF.from_xml_string(etree.tostring(robot, encoding="utf-8"))
+    except UNREADABLE:
+        return False
+    return True
+
+
+def _pose(owner: str, origin: urdf.Pose | None) -> np.ndarray:
+    """Read an origin element; a missing one, or a missing half, is the identity."""
+    xyz = (origin.xyz if origin is not None else None) or [0.0, 0.0, 0.0]
+    rpy = (origin.rpy if origin is not None else None) or [0.0, 0.0, 0.0]
+    numbers = checked(f"an origin of {owner}", [*xyz, *rpy])
+    return np.concatenate([numbers[:3], from_rpy(numbers[3:])])
+
+
+def _link(
+    link: urdf.Link, colors: Sequence[tuple[float, ...] | None], extensions: Extensions
+) -> Link:
+    """Read a link element, with the colours of its visual shapes."""
+    return Link(
+        name=link.name,
+        inertial=_inertial(link),
+        visuals=tuple(
+            replace(_shape(link.name, visual), color=color)
+            for visual, color in zip(link.visuals, colors)
+        ),
+        collisions=tuple(
+            replace(
+                _shape(link.name, shape), friction=extensions.friction.get(link.name)
+            )
+            for shape in link.collisions
+        ),
+        gravity=extensions.gravity.get(link.name),
+    )
+
+
+def _inertial(link: urdf.Link) -> Inertial | None:
+    """Read an inertial element, with the tensor turned to the link's axes."""
+    element = link.inertial
+    if element is None:
+        return None
+    if element.inertia is None:
+        raise DescriptionError(f"Link {link.name} has an inertial without inertia.")
+    values = element.inertia
+    tensor = np.array(
+        [
+            [values.ixx, values.ixy, values.ixz],
+            [values.ixy, values.iyy, values.iyz],
+            [values.ixz, values.iyz, values.izz],
+        ]
+    )
+    checked(f"the inertia of link {link.name}", tensor.ravel().tolist())
+    checked(f"the mass of link {link.name}", [element.mass], least=0.0)
+    pose = _pose(f"link {link.name}", element.origin)
+    axes = to_axes(pose[3:])
+    return Inertial(float(element.mass), pose[:3], axes @ tensor @ axes.T)
+
+
+def _shape(link: str, element: urdf.Visual | urdf.Collision) -> Shape:
+    """Read a visual or collision element."""
+    geometry = element.geometry
+    name = getattr(element, "name", None) or ""
+    pose = _pose(f"link {link}", element.origin)
+    if isinstance(geometry, urdf.Mesh):
+        scale = checked(f"a mesh of link {link}", geometry.scale or [1.0, 1.0, 1.0])
+        return Shape("mesh", tuple(scale), pose, geometry.filename, name)
+    if isinstance(geometry, urdf.Box):
+        kind, size = "box", geometry.size
+    elif isinstance(geometry, urdf.Cylinder):
+        kind, size = "cylinder", [geometry.radius, geometry.length]
+    elif isinstance(geometry, urdf.Sphere):
+        kind, size = "sphere", [geometry.radius]
+    else:
+        raise DescriptionError(f"Link {link} has a shape without a known geometry.")
+    sizes = tuple(checked(f"a {kind} of link {link}", size, 0.0))
+    return Shape(kind, sizes, pose, name=name)
+
+
+def _joint(joint: urdf.Joint, extensions: Extensions) -> Joint:
+    """Read a joint element."""
+    axis = np.array(joint.axis or [1.0, 0.0, 0.0], dtype=float)
+    length = np.linalg.norm(axis)
+    if joint.type in MOVABLE and not 0.0 < length < np.inf:
+        raise DescriptionError(
+            f"Joint {joint.name} has no direction: axis {joint.axis}."
+        )
+    limit, dynamics = joint.limit, joint.dynamics
+    if limit is None and joint.type in ("revolute", "prismatic"):
+        raise DescriptionError(f"Joint {joint.name} is {joint.type} and has no limit.")
+    if limit is not None:
+        bounds = [limit.effort, limit.velocity]
+        checked(f"the limit of joint {joint.name}", bounds, least=0.0)
+    if dynamics is not None:
+        numbers = [dynamics.damping or 0.0, dynamics.friction or 0.0]
+        checked(f"the dynamics of joint {joint.name}", numbers)
+    lower, upper, remark = -np.inf, np.inf, ""
+    if limit is not None and joint.type in ("revolute", "prismatic"):
+        bounds = [float(limit.lower or 0.0), float(limit.upper or 0.0)]
+        lower, upper, remark = position_limits(f"joint {joint.name}", *bounds)
+    turns_on = joint.type == "revolute" and np.isinf([lower, upper]).all()
+    return Joint(
+        name=joint.name,
+        kind="continuous" if turns_on else joint.type,
+        parent=joint.parent,
+        child=joint.child,
+        pose=_pose(f"joint {joint.name}", joint.origin),
+        axis=axis / length if length > 0.0 else axis,
+        lower=lower,
+        upper=upper,
+        effort=float(limit.effort) if limit is not None else np.inf,
+        velocity=float(limit.velocity) if limit is not None else np.inf,
+        damping=float(dynamics.damping or 0.0) if dynamics is not None else 0.0,
+        friction=float(dynamics.friction or 0.0) if dynamics is not None else 0.0,
+        kept_as=extensions.kept.get(joint.name, "") if joint.type == "fixed" else "",
+        remark=remark,
+    )

@@ -1,1 +1,0 @@
-"""The command that walks from the master to the picture and names the broken link."""

@@ -1,1 +1,0 @@
-"""The command ``web``: robots and motions of files in a browser."""

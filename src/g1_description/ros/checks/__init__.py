@@ -1,7 +1,0 @@
-"""Checks on ROS: the node ``checker``."""
-
-from g1_description.sim.batch.threads import one_thread
-
-# Before anything imports numpy, which reads this once: for arrays of a robot's size,
-# threads would spend their time waiting for each other.
-one_thread()

@@ -1,1 +1,0 @@
-"""What checks find, as markers for RViz."""

@@ -1,1 +1,0 @@
-"""The client with which Python programs step the stand-in."""

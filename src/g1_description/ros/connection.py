@@ -1,0 +1,148 @@
+"""Calls of the stand-in's services, by programs that need not be nodes.
+
+A connection is kept for each service: one per call would take 2 ms each.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+from collections.abc import Iterator
+from typing import Any
+from urllib.parse import urlparse
+
+import rosgraph
+import rospy
+
+from g1_description.errors import G1DescriptionError
+from g1_description.ros.master import SLAVE_API_ERRORS
+from g1_description.ros.waiting import MASTER_PERIOD, NoAnswerError, wait_until
+
+
+class RefusedError(G1DescriptionError):
+    """The stand-in does not do what was requested."""
+
+
+class Connection:
+    """The services of a simulator."""
+
+    def __init__(self, gazebo: str, timeout: float) -> None:
+        """Prepare; nothing is called yet.
+
+        Args:
+            gazebo: Namespace of the simulator.
+            timeout: Longest wait for the master and for services, in [s].
+        """
+        self._gazebo = "/" + gazebo.strip("/")
+        self._timeout = timeout
+        self._proxies: dict[str, rospy.ServiceProxy] = {}
+
+    def wait_for(self, service: str) -> None:
+        """Wait until a service is there.
+
+        Raises:
+            NoAnswerError: If there is no master, or no such service in time.
+        """
+        name = f"{self._gazebo}/{service}"
+        if wait_until(lambda: self._is_there(name), self._timeout, None, MASTER_PERIOD):
+            return
+        if self._is_there(f"{self._gazebo}/pause_physics"):
+            why = f"{self._gazebo} is another simulator than this package's stand-in"
+        else:
+            why = f"there is no {self._gazebo}; is the stand-in launched?"
+        raise NoAnswerError(f"After {self._timeout:g} s there is no {name}: {why}")
+
+    def _is_there(self, service: str) -> bool:
+        """Return whether the master knows a service.
+
+        Raises:
+            NoAnswerError: If there is no master.
+        """
+        uri = rosgraph.get_master_uri()
+        try:
+            with _default_timeout(self._timeout):
+                _check_address(uri)
+                rosgraph.Master("/g1_description_client").lookupService(service)
+        except rosgraph.MasterError:
+            return False
+        except (*SLAVE_API_ERRORS, rosgraph.MasterException, ValueError) as error:
+            raise NoAnswerError(
+                f"No ROS master answers at {uri}: {error}. Is it running, and is "
+                "ROS_MASTER_URI right?"
+            ) from error
+        return True
+
+    def call(self, service: str, kind: type, **fields: Any) -> Any:
+        """Call a service.
+
+        Args:
+            service: Its name below the simulator's.
+            kind: Its class.
+            fields: Of the request.
+
+        Returns:
+            The response.
+
+        Raises:
+            NoAnswerError: If it does not answer.
+        """
+        name = f"{self._gazebo}/{service}"
+        if service not in self._proxies:
+            self._proxies[service] = rospy.ServiceProxy(name, kind, persistent=True)
+        try:
+            return self._proxies[service](**fields)
+        except (rospy.ServiceException, *SLAVE_API_ERRORS) as error:
+            self._drop(service)
+            raise NoAnswerError(
+                f"{name} does not answer, has the stand-in ended? {error}"
+            ) from error
+        except BaseException:  # the answer may come yet, to the next request
+            self._drop(service)
+            raise
+
+    def checked(self, service: str, kind: type, **fields: Any) -> Any:
+        """Call a service that may refuse.
+
+        Raises:
+            RefusedError: If it does.
+            NoAnswerError: If it does not answer.
+        """
+        answer = self.call(service, kind, **fields)
+        if not answer.success:
+            raise RefusedError(answer.status_message.rstrip(".") + ".")
+        return answer
+
+    def close(self) -> None:
+        """Close all connections; the next call makes a new one."""
+        for service in list(self._proxies):
+            self._drop(service)
+
+    def _drop(self, service: str) -> None:
+        """Close one connection."""
+        self._proxies.pop(service).close()
+
+
+@contextlib.contextmanager
+def _default_timeout(seconds: float) -> Iterator[None]:
+    """Let nobody who opens a connection meanwhile wait longer for it."""
+    before = socket.getdefaulttimeout()
+    socket.setdefaulttimeout(seconds)
+    try:
+        yield
+    finally:
+        socket.setdefaulttimeout(before)
+
+
+def _check_address(uri: str) -> None:
+    """Check that a URI can be one of a master.
+
+    Raises:
+        ValueError: If it cannot.
+    """
+    parts = urlparse(uri)
+    try:
+        is_one = parts.scheme == "http" and parts.hostname and parts.port
+    except ValueError:  # a port that is no number
+        is_one = False
+    if not is_one:
+        raise ValueError("that is not of the form http://HOST:PORT")

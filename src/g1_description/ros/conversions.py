@@ -1,0 +1,152 @@
+"""Arrays to geometry messages and back."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Collection, Sequence
+
+import genpy
+import numpy as np
+from geometry_msgs.msg import (
+    Point,
+    Pose,
+    Transform,
+    TransformStamped,
+    Twist,
+    Vector3,
+    Wrench,
+)
+
+from g1_description.errors import WireFormatError
+from g1_description.motion.trajectory import Trajectory
+from g1_description.msg import ModelTrajectory
+
+
+def stamp_from_ns(time_ns: int) -> genpy.Time:
+    """Convert a time in [ns]."""
+    return genpy.Time(time_ns // 1_000_000_000, time_ns % 1_000_000_000)
+
+
+def vector_to_array(vector: Vector3 | Point) -> np.ndarray:
+    """Give the coordinates, shape (3,)."""
+    return np.array([vector.x, vector.y, vector.z])
+
+
+def wrench_to_array(wrench: Wrench) -> np.ndarray:
+    """Give force and torque, shape (6,)."""
+    parts = (vector_to_array(part) for part in (wrench.force, wrench.torque))
+    return np.concatenate([*parts])
+
+
+def pose_to_array(pose: Pose) -> np.ndarray:
+    """Give position and quaternion (x, y, z, w) as they came, shape (7,)."""
+    p, q = pose.position, pose.orientation
+    return np.array([p.x, p.y, p.z, q.x, q.y, q.z, q.w])
+
+
+def pose_from_array(array: np.ndarray) -> Pose:
+    """Convert a pose, shape (7,)."""
+    pose = Pose()
+    pose.position.x, pose.position.y, pose.position.z = array[:3].tolist()
+    q = pose.orientation
+    q.x, q.y, q.z, q.w = array[3:].tolist()
+    return pose
+
+
+def twist_to_array(twist: Twist) -> np.ndarray:
+    """Give linear and angular velocity, shape (6,)."""
+    v, w = twist.linear, twist.angular
+    return np.array([v.x, v.y, v.z, w.x, w.y, w.z])
+
+
+def twist_from_array(array: np.ndarray) -> Twist:
+    """Convert a twist, linear then angular, shape (6,)."""
+    twist = Twist()
+    twist.linear.x, twist.linear.y, twist.linear.z = array[:3].tolist()
+    twist.angular.x, twist.angular.y, twist.angular.z = array[3:].tolist()
+    return twist
+
+
+def to_transform(T_parent_child: Sequence[float]) -> Transform:
+    """Convert a pose, seven numbers."""
+    message = Transform()
+    t, q = message.translation, message.rotation
+    t.x, t.y, t.z = T_parent_child[:3]
+    q.x, q.y, q.z, q.w = T_parent_child[3:]
+    return message
+
+
+def transform(
+    stamp: genpy.Time, parent: str, child: str, T_parent_child: Sequence[float]
+) -> TransformStamped:
+    """Make an edge of the TF tree from a pose, seven numbers."""
+    message = TransformStamped(
+        child_frame_id=child, transform=to_transform(T_parent_child)
+    )
+    message.header.stamp = stamp
+    message.header.frame_id = parent
+    return message
+
+
+def model_trajectory(
+    model: str, trajectory: Trajectory, start_ns: int | None = None
+) -> ModelTrajectory:
+    """Write a motion as a message.
+
+    Args:
+        model: Name of the model in the simulator.
+        trajectory: The motion.
+        start_ns: When its times count from, in [ns]; None: from the next step on.
+    """
+    velocities, bases = trajectory.velocities, trajectory.base_poses
+    return ModelTrajectory(
+        model,
+        stamp_from_ns(start_ns or 0),
+        list(trajectory.joint_names),
+        trajectory.times.tolist(),
+        trajectory.positions.ravel().tolist(),
+        [] if velocities is None else velocities.ravel().tolist(),
+        [] if bases is None else bases.ravel().tolist(),
+    )
+
+
+_COUNT = struct.Struct("<I")
+_STAMP = struct.Struct("<II")
+_POSE = struct.Struct("<7d")
+_BEFORE_STAMP = 4
+"""Bytes of the count in the header."""
+
+Edge = tuple
+"""Stamp in [ns], parent, child, and the child's pose in the parent, seven numbers."""
+
+
+def read_edges(data: bytes, children: Collection[bytes] | None = None) -> list[Edge]:
+    """Read edges from a serialised tf2_msgs/TFMessage.
+
+    Args:
+        data: The message.
+        children: Names of the child frames to read the edges of; None: all.
+
+    Raises:
+        WireFormatError: If it is too short, or a name is not UTF-8.
+    """
+    found = []
+    try:
+        (count,) = _COUNT.unpack_from(data)
+        place = _COUNT.size
+        for _ in range(count):
+            stamp_at = place + _BEFORE_STAMP
+            parent_at = stamp_at + _STAMP.size + _COUNT.size
+            child_at = parent_at + _COUNT.unpack_from(data, parent_at - 4)[0] + 4
+            place = child_at + _COUNT.unpack_from(data, child_at - 4)[0]
+            child = data[child_at:place]
+            if children is None or child in children:
+                seconds, nanoseconds = _STAMP.unpack_from(data, stamp_at)
+                stamp = seconds * 1_000_000_000 + nanoseconds
+                parent = data[parent_at : child_at - 4].decode()
+                pose = _POSE.unpack_from(data, place)
+                found.append((stamp, parent, child.decode(), pose))
+            place += _POSE.size
+    except (struct.error, UnicodeDecodeError) as error:
+        raise WireFormatError(f"TF has a message that is none: {error}.") from error
+    return found

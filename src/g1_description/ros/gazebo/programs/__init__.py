@@ -1,1 +1,0 @@
-"""Programs that gazebo_ros has: gzserver, gzclient, spawn_model."""

@@ -1,0 +1,139 @@
+"""Poses in any frame that TF knows, as seen from the map."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Sequence
+from functools import partial
+
+import numpy as np
+import rospy
+import tf2_ros
+
+from g1_description.errors import MotionError, WireFormatError
+from g1_description.robot.transform import compose
+from g1_description.ros.conversions import (
+    read_edges,
+    stamp_from_ns,
+    transform,
+    vector_to_array,
+)
+from g1_description.ros.waiting import BUFFER
+
+FIRST_TIMEOUT = 2.0
+"""Longest wait for a frame by a listener that has just begun, in [s] of wall time."""
+
+TIMEOUT = 0.2
+"""Longest wait for a frame later on, in [s] of wall time."""
+
+POLL_PERIOD = 0.005
+"""Wait before TF is asked again, in [s]."""
+
+
+class _Listener:
+    """Fills a buffer as tf2's own listener does, from the bytes of messages.
+
+    In a node, rospy gives all subscribers of a topic what the first one asked for, and
+    the node that judges takes the bytes of TF.
+    """
+
+    def __init__(self, buffer: tf2_ros.Buffer) -> None:
+        """Begin to listen."""
+        self._buffer = buffer
+        self._newest = rospy.Time()
+        self._lock = threading.Lock()
+        keepers = {
+            "/tf": buffer.set_transform,
+            "/tf_static": buffer.set_transform_static,
+        }
+        for topic, keep in keepers.items():
+            rospy.Subscriber(
+                topic,
+                rospy.AnyMsg,
+                partial(self._take, keep),
+                queue_size=100,
+                buff_size=BUFFER,
+            )
+
+    def _take(self, keep: Callable, message: rospy.AnyMsg) -> None:
+        """Keep what a message tells."""
+        try:
+            edges = read_edges(message._buff)
+        except WireFormatError:
+            return
+        with self._lock:
+            now = rospy.Time.now()
+            if now < self._newest:  # time began again
+                self._buffer.clear()
+            self._newest = now
+            for stamp, parent, child, pose in edges:
+                keep(transform(stamp_from_ns(stamp), parent, child, pose), "tf")
+
+
+class MapFrame:
+    """Listens to TF as soon as somebody needs it: a listener costs processor time."""
+
+    def __init__(self, names: Sequence[str] = ("map", "world")) -> None:
+        """Begin without listening.
+
+        Args:
+            names: Names of the map and of frames that are the same, the map first.
+        """
+        self._names = names
+        self._lock = threading.Lock()
+        self._buffer: tf2_ros.Buffer | None = None
+
+    def pose_in_map(
+        self, poses: np.ndarray, frame: str, stamp: rospy.Time
+    ) -> np.ndarray:
+        """Transform poses to the map.
+
+        Args:
+            poses: As seen from the frame, shape (..., 7).
+            frame: The frame; empty: the map.
+            stamp: When the frame is looked at; zero, or later than what is known: the
+                newest time known.
+
+        Raises:
+            MotionError: If TF does not know the frame then.
+        """
+        frame = frame.lstrip("/")
+        if not frame or frame in self._names:
+            return poses
+        return compose(self._find(frame, stamp), poses)
+
+    def _find(self, frame: str, stamp: rospy.Time) -> np.ndarray:
+        """Look a frame up; return its pose in the map, shape (7,)."""
+        deadline = time.monotonic() + TIMEOUT
+        with self._lock:
+            if self._buffer is None:
+                self._buffer = tf2_ros.Buffer(debug=False)
+                _Listener(self._buffer)
+                deadline += FIRST_TIMEOUT
+        while True:
+            try:
+                return self._look_up(frame, stamp)
+            except tf2_ros.TransformException as error:
+                if time.monotonic() > deadline:
+                    raise MotionError(f"there is no frame {frame!r}: {error}") from None
+                # tf2's own wait is by simulated time, which may stand still.
+                threading.Event().wait(POLL_PERIOD)
+
+    def _look_up(self, frame: str, stamp: rospy.Time) -> np.ndarray:
+        """Return a frame's pose in the map, shape (7,); the newest if none is newer.
+
+        Raises:
+            TransformException: If the frame is unknown, or was not there then.
+        """
+        assert self._buffer is not None
+        map_frame = self._names[0]
+        try:
+            found = self._buffer.lookup_transform(map_frame, frame, stamp)
+        except tf2_ros.ExtrapolationException:
+            found = self._buffer.lookup_transform(map_frame, frame, rospy.Time())
+            if stamp < found.header.stamp:
+                raise
+        q = found.transform.rotation
+        turn = np.array([q.x, q.y, q.z, q.w])
+        return np.concatenate([vector_to_array(found.transform.translation), turn])

@@ -1,1 +1,0 @@
-"""Whole-body motions on ROS: shown and played."""

@@ -1,1 +1,0 @@
-"""The action follow_joint_trajectory."""

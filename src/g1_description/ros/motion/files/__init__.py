@@ -1,1 +1,0 @@
-"""Files of motions: rosbags, and all that core reads."""

@@ -1,0 +1,182 @@
+"""Messages of trajectories to trajectories."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+
+import genpy
+import numpy as np
+from trajectory_msgs.msg import (
+    JointTrajectory,
+    JointTrajectoryPoint,
+    MultiDOFJointTrajectoryPoint,
+)
+
+from g1_description.errors import MotionError, UnknownNameError
+from g1_description.motion.trajectory import Trajectory
+from g1_description.msg import RobotTrajectory
+from g1_description.ros.map_frame import MapFrame
+from g1_description.text import listed, similar_first
+
+
+def trajectory_from_message(
+    message: JointTrajectory, joints: Collection[str]
+) -> Trajectory:
+    """Convert a trajectory of joints.
+
+    Accelerations and efforts are ignored.
+
+    Args:
+        message: The trajectory, with at least one point.
+        joints: Names of the joints that it may move.
+
+    Returns:
+        The same, with times since the stamp of the message's header.
+
+    Raises:
+        UnknownNameError: If it names other joints, or none.
+        MotionError: If it has no points, a point has not a number per joint, only some
+            points have velocities, or numbers do not make a motion.
+    """
+    names, points = message.joint_names, message.points
+    check_joint_names(names, joints)
+    if not points:
+        raise MotionError("The trajectory has no points.")
+    positions = _rows(points, "positions", len(names))
+    velocities = None
+    if any(point.velocities for point in points):
+        _check_all_have_velocities(points)
+        velocities = _rows(points, "velocities", len(names))
+    return Trajectory(_times(points), tuple(names), positions, velocities)
+
+
+def message_of_joints(trajectory: Trajectory) -> JointTrajectory:
+    """Convert the joints of a trajectory, to begin at once; times to whole [ns]."""
+    speeds = trajectory.velocities
+    rates = [[]] * len(trajectory.times) if speeds is None else speeds.tolist()
+    message = JointTrajectory(joint_names=list(trajectory.joint_names))
+    message.points = [
+        JointTrajectoryPoint(positions=row, velocities=rate, time_from_start=time)
+        for row, rate, time in zip(
+            trajectory.positions.tolist(), rates, durations_of(trajectory)
+        )
+    ]
+    return message
+
+
+def durations_of(trajectory: Trajectory) -> list[genpy.Duration]:
+    """Convert the times of a trajectory to the nearest whole [ns]."""
+    counts = (round(1e9 * time) for time in trajectory.times.tolist())
+    return [genpy.Duration(*divmod(count, 1_000_000_000)) for count in counts]
+
+
+def check_joint_names(names: Sequence[str], joints: Collection[str]) -> None:
+    """Check that names are those of joints.
+
+    Raises:
+        UnknownNameError: If one is not, or there are none.
+    """
+    if not names:
+        raise UnknownNameError("The trajectory names no joints.")
+    unknown = [name for name in names if name not in joints]
+    if unknown:
+        raise UnknownNameError(
+            f"The trajectory names {listed(unknown)}; the joints are "
+            f"{listed(similar_first(unknown[0], joints))}."
+        )
+
+
+def _check_all_have_velocities(points: Sequence[JointTrajectoryPoint]) -> None:
+    """Check that no point is without velocities."""
+    without = [n for n, point in enumerate(points, 1) if not point.velocities]
+    if without:
+        raise MotionError(
+            f"Point {without[0]} has no velocities, others have; give them for all "
+            "points or for none."
+        )
+
+
+def _rows(
+    points: Sequence[JointTrajectoryPoint], what: str, n_joints: int
+) -> np.ndarray:
+    """Return the positions or velocities of all points, shape (n, n_joints)."""
+    rows = [getattr(point, what) for point in points]
+    for number, row in enumerate(rows, 1):
+        if len(row) != n_joints:
+            raise MotionError(
+                f"Point {number} has {len(row)} {what}; there are {n_joints} joints."
+            )
+    return np.array(rows, dtype=float)
+
+
+def whole_body_from_message(
+    message: RobotTrajectory, joints: Collection[str], frame: MapFrame
+) -> Trajectory | None:
+    """Convert a motion of joints and base.
+
+    Velocities and accelerations of the base are ignored.
+
+    Args:
+        message: The motion.
+        joints: Names of the joints that it may move.
+        frame: Transforms the base's poses to the map.
+
+    Returns:
+        The motion; None where it has no points at all.
+
+    Raises:
+        UnknownNameError: If it names other joints.
+        MotionError: If joints and base are not at the same times, the base's frame is
+            unknown, or numbers do not make a motion.
+    """
+    arms, base = message.joint_trajectory, message.multi_dof_joint_trajectory
+    if not base.points:
+        return trajectory_from_message(arms, joints) if arms.points else None
+    if len(base.joint_names) > 1:
+        raise MotionError(
+            f"The base is one joint; the message has {listed(base.joint_names)}."
+        )
+    poses = np.array([_base_pose(n, point) for n, point in enumerate(base.points, 1)])
+    poses = frame.pose_in_map(poses, base.header.frame_id, base.header.stamp)
+    times = _times(base.points)
+    if not arms.points:
+        return Trajectory(times, (), np.zeros((len(times), 0)), base_poses=poses)
+    trajectory = trajectory_from_message(arms, joints)
+    if not np.array_equal(trajectory.times, times):
+        raise MotionError(
+            "The points of the base are not at the times of those of the joints."
+        )
+    return replace(trajectory, base_poses=poses)
+
+
+def pose_from_numbers(pose: np.ndarray) -> np.ndarray:
+    """Check one pose and make its quaternion a unit one.
+
+    Args:
+        pose: Position and quaternion (x, y, z, w), shape (7,); a zero quaternion is
+            the identity, as in Gazebo.
+
+    Raises:
+        MotionError: If a number is not finite, or the quaternion is far from a unit
+            one.
+    """
+    if not pose[3:].any():
+        pose = np.append(pose[:6], 1.0)
+    still = Trajectory(np.zeros(1), (), np.zeros((1, 0)), base_poses=pose[np.newaxis])
+    return still.base_poses[0]
+
+
+def _base_pose(number: int, point: MultiDOFJointTrajectoryPoint) -> list[float]:
+    """Return the pose of the base in a point, seven numbers."""
+    if len(point.transforms) != 1:
+        raise MotionError(
+            f"Point {number} of the base has {len(point.transforms)} transforms, not 1."
+        )
+    t, q = point.transforms[0].translation, point.transforms[0].rotation
+    return [t.x, t.y, t.z, q.x, q.y, q.z, q.w]
+
+
+def _times(points: Sequence) -> np.ndarray:
+    """Return the times of points in [s], shape (n,)."""
+    return np.array([point.time_from_start.to_nsec() for point in points]) / 1e9

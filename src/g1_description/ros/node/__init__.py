@@ -1,1 +1,0 @@
-"""What any rospy node of ours needs; nothing of Gazebo or the G1."""

@@ -1,0 +1,170 @@
+"""Private parameters of a node, read once at start into a dataclass."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import fields, is_dataclass
+
+import rosgraph
+import rospy
+
+from g1_description.errors import InvalidValueError
+from g1_description.ros.waiting import MASTER_PERIOD, wait_until
+
+NAMESPACE = "namespace"
+"""Key in a field's metadata: the namespace of its parameters, with a final slash."""
+
+
+def check_range(parameters, name, low, high):
+    """Check that one number is within its range.
+
+    Args:
+        parameters: What has it as an attribute.
+        name: Name of the parameter.
+        low: Least value.
+        high: Largest value.
+
+    Raises:
+        InvalidValueError: If it is not; NaN never is.
+    """
+    value = getattr(parameters, name)
+    if not low <= value <= high:
+        raise InvalidValueError(f"~{name} is {value}, it must be from {low} to {high}.")
+
+
+def read_parameters(kind, given=None):
+    """Read a node's private parameters.
+
+    Args:
+        kind: A dataclass: a parameter for each field, of the type of its default.
+            Where a dataclass makes the default, its fields are parameters as well, in
+            the namespace that the field's metadata name.
+        given: Values by name that win over the defaults, not over the server's.
+
+    Returns:
+        The parameters, checked.
+
+    Raises:
+        InvalidValueError: If one has the wrong type or is out of its range.
+    """
+    name = rospy.get_name()
+    found = {**(given or {}), **_flat(private_parameters())}
+    for field in default_parameters(kind):
+        place = rospy.resolve_name(f"~{field}")
+        if place != f"{name}/{field}" and rospy.has_param(place):  # it is remapped
+            found[field] = rospy.get_param(place)
+    return _filled(kind, found)
+
+
+def private_parameters() -> dict:
+    """Return what the server has in the node's own namespace, by one call."""
+    own = rospy.get_param(rospy.get_name(), {})
+    return own if isinstance(own, dict) else {}
+
+
+def _flat(values, namespace=""):
+    """Give values by name, those in a namespace by NAMESPACE/NAME."""
+    found = {}
+    for name, value in values.items():
+        found[namespace + name] = value
+        if isinstance(value, dict):
+            found.update(_flat(value, f"{namespace}{name}/"))
+    return found
+
+
+def _filled(kind, found, namespace=""):
+    """Make a dataclass of values by name; what is not among them has its default."""
+    values = {}
+    for field in fields(kind):
+        if is_dataclass(field.default_factory):
+            inner = namespace + field.metadata.get(NAMESPACE, "")
+            values[field.name] = _filled(field.default_factory, found, inner)
+        else:
+            name = namespace + field.name
+            value = found.get(name, field.default)
+            values[field.name] = _converted(name, value, field.default)
+    return kind(**values)
+
+
+def default_parameters(kind, namespace="") -> dict:
+    """List the parameters that ``read_parameters`` reads, with their defaults."""
+    values = {}
+    for field in fields(kind):
+        if is_dataclass(field.default_factory):
+            inner = namespace + field.metadata.get(NAMESPACE, "")
+            values.update(default_parameters(field.default_factory, inner))
+        else:
+            values[namespace + field.name] = field.default
+    return values
+
+
+def _converted(name, value, default):
+    """Check that a value has the type of its default; a whole number is a float too."""
+    if isinstance(default, float) and type(value) in (int, float):
+        if math.isfinite(value):
+            return float(value)
+    elif isinstance(default, tuple) and isinstance(value, (list, tuple)):
+        return tuple(value)
+    elif type(value) is type(default):
+        return value
+    kind = "list" if isinstance(default, tuple) else type(default).__name__
+    example = "" if isinstance(default, tuple) else f" like {default!r}"
+    raise InvalidValueError(f"~{name} is {value!r}, it must be a {kind}{example}.")
+
+
+def find_parameter(name: str, namespace: str = "") -> str | None:
+    """Find a parameter in a namespace or one above it.
+
+    Args:
+        name: The parameter. A full name is only looked up, not searched for.
+        namespace: Namespace to begin in; by default the node's.
+
+    Returns:
+        Its full name; None if there is none.
+    """
+    if name.startswith(("/", "~")):
+        return rospy.resolve_name(name) if rospy.has_param(name) else None
+    # The master begins in the caller's namespace. With the node's own name that would
+    # be the one of its private parameters.
+    begin = f"/{namespace}/" if namespace else rospy.get_namespace()
+    try:
+        return rosgraph.Master(f"{begin}anyone").searchParam(name)
+    except rosgraph.MasterError:
+        return None
+
+
+def wait_for_parameter(
+    name: str,
+    namespace: str,
+    on_wait: Callable[[], None],
+    timeout: float | None = None,
+) -> str | None:
+    """Wait until ``find_parameter`` finds a parameter.
+
+    Args:
+        name: The parameter.
+        namespace: Namespace to begin in.
+        on_wait: Called once if it is not there yet.
+        timeout: Longest wait in [s]; None: no limit, also where the master is gone:
+            another one may take its place.
+
+    Returns:
+        Its full name; None after the timeout.
+
+    Raises:
+        ROSInterruptException: If the node is shut down.
+        OSError: If the master is gone, where the wait has a limit.
+    """
+    ignored = (OSError,) if timeout is None else ()
+
+    def find():
+        with suppress(*ignored):
+            return find_parameter(name, namespace)
+
+    found = find()
+    if found is None:
+        on_wait()
+        found = wait_until(find, timeout, period=MASTER_PERIOD)
+    return found

@@ -1,1 +1,0 @@
-"""All that leans on rospy's insides."""

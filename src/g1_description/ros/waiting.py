@@ -1,0 +1,70 @@
+"""Waiting for a condition by wall time: simulated time may stand still."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from typing import Callable, TypeVar
+
+import rospy
+
+from g1_description.errors import G1DescriptionError
+
+POLL_PERIOD = 0.02
+"""Time between two evaluations of a condition, in [s]."""
+
+MASTER_PERIOD = 0.1
+"""The same for a condition that asks the master or a service, in [s]."""
+
+Result = TypeVar("Result")
+
+
+class NoAnswerError(G1DescriptionError):
+    """A robot, its clock, a simulator or the master does not answer in time."""
+
+
+def wait_until(
+    condition: Callable[[], Result],
+    timeout: float | None = None,
+    changed: threading.Condition | None = None,
+    period: float = POLL_PERIOD,
+) -> Result:
+    """Wait until a condition holds.
+
+    Args:
+        condition: Returns something true when it holds.
+        timeout: Longest wait in [s]; None: no limit.
+        changed: Held while the condition is evaluated; notifying it evaluates the
+            condition at once.
+        period: Longest time between two evaluations, in [s].
+
+    Returns:
+        What the condition returned last: something false after the timeout.
+
+    Raises:
+        ROSInterruptException: If the node is shut down.
+    """
+    end = math.inf if timeout is None else time.monotonic() + timeout
+    changed = changed or threading.Condition()
+    with changed:
+        while True:
+            result = condition()
+            if result or time.monotonic() >= end:
+                return result
+            if rospy.is_shutdown():
+                raise rospy.ROSInterruptException("interrupted")
+            changed.wait(period)
+
+
+BUFFER = 1 << 20
+"""Bytes read from a socket at once.
+
+rospy reads at most a buffer full and keeps the newest messages of those it has read;
+what it has not read waits in the system's buffers, which hold several thousand joint
+states. With rospy's own buffer, of forty-five joint states, a reader that is slower
+than the sender falls behind by seconds.
+"""
+
+NEWEST = {"queue_size": 1, "buff_size": BUFFER}
+"""Arguments of ``rospy.Subscriber`` to get only the last message of each publisher."""

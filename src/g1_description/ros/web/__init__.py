@@ -1,1 +1,0 @@
-"""The node ``web``: the robots of a bridge in a browser."""

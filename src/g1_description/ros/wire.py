@@ -1,0 +1,285 @@
+"""LinkStates on the wire: bytes to arrays and back, without message objects.
+
+At 1 kHz the numbers are read straight out of the bytes. LinkStates and
+ModelStates are, little-endian (ROS serialisation of gazebo_msgs/LinkStates):
+uint32 n, n strings of uint32 length and bytes; uint32 n, n poses of seven
+float64; uint32 n, n twists of six float64. WorldState has a header before that
+(uint32 seq, secs, nsecs; a string) and behind it uint32 m, m wrenches of six float64.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from gazebo_msgs.msg import LinkStates, ModelStates, WorldState
+from sensor_msgs.msg import JointState
+
+from g1_description.errors import WireFormatError
+
+_COUNT = struct.Struct("<I")
+_SEQ_AND_STAMP = struct.Struct("<III")
+_FLOAT = np.dtype("<f8")
+
+
+class LinkStatesArrays(NamedTuple):
+    """The content of one message."""
+
+    names: tuple[str, ...]
+    """Scoped names, ``model::link``."""
+
+    poses: np.ndarray
+    """Poses in the world, read-only, shape (n, 7)."""
+
+    twists: np.ndarray
+    """Twists along the world's axes, linear then angular, read-only, shape (n, 6)."""
+
+
+class LinkStatesEncoder:
+    """Write messages; the names are only written when they are another object."""
+
+    def __init__(self) -> None:
+        """Begin without names."""
+        self._names: tuple[str, ...] | None = None
+        self._head = b""
+
+    def encode(
+        self, names: tuple[str, ...], poses: np.ndarray, twists: np.ndarray
+    ) -> bytes:
+        """Write one message.
+
+        Args:
+            names: Scoped names; as long as they are the same object, they are not
+                written again.
+            poses: Poses in the world, shape (n, 7).
+            twists: Twists along the world's axes, shape (n, 6).
+
+        Returns:
+            The message's bytes.
+        """
+        if names is not self._names:
+            encoded = [name.encode("utf-8") for name in names]
+            strings = [_COUNT.pack(len(name)) + name for name in encoded]
+            self._head = _COUNT.pack(len(names)) + b"".join(strings)
+            self._names = names
+        count = _COUNT.pack(len(names))
+        numbers = (np.asarray(part, dtype=_FLOAT).tobytes() for part in (poses, twists))
+        return self._head + b"".join(count + part for part in numbers)
+
+
+class LinkStatesDecoder:
+    """Read messages; the names are only read when they change."""
+
+    def __init__(self) -> None:
+        """Begin without names."""
+        self._known: dict[bool, tuple[bytes, tuple[str, ...]]] = {}
+        """By whether there is a frame_id: its bytes and those of the names, and the
+        names."""
+
+    def decode(self, data: bytes) -> LinkStatesArrays:
+        """Read one LinkStates.
+
+        Args:
+            data: The message's bytes.
+
+        Returns:
+            Its names and numbers; the numbers are views into ``data``.
+
+        Raises:
+            WireFormatError: If the bytes are not one whole message.
+        """
+        states, offset = self._read(data, 0)
+        if offset != len(data):
+            raise WireFormatError(f"{len(data) - offset} bytes follow the last twist.")
+        return states
+
+    def decode_stamped(self, data: bytes) -> tuple[int, LinkStatesArrays]:
+        """Read one WorldState; its wrenches are not wanted.
+
+        Args:
+            data: The message's bytes.
+
+        Returns:
+            Its stamp in [ns], and its names and numbers as ``decode`` gives them.
+
+        Raises:
+            WireFormatError: If the bytes are not one whole message.
+        """
+        if len(data) < _SEQ_AND_STAMP.size:
+            raise WireFormatError(f"The message ends after {len(data)} bytes.")
+        _, seconds, rest = _SEQ_AND_STAMP.unpack_from(data)
+        states, offset = self._read(data, _SEQ_AND_STAMP.size, True)
+        offset = _end_of_numbers(data, offset, 6)
+        if offset != len(data):
+            raise WireFormatError(f"{len(data) - offset} bytes follow the message.")
+        return seconds * 1_000_000_000 + rest, states
+
+    def _read(
+        self, data: bytes, offset: int, has_frame_id: bool = False
+    ) -> tuple[LinkStatesArrays, int]:
+        """Read names, poses and twists; return them and where they end."""
+        head, names = self._known.get(has_frame_id, (b"", ()))
+        if not head or not data.startswith(head, offset):
+            start = _read_string(data, offset)[1] if has_frame_id else offset
+            names, end = _read_names(data, start)
+            head = data[offset:end]
+            self._known[has_frame_id] = head, names
+        n, start = len(names), offset + len(head)
+        middle = _end_of_numbers(data, start, 7, n)
+        end = _end_of_numbers(data, middle, 6, n)
+        poses = np.frombuffer(data, _FLOAT, 7 * n, start + _COUNT.size)
+        twists = np.frombuffer(data, _FLOAT, 6 * n, middle + _COUNT.size)
+        return LinkStatesArrays(names, poses.reshape(n, 7), twists.reshape(n, 6)), end
+
+
+def _read_count(data: bytes, offset: int) -> tuple[int, int]:
+    """Read a uint32; give it and where it ends."""
+    if offset + _COUNT.size > len(data):
+        raise WireFormatError(f"The message ends after {len(data)} bytes, in a count.")
+    return _COUNT.unpack_from(data, offset)[0], offset + _COUNT.size
+
+
+def _read_string(data: bytes, offset: int) -> tuple[str, int]:
+    """Read a string; give it and where it ends."""
+    length, offset = _read_count(data, offset)
+    if offset + length > len(data):
+        raise WireFormatError(
+            f"A name of {length} bytes starts {len(data) - offset} bytes before "
+            "the message's end."
+        )
+    text = data[offset : offset + length].decode("utf-8", "replace")
+    return text, offset + length
+
+
+def _read_names(data: bytes, offset: int) -> tuple[tuple[str, ...], int]:
+    """Read the names; give them and where they end."""
+    count, offset = _read_count(data, offset)
+    names = []
+    for _ in range(count):
+        name, offset = _read_string(data, offset)
+        names.append(name)
+    return tuple(names), offset
+
+
+def _end_of_numbers(data: bytes, offset: int, width: int, n: int | None = None) -> int:
+    """Check the size of an array of rows of numbers, and find its end.
+
+    Args:
+        data: The message.
+        offset: Where the array begins, with the number of its rows.
+        width: Number of float64 in each row.
+        n: Number of names, if the array has a row for each.
+
+    Raises:
+        WireFormatError: If the rows are not as many as the names, or not all there.
+    """
+    if offset + _COUNT.size > len(data):
+        raise WireFormatError(f"The message ends after {len(data)} bytes, in a count.")
+    count = _COUNT.unpack_from(data, offset)[0]
+    if n is not None and count != n:
+        raise WireFormatError(f"{n} names come with {count} rows of numbers.")
+    start = offset + _COUNT.size
+    end = start + count * width * _FLOAT.itemsize
+    if end > len(data):
+        raise WireFormatError(
+            f"{count} rows of {width} numbers start {len(data) - start} bytes before "
+            "the message's end."
+        )
+    return end
+
+
+_LENGTH = struct.Struct("<I")
+_STAMP = struct.Struct("<III")
+
+
+class PreparedJointState(JointState):
+    """A JointState message whose bytes are ready."""
+
+    _has_header = False  # rospy would put its own count and time into it
+    data = b""
+
+    def serialize(self, buff):
+        """Write the prepared bytes, as rospy asks of a message."""
+        buff.write(self.data)
+
+
+class JointStateEncoder:
+    """Write JointState messages; the names are only written when they change.
+
+    Effort is left empty because it is not known.
+    """
+
+    def __init__(self) -> None:
+        """Begin without names."""
+        self._names: Sequence[str] | None = None
+        self._seq = 0
+
+    def encode(
+        self,
+        stamp: int,
+        names: Sequence[str],
+        position: np.ndarray,
+        velocity: np.ndarray,
+    ) -> PreparedJointState:
+        """Write one message.
+
+        Args:
+            stamp: Time of the state in [ns].
+            names: Joint names. The same object as last time costs nothing.
+            position: In [rad] or [m], shape (n_joints,).
+            velocity: In [rad/s] or [m/s], shape (n_joints,).
+        """
+        if names is not self._names:
+            encoded = [name.encode("utf-8") for name in names]
+            self._count = _LENGTH.pack(len(encoded))
+            strings = b"".join(_LENGTH.pack(len(name)) + name for name in encoded)
+            # Between stamp and names stands the empty frame_id.
+            self._head = _LENGTH.pack(0) + self._count + strings + self._count
+            self._names = names
+        self._seq += 1
+        message = PreparedJointState()
+        message.data = b"".join(
+            (
+                _STAMP.pack(self._seq, *divmod(stamp, 1_000_000_000)),
+                self._head,
+                np.asarray(position, dtype="<f8").tobytes(),
+                self._count,
+                np.asarray(velocity, dtype="<f8").tobytes(),
+                _LENGTH.pack(0),
+            )
+        )
+        return message
+
+
+class PreparedLinkStates(LinkStates):
+    """A LinkStates message whose bytes are ready."""
+
+    data = b""
+
+    def serialize(self, buff):
+        """Write the prepared bytes, as rospy asks of a message."""
+        buff.write(self.data)
+
+
+class PreparedModelStates(ModelStates):
+    """A ModelStates message whose bytes are ready."""
+
+    data = b""
+
+    def serialize(self, buff):
+        """Write the prepared bytes, as rospy asks of a message."""
+        buff.write(self.data)
+
+
+class PreparedWorldState(WorldState):
+    """A WorldState message whose bytes after the header are ready."""
+
+    _has_header = False  # rospy would put its own count and time into it
+    data = b""
+
+    def serialize(self, buff):
+        """Write header and prepared bytes, as rospy asks of a message."""
+        self.header.serialize(buff)
+        buff.write(self.data)

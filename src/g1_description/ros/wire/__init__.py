@@ -1,1 +1,0 @@
-"""Messages, and their bytes on the wire."""

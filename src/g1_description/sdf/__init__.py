@@ -1,0 +1,1 @@
+"""SDF documents to models and worlds."""

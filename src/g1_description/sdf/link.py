@@ -1,0 +1,213 @@
+"""Links of an SDF model: their masses and collisions. Nothing of SDF is drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from lxml import etree
+
+from g1_description.bounds import checked
+from g1_description.errors import DescriptionError
+from g1_description.robot.assembly import WORLD
+from g1_description.robot.description import Inertial, Link, Shape
+from g1_description.robot.rotation import to_axes
+from g1_description.robot.xml_values import (
+    flag,
+    friction,
+    name_of,
+    number,
+    numbers,
+    optional,
+    text_of,
+    unit,
+    vector,
+)
+from g1_description.sdf.frames import Scope
+
+_SIZES = {
+    "box": {"size": [1.0, 1.0, 1.0]},
+    "sphere": {"radius": [1.0]},
+    "cylinder": {"radius": [1.0], "length": [1.0]},
+}
+"""Kinds of shapes, the elements of their sizes, and their defaults."""
+
+_TENSOR = {"ixx": 1.0, "ixy": 0.0, "ixz": 0.0, "iyy": 1.0, "iyz": 0.0, "izz": 1.0}
+
+
+def read_link(element: etree._Element, scope: Scope) -> Link:
+    """Read a link element.
+
+    Args:
+        element: The link.
+        scope: The model that holds it.
+
+    Raises:
+        DescriptionError: If a number, a name or a frame is wrong.
+    """
+    name = scope.full(name_of(element))
+    return Link(
+        name=name,
+        inertial=_inertial(element.find("inertial"), name, scope),
+        collisions=tuple(_collisions(element, name, scope)),
+        gravity=flag(element, "gravity", True, f"link {name}"),
+    )
+
+
+def drop_wrong_inertial(element: etree._Element, scope: Scope) -> str:
+    """Take an inertial that cannot be read out of a link that never moves.
+
+    Args:
+        element: The link.
+        scope: The model that holds it.
+
+    Returns:
+        A message with the reason, empty where it can be read.
+    """
+    name = scope.full(name_of(element))
+    inertial = element.find("inertial")
+    try:
+        _inertial(inertial, name, scope)
+    except DescriptionError as error:
+        element.remove(inertial)
+        return f"inertial of link {name} is left out: {error}".rstrip(".")
+    return ""
+
+
+def _inertial(element: etree._Element | None, link: str, scope: Scope) -> Inertial:
+    """Read an inertial element, with the tensor turned to the link's axes."""
+    if element is None:
+        return Inertial(1.0, np.zeros(3), np.eye(3))
+    owner = f"link {link}"
+    tensor = element.find("inertia")
+    xx, xy, xz, yy, yz, zz = (
+        number(tensor, tag, default, owner) for tag, default in _TENSOR.items()
+    )
+    checked(f"the inertia of {owner}", [xx, yy, zz], 0.0)
+    mass = number(element, "mass", 1.0, owner, 0.0)
+    pose = scope.pose_in(link, element, f"inertial of {owner}")
+    axes = to_axes(pose[3:])
+    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    return Inertial(mass, pose[:3], axes @ inertia @ axes.T)
+
+
+def _collisions(element: etree._Element, link: str, scope: Scope) -> Iterator[Shape]:
+    """Read the collisions of a link, those that can be simulated."""
+    for shape in element.findall("collision"):
+        owner = f"collision {name_of(shape)} of link {link}"
+        yield from _shape(shape, owner, link, scope)
+
+
+def _shape(
+    element: etree._Element, owner: str, link: str, scope: Scope
+) -> Iterator[Shape]:
+    """Read a collision element, if its geometry can be simulated."""
+    mu = text_of(element.find("surface/friction/ode"), "mu")
+    bounce = element.find("surface/bounce")
+    restitution = optional(bounce, "restitution_coefficient", owner)
+    pose = scope.pose_in(link, element, owner)
+    for geometry in element.iterfind("geometry/*"):
+        size = _size(geometry, owner)
+        if size is not None:
+            yield Shape(
+                kind=geometry.tag,
+                size=size,
+                pose=pose,
+                filename=text_of(geometry, "uri"),
+                name=name_of(element),
+                friction=friction(f"mu of {owner}", mu) if mu else None,
+                restitution=restitution,
+            )
+            return
+
+
+def _size(geometry: etree._Element, owner: str) -> tuple[float, ...] | None:
+    """Read how large a shape is; None where it cannot be simulated."""
+    kind = geometry.tag
+    if kind == "plane":
+        normal = vector(geometry, "normal", [0.0, 0.0, 1.0], owner)
+        return tuple(unit(f"normal of {owner}", normal).tolist())
+    if kind == "mesh":
+        if not text_of(geometry, "uri"):
+            raise DescriptionError(f"The mesh of {owner} has no uri.")
+        return tuple(vector(geometry, "scale", [1.0, 1.0, 1.0], owner).tolist())
+    if kind not in _SIZES:
+        return None
+    return tuple(
+        value
+        for tag, default in _SIZES[kind].items()
+        for value in vector(geometry, tag, default, owner, 0.0).tolist()
+    )
+
+
+_LIGHTS = ("point", "directional", "spot")
+
+
+@dataclass(frozen=True)
+class Light:
+    """A light, which is kept as data."""
+
+    name: str
+    kind: str
+    """One of point, directional, spot."""
+
+    pose: np.ndarray
+    """In the world, shape (7,)."""
+
+    cast_shadows: bool
+    diffuse: tuple[float, ...]
+    """Red, green, blue, alpha."""
+
+    specular: tuple[float, ...]
+    """Red, green, blue, alpha."""
+
+    attenuation_range: float
+    """In [m]."""
+
+    attenuation_constant: float
+    attenuation_linear: float
+    attenuation_quadratic: float
+    direction: tuple[float, ...]
+    """Where a directional or spot light shines, in its own frame."""
+
+
+def read_light(element: etree._Element, scope: Scope) -> Light:
+    """Read a light element.
+
+    Args:
+        element: The light.
+        scope: The world that holds it.
+
+    Raises:
+        DescriptionError: If its kind is unknown, or a number is wrong.
+    """
+    name, kind = name_of(element), element.get("type", "point")
+    owner = f"light {name}"
+    if kind not in _LIGHTS:
+        raise DescriptionError(
+            f"Light {name} is of type '{kind}'; there are: {', '.join(_LIGHTS)}."
+        )
+    attenuation = element.find("attenuation")
+    return Light(
+        name=name,
+        kind=kind,
+        pose=scope.pose_in(WORLD, element, owner),
+        cast_shadows=flag(element, "cast_shadows", False, owner),
+        diffuse=_color(element, "diffuse", (1.0, 1.0, 1.0, 1.0)),
+        specular=_color(element, "specular", (0.1, 0.1, 0.1, 1.0)),
+        attenuation_range=number(attenuation, "range", 10.0, owner),
+        attenuation_constant=number(attenuation, "constant", 1.0, owner),
+        attenuation_linear=number(attenuation, "linear", 1.0, owner),
+        attenuation_quadratic=number(attenuation, "quadratic", 0.0, owner),
+        direction=tuple(vector(element, "direction", [0, 0, -1], owner).tolist()),
+    )
+
+
+def _color(
+    light: etree._Element, tag: str, default: tuple[float, ...]
+) -> tuple[float, ...]:
+    """Read a color: red, green, blue and perhaps alpha, which else is 1."""
+    text, what = text_of(light, tag), f"{tag} of light {name_of(light)}"
+    values = numbers(what, text, 4, least=3) if text else default
+    return tuple(checked(f"the {what}", [*values, 1.0][:4]).tolist())

@@ -1,0 +1,340 @@
+"""A model of an SDF document, as what a simulator builds.
+
+Models inside of it become part of it, under names like ``inner::link``. A joint to
+the world makes the world the root; a model that never moves needs no joints. Joints
+that close a loop are left out, and those of a kind that cannot be simulated hold still.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from lxml import etree
+
+from g1_description.errors import DescriptionError
+from g1_description.robot.assembly import SCOPE, WORLD, Assembly
+from g1_description.robot.description import Description, Joint, Link
+from g1_description.robot.tree import find_roots
+from g1_description.robot.xml_values import flag, name_of, text_of
+from g1_description.sdf.document import INCLUDED
+from g1_description.sdf.frames import MODEL, Frames, Scope
+from g1_description.sdf.joint import (
+    KINDS,
+    ends_of,
+    fixed_joint,
+    read_joint,
+    turned_around,
+)
+from g1_description.sdf.link import drop_wrong_inertial, read_link
+from g1_description.sdf.unsupported import unread
+
+
+def closes_loop(joints: Sequence[tuple[str, str]]) -> list[bool]:
+    """Find which joints would close a loop.
+
+    Args:
+        joints: The two links that each joins, in any direction.
+
+    Returns:
+        For each joint whether those before it join its links already.
+    """
+    above: dict[str, str] = {}
+
+    def top(link: str) -> str:
+        path = [link]
+        while path[-1] in above:
+            path.append(above[path[-1]])
+        above.update((passed, path[-1]) for passed in path[:-1])
+        return path[-1]
+
+    closing = []
+    for ends in joints:
+        first, second = map(top, ends)
+        closing.append(first == second)
+        if first != second:
+            above[second] = first
+    return closing
+
+
+def hung(links: Sequence[str], joints: Sequence[Joint]) -> tuple[Joint, ...]:
+    """Turn joints around where they lead to the root.
+
+    The root of a tree is the world, else the first link that no joint carries.
+
+    Args:
+        links: Names of all links.
+        joints: Joints that make no loop.
+
+    Returns:
+        The joints in the same order, none two of them with the same child.
+    """
+    result = list(joints)
+    at: dict[str, list[int]] = {}
+    for number, joint in enumerate(joints):
+        at.setdefault(joint.parent, []).append(number)
+        at.setdefault(joint.child, []).append(number)
+    carried = {joint.child for joint in joints}
+    reached: set[str] = set()
+    for root in (WORLD, *(link for link in links if link not in carried)):
+        waiting = [] if root in reached else [root]
+        reached.add(root)
+        for link in waiting:
+            for number in at.get(link, ()):
+                joint = result[number]
+                other = joint.child if joint.parent == link else joint.parent
+                if other in reached:
+                    continue
+                if joint.child == link:
+                    result[number] = turned_around(joint)
+                reached.add(other)
+                waiting.append(other)
+    return tuple(result)
+
+
+@dataclass(frozen=True)
+class SdfModel:
+    """A model of an SDF document."""
+
+    name: str
+    """As in the file."""
+
+    pose: np.ndarray
+    """Of the model frame in the world, shape (7,)."""
+
+    assembly: Assembly
+    """What a simulator builds."""
+
+
+def read_model_element(element: etree._Element, pose: np.ndarray) -> SdfModel:
+    """Read a model element.
+
+    Args:
+        element: The model, with nothing left to include.
+        pose: Of the model frame in the world, shape (7,).
+
+    Raises:
+        DescriptionError: If something in it is wrong, or it is not one tree.
+    """
+    name = name_of(element)
+    static = flag(element, "static", False, f"model {name}")
+    scopes = _scopes(element, name)
+    frames = scopes[0][0].frames
+    links, wrong = _links(scopes, static)
+    _check_links(name, links, static)
+    joints, odd = _joints(scopes, {link.name for link in links}, static)
+    joints = hung([link.name for link in links], joints)
+    if static:
+        joints = _held_together(links, joints, frames)
+    elif any(joint.parent == WORLD for joint in joints):
+        links = (Link(WORLD), *links)
+    left_out = (*unread(element), *wrong, *odd, *_static_inside(scopes, static))
+    description = Description(name, find_roots(name, links, joints)[0], links, joints)
+    return SdfModel(name, pose, _assembly(description, scopes, static, left_out))
+
+
+def _assembly(
+    description: Description,
+    scopes: list[tuple[Scope, etree._Element]],
+    static: bool,
+    left_out: tuple[str, ...],
+) -> Assembly:
+    """Place the trees of a model, whose first link in the file carries its frame.
+
+    Args:
+        description: Its links and joints.
+        scopes: It and the models inside of it.
+        static: Whether it never moves by itself.
+        left_out: A message for each thing that is not simulated.
+    """
+    frames = scopes[0][0].frames
+    first = next(link.name for link in description.links if link.name != WORLD)
+    return Assembly(
+        description=description,
+        root_poses=np.array(
+            [
+                frames.pose(MODEL if root == WORLD else root)
+                for root in description.roots
+            ]
+        ),
+        canonical=first if first != description.root else "",
+        static=static,
+        nested=tuple(
+            scope.prefix[: -len(SCOPE)]
+            for scope, inner in scopes[1:]
+            if inner.get(INCLUDED) is None
+        ),
+        left_out=left_out,
+    )
+
+
+def _links(
+    scopes: list[tuple[Scope, etree._Element]], static: bool
+) -> tuple[tuple[Link, ...], list[str]]:
+    """Read the links of a model and of those inside of it.
+
+    Returns:
+        The links, and a message for each wrong inertial of a model that never moves.
+    """
+    elements = [
+        (link, scope) for scope, model in scopes for link in model.findall("link")
+    ]
+    wrong = [drop_wrong_inertial(*one) for one in elements] if static else []
+    links = tuple(read_link(*one) for one in elements)
+    return links, [message for message in wrong if message]
+
+
+def _scopes(model: etree._Element, name: str) -> list[tuple[Scope, etree._Element]]:
+    """List a model and the models inside of it, with their frames known."""
+    frames = Frames(f"model '{name}'", MODEL)
+    scopes = [(Scope("", frames), model)]
+    for scope, element in scopes:
+        for link in element.findall("link"):
+            scope.add(scope.full(name_of(link)), link, MODEL)
+        for frame in element.findall("frame"):
+            attached_to = frame.get("attached_to") or MODEL
+            scope.add(scope.full(name_of(frame)), frame, attached_to)
+        for inner in element.findall("model"):
+            prefix = f"{scope.full(name_of(inner))}::"
+            scope.add(f"{prefix}{MODEL}", inner, MODEL)
+            scopes.append((Scope(prefix, frames), inner))
+    return scopes
+
+
+def _check_links(model: str, links: tuple[Link, ...], static: bool) -> None:
+    """Check that there are links, and that they can be moved if they should be."""
+    if not links:
+        raise DescriptionError(f"Model '{model}' has no links.")
+    for link in links:
+        if link.name == WORLD:
+            raise DescriptionError(
+                f"Model '{model}' has a link called {WORLD}, which is the world's name."
+            )
+        if not static and link.inertial is not None and link.inertial.mass == 0.0:
+            raise DescriptionError(
+                f"Link {link.name} of model '{model}' has the mass 0 and cannot move."
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class _Written:
+    """A joint as it is written."""
+
+    element: etree._Element
+    name: str
+    ends: tuple[str, str]
+    """Parent and child."""
+
+    frame: str
+    scope: Scope
+
+    @property
+    def odd(self) -> str:
+        """What about it cannot be simulated; empty where it can be."""
+        kind = self.element.get("type", "")
+        if kind not in KINDS:
+            return kind or "of no type"
+        # Its axis would stand in the world, wherever the model is put.
+        if self.ends[1] == WORLD and kind != "fixed":
+            return f"{kind} with the world as its child"
+        return ""
+
+
+def _joints(
+    scopes: list[tuple[Scope, etree._Element]], links: set[str], static: bool
+) -> tuple[tuple[Joint, ...], list[str]]:
+    """Read the joints of a model that make no loop; all fixed where it is static.
+
+    Returns:
+        The joints, and a message for each that is left out, holds still or is not as it
+        is written.
+    """
+    written, left_out = _written_joints(scopes, links)
+    # What cannot be simulated comes last: it holds what nothing else joins.
+    in_order = sorted(written, key=lambda joint: joint.odd != "")
+    loops = dict(zip(in_order, closes_loop([joint.ends for joint in in_order])))
+    joints = []
+    for one in written:
+        parent, child = one.ends
+        odd = "" if static else one.odd
+        why = f"is {odd}, which is not simulated" if odd else ""
+        if loops[one]:
+            why = why or f"closes a loop of joints at {child}, which is not simulated"
+            why = f"it {why}" if parent != child else f"both of its links are {child}"
+            left_out.append(f"joint {one.name} is left out: {why}")
+            continue
+        joint = fixed_joint(one.name, one.ends, one.scope.frames, listed=not odd)
+        if odd:
+            held = f"{parent} is fixed to {child}" if child == WORLD else ""
+            held = held or f"{child} is fixed to {parent}"
+            left_out.append(f"joint {one.name} {why}: {held}")
+        elif not static:
+            joint = read_joint(one.element, joint, one.frame, one.scope)
+            left_out += [joint.remark] if joint.remark else []
+        joints.append(joint)
+    return tuple(joints), left_out
+
+
+def _written_joints(
+    scopes: list[tuple[Scope, etree._Element]], links: set[str]
+) -> tuple[list[_Written], list[str]]:
+    """List the joints of a model, and make their frames known.
+
+    Returns:
+        The joints, and a message for each that Gazebo does not make.
+    """
+    written, left_out = [], []
+    for scope, owner in scopes:
+        for element in owner.findall("joint"):
+            name = scope.full(name_of(element))
+            ends = ends_of(element, scope, links)
+            if isinstance(ends, str):
+                left_out.append(f"joint {name} is left out: {ends}")
+                continue
+            # Before version 1.7 a joint and a link may have the same name.
+            frame = f"{name}::__joint__" if name in scope.frames else name
+            child = text_of(element, "child")
+            scope.add(frame, element, MODEL if child == WORLD else child)
+            written.append(_Written(element, name, ends, frame, scope))
+    return written, left_out
+
+
+def _held_together(
+    links: tuple[Link, ...], joints: tuple[Joint, ...], frames: Frames
+) -> tuple[Joint, ...]:
+    """Make one tree of the links of a model that never moves.
+
+    A link on a joint to the world becomes the root, else the first one that no
+    joint carries; all the others that no joint carries are fixed to it.
+    """
+    carried = {joint.child for joint in joints}
+    anchored = [joint.child for joint in joints if joint.parent == WORLD]
+    loose = [link.name for link in links if link.name not in carried]
+    root = [*anchored, *loose, links[0].name][0]
+    kept = [
+        fixed_joint(joint.name, (root, joint.child), frames)
+        if joint.parent == WORLD
+        else joint
+        for joint in joints
+        if (joint.parent, joint.child) != (WORLD, root)
+    ]
+    hung = [
+        fixed_joint(f"static::{link}", (root, link), frames, listed=False)
+        for link in loose
+        if link != root
+    ]
+    return (*kept, *hung)
+
+
+def _static_inside(
+    scopes: list[tuple[Scope, etree._Element]], static: bool
+) -> tuple[str, ...]:
+    """Name the models that would stand still inside of one that moves."""
+    inner = [] if static else scopes[1:]
+    names = [(element, scope.prefix[: -len("::")]) for scope, element in inner]
+    return tuple(
+        f"static of model {name} is not simulated"
+        for element, name in names
+        if flag(element, "static", False, f"model {name}")
+    )

@@ -1,0 +1,240 @@
+"""SDF text in, models and lights out: all that is known about a world.
+
+This module and those whose names begin like its own are the only ones that read
+SDF: versions 1.3 to 1.9, with the meaning that Gazebo 11 gives them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from functools import reduce
+from typing import TypeVar
+
+from lxml import etree
+
+from g1_description.errors import DescriptionError, NoSuchModelError
+from g1_description.robot.assembly import WORLD
+from g1_description.robot.xml_values import name_of, optional, text_of, vector
+from g1_description.sdf.document import EMPTY_WORLD, whole_document
+from g1_description.sdf.frames import Frames, Scope
+from g1_description.sdf.link import Light, read_light
+from g1_description.sdf.model import SdfModel, read_model_element
+from g1_description.sdf.state import State, in_state, read_state
+from g1_description.sdf.unsupported import unread
+
+_PLACES = {
+    "time_step": ("", "max_step_size"),
+    "max_update_rate": ("", "real_time_update_rate"),
+    "max_contacts": ("", "max_contacts"),
+    "sor_pgs_precon_iters": ("ode/solver", "precon_iters"),
+    "sor_pgs_iters": ("ode/solver", "iters"),
+    "sor_pgs_w": ("ode/solver", "sor"),
+    "cfm": ("ode/constraints", "cfm"),
+    "erp": ("ode/constraints", "erp"),
+    "contact_surface_layer": ("ode/constraints", "contact_surface_layer"),
+    "contact_max_correcting_vel": ("ode/constraints", "contact_max_correcting_vel"),
+}
+"""Where each number is, by its name in ``get_physics_properties``."""
+
+
+def read_physics(holder: etree._Element) -> dict[str, float]:
+    """Read what a world says of its physics.
+
+    Args:
+        holder: The world.
+
+    Returns:
+        Numbers from zero up by their names in ``get_physics_properties``: the time
+        step in [s], the rate in steps per second of real time, and those of ODE. What
+        the file does not give is left out.
+
+    Raises:
+        DescriptionError: If one is no number, or is negative.
+    """
+    physics = _physics(holder)
+    found = {}
+    for name, (path, tag) in _PLACES.items():
+        parent = physics.find(path) if path and physics is not None else physics
+        value = optional(parent, tag, "the physics")
+        if value is not None:
+            found[name] = value
+    return found
+
+
+def _physics(holder: etree._Element) -> etree._Element | None:
+    """Find the physics that count: those that say so, else the first."""
+    all_physics = holder.findall("physics")
+    for physics in all_physics:
+        if physics.get("default", "").lower() in ("true", "1"):
+            return physics
+    return all_physics[0] if all_physics else None
+
+
+__all__ = ["EMPTY_WORLD", "Light", "Sdf", "SdfModel", "read_sdf"]
+
+_Read = TypeVar("_Read")
+
+
+@dataclass(frozen=True)
+class Sdf:
+    """What an SDF document holds."""
+
+    models: tuple[SdfModel, ...]
+    lights: tuple[Light, ...]
+    gravity: tuple[float, ...] | None
+    """In the world, in [m/s^2]; None where the file does not say."""
+
+    physics: Mapping[str, float]
+    """What the file says of the physics, as ``read_physics``."""
+
+    time: float
+    """Simulated time at which it begins, in [s]: when it was saved."""
+
+    left_out: tuple[str, ...]
+    """A message for each thing outside of the models that is not simulated, and for
+    each model or light that cannot be."""
+
+    refused: tuple[str, ...] = ()
+    """The reason alone, a sentence, for each model or light that is wrong."""
+
+
+def no_model(uri: str) -> str:
+    """Find no model at all.
+
+    Raises:
+        NoSuchModelError: Always.
+    """
+    raise NoSuchModelError("There is no such model.")
+
+
+def read_sdf(text: str, find_model: Callable[[str], str] = no_model) -> Sdf:
+    """Read an SDF document.
+
+    Args:
+        text: SDF as XML text.
+        find_model: Gives the SDF text behind the URI of an include, such as
+            ``model://NAME``; raises a NoSuchModelError if there is none. The ground
+            plane and the sun are there even so.
+
+    Returns:
+        The models and lights of its world, or those outside of one; in the order
+        of the file.
+
+    Raises:
+        DescriptionError: If it is not SDF, holds nothing, or something in it is
+            wrong. A model, light or frame of a world that is wrong is left out.
+    """
+    root, left_out = whole_document(text, find_model)
+    world = root.find("world")
+    holder = root if world is None else world
+    models, lights = holder.findall("model"), holder.findall("light")
+    left_out += [*_surplus(root), *unread(root)]
+    if world is not None:
+        left_out += unread(world)
+    else:
+        models = models[:1]
+        if not models and not lights:
+            found = f": {', '.join(left_out)}" if left_out else ""
+            raise DescriptionError(f"The SDF has no model, light or world{found}.")
+    reader = _Reader(None if world is None else left_out)
+    scope = Scope("", Frames("the world", WORLD))
+    models = reader.read(models, lambda model: _placed(model, WORLD, scope))
+    frames = holder.findall("frame")
+    reader.read(frames, lambda f: _placed(f, f.get("attached_to") or WORLD, scope))
+    read_lights: dict[str, Light] = {}
+    for messages in reader.read(lights, lambda el: _add_light(el, scope, read_lights)):
+        left_out += messages
+    state = reduce(
+        State.then, reader.read(holder.findall("state"), read_state), State()
+    )
+    read = reader.read(
+        models, lambda m: read_model_element(m, scope.frames.pose(name_of(m)))
+    )
+    return Sdf(
+        models=tuple(in_state(model, state) for model in read),
+        lights=tuple(
+            replace(light, pose=state.lights.get(light.name, light.pose))
+            for light in read_lights.values()
+        ),
+        time=state.time or 0.0,
+        gravity=_gravity(holder),
+        physics=read_physics(holder),
+        left_out=tuple(dict.fromkeys(left_out)),
+        refused=tuple(reader.refused),
+    )
+
+
+def _surplus(root: etree._Element) -> list[str]:
+    """Name the models and lights that are one too many, and worlds but the first."""
+    has_world = root.find("world") is not None
+    surplus = [*root.findall("world")[1:], *root.findall("model")[not has_world :]]
+    surplus += root.findall("light") if has_world else []
+    first = "world" if has_world else "model"
+    return [
+        f"{element.tag} {element.get('name')} is left out: of a file the first {first} "
+        "is read"
+        for element in surplus
+    ]
+
+
+class _Reader:
+    """Reads all of a kind; in a world what is wrong is left out, else refused."""
+
+    def __init__(self, left_out: list[str] | None) -> None:
+        """Begin.
+
+        Args:
+            left_out: Takes a message for each thing that is left out; None where
+                what is wrong is refused.
+        """
+        self._left_out = left_out
+        self.refused: list[str] = []
+        """The reason for each model or light that is left out."""
+
+    def read(
+        self,
+        elements: Iterable[etree._Element],
+        read: Callable[[etree._Element], _Read],
+    ) -> list[_Read]:
+        """Read elements.
+
+        Raises:
+            DescriptionError: If one is wrong, and such are refused.
+        """
+        found = []
+        for element in elements:
+            try:
+                found.append(read(element))
+            except DescriptionError as error:
+                if self._left_out is None:
+                    raise
+                thing = f"{element.tag} {element.get('name', '')}".rstrip()
+                self._left_out.append(f"{thing} is left out: {error}".rstrip("."))
+                if element.tag != "frame":
+                    self.refused.append(str(error))
+        return found
+
+
+def _placed(element: etree._Element, frame: str, scope: Scope) -> etree._Element:
+    """Make a model or a frame known as a frame of the world, and give it back."""
+    scope.add(name_of(element), element, frame)
+    return element
+
+
+def _add_light(
+    element: etree._Element, scope: Scope, lights: dict[str, Light]
+) -> tuple[str, ...]:
+    """Read a light and add it to those read before; return what of it is not read."""
+    light = read_light(element, scope)
+    if light.name in lights:
+        raise DescriptionError(f"There are two lights of the name {light.name}.")
+    lights[light.name] = light
+    return unread(element)
+
+
+def _gravity(holder: etree._Element) -> tuple[float, ...] | None:
+    """Read a world's gravity, in [m/s^2]."""
+    if not text_of(holder, "gravity"):
+        return None
+    return tuple(vector(holder, "gravity", [0.0, 0.0, 0.0], "the world").tolist())

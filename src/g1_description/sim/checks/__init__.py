@@ -1,1 +1,0 @@
-"""All checks of a robot together, on its shapes."""

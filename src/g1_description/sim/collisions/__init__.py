@@ -1,1 +1,0 @@
-"""Collisions of a robot with itself: which pairs of links, how deep and where."""

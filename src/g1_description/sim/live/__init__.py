@@ -1,1 +1,0 @@
-"""Verdicts on robots as they are now."""

@@ -1,1 +1,0 @@
-"""Motions that models go through, step by step."""

@@ -1,0 +1,241 @@
+"""Robots that go through motions of files, without ROS: what they are told, they do."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from threading import Event, Lock
+from typing import Callable, Optional
+
+import numpy as np
+
+from g1_description.motion.edit import minimum_jerk_trajectory
+from g1_description.motion.motion import Motion
+from g1_description.motion.trajectory import Trajectory, sample
+from g1_description.robot.description import Description
+from g1_description.robot.transform import IDENTITY
+from g1_description.sim.floor import lowest_height
+from g1_description.web.robot import RobotState, ShownRobot
+
+DISTANCE = 1.2
+"""Between robots that stand beside each other, in [m]."""
+
+ReadMotion = Callable[[Path, Description, Optional[float]], Motion]
+"""Reads a motion of a robot, with samples per second for files without times."""
+
+
+class StillRobot:
+    """A robot that is where it was last put."""
+
+    joint_topic = "/joint_commands"
+
+    def __init__(self, name: str, description: Description) -> None:
+        """Put it on the floor, its joints at zero or the nearest limit.
+
+        Args:
+            name: Its name on the page.
+            description: The robot.
+        """
+        self.name, self.description = name, description
+        self._lock = Lock()
+        self.offset = np.zeros(3)
+        """Where it is shown, from where it is, in [m]."""
+        joints = description.movable_joints
+        bent = {j.name: float(np.clip(0.0, j.lower, j.upper)) for j in joints}
+        self._beginning = bent, standing_base(description, bent)
+        self.reset()
+
+    def reset(self) -> None:
+        """Put it back to where it began."""
+        with self._lock:
+            self._positions, self._base = self._beginning
+            self._way: tuple[Trajectory, float] | None = None
+
+    def state(self) -> RobotState:
+        """Return where it is."""
+        now = time.monotonic()
+        with self._lock:
+            if self._way is not None:
+                trajectory, began = self._way
+                self._take(trajectory, now - began)
+                if now - began >= trajectory.duration:
+                    self._way = None
+            base = self._base.copy()
+            base[:3] += self.offset
+            return RobotState(now, self._positions, base)
+
+    def wanted(self) -> None:
+        """Return nothing: it is where it is wanted."""
+
+    def command(self, positions: Mapping[str, float]) -> None:
+        """Set joints."""
+        with self._lock:
+            self._way = None
+            self._positions = {**self._positions, **positions}
+
+    def command_base(self, pose: np.ndarray) -> None:
+        """Put the base somewhere."""
+        with self._lock:
+            self._base = pose.copy()
+            self._base[:3] -= self.offset
+
+    def go(self, trajectory: Trajectory) -> None:
+        """Go through a motion of joints, beginning now."""
+        with self._lock:
+            self._way = trajectory, time.monotonic()
+
+    def take(self, trajectory: Trajectory, at: float) -> None:
+        """Be where a motion is at a time, in [s]."""
+        with self._lock:
+            self._way = None
+            self._take(trajectory, at)
+
+    def _take(self, trajectory: Trajectory, at: float) -> None:
+        found = sample(trajectory, at)
+        bent = dict(zip(trajectory.joint_names, found.positions.tolist()))
+        self._positions = {**self._positions, **bent}
+        if found.base_poses is not None:
+            self._base = found.base_poses
+
+    @property
+    def is_moving(self) -> bool:
+        """Whether it is on its way."""
+        return self._way is not None
+
+
+class ClockPlayer:
+    """Plays the motions of all robots in step, by the clock."""
+
+    def __init__(self, world: FileWorld) -> None:
+        """Begin at the first sample."""
+        self._world = world
+        motions = world.motions.values()
+        self.begin = min(float(m.trajectory.times[0]) for m in motions)
+        self.end = max(m.trajectory.duration for m in motions)
+        self._from = self.begin
+        self._speed = 1.0
+        self._began: float | None = None
+        self.show(self.begin)
+
+    @property
+    def time(self) -> float:
+        """Time of the motion that is shown, in [s]."""
+        passed = 0.0
+        if self._began is not None:
+            passed = self._speed * (time.monotonic() - self._began)
+        return float(min(self._from + passed, self.end))
+
+    @property
+    def is_running(self) -> bool:
+        """Whether it goes on by itself."""
+        return self._began is not None
+
+    def play(self, begin: float, speed: float) -> None:
+        """Play from a time on, in [s], at so many seconds of it in a second."""
+        self._from, self._speed = begin, speed
+        self._began = time.monotonic()
+        self._world.changed.set()
+
+    def pause(self) -> None:
+        """Stop where it is."""
+        self._from, self._began = self.time, None
+
+    def rest(self) -> None:
+        """Stay at the end, which is reached."""
+        self.pause()
+
+    def show(self, time: float) -> None:
+        """Show the configuration of a time, in [s]."""
+        self._from, self._began = time, None
+        self.tick()
+
+    def tick(self) -> None:
+        """Put all robots where they are now."""
+        at = self.time
+        for robot, motion in self._world.motions.items():
+            robot.take(motion.trajectory, at)
+        self._world.changed.set()
+
+
+class FileWorld:
+    """Robots without a simulator, and the motions that they go through."""
+
+    simulator = None
+    can_move = True
+    has_wanted = False
+
+    def __init__(self, robots: list[StillRobot], read: ReadMotion) -> None:
+        """Begin without motions.
+
+        Args:
+            robots: All robots.
+            read: Reads files.
+        """
+        self.robots = robots
+        self.can_arrange = len(robots) > 1
+        self.changed = Event()
+        self.changed.set()
+        self.motions: dict[StillRobot, Motion] = {}
+        self.player: ClockPlayer | None = None
+        self._read = read
+        self.arrange(beside=True)
+
+    def arrange(self, beside: bool) -> None:
+        """Show robots beside each other, or all where their motions have them."""
+        for number, robot in enumerate(self.robots):
+            robot.offset = np.array([0.0, -DISTANCE * number * beside, 0.0])
+        self.changed.set()
+
+    def watch(self, is_watched: bool) -> None:
+        """Show the present state to whoever comes."""
+        self.changed.set()
+
+    def tick(self) -> None:
+        """Go on with what moves by itself."""
+        if self.player is not None and self.player.is_running:
+            self.player.tick()
+        elif any(robot.is_moving for robot in self.robots):
+            self.changed.set()
+
+    def read(self, path: Path, robot: ShownRobot, rate: float | None) -> Motion:
+        """Read a motion from a file of any format."""
+        return self._read(path, robot.description, rate)
+
+    def open(self, robot: StillRobot, motion: Motion) -> ClockPlayer:
+        """Let a robot have a motion."""
+        self.motions[robot] = motion
+        self.player = ClockPlayer(self)
+        return self.player
+
+    def move(
+        self, robot: StillRobot, positions: Mapping[str, float], seconds: float
+    ) -> None:
+        """Move joints from where they are, beginning and ending at rest."""
+        if self.player is not None:
+            self.player.pause()
+        if not seconds:
+            robot.command(positions)
+        else:
+            now, names = robot.state().positions, list(positions)
+            begin = np.array([now[name] for name in names])
+            goal = np.array([positions[name] for name in names])
+            robot.go(minimum_jerk_trajectory(names, begin, goal, seconds))
+        self.changed.set()
+
+
+def standing_base(robot: Description, positions: Mapping[str, float]) -> np.ndarray:
+    """Place the base upright above the map's origin, so that the robot stands.
+
+    Args:
+        robot: The robot.
+        positions: Of its joints, in [rad] or [m] by name.
+
+    Returns:
+        T_map_base, shape (7,), with which its lowest point is at height 0.
+    """
+    bent = np.array([[*positions.values()]], dtype=float)
+    upright = IDENTITY.copy()
+    posture = Trajectory(np.zeros(1), tuple(positions), bent, None, upright[np.newaxis])
+    upright[2] = -lowest_height(robot, posture)
+    return upright

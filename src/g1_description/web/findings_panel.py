@@ -1,0 +1,165 @@
+"""What checks found of motions: in a line, along the time, one by one."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from g1_description.checks.marks import short_name
+from g1_description.checks.verdict import FAILED, Finding, Verdict
+from g1_description.web.ui_loop import Desk
+
+if TYPE_CHECKING:
+    from viser import GuiApi, GuiButtonHandle
+
+
+SPECIAL = frozenset("\\`*_{}[]()#+-.!|<>&~$:/@")
+"""Characters that mean something; ``:`` and the like make links of addresses."""
+
+
+def plain(text: str) -> str:
+    """Write a text so that it is read as it is, in one line."""
+    line = " ".join(text.split())
+    return "".join(f"\\{c}" if c in SPECIAL else c for c in line)
+
+
+MAX_BUTTONS = 25
+"""Findings of one motion that have a button; the worst come first."""
+
+COLORS = {FAILED: "#d64541", "warning": "#f0932b"}
+
+LEAST_WIDTH = 0.6
+"""Of a stretch of time that is shown, in percent of the motion."""
+
+
+class FindingList:
+    """Shows the findings of the motion of one robot."""
+
+    def __init__(
+        self, gui: GuiApi, desk: Desk, jump: Callable[[float], object], read_only: bool
+    ) -> None:
+        """Begin hidden.
+
+        Args:
+            gui: Where to.
+            desk: Does what a person wants.
+            jump: Shows a time in [s].
+            read_only: Whether there is nothing to click.
+        """
+        self._gui, self._desk, self._jump = gui, desk, jump
+        self._read_only = read_only
+        self._buttons: list[GuiButtonHandle] = []
+        self._folder = gui.add_folder("Findings", visible=False)
+        with self._folder:
+            # These stay: a browser complains of texts that go while they come.
+            self._summary = gui.add_markdown("")
+            self._strips = gui.add_html("")
+
+    def begin(self, name: str) -> None:
+        """Show that a motion is being judged."""
+        self._clear()
+        self._folder.label = f"Findings: {name}"
+        self._folder.visible = True
+        self._summary.content = "*Being checked ...*"
+
+    def fail(self) -> None:
+        """Show that a motion could not be judged."""
+        self._summary.content = "*Could not be checked.*"
+
+    def _clear(self) -> None:
+        """Show nothing of the last motion."""
+        for button in self._buttons:
+            button.remove()
+        self._buttons = []
+        self._strips.content = ""
+
+    def show(self, verdict: Verdict, span: tuple[float, float]) -> None:
+        """Show what was found.
+
+        Args:
+            verdict: On the motion.
+            span: Where the time line begins and ends, in [s].
+        """
+        self._clear()
+        more = len(verdict.findings) - MAX_BUTTONS
+        rest = f"  \n{more} more are not listed; `check` lists all." if more > 0 else ""
+        self._summary.content = summary(verdict) + rest
+        if verdict.findings:
+            self._strips.content = strips(verdict.findings, span)
+        if self._read_only:
+            lines = [f"- {plain(title(f))}" for f in verdict.findings[:MAX_BUTTONS]]
+            self._summary.content += "\n\n" + "\n".join(lines)
+        else:
+            with self._folder:
+                self._buttons = [self._add(f) for f in verdict.findings[:MAX_BUTTONS]]
+
+    def _add(self, finding: Finding) -> GuiButtonHandle:
+        """Add the button of a finding."""
+        button = self._gui.add_button(
+            title(finding),
+            hint=finding.text,
+            color="red" if finding.severity == FAILED else "orange",
+        )
+        self._desk.on(button, lambda: self._jump(finding.worst_time))
+        return button
+
+
+def title(finding: Finding) -> str:
+    """Return a finding in a few words, with the time at which it is worst."""
+    subject = " - ".join(short_name(name) for name in finding.subject)
+    what = finding.check.replace("_", " ")
+    return f"{shown_time(finding.worst_time)}  {what} {subject}".strip()
+
+
+def shown_time(time: float) -> str:
+    """Return a time in [s] as it is read."""
+    return f"{time:.2f} s"
+
+
+def summary(verdict: Verdict) -> str:
+    """Return a verdict in a line of markdown, and what was not judged."""
+    failures = sum(finding.severity == FAILED for finding in verdict.findings)
+    warnings = len(verdict.findings) - failures
+    counts = [
+        f"{count} {word}{'s' if count > 1 else ''}"
+        for count, word in ((failures, "failure"), (warnings, "warning"))
+        if count
+    ]
+    lines = [f"**{verdict.severity}**" + (f": {', '.join(counts)}" if counts else "")]
+    if verdict.nothing_made:
+        lines = [verdict.nothing_made]
+    elif verdict.skipped:
+        lines.append(f"*Not judged: {', '.join(verdict.skipped)}.*")
+    return "  \n".join(lines)
+
+
+def strips(findings: tuple[Finding, ...], span: tuple[float, float]) -> str:
+    """Draw when findings are, one below the other, as wide as the time line.
+
+    Args:
+        findings: The findings.
+        span: Where the time line begins and ends, in [s].
+
+    Returns:
+        HTML.
+    """
+    begin, length = span[0], max(span[1] - span[0], 1e-9)
+    rows = []
+    for finding in findings[:MAX_BUTTONS]:
+        bars = []
+        for first, last in finding.intervals:
+            left = 100.0 * (first - begin) / length
+            width = max(100.0 * (last - first) / length, LEAST_WIDTH)
+            bars.append(
+                f'<i style="position:absolute;left:{min(left, 100 - width):.2f}%;'
+                f"width:{width:.2f}%;height:100%;"
+                f'background:{COLORS[finding.severity]}"></i>'
+            )
+        text = html.escape(finding.text, quote=True)
+        rows.append(
+            f'<div title="{text}" style="position:relative;height:7px;margin:2px 0;'
+            f'background:#e6e9ef;border-radius:2px;overflow:hidden">{"".join(bars)}'
+            "</div>"
+        )
+    return f'<div style="margin:0 0.8em 0.5em">{"".join(rows)}</div>'

@@ -1,1 +1,0 @@
-"""What moves a robot by hand: sliders, poses, a gizmo."""

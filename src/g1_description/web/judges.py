@@ -1,0 +1,148 @@
+"""Verdicts on motions and on where robots are, found by a thread of its own."""
+
+from __future__ import annotations
+
+import threading
+import time
+from functools import partial
+from typing import TYPE_CHECKING, Callable, Tuple
+
+from g1_description.checks.checker import Checker
+from g1_description.checks.live import LiveJudge
+from g1_description.checks.timeline import Judged
+from g1_description.motion.motion import Motion
+from g1_description.robot.description import Description
+from g1_description.web.robot import RobotState, ShownRobot
+from g1_description.web.ui_loop import Desk
+
+if TYPE_CHECKING:
+    from g1_description.checks.verdict import Verdict
+
+
+PERIOD = 0.04
+"""Least time between two verdicts on where robots are, in [s]."""
+
+AGAIN = 10.0
+"""Time from one try to prepare checks to the next, in [s]."""
+
+MakeChecker = Callable[[Description], Checker]
+
+
+_Request = Tuple[ShownRobot, Motion, Callable[[Judged], object], Callable[[], object]]
+
+
+class Judges:
+    """Judges motions at once, and the newest state of each robot when it is wanted."""
+
+    def __init__(
+        self,
+        desk: Desk,
+        make: MakeChecker,
+        seen: Callable[[ShownRobot, RobotState, Judged, Verdict], object],
+    ) -> None:
+        """Begin; nothing is prepared before it is needed.
+
+        Args:
+            desk: Where results are handed over.
+            make: Prepares the checks of a robot.
+            seen: Given each verdict on a state, by the thread that draws.
+        """
+        self._desk, self._make, self._seen = desk, make, seen
+        self._checkers: dict[int, Checker] = {}
+        self._failed: dict[int, tuple[Exception, float]] = {}
+        self._live: dict[ShownRobot, LiveJudge] = {}
+        self._lock = threading.Condition()
+        self._states: dict[ShownRobot, RobotState] = {}
+        self._motions: list[_Request] = []
+        threading.Thread(target=self._work, daemon=True).start()
+
+    def judge_motion(
+        self,
+        robot: ShownRobot,
+        motion: Motion,
+        then: Callable[[Judged], object],
+        failed: Callable[[], object],
+    ) -> None:
+        """Judge a motion.
+
+        Args:
+            robot: Who goes through it.
+            motion: The motion.
+            then: Given the verdict by the thread that draws.
+            failed: Called by that thread if there is none.
+        """
+        with self._lock:
+            self._motions.append((robot, motion, then, failed))
+            self._lock.notify()
+
+    def judge_state(self, robot: ShownRobot, state: RobotState) -> None:
+        """Judge where a robot is, unless something newer comes before it is time."""
+        with self._lock:
+            self._states[robot] = state
+            self._lock.notify()
+
+    def _work(self) -> None:
+        """Judge, one after the other."""
+        while True:
+            with self._lock:
+                self._lock.wait_for(lambda: self._motions or self._states)
+                motions, self._motions = self._motions, []
+                states, self._states = self._states, {}
+            for robot, motion, then, failed in motions:
+                self._try(partial(self._motion, robot, motion, then), failed)
+            for robot, state in states.items():
+                if not self._failure(robot):
+                    self._try(partial(self._state, robot, state))
+                if self._failure(robot):
+                    with self._lock:  # it may stand still until the next try
+                        self._states.setdefault(robot, state)
+            time.sleep(PERIOD)
+
+    def _try(
+        self, act: Callable[[], object], failed: Callable[[], object] = lambda: None
+    ) -> None:
+        """Judge; a mistake is told as of anything that a person does."""
+        try:
+            act()
+        except Exception as error:  # raised again where it is told
+            self._desk.post(object(), failed)
+            self._desk.post(("judge", str(error)), partial(_raise, error))
+
+    def _motion(
+        self, robot: ShownRobot, motion: Motion, then: Callable[[Judged], object]
+    ) -> None:
+        judged = self._checker(robot).check_motion(motion)
+        self._desk.post(("motion", robot), lambda: then(judged))
+
+    def _state(self, robot: ShownRobot, state: RobotState) -> None:
+        if robot not in self._live:
+            self._live[robot] = LiveJudge(self._checker(robot))
+        judged, verdict = self._live[robot].judge(
+            state.time, state.positions, state.base
+        )
+        self._desk.post(
+            ("seen", robot), lambda: self._seen(robot, state, judged, verdict)
+        )
+
+    def _checker(self, robot: ShownRobot) -> Checker:
+        """Prepare the checks of a robot, or of one like it."""
+        number, failure = id(robot.description), self._failure(robot)
+        if failure is not None:
+            raise failure
+        if number not in self._checkers:
+            try:
+                self._checkers[number] = self._make(robot.description)
+            except Exception as error:
+                self._failed[number] = error, time.monotonic() + AGAIN
+                raise
+        return self._checkers[number]
+
+    def _failure(self, robot: ShownRobot) -> Exception | None:
+        """Return why checks could not be prepared, unless it is time to try again."""
+        error, until = self._failed.get(id(robot.description), (None, 0.0))
+        return error if time.monotonic() < until else None
+
+
+def _raise(error: Exception) -> None:
+    """Raise an error of another thread."""
+    raise error

@@ -1,0 +1,133 @@
+"""The simulator, as a page shows and steers it.
+
+Calls, below the simulator's name: get_physics_properties
+    (gazebo_msgs/GetPhysicsProperties), pause_physics, unpause_physics, reset_world
+    (std_srvs/Empty), step (g1_description/Step), set_real_time_factor
+    (g1_description/SetRealTimeFactor)
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+
+import rospy
+from gazebo_msgs.srv import GetPhysicsProperties
+from std_srvs.srv import Empty
+
+from g1_description.ros.connection import Connection
+from g1_description.ros.master import SLAVE_API_ERRORS
+from g1_description.srv import SetRealTimeFactor, Step
+
+PERIOD = 1.0
+"""Time between two questions, in [s]."""
+
+SILENCE = 5.0
+"""A simulator that has not answered for so long is told to be silent, in [s]."""
+
+TIMEOUT = 10.0
+"""Longest wait for a service, in [s]: machines may be busy."""
+
+
+class LiveSimulator:
+    """A simulator that answers as Gazebo does."""
+
+    def __init__(self, gazebo: str) -> None:
+        """Begin to ask how it is, while somebody looks.
+
+        Args:
+            gazebo: Its namespace.
+        """
+        self._name = "/" + gazebo.strip("/")
+        self._connection = Connection(gazebo, TIMEOUT)
+        self._lock = threading.Lock()
+        self._watched = threading.Event()
+        self._paused: bool | None = None
+        self._answered = 0.0
+        """When it last answered, on the monotonic clock, in [s]."""
+        self._physics = ""
+        self._clock: tuple[float, float] | None = None
+        self._factor: float | None = None
+        threading.Thread(target=self._ask_forever, daemon=True).start()
+
+    def watch(self, is_watched: bool) -> None:
+        """Begin to ask, or stop."""
+        if is_watched:
+            self._watched.set()
+        else:
+            self._watched.clear()
+
+    def _ask_forever(self) -> None:
+        """Ask how it is, again and again."""
+        # A connection of its own: an answer may be long in coming.
+        properties = rospy.ServiceProxy(
+            f"{self._name}/get_physics_properties", GetPhysicsProperties
+        )
+        while not rospy.core.is_shutdown_requested():
+            self._watched.wait()
+            try:
+                self._paused = bool(properties().pause)
+                self._physics = str(rospy.get_param(f"{self._name}/physics", ""))
+                self._answered = time.monotonic()
+            except (rospy.ROSException, rospy.ServiceException, *SLAVE_API_ERRORS):
+                self._paused = None
+            self._measure()
+            time.sleep(PERIOD)
+
+    def _measure(self) -> None:
+        """Find how fast simulated time runs."""
+        now = time.monotonic(), rospy.get_time()
+        if self._clock is not None and now[0] > self._clock[0]:
+            passed = now[1] - self._clock[1]
+            self._factor = max(passed, 0.0) / (now[0] - self._clock[0])
+        self._clock = now
+
+    def status(self) -> str:
+        """Describe physics, time and speed in a line."""
+        if self._paused is None or time.monotonic() > self._answered + SILENCE:
+            return f"*{self._name} does not answer.*"
+        parts = [self._physics and f"**{self._physics}**", f"{rospy.get_time():.1f} s"]
+        if self._paused:
+            parts.append("paused")
+        elif self._factor is not None:
+            parts.append(f"x {self._factor:.2f}")
+        return " · ".join(filter(None, parts))
+
+    @property
+    def is_paused(self) -> bool:
+        """Whether simulated time stands still."""
+        return bool(self._paused)
+
+    def pause(self) -> None:
+        """Let simulated time stand still."""
+        self._call("pause_physics", Empty)
+        self._paused = True
+
+    def go_on(self) -> None:
+        """Let simulated time run."""
+        self._call("unpause_physics", Empty)
+        self._paused = False
+
+    def step(self, steps: int) -> None:
+        """Run so many steps while time stands still."""
+        self._call("step", Step, steps=steps)
+
+    def set_speed(self, factor: float) -> None:
+        """Set the speed of simulated time."""
+        self._call("set_real_time_factor", SetRealTimeFactor, real_time_factor=factor)
+
+    def reset(self) -> None:
+        """Put all robots back to where they began."""
+        self._call("reset_world", Empty)
+
+    def _call(self, service: str, kind: type, **fields) -> None:
+        """Call a service.
+
+        Raises:
+            G1DescriptionError: If that is refused or nobody answers.
+        """
+        connection = self._connection
+        with self._lock:
+            connection.wait_for(service)
+            call = connection.call if kind is Empty else connection.checked
+            call(service, kind, **fields)

@@ -1,0 +1,309 @@
+"""Motions of files: a time line, and what checks found along it."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from g1_description.checks.timeline import Judged
+from g1_description.errors import InvalidValueError, MotionError
+from g1_description.motion.motion import Motion
+from g1_description.web.edit_guard import Held
+from g1_description.web.findings_panel import FindingList, plain
+from g1_description.web.judges import Judges
+from g1_description.web.robot import Player, ShownRobot, ShownWorld
+from g1_description.web.ui_loop import Desk
+
+if TYPE_CHECKING:
+    from viser import GuiApi
+
+
+class Scrub:
+    """Shows the newest of many times, one after the other."""
+
+    def __init__(self, desk: Desk) -> None:
+        """Show nothing yet."""
+        self._desk = desk
+        self._lock = threading.Lock()
+        self._wanted: tuple[Player, float] | None = None
+        self._is_busy = False
+
+    def to(self, player: Player, at: float) -> None:
+        """Show a time soon."""
+        with self._lock:
+            self._wanted = player, at
+            if self._is_busy:
+                return
+            self._is_busy = True
+        self._desk.wait_for(self._show)
+
+    def _show(self) -> None:
+        while True:
+            with self._lock:
+                if self._wanted is None:
+                    self._is_busy = False
+                    return
+                (player, at), self._wanted = self._wanted, None
+            try:
+                player.show(at)
+            except Exception:
+                with self._lock:
+                    self._wanted, self._is_busy = None, False
+                raise
+
+
+STEP = 0.001
+"""Of the time line, in [s]."""
+
+PERIOD = 0.1
+"""Time between two moves of the time line by itself, in [s]."""
+
+HELD = 0.4
+"""How long the time line stays where a person has put it, in [s]."""
+
+REST = 1.0
+"""Time between the end of a motion and its next beginning, in [s]."""
+
+RATE = 30.0
+"""Samples per second of files without times, where nobody chooses another."""
+
+SPEEDS = ("0.1", "0.25", "0.5", "1", "1.5", "2", "4")
+
+FILE_INPUT = """
+<label style="display:block;margin:0.2em 0.8em 0.6em;padding:0.45em;cursor:pointer;
+border:1px dashed #8a94a6;border-radius:4px;text-align:center;font-size:0.85em">
+Open a motion, or drop it anywhere
+<input type="file" style="display:none"
+ onchange="g1.upload(this.files[0]);this.value=''">
+</label>
+"""
+
+
+class MotionPanel:
+    """Opens, plays and judges motions."""
+
+    def __init__(
+        self,
+        gui: GuiApi,
+        desk: Desk,
+        world: ShownWorld,
+        judges: Judges,
+        read_only: bool,
+    ) -> None:
+        """Add the panel.
+
+        Args:
+            gui: Where to.
+            desk: Does what a person wants.
+            world: The robots.
+            judges: Judge motions.
+            read_only: Whether motions play by themselves, again and again.
+        """
+        self._gui, self._desk, self._world, self._judges = gui, desk, world, judges
+        self._read_only = read_only
+        self.player: Player | None = None
+        self.motions: dict[ShownRobot, Motion] = {}
+        self._titles: dict[ShownRobot, str] = {}
+        self.opened: Callable[[], object] = lambda: None
+        """Called when there is another motion."""
+        self._scrub = Scrub(desk)
+        self._held = Held(HELD)
+        self._looked = 0.0
+        self._again = math.inf
+        """When the motion begins again by itself, on the monotonic clock, in [s]."""
+        self._add()
+        self._findings = {
+            robot: FindingList(gui, desk, self._jump, read_only)
+            for robot in world.robots
+        }
+
+    def _add(self) -> None:
+        """Add what a person uses."""
+        gui, names = self._gui, [robot.name for robot in self._world.robots]
+        can_open = not self._read_only and self._world.can_move
+        if can_open:
+            gui.add_html(FILE_INPUT)
+        self._robot = gui.add_dropdown(
+            "Robot", names, visible=can_open and len(names) > 1
+        )
+        self._rate = gui.add_number(
+            "Samples per second",
+            RATE,
+            min=0.001,
+            max=1e6,
+            hint="of the next file, if it has no times",
+            visible=can_open,
+        )
+        self._title = gui.add_markdown("*No motion yet.*" if can_open else "")
+        self._line = gui.add_slider(
+            "Time", 0.0, 1.0, STEP, 0.0, visible=False, disabled=self._read_only
+        )
+        self._play = gui.add_button("Play", visible=False)
+        self._steps = gui.add_button_group(
+            "Sample", ["first", "-1", "+1", "last"], visible=False
+        )
+        self._speed = gui.add_dropdown(
+            "Speed", SPEEDS, initial_value="1", visible=False
+        )
+        self._loop = gui.add_checkbox("Loop", self._read_only, visible=False)
+        self._desk.on(self._robot, lambda: None)
+        self._desk.on(self._line, self._moved)
+        self._desk.on(self._play, self._toggle)
+        self._desk.on(self._steps, self._step)
+        self._desk.on(self._speed, self._change_speed)
+
+    # --- opening ---
+
+    def read(self, name: str, path: Path) -> str:
+        """Read a file and open it; called by a thread of its own.
+
+        Args:
+            name: What a person calls the file.
+            path: Where it is.
+
+        Returns:
+            A sentence on what it is.
+
+        Raises:
+            G1DescriptionError: If it holds no motion of the chosen robot.
+        """
+        robot = self._chosen
+        rate = float(self._rate.value)
+        if not 0.0 < rate < math.inf:
+            raise InvalidValueError(f"{rate:g} is no number of samples per second.")
+        try:
+            # The usual rate goes without saying: a file that has times says no more.
+            motion = self._world.read(path, robot, None if rate == RATE else rate)
+        except MotionError as error:
+            text = str(error).replace(str(path), name).replace(path.name, name)
+            raise MotionError(text) from error
+        self._desk.post(("open", robot), lambda: self.open(name, robot, motion))
+        times = motion.trajectory.times
+        return f"{name}: {times[-1] - times[0]:.2f} s, {len(times)} samples."
+
+    def open(self, name: str, robot: ShownRobot, motion: Motion) -> None:
+        """Let a robot have a motion, and show its time line."""
+        self.motions[robot] = motion
+        player = self.player = self._world.open(robot, motion)
+        span = player.end - player.begin
+        self._line.min, self._line.max = player.begin, player.begin + max(span, STEP)
+        self._held.show(self._line, player.begin)
+        for element in (self._line, self._play, self._steps, self._speed, self._loop):
+            element.visible = not self._read_only
+        self._line.visible = True
+        self._titles[robot] = _title(name, motion)
+        self._title.content = "\n\n".join(self._titles.values())
+        self._findings[robot].begin(name)
+        self._judges.judge_motion(
+            robot,
+            motion,
+            partial(self._judged, robot, motion),
+            self._findings[robot].fail,
+        )
+        self.opened()
+        if self._read_only:
+            self._start(player.begin)
+
+    def _judged(self, robot: ShownRobot, motion: Motion, judged: Judged) -> None:
+        """Show what was found, unless another motion was opened meanwhile."""
+        if self.motions.get(robot) is motion and self.player is not None:
+            span = self.player.begin, self.player.end
+            self._findings[robot].show(judged.verdict, span)
+
+    @property
+    def _chosen(self) -> ShownRobot:
+        """The robot that shall have the next motion."""
+        robots = {robot.name: robot for robot in self._world.robots}
+        return robots[self._robot.value]
+
+    # --- playing ---
+
+    @property
+    def _factor(self) -> float:
+        """Seconds of the motion in a second."""
+        return float(self._speed.value)
+
+    def _start(self, begin: float) -> None:
+        """Play from a time on; from the first sample if that is the end."""
+        player = self._player
+        begin = player.begin if begin >= player.end else begin
+        speed, self._again = self._factor, math.inf
+        self._desk.wait_for(lambda: player.play(begin, speed))
+
+    @property
+    def _player(self) -> Player:
+        if self.player is None:
+            raise InvalidValueError("There is no motion yet: open a file first.")
+        return self.player
+
+    def _toggle(self) -> None:
+        """Play, or pause."""
+        player = self._player
+        if self._play.label == "Pause":  # what was seen when it was pressed
+            self._desk.wait_for(player.pause)
+        else:
+            self._start(player.time)
+
+    def _change_speed(self) -> None:
+        """Go on at another speed."""
+        if self._player.is_running:
+            self._start(self._player.time)
+
+    def _moved(self) -> None:
+        """Show the time that a person has chosen."""
+        to = float(self._line.value)
+        if math.isfinite(to):
+            self._jump(to)
+
+    def _step(self) -> None:
+        """Show the first or last sample, or one beside the present one."""
+        player, wanted = self._player, self._steps.value
+        times = sorted(
+            {t for m in self.motions.values() for t in m.trajectory.times.tolist()}
+        )
+        near = min(range(len(times)), key=lambda n: abs(times[n] - player.time))
+        row = {"first": 0, "-1": near - 1, "+1": near + 1}.get(wanted, len(times) - 1)
+        self._jump(times[min(max(row, 0), len(times) - 1)])
+
+    def _jump(self, to: float) -> None:
+        """Show the configuration of a time."""
+        player = self._player
+        self._again = math.inf
+        to = min(max(to, player.begin), player.end)
+        if to != self._line.value:
+            self._line.value = to
+        self._held.hold(self._line)
+        self._scrub.to(player, to)
+
+    def follow(self) -> None:
+        """Move the time line along, and begin again where that is wanted."""
+        now, player = time.monotonic(), self.player
+        if player is None or now < self._looked + PERIOD:
+            return
+        self._looked = now
+        at, is_running = player.time, player.is_running
+        if is_running and at >= player.end:
+            player.rest()
+            is_running = False
+            self._again = now + REST if self._loop.value else math.inf
+        if now > self._again and self._loop.value and not self._desk.is_busy:
+            self._start(player.begin)
+        label = "Pause" if is_running else "Play"
+        if self._play.label != label:
+            self._play.label = label
+        value = round(min(max(at, player.begin), player.end), 3)
+        if not self._held.is_held(self._line):
+            self._held.show(self._line, value)
+
+
+def _title(name: str, motion: Motion) -> str:
+    """Say what a motion is, in markdown."""
+    times = motion.trajectory.times
+    notes = "".join(f"\n- {plain(note)}" for note in motion.notes)
+    lasts = f"{times[-1] - times[0]:.2f} s, {len(times)} samples"
+    return f"**{plain(name)}** {lasts}{notes}"

@@ -1,1 +1,0 @@
-"""Motions on a page: their time line, and what checks found along it."""

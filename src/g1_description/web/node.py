@@ -1,0 +1,159 @@
+"""The node that shows the robots of a bridge in a browser.
+
+Parameters: those of parameters.WebParameters
+Topics and services: those of live_robot and live_simulator
+"""
+
+from __future__ import annotations
+
+import sys
+import threading
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import rospy
+
+from g1_description.bridge.parameters import wait_for_descriptions
+from g1_description.checks.checker import Checker
+from g1_description.errors import G1DescriptionError, MotionError
+from g1_description.motion.edit import minimum_jerk_trajectory
+from g1_description.motion.files.read_any import read_motion_file
+from g1_description.motion.motion import Motion
+from g1_description.ros.lifecycle import at_shutdown, start_node
+from g1_description.ros.log import ThrottledLog
+from g1_description.ros.master import stay_registered
+from g1_description.ros.parameters import read_parameters
+from g1_description.ros.playing import Session
+from g1_description.web.live_robot import LiveRobot
+from g1_description.web.live_simulator import LiveSimulator
+from g1_description.web.parameters import WebParameters
+from g1_description.web.show import Show, tell_address
+
+
+class LiveWorld:
+    """All that a page shows of what runs."""
+
+    def __init__(
+        self,
+        robots: Sequence[LiveRobot],
+        simulator: LiveSimulator | None,
+        changed: threading.Event,
+        with_ghost: bool,
+        can_move: bool,
+    ) -> None:
+        """Begin without listening.
+
+        Args:
+            robots: All robots.
+            simulator: The simulator; None: there is none.
+            changed: What robots set when they have moved.
+            with_ghost: Whether it is published where robots are wanted.
+            can_move: Whether anybody takes commands.
+        """
+        self.robots, self.simulator, self.changed = robots, simulator, changed
+        self.can_move = can_move
+        self.has_wanted = with_ghost
+        self._log = ThrottledLog()
+        self._players: dict[LiveRobot, LivePlayer] = {}
+
+    can_arrange = False
+
+    def arrange(self, beside: bool) -> None:
+        """Do nothing: robots are where they are."""
+
+    def watch(self, is_watched: bool) -> None:
+        """Begin to listen, or stop: nobody looks."""
+        if self.simulator is not None:
+            self.simulator.watch(is_watched)
+        for robot in self.robots:
+            if is_watched:
+                robot.watch(self._log, self.has_wanted)
+            else:
+                robot.ignore()
+
+    def tick(self) -> None:
+        """Do nothing: what moves says so."""
+
+    def read(self, path: Path, robot: LiveRobot, rate: float | None) -> Motion:
+        """Read a motion from a file of any format."""
+        return read_motion_file(path, robot.description, rate)
+
+    def open(self, robot: LiveRobot, motion: Motion) -> LivePlayer:
+        """Let a robot have a motion; it does not move yet."""
+        self._players[robot] = LivePlayer(robot, motion)
+        return self._players[robot]
+
+    def move(
+        self, robot: LiveRobot, positions: Mapping[str, float], seconds: float
+    ) -> None:
+        """Move joints from where they are, beginning and ending at rest."""
+        state = robot.state()
+        if robot in self._players:
+            self._players[robot].give_way()
+        if not seconds:
+            robot.command(positions)
+            return
+        missing = [n for n in positions if state is None or n not in state.positions]
+        if missing:
+            raise MotionError(f"Nothing is known of {missing[0]} yet: no smooth way.")
+        begin = np.array([state.positions[name] for name in positions])
+        goal = np.array([*positions.values()])
+        robot.motions.play(minimum_jerk_trajectory([*positions], begin, goal, seconds))
+
+
+class LivePlayer(Session):
+    """A motion that a robot's bridge plays."""
+
+    def __init__(self, robot: LiveRobot, motion: Motion) -> None:
+        """Prepare; the robot does nothing yet."""
+        super().__init__(robot, motion.trajectory, 1.0, rospy.loginfo)
+
+    def give_way(self) -> None:
+        """Count as paused: something else moves the robot."""
+        self._time, self.is_running = self.time, False
+
+    def play(self, begin: float, speed: float) -> None:
+        """Play from a time on, in [s], at so many seconds of it in a second."""
+        self.speed = speed
+        self.start(begin)
+
+
+def make_show(parameters: WebParameters) -> Show:
+    """Wait for the robots, and open the page.
+
+    Raises:
+        G1DescriptionError: If the page cannot be opened, or there is no such robot.
+        ROSInterruptException: If the node is shut down.
+    """
+    changed = threading.Event()
+    robots = [
+        LiveRobot(robot, description, parameters.map_frame, changed)
+        for robot, description in wait_for_descriptions(parameters.each_robot)
+    ]
+    simulator = LiveSimulator(parameters.gazebo) if parameters.gazebo else None
+    world = LiveWorld(robots, simulator, changed, parameters.ghost, parameters.controls)
+    thresholds = parameters.read_thresholds()
+    return Show(
+        world,
+        parameters.server,
+        lambda robot: Checker.of(robot, thresholds),
+        thresholds.floor_height,
+    )
+
+
+def main() -> None:
+    """Run the node ``web``."""
+    start_node("web")
+    try:
+        parameters = read_parameters(WebParameters)
+        show = make_show(parameters)
+    except G1DescriptionError as error:
+        rospy.logfatal("%s", error)
+        sys.exit(1)
+    except rospy.ROSInterruptException:  # before the robots were there
+        return
+    at_shutdown(show.stop)
+    stay_registered()
+    tell_address(show, parameters.server, lambda text: rospy.loginfo("%s", text))
+    show.run()

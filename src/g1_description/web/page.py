@@ -1,0 +1,290 @@
+"""The page of a world of robots: what is drawn, and the thread that draws it."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from g1_description.checks.timeline import Judged
+from g1_description.checks.verdict import Verdict
+from g1_description.web.base_controls import BasePanel
+from g1_description.web.findings_panel import plain
+from g1_description.web.joint_controls import JointPanel
+from g1_description.web.judges import Judges, MakeChecker
+from g1_description.web.motion_panel import MotionPanel
+from g1_description.web.plots import PlotPanel
+from g1_description.web.pose_controls import PosePanel
+from g1_description.web.robot import RobotState, ShownRobot, ShownWorld
+from g1_description.web.scene.marks import KEYS as POINTED
+from g1_description.web.scene.marks import Pointer
+from g1_description.web.scene.stage import Stage
+from g1_description.web.scene.tree import free_name
+from g1_description.web.shown import Shown
+from g1_description.web.simulator_panel import SimulatorPanel
+from g1_description.web.ui_loop import Desk
+from g1_description.web.view_panel import ViewPanel
+
+if TYPE_CHECKING:
+    from viser import GuiTabGroupHandle, ViserServer
+
+
+RATE = 40.0
+"""Pictures in a second at most, in [Hz]."""
+
+IDLE = 0.25
+"""Longest wait for something new, in [s]: panels show times that go on."""
+
+WATCH_PERIOD = 0.1
+"""Time between two looks at whether anybody looks, in [s]."""
+
+MAX_LINES = 8
+"""Findings of the present moment that are listed."""
+
+
+class Page:
+    """Shows a world, and does what people want of it."""
+
+    def __init__(
+        self,
+        server: ViserServer,
+        world: ShownWorld,
+        make_checker: MakeChecker,
+        read_only: bool = False,
+        floor: float = 0.0,
+    ) -> None:
+        """Build the page.
+
+        Args:
+            server: Where to.
+            world: The robots.
+            make_checker: Prepares the checks of a robot.
+            read_only: Whether people can only look.
+            floor: Height of the floor in the map, in [m].
+        """
+        self._server, self._world = server, world
+        self.desk = Desk(server, world.changed)
+        self._judges = Judges(self.desk, make_checker, self._seen)
+        self._stage = Stage(server)
+        self._pointer = Pointer(server)
+        names: set[str] = set()
+        self._shown = [
+            Shown(server, robot, free_name(robot.name, names), floor)
+            for robot in world.robots
+        ]
+        for row, shown in enumerate(self._shown if len(self._shown) > 1 else ()):
+            shown.body.tag(shown.robot.name, row)
+        self._stopped = threading.Event()
+        self.watched: Callable[[], int] = lambda: len(server.get_clients())
+        """How many look."""
+        self._read_only = read_only
+        self._found: dict[ShownRobot, Verdict] = {}
+        self._add_panels()
+
+    def _add_panels(self) -> None:
+        """Add all panels."""
+        gui = self._server.gui
+        gui.set_panel_label(self._world.robots[0].description.name)
+        gui.configure_theme(
+            control_width="large", show_logo=False, show_share_button=False
+        )
+        self._lack = gui.add_markdown("", visible=False)
+        self._simulator = None
+        if self._world.simulator is not None:
+            self._simulator = SimulatorPanel(
+                gui, self.desk, self._world.simulator, self._read_only
+            )
+        tabs = gui.add_tab_group()
+        if not self._read_only and self._world.can_move:
+            for shown in self._shown:
+                title = shown.robot.name if len(self._shown) > 1 else "Robot"
+                with tabs.add_tab(title):
+                    self._add_hands(shown)
+        with tabs.add_tab("Motion" if self._world.can_move else "Checks"):
+            self.motion = MotionPanel(
+                gui, self.desk, self._world, self._judges, self._read_only
+            )
+            self._now = gui.add_markdown("")
+        self._view: ViewPanel | None = None
+        self._plots: PlotPanel | None = None
+        self.motion.opened = self._on_opened
+        if not self._read_only:
+            self._add_looks(tabs)
+
+    def _add_looks(self, tabs: GuiTabGroupHandle) -> None:
+        """Add what people look with."""
+        gui, world = self._server.gui, self._world
+        for shown in self._shown:
+            self._name_on_click(shown)
+        with tabs.add_tab("View"):
+            bodies = [shown.body for shown in self._shown]
+            known = world.has_wanted, world.can_move
+            self._view = ViewPanel(gui, self.desk, self._stage, bodies, *known)
+            if world.can_arrange:
+                self._add_arrangement()
+        with tabs.add_tab("Plots"):
+            robots = [shown.robot for shown in self._shown]
+            self._plots = PlotPanel(gui, self.desk, robots)
+
+    def _add_arrangement(self) -> None:
+        """Let people choose how robots that are compared are shown."""
+        box = self._server.gui.add_checkbox(
+            "Over each other", False, hint="instead of beside each other"
+        )
+        others = self._shown[1:]
+
+        def arrange() -> None:
+            self._world.arrange(beside=not box.value)
+            for shown in others:
+                shown.body.fade(bool(box.value))
+
+        self.desk.on(box, arrange)
+
+    def _add_hands(self, shown: Shown) -> None:
+        """Add what moves a robot."""
+        server, robot = self._server, shown.robot
+        shown.joints = JointPanel(server.gui, self.desk, robot)
+        shown.base = BasePanel(server, self.desk, robot)
+        PosePanel(server.gui, self.desk, self._world, robot, shown.joints)
+
+    def _name_on_click(self, shown: Shown) -> None:
+        """Show the name of a link that a person clicks or points at."""
+        body, post, point = shown.body, self.desk.post, self._pointer.show
+        body.on_click(lambda link, _: post("name", lambda: body.name(link)))
+        body.on_click(
+            lambda link, client: post(
+                ("point", client.client_id), lambda: point(body, link, client)
+            ),
+            POINTED,
+        )
+
+    def _on_opened(self) -> None:
+        """Plot another motion."""
+        if self._plots is not None:
+            self._plots.forget()
+            self._plots.motions = self.motion.motions
+
+    # --- drawing ---
+
+    def run(self) -> None:
+        """Draw what is new until ``stop`` is called."""
+        threading.Thread(target=self._watch, daemon=True).start()
+        while not self._stopped.is_set():
+            self._world.changed.wait(IDLE)
+            began = time.monotonic()
+            self._world.changed.clear()
+            with self._server.atomic():  # each message alone would wake viser
+                self.desk.do_all()
+                if self.watched():
+                    self.desk.guarded(self._draw)
+            self._server.flush()  # else viser lets messages gather
+            spent = time.monotonic() - began
+            self._stopped.wait(max(0.0, 1.0 / RATE - spent))
+
+    def _watch(self) -> None:
+        """Tell the world whether anybody looks; it may wait for others then."""
+        is_watched = False
+        while not self._stopped.wait(WATCH_PERIOD):
+            if bool(self.watched()) != is_watched:
+                is_watched = not is_watched
+                self.desk.guarded(partial(self._world.watch, is_watched))
+
+    def stop(self) -> None:
+        """End ``run``."""
+        self._stopped.set()
+        self._world.changed.set()
+
+    def _draw(self) -> None:
+        """Show where all robots are."""
+        self._world.tick()
+        self._pointer.tick()
+        if self._simulator is not None:
+            self._simulator.follow()
+        self.motion.follow()
+        states: dict[ShownRobot, tuple[RobotState, RobotState | None]] = {}
+        for shown in self._shown:
+            self.desk.guarded(partial(self._show, shown, states))
+        self._tell_lack(states)
+        self._follow(states)
+        if self._plots is not None:
+            self._plots.add(states, self.motion.player)
+
+    def _follow(
+        self, states: Mapping[ShownRobot, tuple[RobotState, RobotState | None]]
+    ) -> None:
+        """Keep the first robot in the middle, if that is wanted."""
+        if self._view is None or not self._view.follow.value:
+            self._stage.follow(np.zeros(2))
+            return
+        if any(s.base is not None and s.base.has_gizmo for s in self._shown):
+            return  # which would run away from the mouse
+        state, _ = states.get(self._shown[0].robot, (None, None))
+        if state is not None and state.base is not None:
+            self._stage.follow(state.base[:2])
+
+    def _tell_lack(
+        self, states: Mapping[ShownRobot, tuple[RobotState, RobotState | None]]
+    ) -> None:
+        """Tell what nothing is known of."""
+        lacks = []
+        for shown in self._shown:
+            robot = shown.robot
+            if robot not in states:
+                lacks.append(f"{plain(robot.name)}: no joint states have come yet.")
+            elif states[robot][0].base is None:
+                lacks.append(f"{plain(robot.name)}: TF does not tell where it is.")
+        text = "  \n".join(lacks)
+        if self._lack.content != text:
+            self._lack.content = text
+            self._lack.visible = bool(text)
+
+    def _show(
+        self,
+        shown: Shown,
+        states: dict[ShownRobot, tuple[RobotState, RobotState | None]],
+    ) -> None:
+        """Show where a robot is, and add that and where it is wanted to the states."""
+        state = shown.robot.state()
+        if state is None:
+            return
+        view, wanted = self._view, shown.robot.wanted()
+        states[shown.robot] = state, wanted
+        shown.show(state)
+        shown.show_wanted(wanted if view is not None and view.ghost.value else None)
+        shown.trail(view is not None and bool(view.trails.value))
+        if view is None or view.checks.value:
+            if shown.must_be_judged():
+                self._judges.judge_state(shown.robot, state)
+        elif shown.is_judged:
+            shown.unmark()
+            self._found.clear()
+            self._tell_found()
+
+    def _seen(
+        self, robot: ShownRobot, state: RobotState, judged: Judged, verdict: Verdict
+    ) -> None:
+        """Show what was found of a robot where it is."""
+        shown = next(s for s in self._shown if s.robot is robot)
+        if not shown.is_judged:  # switched off meanwhile
+            return
+        shown.mark(state, judged, verdict)
+        self._found[robot] = verdict
+        self._tell_found()
+
+    def _tell_found(self) -> None:
+        """List what was found of all robots as they are now."""
+        lines = []
+        for robot, verdict in self._found.items():
+            whose = f" {plain(robot.name)}" if len(self._shown) > 1 else ""
+            found = [f"- {plain(f.text)}" for f in verdict.findings[:MAX_LINES]]
+            more = len(verdict.findings) - MAX_LINES
+            found += [f"- and {more} more"] if more > 0 else []
+            lines += [f"**Now{whose}:**" + ("" if found else " nothing found.")]
+            lines += ["", *found, ""] if found else [""]
+        text = "\n".join(lines)
+        if self._now.content != text:
+            self._now.content = text

@@ -1,1 +1,0 @@
-"""The page: its panels, and what happens when a person uses them."""

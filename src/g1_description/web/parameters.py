@@ -1,0 +1,89 @@
+"""Parameters of the node that shows robots in a browser: names, defaults, ranges."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from g1_description.bridge.parameters import BridgeParameters, RobotParameters
+from g1_description.checks.thresholds import Thresholds, read_thresholds
+from g1_description.errors import InvalidValueError
+from g1_description.web.server.address import ServerOptions
+
+
+@dataclass(frozen=True)
+class WebParameters:
+    """Parameters of the node ``web``."""
+
+    host: str = "127.0.0.1"
+    """Address to listen on; any but this machine's own needs a token, which is part of
+    the address that is logged."""
+
+    port: int = 8080
+    """0: any that is free."""
+
+    token: str = ""
+    """The token; empty: a new one each time."""
+
+    read_only: bool = False
+    """Whether the page only shows: nothing is taken from browsers."""
+
+    controls: bool = True
+    """Whether there is a bridge that robots can be moved through."""
+
+    gazebo: str = "/gazebo"
+    """Namespace of the simulator; empty: there is none."""
+
+    robot_description: str = "robot_description"
+    """Parameter that holds the robot's URDF; searched for upward from the namespace."""
+
+    model_name: str = "g1_robot"
+    """Name of the robot on the page."""
+
+    frame_prefix: str = ""
+    """What stands before the names of the robot's frames."""
+
+    robots: tuple[dict, ...] = ()
+    """Several robots in place of the one above, as for the bridge."""
+
+    map_frame: str = "map"
+    """Frame that is shown."""
+
+    ghost: bool = False
+    """Whether the bridge publishes the commanded configuration."""
+
+    thresholds: str = ""
+    """File of the checks' thresholds; empty: config/checks.yaml."""
+
+    def __post_init__(self) -> None:
+        """Check files."""
+        if self.thresholds and not Path(self.thresholds).is_absolute():
+            raise InvalidValueError(
+                f"~thresholds is '{self.thresholds}', which is not an absolute path."
+            )
+
+    @property
+    def each_robot(self) -> tuple[RobotParameters, ...]:
+        """The robots to show."""
+        bridge = BridgeParameters(
+            model_name=self.model_name,
+            robot_description=self.robot_description,
+            frame_prefix=self.frame_prefix,
+            robots=self.robots,
+        )
+        return bridge.each_robot
+
+    @property
+    def server(self) -> ServerOptions:
+        """Who may come in, and where."""
+        return ServerOptions(
+            self.host, self.port, read_only=self.read_only, token=self.token
+        )
+
+    def read_thresholds(self) -> Thresholds:
+        """Read the thresholds.
+
+        Raises:
+            ThresholdError: If a file cannot be read.
+        """
+        return read_thresholds(Path(self.thresholds) if self.thresholds else None)

@@ -1,1 +1,0 @@
-"""What a page is told of robots, and what it may ask of them."""

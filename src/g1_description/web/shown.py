@@ -1,0 +1,143 @@
+"""All that is drawn of one robot."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from g1_description.checks.marks import RobotMarks
+from g1_description.checks.timeline import Judged
+from g1_description.checks.verdict import Verdict
+from g1_description.robot.rotation import angle_between
+from g1_description.web.base_controls import BasePanel
+from g1_description.web.joint_controls import JointPanel
+from g1_description.web.robot import RobotState, ShownRobot
+from g1_description.web.scene.marks import SceneMarks
+from g1_description.web.scene.robot import SEE_THROUGH, SceneRobot
+from g1_description.web.scene.stage import MAP
+from g1_description.web.scene.trails import Trails
+
+if TYPE_CHECKING:
+    from viser import ViserServer
+
+
+LIMIT_MARGIN = 0.05
+"""Joints this near to a limit are marked, in [rad] or [m]."""
+
+GHOST = (0.95, 0.6, 0.1, SEE_THROUGH)
+"""Colour of where a robot is wanted."""
+
+STALE = 0.4
+"""Marks of a state that is older than what is shown by so much are left out, in [s]:
+they would lie where the robot was."""
+
+NEAR = 0.01
+"""A robot this near to where it is wanted is there, in [m] or [rad]."""
+
+
+class Shown:
+    """One robot in the scene, with its ghost, its trails and its marks."""
+
+    def __init__(
+        self, server: ViserServer, robot: ShownRobot, name: str, floor: float
+    ) -> None:
+        """Add the robot.
+
+        Args:
+            server: Where to.
+            robot: The robot.
+            name: Its own name in the scene.
+            floor: Height of the floor in the map, in [m].
+        """
+        self.robot = robot
+        self._scene = server.scene
+        self._name = name
+        description = robot.description
+        self.body = SceneRobot(self._scene, f"{MAP}/robots/{self._name}", description)
+        self.joints: JointPanel | None = None
+        """Its sliders, where it can be moved."""
+        self.base: BasePanel | None = None
+        self._ghost: SceneRobot | None = None
+        self._trails = Trails(self._scene, f"{MAP}/trails/{self._name}", description)
+        self._canvas = SceneMarks(self._scene, f"{MAP}/checks/{self._name}")
+        self._marks = RobotMarks(description, floor, LIMIT_MARGIN)
+        self._state: RobotState | None = None
+        self._judged: RobotState | None = None
+
+    def show(self, state: RobotState) -> None:
+        """Show where the robot is."""
+        self._state = state
+        self.body.show(state.base, state.positions)
+        if self.joints is not None:
+            self.joints.follow(state)
+        if self.base is not None:
+            self.base.follow(state)
+
+    def show_wanted(self, wanted: RobotState | None) -> None:
+        """Show where the robot is wanted, if that is elsewhere; None: do not."""
+        is_seen = wanted is not None and _differ(wanted, self._state)
+        if is_seen and wanted is not None:
+            if self._ghost is None:
+                path, robot = f"{MAP}/commanded/{self._name}", self.robot.description
+                self._ghost = SceneRobot(self._scene, path, robot, GHOST)
+            self._ghost.show(wanted.base, wanted.positions)
+        if self._ghost is not None and self._ghost.visible != is_seen:
+            self._ghost.visible = is_seen
+
+    def trail(self, is_on: bool) -> None:
+        """Go on with the trails, or show none."""
+        if is_on and self._state is not None:
+            state = self._state
+            self._trails.add(state.time, state.base, state.positions)
+        else:
+            self._trails.clear()
+
+    @property
+    def is_judged(self) -> bool:
+        """Whether it was judged, and is marked."""
+        return self._judged is not None
+
+    def must_be_judged(self) -> bool:
+        """Tell whether it has moved since it was judged, which it is from now on."""
+        last, self._judged = self._judged, self._state
+        return last is None or not _same(last, self._state)
+
+    def mark(self, state: RobotState, judged: Judged, verdict: Verdict) -> None:
+        """Mark what was found where the robot is."""
+        colliding = [f for f in verdict.findings if f.check == "self_collision"]
+        self.body.redden({link for finding in colliding for link in finding.subject})
+        newest = self._state or state
+        if state.base is not None and newest.time - state.time < STALE:
+            self._marks.draw(self._canvas, judged.timeline, verdict, state.base)
+        self._canvas.show()
+
+    def unmark(self) -> None:
+        """Leave no marks."""
+        self._judged = None
+        self.body.redden(())
+        self._canvas.show()
+
+
+def _differ(wanted: RobotState, state: RobotState | None) -> bool:
+    """Tell whether a robot is seen to be elsewhere than it is wanted."""
+    if state is None:
+        return False
+    if wanted.base is not None and state.base is not None:
+        if np.abs(wanted.base[:3] - state.base[:3]).max() > NEAR:
+            return True
+        if angle_between(wanted.base[3:], state.base[3:]) > NEAR:
+            return True
+    return any(
+        abs(position - state.positions.get(name, position)) > NEAR
+        for name, position in wanted.positions.items()
+    )
+
+
+def _same(a: RobotState, b: RobotState | None) -> bool:
+    """Tell whether two states are of one place."""
+    if b is None or (a.base is None) != (b.base is None):
+        return False
+    if a.base is not None and b.base is not None and (a.base != b.base).any():
+        return False
+    return dict(a.positions) == dict(b.positions)

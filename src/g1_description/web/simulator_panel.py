@@ -1,0 +1,115 @@
+"""The simulator's buttons, and what it says of itself."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from g1_description.web.robot import Simulator
+from g1_description.web.ui_loop import Desk
+
+if TYPE_CHECKING:
+    from viser import GuiApi
+
+
+PERIOD = 0.5
+"""Time between two looks at the simulator, in [s]."""
+
+SPEEDS = {"0.1": 0.1, "0.25": 0.25, "0.5": 0.5, "1": 1.0, "2": 2.0, "no limit": 0.0}
+"""Speeds of simulated time to choose from; 0 is that of the processor."""
+
+MAX_STEPS = 100_000
+
+SLICE = 100
+"""Steps requested at once: other buttons wait for so many at most."""
+
+
+class SimulatorPanel:
+    """Pauses, steps and resets the simulator."""
+
+    def __init__(
+        self, gui: GuiApi, desk: Desk, simulator: Simulator, read_only: bool
+    ) -> None:
+        """Add the panel.
+
+        Args:
+            gui: Where to.
+            desk: Does what a person wants.
+            simulator: The simulator.
+            read_only: Whether to show its state only.
+        """
+        self._simulator = simulator
+        self._looked = 0.0
+        self._left = 0
+        """Steps still to be done; only the thread that waits sets it."""
+        self._status = gui.add_markdown("")
+        self._pause = None
+        if read_only:
+            return
+        with gui.add_folder("Simulator", expand_by_default=False):
+            self._pause = gui.add_button("Pause")
+            self._steps = gui.add_number(
+                "Steps", 10, min=1, max=MAX_STEPS, step=1, hint="of the physics"
+            )
+            step = gui.add_button("Step", hint="run so many steps while paused")
+            self._speed = gui.add_dropdown(
+                "Speed", [*SPEEDS], initial_value="1", hint="of simulated time"
+            )
+            reset = gui.add_button("Reset", hint="all robots back to where they began")
+        self._desk = desk
+        desk.on(self._pause, self._toggle)
+        desk.on(step, lambda: desk.wait_for(self._step))
+        desk.on(
+            self._speed,
+            lambda: desk.wait_for(
+                lambda: simulator.set_speed(SPEEDS[self._speed.value])
+            ),
+        )
+        desk.on(reset, lambda: desk.wait_for(lambda: self._end_steps(simulator.reset)))
+
+    def _toggle(self) -> None:
+        """Pause, or go on: what the button said when it was pressed."""
+        is_pause = self._pause is not None and self._pause.label == "Pause"
+        act = self._simulator.pause if is_pause else self._simulator.go_on
+        self._desk.wait_for(lambda: self._end_steps(act))
+
+    def _end_steps(self, act: Callable[[], object]) -> None:
+        """Do no more steps, but something else."""
+        self._left = 0
+        act()
+
+    def _step(self) -> None:
+        """Begin to run some steps; time is paused first."""
+        if not self._simulator.is_paused:
+            self._simulator.pause()
+        self._left = min(max(int(self._steps.value), 1), MAX_STEPS)
+        self._step_on()
+
+    def _step_on(self) -> None:
+        """Run a slice of the steps that are left; the rest after what waits."""
+        steps = min(self._left, SLICE)
+        if not steps:
+            return
+        try:
+            self._simulator.step(steps)
+        except Exception:
+            self._left = 0
+            raise
+        self._left -= steps
+        self._desk.wait_for(self._step_on)
+
+    def follow(self) -> None:
+        """Show what the simulator says."""
+        now = time.monotonic()
+        if now < self._looked + PERIOD:
+            return
+        self._looked = now
+        status = self._simulator.status()
+        if self._status.content != status:
+            self._status.content = status
+        if self._pause is not None:
+            stands = self._simulator.is_paused and not self._left
+            label = "Go on" if stands else "Pause"
+            if self._pause.label != label:
+                self._pause.label = label

@@ -1,0 +1,113 @@
+"""What is seen: switches for layers, a picture, and the configuration as text."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+from g1_description.web.scene.robot import SceneRobot
+from g1_description.web.scene.stage import Stage
+from g1_description.web.ui_loop import Desk
+
+if TYPE_CHECKING:
+    from viser import GuiApi, GuiCheckboxHandle
+
+
+RENDER_TIMEOUT = 20.0
+"""Longest wait for a picture, in [s]: browsers without a GPU are slow."""
+
+COPY = """
+<div style="display:flex;gap:0.4em;margin:0 0.8em 0.6em;font-size:0.85em">
+<button style="flex:1;padding:0.4em;cursor:pointer"
+ onclick="g1.copy('/configuration.yaml')">Copy as YAML</button>
+{command}</div>
+"""
+
+COPY_COMMAND = """\
+<button style="flex:1;padding:0.4em;cursor:pointer"
+ onclick="g1.copy('/configuration.sh')">Copy rostopic pub</button>
+"""
+
+
+class ViewPanel:
+    """Switches of layers that are drawn beside or instead of the robots."""
+
+    def __init__(
+        self,
+        gui: GuiApi,
+        desk: Desk,
+        stage: Stage,
+        robots: Sequence[SceneRobot],
+        has_wanted: bool,
+        can_move: bool,
+    ) -> None:
+        """Add the panel.
+
+        Args:
+            gui: Where to.
+            desk: Does what a person wants.
+            stage: Floor and map.
+            robots: All robots.
+            has_wanted: Whether it is known where they are wanted.
+            can_move: Whether anybody takes commands.
+        """
+        self._gui, self._desk = gui, desk
+        self._pictured: set[int] = set()
+        """Who waits for a picture."""
+
+        def each(
+            show: Callable[[SceneRobot, bool], object],
+        ) -> Callable[[bool], object]:
+            return lambda shown: [show(robot, shown) for robot in robots]
+
+        self._switch("Visual shapes", True, each(SceneRobot.show_visuals))
+        self._switch("Collision shapes", False, each(SceneRobot.show_collisions))
+        self._switch("Frames", False, each(lambda r, on: r.tree.show_axes(on)))
+        self._switch("Names of links", False, each(SceneRobot.show_names))
+        self._switch("Floor", True, stage.show_floor)
+        self._switch("Axes of the map", False, stage.show_axes)
+        self.follow = self._switch("Follow the robot", False)
+        self.trails = self._switch("Trails", False)
+        self.ghost = self._switch("Commanded configuration", False)
+        self.ghost.visible = has_wanted
+        self.checks = self._switch("Checks", True)
+        picture = gui.add_button("Save a picture", hint="of what you see, as PNG")
+        picture.on_click(self._save)
+        gui.add_html(COPY.format(command=COPY_COMMAND if can_move else ""))
+
+    def _switch(
+        self,
+        label: str,
+        initial: bool,
+        show: Callable[[bool], object] = lambda _: None,
+    ) -> GuiCheckboxHandle:
+        """Add a switch."""
+        box = self._gui.add_checkbox(label, initial)
+        self._desk.on(box, lambda: show(bool(box.value)))
+        return box
+
+    def _save(self, event: Any) -> None:
+        """Save what one person sees; called by a thread of viser's."""
+        client = event.client
+        if client is None or client.client_id in self._pictured:
+            return
+        self._pictured.add(client.client_id)
+        try:
+            _send_picture(client)
+        except (TimeoutError, RuntimeError) as error:
+            client.add_notification("No picture", f"{error}", color="red")
+        finally:
+            self._pictured.discard(client.client_id)
+
+
+def _send_picture(client: Any) -> None:
+    """Let a browser draw a picture of what it sees, and give it the file."""
+    from PIL import Image
+
+    camera = client.camera
+    height, width = camera.image_height, camera.image_width
+    pixels = client.get_render(height, width, timeout=RENDER_TIMEOUT)
+    file = io.BytesIO()
+    Image.fromarray(pixels).save(file, "PNG")
+    client.send_file_download("robot.png", file.getvalue(), save_immediately=True)
