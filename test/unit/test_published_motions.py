@@ -41,15 +41,15 @@ REFUSED = (
     *("beyondmimic_mjlab.onnx", "beyondmimic_isaac.onnx", "keyframes.xml"),
 )
 TOLD = {
-    "order cannot be told": "order of the base's quaternions is unknown",
+    "order cannot be told": "Cannot tell the quaternion order of the base",
     "place unknown": "place",
     "rate told": "Hz assumed",
     "choose a motion": "has several motions",
 }
 """What a file says that is read otherwise than the truth, by what is expected of it."""
 
-W_FIRST = "read as w x y z"
-UNKNOWN = "order of the base's quaternions is unknown"
+W_FIRST = "Base quaternions are w x y z"
+UNKNOWN = "Cannot tell the quaternion order of the base"
 LOCKED = set(G1_JOINTS[29]) - set(G1_JOINTS[23])
 
 
@@ -236,21 +236,21 @@ def test_23_joints_are_those_whose_limits_they_keep(g1, file, write):
     asap = raised(ASAP_JOINTS, "left_shoulder_roll_joint", 2.1)
     motion = read_motion(file(write(*asap)), g1, 30.0)
     assert motion.trajectory.joint_names == ASAP_JOINTS
-    assert "read as ASAP's" in motion.notes[0]
+    assert "assuming ASAP's layout" in motion.notes[0]
     unitree = raised(G1_JOINTS[23], "left_shoulder_pitch_joint", -1.2)
     motion = read_motion(file(write(*unitree)), g1, 30.0)
     assert motion.trajectory.joint_names == G1_JOINTS[23]
-    assert "read as Unitree's" in motion.notes[0]
+    assert "assuming Unitree's layout" in motion.notes[0]
 
 
 def test_23_joints_within_all_limits_are_asaps_unless_the_robot_has_23(g1, g1_23, file):
     calm = file(text(*raised(ASAP_JOINTS, "left_shoulder_roll_joint", 0.2)))
     motion = read_motion(calm, g1, 30.0)
     assert motion.trajectory.joint_names == ASAP_JOINTS
-    assert "the limits fit both" in motion.notes[0]
+    assert "both layouts are within limits" in motion.notes[0]
     motion = read_motion(calm, g1_23, 30.0)
     assert motion.trajectory.joint_names == G1_JOINTS[23]
-    assert "the limits fit both" in motion.notes[0]
+    assert "both layouts are within limits" in motion.notes[0]
 
 
 def test_asaps_joints_beyond_unitrees_limits_are_not_those_of_a_robot_of_23(
@@ -259,7 +259,7 @@ def test_asaps_joints_beyond_unitrees_limits_are_not_those_of_a_robot_of_23(
     """The right elbow is where the right wrist rolls, by less."""
     asap = file(text(*raised(ASAP_JOINTS, "right_elbow_joint", 2.09)))
     motion = read_motion(asap, g1_23, 30.0)
-    assert "read as ASAP's" in motion.notes[0]
+    assert "assuming ASAP's layout" in motion.notes[0]
     kept = [name for name in ASAP_JOINTS if name in G1_JOINTS[23]]
     assert motion.trajectory.joint_names == tuple(kept)
 
@@ -340,4 +340,4 @@ def test_a_rate_that_looks_like_a_period_is_told(g1, file):
     base, positions = posture()
     motion = read_motion(file(gmr(base, positions, fps=np.array(0.02))), g1)
     assert motion.trajectory.times[1] == 50.0
-    assert "fps must be 50" in " ".join(motion.notes)
+    assert "set fps to 50" in " ".join(motion.notes)

@@ -76,8 +76,9 @@ def motion_of_arrays(found: Mapping[str, Any], robot: Description) -> Motion:
     if not period.size or period[0] <= 1.0:
         return motion
     note = (
-        f"fps is {1.0 / period[0]:.6g}: samples are {period[0]:.6g} s apart. If that "
-        f"is their period in s, fps must be {period[0]:.6g}."
+        f"fps is {1.0 / period[0]:.6g}, i.e. one sample every {period[0]:.6g} s. If "
+        f"{1.0 / period[0]:.6g} is the sample period in seconds, set fps to "
+        f"{period[0]:.6g}."
     )
     return replace(motion, notes=(*motion.notes, note))
 

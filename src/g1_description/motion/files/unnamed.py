@@ -70,14 +70,11 @@ N_SAMPLES = 100
 MAX_ANGLE = 10.0
 """No revolute joint turns so far, even unwrapped by a turn, in [rad]."""
 
-W_FIRST = (
-    "The base's quaternions are read as w x y z: only so does the robot stand on its "
-    "soles."
-)
+W_FIRST = "Base quaternions are w x y z: only then are the feet flat."
 
 UNKNOWN_QUATERNION = (
-    "The order of the base's quaternions is unknown, since the robot stands on its "
-    "soles in neither: read as x y z w. If it is w x y z, move w behind z in the file."
+    "Cannot tell the quaternion order of the base (the feet are not flat in either); "
+    "assuming x y z w. If it is w x y z, move w behind z in the file."
 )
 
 
@@ -108,17 +105,15 @@ def names_of_columns(
     fitting = [number for number, beyond in enumerate(excess) if beyond <= BEYOND]
     best = fitting[0] if fitting else int(np.argmin(excess))
     is_asap = found[best] == ASAP_JOINTS
-    whose = (
-        "ASAP's, with the whole waist and no wrist"
-        if is_asap
-        else ("Unitree's, with waist_yaw and wrist_roll")
-    )
+    layout = "Unitree's layout (waist_yaw and wrist_roll)"
+    if is_asap:
+        layout = "ASAP's layout (3 waist joints, no wrists)"
     why = "the other's limits are exceeded"
     if len(fitting) != 1:
-        why = "the limits fit both" if fitting else "the limits fit neither well"
+        why = f"both layouts are {'within' if fitting else 'beyond'} limits"
     note = (
-        f"23 joints without names have two orders; read as {whose}: {why}. A CSV with "
-        "a header names its joints."
+        f"23 unnamed joints are ambiguous; assuming {layout}: {why}. Name the joints "
+        "in a CSV header."
     )
     return found[best], (note,)
 
