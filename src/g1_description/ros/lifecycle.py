@@ -39,8 +39,9 @@ def start_node(name: str, **options) -> None:
         stream.reconfigure(line_buffering=True)
     reader, writer = socket.socketpair()
     writer.setblocking(False)
-    handle_signals(lambda *_: None)
+    # In this order: a signal between the two would have no effect.
     signal.set_wakeup_fd(writer.fileno(), warn_on_full_buffer=False)
+    handle_signals(lambda *_: None)
     codes: list[int] = []
 
     def end():
