@@ -18,6 +18,7 @@ from support.ros_testing import (
     DEADLINE,
     Connected,
     NodeLog,
+    is_at,
     position_of,
     step_by,
     wait_for,
@@ -128,7 +129,7 @@ class TestMotion(unittest.TestCase):
 
     def wait_for_position(self, wanted, joint=ELBOW):
         return self.states.wait(
-            lambda m: abs(position_of(m, joint) - wanted) < 1e-9, f"{joint} at {wanted}"
+            lambda m: is_at(m, joint, wanted), f"{joint} at {wanted}"
         )
 
     def wait_for_warning(self, text):
@@ -436,7 +437,9 @@ class TestMotion(unittest.TestCase):
         frames = tf2_ros.BufferCore(rospy.Duration(100))
         pose = [0.5, 0.1, 0.9, 0.0, 0.0, 0.0, 1.0]
         self.publish("motion", whole_body((ELBOW,), [[0.7]], [pose], 0.0))
-        last = trails.wait(lambda m: m.markers[0].points[-1].x == 0.5, "the base")
+        last = trails.wait(
+            lambda m: abs(m.markers[0].points[-1].x - 0.5) < 1e-9, "the base"
+        )
         wait_for(
             lambda: any(
                 t.child_frame_id == "left_wrist_yaw_link"

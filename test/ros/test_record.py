@@ -25,6 +25,7 @@ from support.ros_testing import (
     REPOSITORY,
     Connected,
     Listener,
+    is_at,
     position_of,
     program,
     step_by,
@@ -329,7 +330,7 @@ class TestRecord(unittest.TestCase):
         motion = RobotTrajectory()
         motion.joint_trajectory = JointTrajectory(joint_names=[ELBOW], points=[bent])
         self.assertTrue(play(motion).success)
-        self.states.wait(lambda m: m.position[m.name.index(ELBOW)] == 0.7, "the elbow")
+        self.states.wait(lambda m: is_at(m, ELBOW, 0.7), "the elbow")
         self.record("a.csv", "--model", "other", "--seconds", "0.2", "--force")
         _, elbow, _ = self.read(self.folder / "a.csv")
         self.assertFalse(elbow.any(), "joints of the robot in the default namespace")

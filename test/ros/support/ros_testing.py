@@ -38,6 +38,11 @@ def position_of(message, joint):
     return message.position[message.name.index(joint)]
 
 
+def is_at(message, joint, position):
+    """Tell whether a joint is at a position, within what is promised: 1e-9."""
+    return abs(position_of(message, joint) - position) < 1e-9
+
+
 def processor_time(pid):
     """Give the processor time of a process and those it waited for in [s]."""
     try:
