@@ -27,6 +27,8 @@ PART = ("--from", "1", "--to", "2.5")
 """What is played of each clip, in [s] of it."""
 TOLERANCE = 2e-6
 """In [m] and [rad]."""
+MEASURED = 1e-9
+"""Joints are measured to this, in [rad]."""
 NOTHING = "the vendor's model and the clips are not beside the repository"
 
 
@@ -68,10 +70,10 @@ class TestClips(unittest.TestCase):
             timeout=DEADLINE,
         )
         self.assertEqual(done.returncode, 0, done.stdout)
-        numbers = {tuple(row.tolist()): n for n, row in enumerate(rows)}
         for message in [*self.states.messages]:
-            if message.position in numbers and any(message.velocity):
-                return numbers[message.position], message.header.stamp.to_nsec()
+            off = np.abs(rows - message.position).max(axis=1)
+            if off.min() <= MEASURED and any(message.velocity):
+                return int(off.argmin()), message.header.stamp.to_nsec()
         raise AssertionError(f"no state has a row of {file.name}")
 
     def test_joint_states_have_each_row_of_the_csv(self):
@@ -87,7 +89,8 @@ class TestClips(unittest.TestCase):
                 # A busy machine may skip some states, none is wrong.
                 self.assertTrue(there)
                 for n in there:
-                    self.assertEqual(shown[stamps[n]], tuple(rows[n].tolist()), n)
+                    off = np.abs(rows[n] - shown[stamps[n]]).max()
+                    self.assertLessEqual(off, MEASURED, n)
 
     def test_frames_are_where_another_program_put_the_bodies(self):
         for file in sorted(CLIPS.glob("*.npz")):
