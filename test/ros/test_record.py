@@ -71,7 +71,7 @@ print(inside.sum(), joints, np.abs(x[inside] - wanted.base_poses).max())
 """
 
 FULL = """
-from g1_description.ros.apps.motions import record
+from g1_description.cli import record
 from g1_description.cli.recorded_file import Room, room_of
 def room(path, joints, has_base):
     # As if the file could hold this many samples; without a number, had no base.
