@@ -43,12 +43,9 @@ from support.ros_testing import (
     process_of,
     program,
 )
-from support.virtual_screen import VirtualScreen
 from tf2_msgs.msg import TFMessage
 
-from g1_description.cli.doctor.master import Master
-from g1_description.cli.doctor.robot_links import RobotLinks
-from g1_description.cli.doctor.screen import picture
+from g1_description.cli.doctor import System, check_nodes, check_simulator
 
 DESCRIPTION = "/robot_description"
 ELSEWHERE = "198.51.100.7"
@@ -279,7 +276,7 @@ class TestDoctor(unittest.TestCase):
         node = started_by_rostopic("/tf", "tf2_msgs/TFMessage")
         self.addCleanup(node.process.kill)
         node.process.send_signal(signal.SIGSTOP)
-        found = self.assert_fault("stopped_node", node.name, f" {node.process.pid}")
+        found = self.assert_fault("hung_node", node.name)
         self.cure(found)
         self.assertIsNone(walk("nodes"))
         node.end(signal.SIGINT)
@@ -378,16 +375,15 @@ class TestDoctor(unittest.TestCase):
 
     def test_a_simulator_that_hangs_and_the_cure_ends_it(self):
         """It was stopped after it had been asked as a node."""
-        master = Master(rosgraph.get_master_uri())
-        links = RobotLinks(master, master.graph(), {"/gazebo"}, "")
+        system = System("")
+        check_nodes(system)
         self.addCleanup(self.patient.heal)
-        self.addCleanup(links.close)
         pid = process_of("/gazebo")
         os.kill(pid, signal.SIGSTOP)
         self.addCleanup(
             rosnode.cleanup_master_blacklist, rosgraph.Master("/test"), ["/gazebo"]
         )
-        found = links.look("simulator")
+        found = check_simulator(system)
         self.assertEqual(found.name, "hung_simulator")
         self.assertIn(str(pid), found.cure)
         self.cure(found)
@@ -459,16 +455,9 @@ class TestDoctor(unittest.TestCase):
         with mock.patch.dict(os.environ, DISPLAY=""):
             self.assertIsNone(walk(until="picture"))
 
-    def test_rviz_has_no_x_server_or_no_opengl(self):
-        environment = {**os.environ}
-        self.assertEqual(
-            picture({**environment, "DISPLAY": ":987"}).name, "dead_display"
-        )
-        for options, name in ((("-extension", "GLX"), "no_gl"), ((), "no_picture")):
-            screen = VirtualScreen(64, 64, *options)
-            self.addCleanup(screen.stop)
-            found = picture({**environment, "DISPLAY": screen.display})
-            self.assertEqual(found.name, name, found)
+    def test_with_a_screen_something_has_to_show_the_robot(self):
+        with mock.patch.dict(os.environ, DISPLAY=":987"):
+            self.assert_fault("no_picture", "rviz.launch", until="picture")
 
     # --- helpers ----------------------------------------------------------------------
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from conftest import REPOSITORY
 
-from g1_description.cli.doctor.faults import LINKS
+from g1_description.cli.doctor import LINKS
 
 ROSBASH = [
     *Path("/opt/ros").glob("*/share/rosbash/rosbash"),
@@ -112,7 +112,7 @@ def test_all_options_are_completed(command):
 
 
 def test_all_links_of_the_doctor_are_completed():
-    assert complete(*RUN, "doctor", "--until", "") == [*LINKS]
+    assert complete(*RUN, "doctor", "--until", "") == LINKS
 
 
 def test_poses_of_the_user_are_completed_too(home):

@@ -1,35 +1,23 @@
 """What the doctor decides, and that its command needs the standard library alone."""
 
+import ast
 import json
 import os
 import re
-import string
+import socket
 import subprocess
 import sys
 import threading
+from contextlib import contextmanager
+from pathlib import Path
+from types import SimpleNamespace
 from xmlrpc.server import SimpleXMLRPCServer
 
 import numpy as np
 import pytest
 from conftest import REPOSITORY
 
-from g1_description.cli.doctor import robot, shell
-from g1_description.cli.doctor.faults import (
-    BROKEN,
-    DISPLAY,
-    GAZEBO,
-    LINKS,
-    TABLE,
-    fault,
-)
-from g1_description.cli.doctor.master import Master
-from g1_description.cli.doctor.nodes import (
-    UNKNOWN_HOST,
-    Graph,
-    NodeAnswer,
-    node_addresses,
-)
-from g1_description.cli.doctor.walk import Walk
+from g1_description.cli import doctor
 from g1_description.robot.kinematics import Kinematics
 from g1_description.robot.lumping import lump_fixed_joints
 from g1_description.robot.transform import IDENTITY
@@ -37,12 +25,7 @@ from g1_description.robot.urdf import parse_urdf
 
 URDF = (REPOSITORY / "urdf" / "g1_29dof.urdf").read_text()
 PAGE = (REPOSITORY / "docs" / "doctor.md").read_text()
-MODEL, WORLD = "g1_robot", ("ground_plane",)
-HERE = "http://127.0.0.1:1/"
-
-
-def name_of(found):
-    return found and found.name
+MODEL = "g1_robot"
 
 
 def command(*words, python=(sys.executable,), **environment):
@@ -68,18 +51,20 @@ def test_a_wrong_command_line_ends_with_a_sentence_and_2(words, told):
     assert told in run.stderr and len(run.stderr.splitlines()) == 1
 
 
-def test_a_python_without_anything_names_what_it_lacks():
+def test_a_python_without_anything_says_that_no_workspace_is_sourced():
     """It has no packages, not even those of the distribution."""
     run = command("--json", python=(sys.executable, "-I", "-S"))
-    assert run.stderr == ""
+    assert (run.returncode, run.stderr) == (1, "")
     told = json.loads(run.stdout)
-    assert [link["name"] for link in told["links"]] == [*LINKS]
+    assert [link["name"] for link in told["links"]] == doctor.LINKS
+    assert {*told} == {"whole", "fault", "sentence", "cure", "links"}
+    assert {*told["links"][0]} == {"name", "state", "about", "remark"}
 
 
 def test_the_command_imports_the_standard_library_alone():
     code = (
         "import sys; sys.path.append('src'); known = {*sys.modules}\n"
-        "import g1_description.cli.doctor.doctor\n"
+        "import g1_description.cli.doctor\n"
         "print(*{name.partition('.')[0] for name in {*sys.modules} - known})"
     )
     run = [sys.executable, "-I", "-S", "-c", code]
@@ -90,219 +75,216 @@ def test_the_command_imports_the_standard_library_alone():
     assert found <= known
 
 
+def faults():
+    """List the names of all faults that the code makes."""
+    names = set()
+    for node in ast.walk(ast.parse(Path(doctor.__file__).read_text())):
+        name = getattr(getattr(node, "func", None), "id", "")
+        if name in ("Fault", "several", "_silent") and node.args:
+            first = node.args[0]
+            options = [first, getattr(first, "body", 0), getattr(first, "orelse", 0)]
+            names |= {part.value for part in options if hasattr(part, "value")}
+    return names
+
+
 def test_all_faults_and_links_are_on_the_page():
-    assert {*re.findall(r"^\| `(\w+)` \|", PAGE, flags=re.M)} == {
-        "doctor",
-        *LINKS,
-        *TABLE,
-    }
+    assert {"no_pybullet", "two_clocks", "no_diagnostics", "paused"} <= faults()
+    listed = {*re.findall(r"^\| `(\w+)` \|", PAGE, flags=re.M)}
+    assert listed == {"doctor", *doctor.LINKS, *faults()}
 
 
-def test_each_fault_is_a_sentence_and_a_command():
-    for name, (sentence, cure) in TABLE.items():
-        fields = {f for text in (sentence, cure) for _, f, _, _ in _parsed(text) if f}
-        made = fault(name, **dict.fromkeys(fields, 1))
-        assert re.match(r"[A-Z/1].*[.1]$", made.sentence), name
-        assert made.cure
-
-
-def test_a_walk_that_takes_too_long_blames_no_link():
-    made = fault("no_answer", link="tf", seconds=45.0)
-    assert "more than 45 s in all" in made.sentence
-    assert made.cure.startswith("rosrun g1_description doctor")
-
-
-def test_a_late_answer_of_the_master_is_asked_for_again():
-    calls = []
-
-    def look_up(caller, node):
-        calls.append(node)
-        if len(calls) == 1:
-            raise OSError("late")
-        return 1, "", "http://nowhere.invalid:1/"
-
-    with SimpleXMLRPCServer(("127.0.0.1", 0), logRequests=False) as server:
-        server.register_function(look_up, "lookupNode")
-        thread = threading.Thread(target=server.serve_forever, args=(0.01,))
-        thread.start()
-        master = Master(f"http://127.0.0.1:{server.server_address[1]}")
-        found = master.ask_nodes(["/a"])
-        server.shutdown()
-        thread.join()
-    assert found["/a"].problem == UNKNOWN_HOST and len(calls) == 2
-
-
-def test_a_question_that_fails_is_told_without_a_traceback(monkeypatch):
-    """No master is asked: what the walk asks fails at once."""
-
-    def fail():
+def test_a_check_that_fails_is_reported_without_a_traceback(monkeypatch):
+    def fail(system):
         raise TimeoutError
 
-    made = Walk("", ["nodes"])
-    monkeypatch.setattr(made, "_nodes", fail)
-    monkeypatch.setattr(made, "_ask_master", lambda: "it answers")
-    (found,) = made.run()
-    assert (found.state, found.remark) == (BROKEN, "unfinished")
-    assert "'nodes': no answer within" in found.fault.sentence
-
-
-def _parsed(text):
-    return string.Formatter().parse(text)
+    monkeypatch.setattr(doctor, "CHECKS", [("nodes", "", fail), ("tf", "", fail)])
+    monkeypatch.setattr(doctor, "check_master", lambda system: "it answers")
+    nodes, tf = doctor.run_checks("", ["nodes", "tf"])
+    assert (nodes.state, nodes.remark) == (doctor.BROKEN, "unfinished")
+    assert "'nodes'" in nodes.fault.sentence
+    assert tf.state == doctor.NOT_LOOKED_AT
 
 
 # --- this shell ---------------------------------------------------------------------
 
-LACKS = {"rospy": "ModuleNotFoundError: No module named 'rospy'"}
-GOOD = shell.Interpreter("/usr/bin/python3", {})
-BARE = shell.Interpreter("/opt/bare/bin/python3", LACKS)
+LACKS_ROSPY = {"rospy": "No module named 'rospy'"}
 
 
 @pytest.mark.parametrize(
-    ("own", "is_sourced", "name"),
+    ("own", "failed", "is_sourced", "name"),
     [
-        (GOOD, True, None),
-        (BARE, True, "wrong_python"),
-        (BARE, False, "no_workspace"),
-        (shell.Interpreter("/usr/bin/python3", LACKS), False, "no_workspace"),
-        (
-            shell.Interpreter("/usr/bin/python3", {"gazebo_msgs.msg": "absent"}),
-            True,
-            "no_workspace",
-        ),
+        ("/usr/bin/python3", {}, True, None),
+        ("/opt/bare/bin/python3", LACKS_ROSPY, True, "wrong_python"),
+        ("/opt/bare/bin/python3", LACKS_ROSPY, False, "no_workspace"),
+        ("/usr/bin/python3", LACKS_ROSPY, False, "no_workspace"),
+        ("/usr/bin/python3", {"gazebo_msgs.msg": "absent"}, True, "no_workspace"),
     ],
 )
-def test_pythons(own, is_sourced, name):
-    found = shell.python(own, "/usr/bin", "setup.bash", is_sourced)
-    assert name_of(found) == name
+def test_pythons(monkeypatch, own, failed, is_sourced, name):
+    spec = object() if is_sourced else None
+    monkeypatch.setattr(sys, "executable", own)
+    monkeypatch.setattr(doctor, "failed_imports", lambda python, names: failed)
+    monkeypatch.setattr(doctor, "find_spec", lambda name: spec)
+    monkeypatch.setattr("shutil.which", lambda name: own)
+    found = doctor.check_python(doctor.System(""))
+    assert found == own if name is None else found.name == name
 
 
-def test_another_python_on_path_is_told_with_what_it_breaks():
+@pytest.mark.parametrize("first", ["/opt/bare/bin/python3", None])
+def test_another_python_on_path_is_remarked_with_what_it_breaks(monkeypatch, first):
     """What ROS installs names its Python, so rosrun works all the same."""
-    remark = shell.python_remark(GOOD, BARE, "/usr/bin")
-    assert remark.startswith("/usr/bin/python3; python3 on PATH is /opt/bare/bin/pyth")
-    assert "No module named 'rospy'" in remark
+
+    def failed(python, names):
+        return {} if python == sys.executable else LACKS_ROSPY
+
+    monkeypatch.setattr(doctor, "failed_imports", failed)
+    monkeypatch.setattr(doctor, "find_spec", lambda name: object())
+    monkeypatch.setattr("shutil.which", lambda name: first)
+    remark = doctor.check_python(doctor.System(""))
+    assert remark.startswith(f"{sys.executable}; python3 on PATH is {first or 'missi'}")
     assert "export PATH=/usr/bin:$PATH" in remark
-    missing = shell.Interpreter("", {})
-    assert "missing" in shell.python_remark(GOOD, missing, "/usr/bin")
-    assert shell.python_remark(GOOD, GOOD, "/usr/bin") == "/usr/bin/python3"
-
-
-def test_the_packages_of_the_nodes():
-    def judge(module, needs_pybullet=True):
-        own = shell.Interpreter("python3", {module: "absent"} if module else {})
-        return shell.packages(own, needs_pybullet)
-
-    assert judge("") is None
-    assert name_of(judge("numpy")) == "no_package"
-    assert name_of(judge("pybullet")) == "no_pybullet"
-    assert judge("pybullet", needs_pybullet=False) is None
 
 
 @pytest.mark.parametrize(
-    ("uri", "meant"),
+    ("module", "services", "name"),
     [
-        ("http://localhost:11311", None),
-        ("http://10.0.0.7:11311/", None),
-        ("http://[::1]:11311", None),
-        ("localhost:15111", "http://localhost:15111"),
-        ("robot", "http://robot:11311"),
-        ("http://robot", "http://robot:11311"),
-        ("https://robot:15111", "http://robot:15111"),
-        ("http://localhost:port", "http://localhost:11311"),
-        ("$(reboot):1", "http://localhost:11311"),
-        ("", "http://localhost:11311"),
+        ("", [], None),
+        ("numpy", [], "no_package"),
+        ("pybullet", [], "no_pybullet"),
+        ("pybullet", ["set_model_configuration", "step"], "no_pybullet"),
+        ("pybullet", ["set_model_configuration"], None),  # the real Gazebo
     ],
 )
-def test_addresses_of_masters(uri, meant):
-    found = shell.master_uri(uri)
-    cure = found.cure if found else None
-    assert cure == (meant and f"export ROS_MASTER_URI={meant}")
-
-
-def test_a_master_whose_host_is_not_known_is_not_started_there():
-    known = shell.master("http://robot:11311", "nothing listens there", False)
-    assert known.cure == "ssh robot roscore"
-    unknown = shell.master("http://rowbot:11311", UNKNOWN_HOST, False)
-    assert unknown.name == "no_remote_master"
-    assert unknown.cure.startswith("getent hosts rowbot  #")
-    assert "/etc/hosts" in unknown.cure
+def test_the_packages_of_the_nodes(monkeypatch, module, services, name):
+    system = doctor.System("")
+    system.failed = {module: "absent"} if module else {}
+    tables = [{}, {}, {f"/gazebo/{service}": ["/gazebo"] for service in services}]
+    monkeypatch.setattr(system, "ask_graph", lambda: tables)
+    found = doctor.check_packages(system)
+    assert found == sys.executable if name is None else found.name == name
 
 
 @pytest.mark.parametrize(
-    ("addresses", "master_is_here", "is_right"),
+    "uri", ["localhost:11311", "robot", "http://robot", "http://localhost:port", "ftp:"]
+)
+def test_what_is_not_an_address_of_a_master(monkeypatch, uri):
+    monkeypatch.setenv("ROS_MASTER_URI", uri)
+    found = doctor.check_master(doctor.System(""))
+    assert found.name == "bad_master_uri" and f"'{uri}'" in found.sentence
+
+
+@pytest.mark.parametrize(
+    ("host", "name", "cure"),
     [
-        ({"127.0.0.1": True}, True, True),
-        ({"127.0.0.1": True}, False, False),
-        ({"127.0.1.1": True, "10.0.0.7": True}, False, True),
-        ({"10.0.0.7": True}, False, True),
-        ({"10.0.0.8": False}, True, False),
-        ({}, True, False),
+        ("localhost", "no_master", doctor.DISPLAY),
+        ("robot.invalid", "no_remote_master", "ssh robot.invalid roscore"),
     ],
 )
-def test_own_addresses(addresses, master_is_here, is_right):
-    found = shell.own_address(("ROS_IP", "x"), addresses, master_is_here, "10.0.0.7")
-    assert (found is None) == is_right
-    if found:
-        assert found.cure == "unset ROS_HOSTNAME; export ROS_IP=10.0.0.7"
+def test_no_master(monkeypatch, host, name, cure):
+    monkeypatch.setenv("ROS_MASTER_URI", f"http://{host}:1")
+    found = doctor.check_master(doctor.System(""))
+    assert (found.name, found.cure) == (name, cure)
+
+
+@pytest.mark.parametrize(
+    ("variables", "master_is_here", "is_right"),
+    [
+        ({"ROS_IP": "127.0.0.1"}, True, True),
+        ({"ROS_IP": "127.0.0.1"}, False, False),
+        ({"ROS_IP": "198.51.100.7"}, True, False),
+        ({"ROS_IP": "127.0.0.1", "ROS_HOSTNAME": "nowhere.invalid"}, True, False),
+        ({"ROS_IP": "nowhere.invalid", "ROS_HOSTNAME": "127.0.0.1"}, True, True),
+    ],
+)
+def test_own_addresses(monkeypatch, variables, master_is_here, is_right):
+    for name in ("ROS_IP", "ROS_HOSTNAME"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in variables.items():
+        monkeypatch.setenv(name, value)
+    system = doctor.System("")
+    system.master_is_here = master_is_here
+    found = doctor.check_address(system)
+    assert isinstance(found, str) == is_right
+    if not is_right:
+        assert found.cure.startswith("unset ROS_HOSTNAME; export ROS_IP=")
 
 
 # --- nodes --------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("answer", "master_is_here", "name"),
-    [
-        (NodeAnswer(HERE, "", {"/tf", "/rosout"}), True, None),
-        (NodeAnswer(HERE, "", {"/other", "/rosout"}), True, "wrong_node_address"),
-        (NodeAnswer("http://x:1", UNKNOWN_HOST), True, "wrong_node_address"),
-        (NodeAnswer("http://10.0.0.9:1", "no answer"), True, "wrong_node_address"),
-        (NodeAnswer(HERE, "nothing listens", is_here=True), True, "dead_node"),
-        (NodeAnswer(HERE, "no answer in 4 s", is_here=True), True, "hung_node"),
-        (
-            NodeAnswer(HERE, "no answer in 4 s", is_here=True, stopped="7"),
-            True,
-            "stopped_node",
-        ),
-        (
-            NodeAnswer(HERE, "no answer", is_here=True, is_loopback=True),
-            False,
-            "wrong_node_address",
-        ),
-    ],
-)
-def test_addresses_of_nodes(answer, master_is_here, name):
-    graph = Graph({"/tf": ["/a"], "/rosout": ["/a"]})
-    assert name_of(node_addresses(graph, {"/a": answer}, master_is_here)) == name
+@contextmanager
+def xmlrpc(**methods):
+    """Answer as a master or a node does; give the address."""
+    with SimpleXMLRPCServer(("127.0.0.1", 0), logRequests=False) as server:
+        for name, value in methods.items():
+
+            def answer(*given, value=value):
+                return 1, "", value(*given[1:]) if callable(value) else value
+
+            server.register_function(answer, name)
+        thread = threading.Thread(target=server.serve_forever, args=(0.01,))
+        thread.start()
+        yield f"http://127.0.0.1:{server.server_address[1]}"
+        server.shutdown()
+        thread.join()
+
+
+def ask_nodes(monkeypatch, addresses, *tables):
+    """Let the doctor check nodes of a master; give the system, and what it found."""
+    tables = [[*table.items()] for table in tables]
+    with xmlrpc(getSystemState=tables, lookupNode=addresses.get) as uri:
+        monkeypatch.setenv("ROS_MASTER_URI", uri)
+        system = doctor.System("")
+        return system, doctor.check_nodes(system)
+
+
+def test_nodes_that_answer_are_known(monkeypatch):
+    with xmlrpc(getPid=7) as uri:
+        addresses = {"/a": uri, "/dead": "http://127.0.0.1:1/"}
+        topics = {"/tf": ["/a"], "/other": ["/a", "/dead"]}
+        system, found = ask_nodes(monkeypatch, addresses, topics, {}, {})
+    assert found == "1 answer, not /dead"
+    assert system.pids == {"/a": 7} and system.here == {"/a"}
+    assert system.publishers == {"/tf": ["/a"], "/other": ["/a"]}
 
 
 @pytest.mark.parametrize(
-    ("graph", "matters"),
+    ("uri", "name"),
     [
-        (Graph({"/left/joint_states": ["/a"]}), True),
-        (Graph({}, {"/left/tf_joint_states": ["/a"]}), True),
-        (Graph({}, {}, {"/gazebo/set_model_configuration": ["/a"]}), True),
-        (Graph({"/rosout": ["/a"]}, {"/joint_states": ["/a"]}), False),
-        (Graph({"/tf": ["/b"], "/my_joint_states": ["/a"]}), False),
+        ("http://nowhere.invalid:1/", "wrong_node_address"),
+        ("nonsense", "wrong_node_address"),
+        ("http://127.0.0.1:1/", "dead_node"),
     ],
 )
-def test_a_dead_node_matters_in_the_chain_only(graph, matters):
-    dead = NodeAnswer(HERE, "nothing listens there", is_here=True)
-    asleep = NodeAnswer("http://10.0.0.9:1", "no answer within 4 s")
-    for answer in (dead, asleep):
-        assert (node_addresses(graph, {"/a": answer}, True) is not None) == matters
+def test_nodes_that_do_not_answer(monkeypatch, uri, name):
+    _, found = ask_nodes(monkeypatch, {"/a": uri}, {"/tf": ["/a"]}, {}, {})
+    assert found.name == name and "/a" in found.sentence
 
 
-def test_a_node_that_has_just_stopped_to_publish_is_no_other_one():
-    graph, answers = Graph({"/tf": ["/a"]}), {"/a": NodeAnswer(HERE, "", {"/rosout"})}
-    assert node_addresses(graph.still(graph), answers, True) is not None
-    assert node_addresses(graph.still(Graph({"/tf": ["/b"]})), answers, True) is None
-    assert node_addresses(graph.still(Graph()), answers, True) is None
+def test_a_node_that_takes_connections_and_is_silent_hangs(monkeypatch):
+    monkeypatch.setattr(doctor, "WAIT", 0.5)
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        uri = f"http://127.0.0.1:{silent.getsockname()[1]}/"
+        _, found = ask_nodes(monkeypatch, {"/a": uri}, {"/tf": ["/a"]}, {}, {})
+    assert found.name == "hung_node" and found.cure.startswith("kill -CONT ")
 
 
-def test_a_graph_without_some_nodes():
-    graph = Graph({"/a": ["/1", "/2"], "/b": ["/2"]}, {"/a": ["/2"]}, {"/s": ["/1"]})
-    assert graph.nodes == ["/1", "/2"]
-    assert graph.of({"/1"}) == Graph({"/a": ["/1"]}, {}, {"/s": ["/1"]})
+@pytest.mark.parametrize(
+    ("publishers", "subscribers", "services", "matters"),
+    [
+        ({"/left/joint_states": ["/a"]}, {}, {}, True),
+        ({}, {"/left/tf_joint_states": ["/a"]}, {}, True),
+        ({}, {}, {"/gazebo/set_model_configuration": ["/a"]}, True),
+        ({"/rosout": ["/a"]}, {"/joint_states": ["/a"]}, {}, False),
+        ({"/my_joint_states": ["/a"]}, {}, {}, False),
+    ],
+)
+def test_a_dead_node_matters_in_the_pipeline_only(
+    monkeypatch, publishers, subscribers, services, matters
+):
+    dead = {"/a": "http://127.0.0.1:1/"}
+    _, found = ask_nodes(monkeypatch, dead, publishers, subscribers, services)
+    assert isinstance(found, doctor.Fault) == matters
 
 
 # --- the robot ----------------------------------------------------------------------
@@ -345,49 +327,26 @@ def changed(joint, tag, old, new):
     ids=["same", "link", "axis", "origin"],
 )
 def test_another_robot_is_told_from_the_described_one(spawned, told):
-    found = robot.difference(parse_urdf(URDF), MODEL, *simulated(spawned))
+    found = doctor.difference(parse_urdf(URDF), MODEL, *simulated(spawned))
     assert told in found and bool(found) == bool(told)
 
 
 def test_a_robot_with_more_links_is_another():
     less = re.sub(r"left_wrist_yaw", "hidden", URDF)
-    found = robot.difference(parse_urdf(less), MODEL, *simulated(URDF))
+    found = doctor.difference(parse_urdf(less), MODEL, *simulated(URDF))
     assert "left_wrist_yaw_link" in found or "hidden" in found
 
 
-def test_models_and_what_mends_their_names():
-    def judge(*models, link="pelvis"):
-        names = [f"{model}::{link}" for model in models]
-        robots = robot.models_of(parse_urdf(URDF), names, [MODEL, "right"])
-        return robot.model(MODEL, models, robots, "/bridge", "/robot_description")
-
-    assert judge(MODEL, *WORLD) is None
-    assert robot.model("a::b", ["a"], [], "/bridge", "/r") is None
-    assert judge("mine").cure.startswith("rosparam set /bridge/model_name mine ")
-    others = judge("table", link="top"), judge("one", "two"), judge("right")
-    for made in (judge(), *others):
-        assert "spawn_robot.py" in made.cure and "_on_floor:=true" in made.cure
-
-
-def test_no_cure_starts_a_simulator_beside_one():
-    """It would be refused: one runs already."""
-    starts = {name for name, (_, cure) in TABLE.items() if cure.startswith(GAZEBO)}
-    assert starts == {"no_simulator"}
-
-
-def test_without_a_robot_the_cure_depends_on_what_runs():
-    assert robot.cure_of_description("/r", False) == DISPLAY
-    cure = robot.cure_of_description("/r", True)
-    assert "roslaunch" not in cure and cure.endswith("rosparam set -t /tmp/g1.urdf /r")
+# --- topics and TF ------------------------------------------------------------------
 
 
 def test_one_publisher_is_enough():
-    def judge(*nodes):
-        return robot.publishers("two_clocks", nodes, ["/gazebo"])
+    def cure(*nodes):
+        found = doctor.several("two_clocks", nodes, ["/gazebo"], "")
+        return found and found.cure
 
-    assert judge() is None and judge("/gazebo") is None and judge("/bag") is None
-    assert judge("/gazebo", "/bag").cure == "rosnode kill /bag"
-    assert judge("/bag", "/gazebo").cure == "rosnode kill /bag"
+    assert cure() is None and cure("/gazebo") is None and cure("/bag") is None
+    assert cure("/gazebo", "/bag") == cure("/bag", "/gazebo") == "rosnode kill /bag"
 
 
 OWN = ["/bridge", "/rsp"]
@@ -407,65 +366,35 @@ OWN = ["/bridge", "/rsp"]
 )
 def test_owners_of_edges(pairs, killed):
     edges = {"x": pairs, "y": {("/rsp", "x")}}
-    found = robot.tf_owners(edges, OWN, [("a", "x"), ("x", "y")], {})
+    found = doctor.two_tf_owners(edges, [("a", "x"), ("x", "y")], OWN)
     assert (found.cure if found else "") == (killed and f"rosnode kill {killed}")
 
 
-def test_frames_of_other_robots_are_not_judged():
+def test_frames_of_other_robots_are_ignored():
     """The bridge keeps their fixed joints from when time stood still."""
     other = {"right/x": {("/bridge", "right/a"), ("/right/rsp", "right/a")}}
-    assert robot.tf_owners(other, OWN, [("left/a", "left/x")], {}) is None
+    assert doctor.two_tf_owners(other, [("left/a", "left/x")], OWN) is None
 
 
-def test_bridges_share_the_static_edge_to_the_map():
-    def judge(*pairs, shared=("/bridge", "/second")):
-        edge = ("world", "map")
-        return robot.tf_owners({"map": {*pairs}}, OWN, [edge], {edge: shared})
-
-    both = ("/bridge", "world"), ("/second", "world")
-    assert judge(*both) is None
-    assert judge(*both, shared=()).cure == "rosnode kill /second"
-    assert judge(*both, ("/other", "world")) is not None
-    assert judge(("/bridge", "world"), ("/second", "odom")) is not None
-
-
-def test_missing_edges_and_who_should_send_them():
+def test_missing_edges():
     edges = {"b": {("/rsp", "a")}}
-    assert robot.missing_edges(edges, [("a", "b"), ("b", "c")]) == [("b", "c")]
-    start = "/left/tf_joint_states", "left"
-    base = [("map", "a")]
-    of_base = robot.no_tf([("map", "a")], base, ("/bridge", "/rsp"), start)
-    assert "/bridge should send" in of_base.sentence
-    of_joint = robot.no_tf([("a", "b")], base, ("/bridge", "/rsp"), start)
-    assert "/rsp should send" in of_joint.sentence
-    assert "__ns:=left _tf_prefix:='left'" in of_joint.cure
+    assert doctor.missing_edges(edges, [("a", "b"), ("b", "c")]) == [("b", "c")]
 
 
 def test_diagnostics_that_are_a_fault():
-    def judge(name, level):
-        return robot.diagnostics("/bridge", {f"bridge: {name}": (level, "text")})
+    def bad(name, level):
+        status = SimpleNamespace(name=f"bridge: {name}", level=level, message="text")
+        return doctor.bad_status([status])
 
-    assert judge("link states", 0) is None
-    assert "link states: text" in judge("link states", 1).sentence
-    assert judge("commands", 1) is None and judge("commands", 2) is not None
-
-
-def test_a_report_that_does_not_come_is_no_good_one():
-    good, bad = {"bridge: time": (0, "comes")}, {"bridge: time": (1, "stands")}
-
-    def judge(*rounds):
-        return name_of(robot.reports("/bridge", rounds, 4.0))
-
-    assert judge(good) is None and judge(bad, good) is None and judge({}, good) is None
-    assert judge({}) == judge({}, {}) == "no_diagnostics"
-    assert judge(bad, bad) == judge(bad, {}) == judge({}, bad) == "bad_diagnostics"
+    assert bad("link states", 0) == bad("commands", 1) == ""
+    assert bad("link states", 1) == "bridge: link states: text"
+    assert bad("commands", 2)
 
 
 def test_meshes_that_are_missing():
     def cure(*lost):
-        return robot.meshes(lost, "/robot_description", "/here").cure
+        return doctor.meshes_cure(lost, "/here")
 
-    assert robot.meshes([], "/robot_description", "/here") is None
     assert cure("file:///here/meshes/a.stl") == "git -C /here checkout -- meshes"
     assert "model:=FILE" in cure("file:///there/a.stl", "file:///here/a.stl")
     assert "workspace with robots" in cure("package://robots/a.stl")

@@ -41,13 +41,13 @@ def run(module: str, farewell: str = "interrupted.") -> None:
             if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
                 _answer_interrupt(_end_at_once)
     except BaseException as error:
-        if not (isinstance(error, KeyboardInterrupt) or _is_shut_down()):
+        if not (isinstance(error, KeyboardInterrupt) or is_shut_down()):
             raise
         print(f"{module.rpartition('.')[2]}: {farewell}", file=sys.stderr)
         sys.exit(INTERRUPTED)
 
 
-def _is_shut_down() -> bool:
+def is_shut_down() -> bool:
     """Return whether a signal shut the node down: what fails then fails of that."""
     rospy = sys.modules.get("rospy")
     return rospy is not None and rospy.core.is_shutdown_requested()

@@ -12,12 +12,9 @@ import rosgraph
 import roslib.packages
 from diagnostic_msgs.msg import DiagnosticArray
 
-from g1_description.cli.doctor.faults import BROKEN, LINKS, OK
-from g1_description.cli.doctor.walk import Walk
+from g1_description.cli.doctor import BROKEN, LINKS, OK, run_checks
 
 from .ros_testing import DEADLINE, Connected, program, wait_for
-
-NAMES = list(LINKS)
 
 
 def publishers(topic):
@@ -156,8 +153,8 @@ def walk(until="diagnostics", namespace=""):
     Returns:
         The fault, None if all is whole.
     """
-    names = NAMES[NAMES.index("master") : NAMES.index(until) + 1]
-    found = list(Walk(namespace, names).run())
+    names = LINKS[LINKS.index("master") : LINKS.index(until) + 1]
+    found = list(run_checks(namespace, names))
     broken = [one for one in found if one.state == BROKEN]
     assert len(broken) <= 1 and [one.name for one in found] == names
     if broken:

@@ -1,0 +1,1195 @@
+"""The command doctor: checks from the master to the display, up to the first fault.
+
+A check is a function in the list ``CHECKS`` that asks the running system and returns a
+``Fault``, or a remark where all is well. What it finds out is kept in ``System`` for
+the checks behind it.
+
+Only the standard library is imported at the top: the command has to work where the
+rest is missing. From ``check_description`` on, the rest is known to be there.
+
+Subscribes: /clock, /diagnostics, /tf, /tf_static, <gazebo>/link_states, joint_states
+Calls: <gazebo>/get_physics_properties, <gazebo>/get_world_properties
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import queue
+import shutil
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, fields
+from functools import cached_property
+from http.client import HTTPException
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Dict, List, Tuple
+from urllib.parse import urlparse
+from xml.parsers.expat import ExpatError
+from xmlrpc.client import Error, ServerProxy
+
+from g1_description.cli.robot_options import add_namespace
+from g1_description.cli.start import is_shut_down
+from g1_description.command_line import OneSentenceParser, say
+from g1_description.text import listed
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from g1_description.bridge.parameters import BridgeParameters, RobotParameters
+    from g1_description.robot.description import Description
+
+    Nodes = Dict[str, List[str]]  # by the full name of a topic or a service
+    Heard = List[Tuple[str, str, Any]]  # topics, senders and messages
+
+WHOLE, FOUND, MISUSE = 0, 1, 2
+"""Exit codes."""
+
+OK, BROKEN, NOT_LOOKED_AT = "ok", "broken", "not looked at"
+"""States of a link."""
+
+WAIT = 5.0
+"""Longest wait for an answer or a message, in [s] of wall time."""
+
+TF_WAIT = 1.5
+"""Longest wait in [s] for nodes that may send to TF, but need not."""
+
+IMPORT_TIMEOUT = 20.0
+"""Longest wait for imports in [s]: the disk may be slow the first time."""
+
+MAX_OFFSET = 0.01
+"""Largest distance in [m] of a joint from where the description has it: Gazebo's
+engine lets the joints of a robot that lies on the floor come apart a little."""
+
+DEFAULT_MASTER = "http://localhost:11311"
+ROS_FOLDER = "/usr/bin"
+"""Where the Python of ROS' distributions is."""
+
+OF_WORKSPACE = ("g1_description.srv", "gazebo_msgs.msg")
+"""Modules that are found once the workspace is sourced."""
+
+PACKAGES = {
+    "numpy": "'numpy<2'",
+    "scipy": "scipy",
+    "lxml": "lxml",
+    "PIL": "Pillow",
+    "ruamel.yaml": "ruamel.yaml",
+    "urdf_parser_py.urdf": "urdf_parser_py",
+    "diagnostic_updater": "diagnostic_updater",
+    "tf2_ros": "tf2_ros",
+    "pybullet": "pybullet",
+}
+"""Modules that the nodes import, with their names for pip."""
+
+STATES = "tf_joint_states"
+"""Last name of a topic that only a bridge publishes, for robot_state_publisher."""
+
+PIPELINE = {"clock", "tf", "tf_static", "link_states", "world_state", "joint_states"}
+PIPELINE |= {STATES, "set_model_configuration"}
+"""Last names of the topics and services between the simulator and RViz."""
+
+BRIDGE = "/link_states_bridge"
+"""The bridge's name in the launch files."""
+
+PAGE_PARAMETERS = {"controls", "port", "read_only"}
+"""Parameters by which the node of the browser view is known."""
+
+RVIZ_SERVICE = "/reload_shaders"
+"""End of the name of a service that each RViz has."""
+
+DISPLAY = "roslaunch g1_description display.launch"
+GAZEBO = "roslaunch g1_description gazebo.launch"
+BROWSER = "roslaunch g1_description web.launch"
+DOCTOR = "rosrun g1_description doctor"
+OWN_IP = "unset ROS_HOSTNAME; export ROS_IP=$(hostname -I | cut -d' ' -f1)"
+AGAIN = "  # its launch file starts it again"
+
+
+@dataclass(frozen=True)
+class Fault:
+    """What is wrong."""
+
+    name: str
+    """As on the page."""
+
+    sentence: str
+    cure: str
+    """A command."""
+
+
+@dataclass(frozen=True)
+class Result:
+    """What a check found."""
+
+    name: str
+    about: str
+    state: str
+    """``OK``, ``BROKEN`` or ``NOT_LOOKED_AT``."""
+
+    remark: str = ""
+    fault: Fault | None = None
+
+
+# --- asking with the standard library -------------------------------------------------
+
+
+def within(seconds: float, function: Callable[..., Any], *given: Any) -> Any:
+    """Call a function that may hang, in a thread that is abandoned then.
+
+    Raises:
+        TimeoutError: If it takes longer; and what the function raises.
+    """
+    results: queue.Queue = queue.Queue()
+
+    def call() -> None:
+        try:
+            results.put((function(*given), None))
+        except Exception as error:  # raised again below
+            results.put((None, error))
+
+    threading.Thread(target=call, daemon=True).start()
+    try:
+        value, error = results.get(timeout=seconds)
+    except queue.Empty:
+        raise TimeoutError(f"no answer within {seconds:g} s") from None
+    if error is not None:
+        raise error
+    return value
+
+
+def ask(uri: str, method: str, *given: Any) -> Any:
+    """Call a method of the master or a node, by ROS' XML-RPC interface.
+
+    Raises:
+        OSError: If nobody answers, or somebody who does not speak ROS.
+        LookupError: If the answer is that the call failed.
+    """
+
+    def call() -> tuple[int, str, Any]:
+        code, text, value = getattr(ServerProxy(uri), method)("/doctor", *given)
+        return int(code), str(text), value
+
+    try:
+        code, text, value = within(WAIT, call)
+    except (Error, HTTPException, ExpatError, TypeError, ValueError):
+        raise OSError("the program that answers there is not of ROS") from None
+    if code != 1:
+        raise LookupError(text)
+    return value
+
+
+def reason_of(error: BaseException) -> str:
+    """Say in few words why nobody answered."""
+    if isinstance(error, socket.gaierror):
+        return "its host is not known here"
+    if isinstance(error, ConnectionRefusedError):
+        return "nothing listens there"
+    if isinstance(error, OSError):
+        return (error.strerror or str(error)).lower()
+    return f"{type(error).__name__}: {error}"
+
+
+def host_of(uri: str) -> tuple[str, int]:
+    """Read host and port of an address.
+
+    Raises:
+        ValueError: If it is not an address.
+    """
+    parts = urlparse(uri)
+    if parts.scheme != "http" or not parts.hostname or not parts.port:
+        raise ValueError(f"'{uri}' is not an address")
+    return parts.hostname, parts.port
+
+
+def addresses_of(host: str) -> list[str]:
+    """Look up the addresses of a host; empty if it is not known."""
+    try:
+        found = within(WAIT, socket.getaddrinfo, host, None)
+    except (OSError, UnicodeError):
+        return []
+    return list(dict.fromkeys(entry[4][0] for entry in found))
+
+
+def is_own(address: str) -> bool:
+    """Return whether an address is one of this machine: only those can be bound."""
+    family = socket.AF_INET6 if ":" in address else socket.AF_INET
+    with contextlib.suppress(OSError), socket.socket(family, socket.SOCK_STREAM) as one:
+        one.bind((address, 0))
+        return True
+    return False
+
+
+def are_loopback(addresses: Iterable[str]) -> bool:
+    """Return whether addresses mean the machine that uses them."""
+    return all(a.startswith("127.") or a == "::1" for a in addresses)
+
+
+IMPORTS = """
+import importlib, json, sys
+found = {}
+for name in sys.argv[1:]:
+    try:
+        importlib.import_module(name)
+    except BaseException as error:
+        found[name] = "%s: %s" % (type(error).__name__, error)
+print("\\n" + json.dumps(found))
+"""
+
+
+def failed_imports(python: str, names: Sequence[str]) -> dict[str, str]:
+    """Import modules in another process, which may crash; return errors by module."""
+    try:
+        run = subprocess.run(
+            [python, "-c", IMPORTS, *names],
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            timeout=IMPORT_TIMEOUT,
+            check=False,
+        )
+        return dict(json.loads(run.stdout.decode().splitlines()[-1]))
+    except (OSError, ValueError, IndexError, subprocess.TimeoutExpired) as error:
+        reason = f"importing it fails ({error})"
+    return dict.fromkeys(names, reason)
+
+
+# --- asking as a node -----------------------------------------------------------------
+
+
+def _start_node() -> None:
+    import rospy
+
+    from g1_description.ros.lifecycle import start_node
+
+    if not rospy.core.is_initialized():
+        start_node("doctor", anonymous=True, disable_rosout=True)
+
+
+def listen(topics: Mapping[str, Any], is_enough: Callable[[Heard], bool]) -> Heard:
+    """Subscribe to topics for a while.
+
+    Args:
+        topics: Message classes by topic.
+        is_enough: Returns whether the messages so far are enough.
+
+    Returns:
+        Topics, senders and messages.
+
+    Raises:
+        ROSInterruptException: If the node is shut down.
+    """
+    import rospy
+
+    from g1_description.ros.waiting import wait_until
+
+    _start_node()
+    heard: Heard = []
+
+    def on_message(message: Any, topic: str) -> None:
+        header = message._connection_header or {}
+        heard.append((topic, header.get("callerid", ""), message))
+
+    subscribers = [
+        rospy.Subscriber(topic, kind, on_message, callback_args=topic, queue_size=100)
+        for topic, kind in topics.items()
+    ]
+    wait_until(lambda: is_enough(list(heard)), WAIT, period=0.05)
+    for subscriber in subscribers:
+        subscriber.unregister()
+    return list(heard)
+
+
+def first_message(topic: str, kind: Any) -> Any:
+    """Wait for any message of a topic; None if none comes."""
+    heard = listen({topic: kind}, bool)
+    return heard[0][2] if heard else None
+
+
+def call(service: str, kind: Any) -> Any:
+    """Call a service that may hang.
+
+    Raises:
+        OSError: If there is no answer.
+    """
+    import rospy
+
+    _start_node()
+    try:
+        return within(WAIT, rospy.ServiceProxy(service, kind))
+    except (rospy.ServiceException, rospy.ROSException) as error:
+        raise OSError(str(error)) from None
+
+
+# --- what the checks find out ---------------------------------------------------------
+
+
+class System:
+    """The running system, as far as the checks have found out."""
+
+    def __init__(self, namespace: str) -> None:
+        """Know nothing yet."""
+        self.namespace = namespace
+        """Of the robot's topics, without slashes around."""
+        self.uri = os.environ.get("ROS_MASTER_URI") or DEFAULT_MASTER
+        self.master_is_here = True
+        self.failed: dict[str, str] = {}
+        """Modules that this Python cannot import, and why."""
+        self.publishers: Nodes = defaultdict(list)
+        self.subscribers: Nodes = defaultdict(list)
+        self.services: Nodes = defaultdict(list)
+        self.pids: dict[str, int] = {}
+        """Processes of the nodes that answer."""
+        self.here: set[str] = set()
+        """The nodes on this machine."""
+        self.place = ""
+        """Parameter of the robot's description."""
+        self.description: Description = None  # type: ignore[assignment]
+        self.is_paused = False
+        self.links: tuple[list[str], np.ndarray] = None  # type: ignore[assignment]
+        """Scoped names and poses, shape (n, 7), of the simulator's links."""
+
+    def ask_graph(self) -> list[Nodes]:
+        """Ask the master for publishers, subscribers and services."""
+        tables = ask(self.uri, "getSystemState")
+        return [defaultdict(list, dict(table)) for table in tables]
+
+    def parameter(self, name: str, default: Any = None) -> Any:
+        """Ask the master for a parameter."""
+        try:
+            return ask(self.uri, "getParam", name)
+        except LookupError:
+            return default
+
+    def topic(self, name: str) -> str:
+        """Return the full name of a topic of the robot."""
+        return f"/{self.namespace}/{name}" if self.namespace else f"/{name}"
+
+    def _parameters_of(self, node: str) -> dict[str, Any]:
+        found = self.parameter(node, {})
+        return found if isinstance(found, dict) else {}
+
+    @cached_property
+    def bridges(self) -> list[str]:
+        """The bridges of the namespace, the one of the launch files first."""
+        nodes = self.publishers[self.topic(STATES)]
+        return sorted(nodes, key=lambda node: (node != BRIDGE, node))
+
+    @cached_property
+    def all_bridges(self) -> dict[str, list[str]]:
+        """The bridges by namespace."""
+        found = self.publishers.items()
+        ends = f"/{STATES}"
+        return {t[: -len(ends)].strip("/"): n for t, n in found if t.endswith(ends)}
+
+    @cached_property
+    def parameters(self) -> BridgeParameters:
+        """The bridge's parameters; the defaults without a bridge."""
+        from g1_description.bridge.parameters import BridgeParameters
+        from g1_description.errors import G1DescriptionError
+
+        own = self._parameters_of(self.bridges[0]) if self.bridges else {}
+        names = {field.name for field in fields(BridgeParameters)}
+        try:
+            return BridgeParameters(**{name: own[name] for name in names & {*own}})
+        except (G1DescriptionError, TypeError):  # with these no bridge starts
+            return BridgeParameters()
+
+    @property
+    def gazebo(self) -> str:
+        """The simulator's namespace."""
+        return self.parameters.gazebo
+
+    @cached_property
+    def robot(self) -> RobotParameters:
+        """The robot of the namespace among those of the bridge."""
+        robots = self.parameters.each_robot
+        return next((r for r in robots if r.namespace == self.namespace), robots[0])
+
+    @cached_property
+    def simulators(self) -> list[str]:
+        """The simulator's node; empty if there is none."""
+        return self.services[f"{self.gazebo}/set_model_configuration"]
+
+    @cached_property
+    def source(self) -> str:
+        """The nodes that publish joint states without a bridge and a simulator."""
+        if any(self.all_bridges.values()) or self.simulators:
+            return ""
+        return listed(self.publishers[self.topic("joint_states")])
+
+    @cached_property
+    def viewers(self) -> list[str]:
+        """The nodes that show the robot."""
+        found = self.services.items()
+        rviz = [ns for name, ns in found if name.endswith(RVIZ_SERVICE)]
+        # Without an open page the browser view subscribes to nothing.
+        pages = [n for n in self.pids if {*self._parameters_of(n)} >= PAGE_PARAMETERS]
+        return sorted({*pages, *(node for nodes in rviz for node in nodes)})
+
+    @property
+    def tf_input(self) -> str:
+        """The topic of joint states that TF is made of."""
+        return self.topic("joint_states" if self.source else STATES)
+
+    @cached_property
+    def state_publishers(self) -> list[str]:
+        """The nodes that make TF of it."""
+        readers = self.subscribers[self.tf_input]
+        return [node for node in readers if node in self.publishers["/tf"]]
+
+    def base_edges(self) -> list[tuple[str, str]]:
+        """List the edges of TF that the bridge sends: parent and child."""
+        from g1_description.bridge.parameters import base_child, static_edges
+
+        prefix, p = self.robot.frame_prefix, self.parameters
+        base = base_child(p, self.description)
+        moving = [(p.map_frame, prefix + base)] if base else []
+        return [*moving, *static_edges(p, self.description, prefix)]
+
+    def edges(self) -> list[tuple[str, str]]:
+        """List the edges that TF should have: parent and child."""
+        from g1_description.robot.description import MOVABLE
+
+        prefix = self.robot.frame_prefix
+        joints = [
+            (prefix + joint.parent, prefix + joint.child)
+            for joint in self.description.joints
+            if joint.kind in (*MOVABLE, "fixed")
+        ]
+        return joints if self.source else [*self.base_edges(), *joints]
+
+
+# --- the checks -----------------------------------------------------------------------
+
+
+def several(
+    name: str, nodes: Sequence[str], own: Sequence[str], sentence: str
+) -> Fault | None:
+    """Return a fault if several nodes do what one should do; ``own`` may stay."""
+    if len(nodes) < 2:
+        return None
+    others = [node for node in nodes if node not in own] or nodes[1:]
+    return Fault(name, sentence, f"rosnode kill {others[-1]}")
+
+
+def check_python(system: System) -> Fault | str:
+    """Import modules of ROS and of the workspace, by this Python and that on PATH."""
+    own, first = sys.executable, shutil.which("python3") or ""
+    system.failed = failed_imports(own, ["rospy", *OF_WORKSPACE, *PACKAGES])
+    reason = system.failed.get("rospy", "")
+    # Without a workspace that comes first: rosrun finds the Python.
+    is_sourced = find_spec("g1_description.srv") is not None
+    if reason and is_sourced and os.path.dirname(own) != ROS_FOLDER:
+        return Fault(
+            "wrong_python",
+            f"The Python of this command is {own}, which is not that of ROS: {reason}.",
+            f"export PATH={ROS_FOLDER}:$PATH",
+        )
+    reasons = [system.failed[n] for n in OF_WORKSPACE if n in system.failed]
+    if reason or reasons:
+        setup = Path(__file__).resolve().parents[3] / ".ws" / "devel" / "setup.bash"
+        return Fault(
+            "no_workspace",
+            "The workspace of this package is not sourced in this shell: "
+            f"{reason or reasons[0]}.",
+            f"source {setup if setup.is_file() else '~/catkin_ws/devel/setup.bash'}",
+        )
+    is_same = os.path.abspath(own) == os.path.abspath(first)
+    if is_same or (first and not failed_imports(first, ["rospy"])):
+        return own
+    return (
+        f"{own}; python3 on PATH is {first or 'missing'}, without rospy: scripts that "
+        f"begin with '#!/usr/bin/env python3' need export PATH={ROS_FOLDER}:$PATH"
+    )
+
+
+def check_packages(system: System) -> Fault | str:
+    """Look for a package that the nodes import and this Python cannot."""
+    for module, package in PACKAGES.items():
+        if module not in system.failed or (module == "pybullet" and _is_gazebo(system)):
+            continue
+        return Fault(
+            "no_pybullet" if module == "pybullet" else "no_package",
+            f"{sys.executable} lacks {package}, which the nodes need: "
+            f"{system.failed[module]}.",
+            f"{sys.executable} -m pip install {package}",
+        )
+    return sys.executable
+
+
+def _is_gazebo(system: System) -> bool:
+    """Return whether the real Gazebo runs, which needs no PyBullet."""
+    try:
+        *_, services = system.ask_graph()
+    except (OSError, LookupError, ValueError):
+        return False
+    ours = "/gazebo/step"
+    return "/gazebo/set_model_configuration" in services and ours not in services
+
+
+def check_master(system: System) -> Fault | str:
+    """Ask the master for its process."""
+    uri = system.uri
+    try:
+        host, _ = host_of(uri)
+    except ValueError:
+        return Fault(
+            "bad_master_uri",
+            f"ROS_MASTER_URI is '{uri}', which is not an address like "
+            f"{DEFAULT_MASTER}.",
+            f"export ROS_MASTER_URI={DEFAULT_MASTER}  # or another host's",
+        )
+    system.master_is_here = any(map(is_own, addresses_of(host)))
+    try:
+        ask(uri, "getPid")
+    except (OSError, LookupError) as error:
+        sentence = f"There is no master at {uri}: {reason_of(error)}."
+        if system.master_is_here:
+            return Fault("no_master", sentence, DISPLAY)
+        return Fault("no_remote_master", sentence, f"ssh {host} roscore")
+    return uri
+
+
+def check_address(system: System) -> Fault | str:
+    """Check the address that nodes of this shell give the master."""
+    name, value = "The name of this host", socket.gethostname()
+    given = [v for v in ("ROS_HOSTNAME", "ROS_IP") if v in os.environ]
+    if given and os.environ[given[0]]:  # an empty one hides the other
+        name, value = given[0], os.environ[given[0]]
+    addresses = addresses_of(value)
+    if not addresses:
+        reason = "no machine of that name is known here"
+    elif not any(map(is_own, addresses)):
+        reason = "that is another machine"
+    elif not system.master_is_here and are_loopback(addresses):
+        reason = "on the machine of the master that is the master's own"
+    else:
+        return f"{name}: {value}"
+    return Fault(
+        "wrong_ros_ip",
+        f"{name} is {value}, and {reason}: no node of this shell can be reached.",
+        OWN_IP,
+    )
+
+
+def check_nodes(system: System) -> Fault | str:
+    """Ask all nodes for their processes."""
+    tables = system.ask_graph()
+    nodes = sorted({n for table in tables for ns in table.values() for n in ns})
+    system.publishers, system.subscribers, system.services = tables
+    with ThreadPoolExecutor(16) as pool:
+        faults = list(pool.map(lambda node: _ask_node(system, node), nodes))
+    for fault in filter(None, faults):
+        return fault
+    for table in tables:
+        for name in table:
+            table[name] = [node for node in table[name] if node in system.pids]
+    silent = listed(node for node in nodes if node not in system.pids)
+    return f"{len(system.pids)} answer" + (f", not {silent}" if silent else "")
+
+
+def _ask_node(system: System, node: str) -> Fault | None:
+    """Ask a node; note it in the system if it answers."""
+    try:
+        uri = str(ask(system.uri, "lookupNode", node))
+    except LookupError:
+        return None  # it has just gone
+    addresses = []
+    with contextlib.suppress(ValueError):
+        host, port = host_of(uri)
+        addresses = addresses_of(host)
+    is_here = any(map(is_own, addresses))
+    problem: Exception = socket.gaierror()
+    if addresses:
+        try:
+            system.pids[node] = int(ask(uri, "getPid"))
+            system.here.update({node} if is_here else ())
+            return None
+        except (OSError, LookupError) as error:
+            problem = error
+    reason = reason_of(problem)
+    # Nodes outside the pipeline may be dead: nothing waits for them.
+    if addresses and not _is_in_pipeline(system, node):
+        return None
+    if addresses and is_here and (system.master_is_here or not are_loopback(addresses)):
+        place = f"{node} is registered at {uri}, but"
+        if isinstance(problem, TimeoutError):
+            sentence = f"{place} hangs or was stopped, as by Ctrl-Z: {reason}."
+            process = f"$(fuser -n tcp {port} 2>/dev/null)"
+            cure = f"kill -CONT {process}  # if it goes on hanging: kill -9"
+            return Fault("hung_node", sentence, cure)
+        sentence = f"{place} nothing answers there: {reason}."
+        return Fault("dead_node", sentence, "yes | rosnode cleanup")
+    if is_here:
+        reason = "each machine takes that for itself"
+    elif addresses:
+        reason = f"{reason}: that is another machine, or the node has died"
+    return Fault(
+        "wrong_node_address",
+        f"{node} gives {uri} as its address, and {reason}.",
+        f"{OWN_IP}  # on its machine, in the shell that starts {node} again",
+    )
+
+
+def _is_in_pipeline(system: System, node: str) -> bool:
+    """Return whether a node passes on the robot's states, from simulator to TF."""
+    names = {
+        name.rpartition("/")[2]
+        for table in (system.publishers, system.services)
+        for name, nodes in table.items()
+        if node in nodes
+    }
+    heard = (topic for topic, nodes in system.subscribers.items() if node in nodes)
+    return bool(names & PIPELINE) or any(t.endswith(f"/{STATES}") for t in heard)
+
+
+def check_description(system: System) -> Fault | str:
+    """Read the robot of the parameter server."""
+    from g1_description.errors import G1DescriptionError
+    from g1_description.robot.urdf import parse_urdf
+
+    name = system.robot.description
+    spaces = system.namespace.split("/") if system.namespace else []
+    places = ["/".join(["", *spaces[:n], name]) for n in range(len(spaces), -1, -1)]
+    places = [name] if name.startswith("/") else places
+    found = ((place, system.parameter(place)) for place in places)
+    place, text = next((pair for pair in found if pair[1] is not None), ("", ""))
+    cure = DISPLAY
+    if system.simulators:  # beside which no launch file starts another
+        cure = (
+            "rosrun g1_description absolute_urdf.py "
+            "package://g1_description/urdf/g1_29dof.urdf > /tmp/g1.urdf && "
+            f"rosparam set -t /tmp/g1.urdf {place or name}"
+        )
+    if not place:
+        sentence = f"There is no robot on {name}, in /{system.namespace} or above."
+        return Fault("no_description", sentence, cure)
+    try:
+        system.description = parse_urdf(str(text))
+    except G1DescriptionError as error:
+        sentence = f"The parameter {place} does not hold a robot: {error}"
+        return Fault("bad_description", sentence, cure)
+    system.place = place
+    return f"{place}: {len(system.description.movable_joints)} joints"
+
+
+def check_meshes(system: System) -> Fault | str:
+    """Look for the meshes, if the simulator or a viewer runs on this machine."""
+    from g1_description.files.model_files import find_folder, share_folder
+    from g1_description.files.uris import local_path
+
+    if system.simulators and not {*system.simulators, *system.viewers} & system.here:
+        return "not needed on this machine"
+    links = system.description.links
+    shapes = [shape for link in links for shape in (*link.visuals, *link.collisions)]
+    names = [*dict.fromkeys(s.filename for s in shapes if s.kind == "mesh")]
+    lost = [name for name in names if local_path(name, find_folder) is None]
+    if not lost:
+        return f"{len(names)} files"
+    sentence = f"The robot on {system.place} has meshes that are not on this machine: "
+    cure = meshes_cure(lost, str(share_folder()))
+    return Fault("missing_meshes", f"{sentence}{listed(lost)}.", cure)
+
+
+def meshes_cure(lost: Sequence[str], share: str) -> str:
+    """Write the command that brings meshes back; share is this package's folder."""
+    scheme, _, path = lost[0].partition("://")
+    package = path.partition("/")[0]
+    if scheme == "package" and package != "g1_description":
+        return f"source ~/catkin_ws/devel/setup.bash  # the workspace with {package}"
+    if all(name.startswith(f"file://{share}/") for name in lost):
+        return f"git -C {share} checkout -- meshes"
+    return f"{DISPLAY} model:=FILE  # FILE: the URDF with its meshes beside its folder"
+
+
+def check_simulator(system: System) -> Fault | str:
+    """Ask the simulator whether it is paused."""
+    from gazebo_msgs.srv import GetPhysicsProperties
+
+    if not system.simulators:
+        service = f"{system.gazebo}/set_model_configuration"
+        sentence = f"There is no simulator: nothing serves {service}."
+        return Fault("no_simulator", sentence, GAZEBO)
+    service = f"{system.gazebo}/get_physics_properties"
+    try:
+        system.is_paused = bool(call(service, GetPhysicsProperties).pause)
+    except OSError:
+        return _hung_simulator(system, service)
+    return listed(system.simulators)
+
+
+def _hung_simulator(system: System, service: str) -> Fault:
+    node = system.simulators[0]
+    sentence = f"{node} does not answer {service} within {WAIT:g} s."
+    return Fault("hung_simulator", sentence, _restart(system, node, "kill -9"))
+
+
+def _restart(system: System, node: str, kill: str = "kill") -> str:
+    """Write the command that starts a simulator again.
+
+    A launch file refuses to start beside one, and rosnode does not end the real Gazebo.
+    """
+    return f"{kill} {system.pids[node]}  # on its machine; then: {GAZEBO}"
+
+
+def _silent(name: str, node: str, topic: str, cure: str) -> Fault:
+    sentence = f"{node} runs, but nothing came on {topic} within {WAIT:g} s."
+    return Fault(name, sentence, cure)
+
+
+def check_clock(system: System) -> Fault | str:
+    """Look for the node that publishes the time."""
+    if not system.parameter("/use_sim_time", False):
+        return "not needed, /use_sim_time is false"
+    nodes = system.publishers["/clock"]
+    if not nodes:
+        return Fault(
+            "no_clock",
+            "/use_sim_time is true, but nothing publishes /clock: time never begins.",
+            "rosparam set /use_sim_time false  # then start the nodes again",
+        )
+    sentence = f"/clock comes from {listed(nodes)}, so time jumps to and fro."
+    return several("two_clocks", nodes, system.simulators, sentence) or listed(nodes)
+
+
+def check_time(system: System) -> Fault | str:
+    """Wait for the time."""
+    from rosgraph_msgs.msg import Clock
+
+    if system.is_paused:
+        return Fault(
+            "paused",
+            "Simulated time is paused: the robot and its display stand still.",
+            f"rosservice call {system.gazebo}/unpause_physics",
+        )
+    nodes = system.publishers["/clock"]
+    if nodes and first_message("/clock", Clock) is None:
+        cure = _restart(system, nodes[0])
+        return _silent("silent_clock", nodes[0], "/clock", cure)
+    return "runs"
+
+
+def check_link_states(system: System) -> Fault | str:
+    """Wait for the simulator's link states."""
+    import numpy as np
+    from gazebo_msgs.msg import LinkStates
+
+    topic = f"{system.gazebo}/link_states"
+    nodes = system.publishers[topic]
+    if not nodes:
+        node = system.simulators[0]
+        sentence = f"{node} runs, but nothing publishes {topic}: the bridge is blind."
+        return Fault("no_link_states", sentence, _restart(system, node))
+    message = first_message(topic, LinkStates)
+    if message is None:
+        return _silent("silent_simulator", nodes[0], topic, _restart(system, nodes[0]))
+    rows = []
+    for pose in message.pose:
+        p, q = pose.position, pose.orientation
+        rows.append([p.x, p.y, p.z, q.x, q.y, q.z, q.w])
+    system.links = list(message.name), np.array(rows).reshape(-1, 7)
+    return f"{len(rows)} links"
+
+
+def check_bridge(system: System) -> Fault | str:
+    """Look for the bridge of the namespace."""
+    topic, bridges = system.topic(STATES), system.bridges
+    if bridges:
+        nodes = listed(bridges)
+        sentence = f"Several bridges publish {topic}, {nodes}: their states mix."
+        return several("two_bridges", bridges, [BRIDGE], sentence) or bridges[0]
+    cure, others = "roslaunch g1_description bridge.launch", ""
+    spaces = sorted(space for space, nodes in system.all_bridges.items() if nodes)
+    if spaces:
+        cure = DOCTOR + (f" --namespace {spaces[0]}" if spaces[0] else "")
+        others = f", but one for the namespace {listed(f'/{s}' for s in spaces)}"
+    sentence = f"There is no link_states_bridge that publishes {topic}{others}."
+    return Fault("no_bridge", sentence, cure)
+
+
+def check_model(system: System) -> Fault | str:
+    """Ask the simulator for the bridge's model."""
+    from gazebo_msgs.srv import GetWorldProperties
+
+    from g1_description.robot.assembly import SCOPE
+
+    service = f"{system.gazebo}/get_world_properties"
+    try:
+        models = list(call(service, GetWorldProperties).model_names)
+    except OSError:
+        return _hung_simulator(system, service)
+    name, bridge = system.robot.name, system.bridges[0]
+    if name.partition(SCOPE)[0] in models:
+        return name
+    cure = _spawn(system)
+    # A model with links of the robot, which may be it under another name.
+    shown = [robot.name for robot in system.parameters.each_robot]
+    parts = [link.rpartition(SCOPE) for link in system.links[0]]
+    names = {*system.description.link_names}
+    robots = {m for m, _, link in parts if link in names and m not in shown}
+    if len(robots) == 1:
+        cure = f"rosparam set {bridge}/model_name {robots.pop()} && rosnode kill "
+        cure += bridge + AGAIN
+    return Fault(
+        "no_model",
+        f"The simulator has no model called {name}, which {bridge} shows; it has "
+        f"{listed(models) or 'none'}.",
+        cure,
+    )
+
+
+def _spawn(system: System) -> str:
+    """Write the command that spawns the robot on its feet."""
+    return (
+        f"rosrun g1_description spawn_robot.py _robot_description:={system.place} "
+        f"_model_name:={system.robot.name} _on_floor:=true"
+    )
+
+
+def check_urdf(system: System) -> Fault | str:
+    """Compare the model with the description."""
+    name = system.robot.name
+    reason = difference(system.description, name, *system.links)
+    if not reason:
+        return f"{name} is the robot on {system.place}"
+    return Fault(
+        "other_urdf",
+        f"The model {name} in the simulator is not the robot on {system.place}: "
+        f"{reason}.",
+        f"rosservice call {system.gazebo}/delete_model {name} && {_spawn(system)}",
+    )
+
+
+def difference(
+    description: Description, model: str, names: Sequence[str], poses: np.ndarray
+) -> str:
+    """Compare a simulated model with a description.
+
+    Args:
+        description: What it should be.
+        model: Its name.
+        names: Scoped names of the simulator's links.
+        poses: Their poses in the world, shape (n, 7).
+
+    Returns:
+        A clause on the first difference; empty if none is seen.
+    """
+    import numpy as np
+
+    from g1_description.bridge.estimator import JointStateEstimator
+    from g1_description.robot.assembly import SCOPE, WORLD
+    from g1_description.robot.lumping import lump_fixed_joints
+    from g1_description.robot.rotation import rotate
+    from g1_description.robot.transform import compose, inverse
+
+    start = model + SCOPE
+    seen = {n[len(start) :]: p for n, p in zip(names, poses) if n.startswith(start)}
+    bodies = {*lump_fixed_joints(description).link_names} - {WORLD}
+    static = lump_fixed_joints(description, is_dynamic=False)
+    missing = sorted(bodies - {*seen})
+    extra = [n for n in sorted({*seen} - {*static.link_names}) if SCOPE not in n]
+    if missing:
+        return f"it has no link {listed(missing)}"
+    if extra:
+        return f"it has the link {listed(extra)}, which the parameter has not"
+
+    for joint in static.description.joints:
+        is_hinge = joint.kind in ("revolute", "continuous")
+        if not is_hinge or not {joint.parent, joint.child} <= {*seen}:
+            continue
+        found = compose(inverse(seen[joint.parent]), seen[joint.child])
+        poses_of_child = (found, joint.pose)
+        origins = [p[:3] + rotate(p[3:], joint.joint_origin) for p in poses_of_child]
+        distance = float(np.linalg.norm(origins[0] - origins[1]))
+        if distance > MAX_OFFSET:
+            return f"{joint.name} is {1e3 * distance:.0f} mm off its origin"
+
+    estimator = JointStateEstimator({model: description})
+    (state,) = estimator.update(list(names), poses, np.zeros((len(names), 6)), 0.0)
+    joints = listed(state.axis_residual)
+    return f"the axes of {joints} differ" if joints else ""
+
+
+def check_joint_states(system: System) -> Fault | str:
+    """Wait for the joint states."""
+    from sensor_msgs.msg import JointState
+
+    topic = system.topic("joint_states")
+    nodes = system.publishers[topic]
+    own = system.bridges or nodes[:1]
+    sentence = f"{topic} comes from {listed(nodes)}, and {listed(own)} is its owner: "
+    two = several("two_joint_states", nodes, own, sentence + "readers get both.")
+    if two:
+        return two
+    message = first_message(topic, JointState)
+    if message is None:
+        cure = f"rosnode kill {own[0]}{AGAIN}"
+        return _silent("no_joint_states", own[0], topic, cure)
+    return f"{len(message.name)} joints"
+
+
+def check_state_publisher(system: System) -> Fault | str:
+    """Look for the robot_state_publisher."""
+    others = system.publishers["/tf"] if system.source else []
+    if not system.state_publishers and others:  # such as a bag
+        return f"not needed, TF comes from {listed(others)}"
+    return listed(system.state_publishers) or _no_state_publisher(system)
+
+
+def _no_state_publisher(system: System) -> Fault:
+    sentence = f"There is no robot_state_publisher that reads {system.tf_input}."
+    return Fault("no_state_publisher", sentence, _start_state_publisher(system))
+
+
+def _start_state_publisher(system: System) -> str:
+    """Write the command that starts a robot_state_publisher."""
+    namespace = f" __ns:={system.namespace}" if system.namespace else ""
+    return (
+        "rosrun robot_state_publisher robot_state_publisher "
+        f"joint_states:={system.tf_input} _ignore_timestamp:=true{namespace} "
+        # The prefix of the last one may be on the master still.
+        f"_tf_prefix:='{system.robot.frame_prefix.rstrip('/')}'"
+    )
+
+
+def check_tf(system: System) -> Fault | str:
+    """Listen to TF."""
+    from tf2_msgs.msg import TFMessage
+
+    expected = system.edges()
+    topics = dict.fromkeys(("/tf", "/tf_static"), TFMessage)
+    publishers = {(topic, n) for topic in topics for n in system.publishers[topic]}
+    end = time.monotonic() + TF_WAIT
+
+    def is_enough(heard: Heard) -> bool:
+        came = publishers <= {(topic, sender) for topic, sender, _ in heard}
+        is_due = came or time.monotonic() > end
+        return is_due and not missing_edges(tf_edges(heard), expected)
+
+    edges = tf_edges(listen(topics, is_enough))
+    # Bridges of other robots all send the same static edge from the world to the map.
+    bridges = [node for nodes in system.all_bridges.values() for node in nodes]
+    two = two_tf_owners(edges, expected, [*bridges, *system.state_publishers])
+    lost = missing_edges(edges, expected)
+    if two or not lost:
+        return two or f"{len(edges)} edges"
+    if not system.state_publishers:
+        return _no_state_publisher(system)
+    is_base = lost[0] in system.base_edges()
+    owner = system.bridges[0] if is_base else system.state_publishers[0]
+    then = AGAIN if is_base else f"; {_start_state_publisher(system)}"
+    edges_lost = listed(f"{parent} -> {child}" for parent, child in lost)
+    sentence = f"TF lacks {edges_lost}, which {owner} should send."
+    return Fault("no_tf", sentence, f"rosnode kill {owner}{then}")
+
+
+def tf_edges(heard: Heard) -> dict[str, set[tuple[str, str]]]:
+    """Collect the edges of TF: pairs of sender and parent, by the child's frame."""
+    found: dict[str, set[tuple[str, str]]] = {}
+    for _, sender, message in heard:
+        for edge in message.transforms:
+            pair = sender, edge.header.frame_id.lstrip("/")
+            found.setdefault(edge.child_frame_id.lstrip("/"), set()).add(pair)
+    return found
+
+
+def missing_edges(
+    edges: Mapping[str, set[tuple[str, str]]], expected: Iterable[tuple[str, str]]
+) -> list[tuple[str, str]]:
+    """List the expected edges, parent and child, that nobody sends."""
+    found = {(p, child) for child, pairs in edges.items() for _, p in pairs}
+    return [edge for edge in expected if edge not in found]
+
+
+def two_tf_owners(
+    edges: Mapping[str, set[tuple[str, str]]],
+    expected: Iterable[tuple[str, str]],
+    own: Sequence[str],
+) -> Fault | None:
+    """Look for a frame of the robot with two parents, or from two nodes.
+
+    Args:
+        edges: Pairs of sender and parent, by the child's frame.
+        expected: The robot's edges, parent and child: other frames are ignored.
+        own: The bridges and the robot_state_publisher, which all may send an edge:
+            when time stands still the bridge sends fixed joints, too.
+    """
+    for child in sorted({child for _, child in expected} & {*edges}):
+        nodes = sorted({node for node, _ in edges[child]})
+        parents = sorted({parent for _, parent in edges[child]})
+        if len(parents) == 1 and (len(nodes) == 1 or {*nodes} <= {*own}):
+            continue
+        other = ([node for node in nodes if node not in own] or nodes)[-1]
+        edge = listed(f"{parent} -> {child}" for parent in parents)
+        return Fault(
+            "two_tf_owners",
+            f"TF gets {edge} from {listed(nodes)}, so the robot jumps to and fro.",
+            f"rosnode kill {other}",
+        )
+    return None
+
+
+def check_diagnostics(system: System) -> Fault | str:
+    """Wait for a good report of the bridge: a bad one may pass."""
+    from diagnostic_msgs.msg import DiagnosticArray
+
+    node, topic = system.bridges[0], "/diagnostics"
+
+    def reports(heard: Heard) -> list[str]:
+        return [bad_status(m.status) for _, sender, m in heard if sender == node]
+
+    heard = listen({topic: DiagnosticArray}, lambda heard: "" in reports(heard))
+    found = reports(heard)
+    if "" in found:
+        return node
+    if not found:
+        return _silent("no_diagnostics", node, topic, f"rosnode kill {node}{AGAIN}")
+    cure = f"rostopic echo {topic}  # the report with all figures"
+    sentence = f"{node} reports on {topic}: {found[-1]}."
+    return Fault("bad_diagnostics", sentence, cure)
+
+
+def bad_status(statuses: Iterable[Any]) -> str:
+    """Return name and message of the first bad status; of commands, of errors only."""
+    for status in sorted(statuses, key=lambda status: status.name):
+        if status.level > (1 if status.name.endswith(": commands") else 0):
+            return f"{status.name}: {status.message}"
+    return ""
+
+
+def check_picture(system: System) -> Fault | str:
+    """Look for RViz or the browser view."""
+    if system.viewers:
+        return listed(system.viewers)
+    if not os.environ.get("DISPLAY"):
+        return f"not needed without a screen; in a browser: {BROWSER}"
+    return Fault(
+        "no_picture",
+        "Nothing shows the robot: neither RViz nor the browser view runs.",
+        f"roslaunch g1_description rviz.launch  # or, if RViz cannot start: {BROWSER}",
+    )
+
+
+CHECKS: list[tuple[str, str, Callable[[System], Fault | str]]] = [
+    ("python", "this is ROS' Python, and the workspace is sourced", check_python),
+    ("packages", "the nodes have the packages that they import", check_packages),
+    ("master", "a master answers", check_master),
+    ("address", "nodes of this shell give an address that is theirs", check_address),
+    ("nodes", "all nodes answer at their addresses", check_nodes),
+    ("description", "a robot is on the parameter server", check_description),
+    ("meshes", "its meshes are on this machine", check_meshes),
+    ("simulator", "a simulator runs and answers", check_simulator),
+    ("clock", "one node publishes the time", check_clock),
+    ("time", "simulated time runs", check_time),
+    ("link_states", "link states come", check_link_states),
+    ("bridge", "one bridge turns link states into joint states", check_bridge),
+    ("model", "the simulator has the model that the bridge shows", check_model),
+    ("urdf", "that model is the robot of the parameter server", check_urdf),
+    ("joint_states", "joint states come, and from one node", check_joint_states),
+    ("state_publisher", "robot_state_publisher reads them", check_state_publisher),
+    ("tf", "TF is complete, and each edge has one owner", check_tf),
+    ("diagnostics", "the bridge reports no fault", check_diagnostics),
+    ("picture", "RViz or the browser view shows the robot", check_picture),
+]
+"""Name of the link, what holds if it is whole, and the check. They run in this order:
+each needs those before it."""
+
+LINKS = [name for name, _, _ in CHECKS]
+
+OF_SIMULATION = {"simulator", "time", "link_states", "bridge", "model", "urdf"}
+OF_SIMULATION |= {"diagnostics"}
+"""The links that are not there where joint states come from a bag or a real robot."""
+
+
+# --- the command ----------------------------------------------------------------------
+
+
+def run_checks(namespace: str, names: Sequence[str]) -> Iterator[Result]:
+    """Run checks one after another; none behind the first fault.
+
+    Args:
+        namespace: Of the robot's topics, without slashes around.
+        names: The names of the checks.
+
+    Raises:
+        KeyboardInterrupt: If a signal has shut the node down.
+    """
+    system = System(namespace)
+    checks = iter([check for check in CHECKS if check[0] in names])
+    for name, about, check in checks:
+        try:
+            if name in OF_SIMULATION and system.source:
+                found = f"not needed, joint states come from {system.source}"
+            else:
+                found = check(system)
+        except (OSError, LookupError, TypeError, ValueError, SystemExit) as error:
+            found = check_master(system)  # which may have gone meanwhile
+            if not isinstance(found, Fault):
+                sentence = f"The check '{name}' cannot be done: {reason_of(error)}."
+                again = f"{DOCTOR}  # again, when this machine is less busy"
+                found = Fault("unfinished", sentence, again)
+        if is_shut_down():
+            raise KeyboardInterrupt
+        if isinstance(found, Fault):
+            yield Result(name, about, BROKEN, found.name, found)
+            break
+        yield Result(name, about, OK, found)
+    for name, about, _ in checks:
+        yield Result(name, about, NOT_LOOKED_AT)
+
+
+def parser() -> OneSentenceParser:
+    """Make a parser of the command's arguments."""
+    made = OneSentenceParser(
+        prog="doctor",
+        description="Check the links from the master to the display, and name the "
+        "first broken one with the command that mends it. Nothing is changed. The exit "
+        "code is 0 if all is whole, 1 if a link is broken, 2 if the command line is "
+        "wrong.",
+    )
+    made.misuse = MISUSE
+    made.add_argument("--json", action="store_true", help="print JSON")
+    add_namespace(made)
+    made.add_argument(
+        "--until",
+        choices=LINKS,
+        default=LINKS[-1],
+        metavar="LINK",
+        help=f"last link to check: {', '.join(LINKS)}; default: {LINKS[-1]}",
+    )
+    return made
+
+
+def main() -> None:
+    """Run the command, and exit with its code."""
+    # rospy, which would leave out remappings, may be missing.
+    args = parser().parse_args([word for word in sys.argv[1:] if ":=" not in word])
+    results = []
+    for result in run_checks(args.namespace, LINKS[: LINKS.index(args.until) + 1]):
+        results.append(result)
+        if not args.json:
+            remark = f" ({result.remark})" if result.remark else ""
+            say(f"{result.state:13}  {result.name:15}  {result.about}{remark}")
+    fault = next((result.fault for result in results if result.fault), None)
+    if args.json:
+        keys = ("name", "state", "about", "remark")
+        told = {
+            "whole": fault is None,
+            "fault": fault and fault.name,
+            "sentence": fault and fault.sentence,
+            "cure": fault and fault.cure,
+            "links": [{key: getattr(r, key) for key in keys} for r in results],
+        }
+        say(json.dumps(told, indent=2))
+    elif fault:
+        say(f"\ndoctor: {fault.sentence}\n        {fault.cure}")
+    else:
+        say("\ndoctor: all links are whole.")
+    sys.exit(FOUND if fault else WHOLE)
