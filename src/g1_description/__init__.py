@@ -13,13 +13,13 @@ from pkgutil import extend_path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .api.robot import Robot as Robot
+    from .api import Robot as Robot
     from .client import Client as Client
 
 # The generated services, g1_description.srv, lie in another folder of this name.
 __path__ = extend_path(__path__, __name__)
 
-PUBLIC = {"Client": "client", "Robot": "api.robot"}
+PUBLIC = {"Client": "client", "Robot": "api"}
 """Where the public names are."""
 
 

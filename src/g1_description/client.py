@@ -18,7 +18,7 @@ import numpy as np
 from gazebo_msgs.srv import GetPhysicsProperties
 from std_srvs.srv import Empty
 
-from g1_description.api.values import JointValues, as_array, as_poses, check_names
+from g1_description.api import JointValues, as_array, as_poses, check_names
 from g1_description.errors import InvalidValueError
 from g1_description.motion.trajectory import Trajectory
 from g1_description.ros.connection import Connection, RefusedError

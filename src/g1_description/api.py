@@ -1,0 +1,711 @@
+"""Robot: the package's interface for Python programs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from functools import cached_property
+from os import PathLike, fspath
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Union
+
+import numpy as np
+
+from g1_description.bounds import NORM_TOLERANCE
+from g1_description.checks.thresholds import (
+    Thresholds,
+    read_thresholds,
+    with_thresholds,
+)
+from g1_description.checks.verdict import Verdict
+from g1_description.errors import (
+    DescriptionError,
+    G1DescriptionError,
+    InvalidValueError,
+    MotionError,
+    UnknownNameError,
+)
+from g1_description.motion.files.read import read_motion
+from g1_description.motion.files.write import write_motion
+from g1_description.motion.motion import Motion, fitted
+from g1_description.motion.trajectory import UNIT_TOLERANCE, Trajectory
+from g1_description.robot.assembly import WORLD, base_of, root_in_base
+from g1_description.robot.description import Joint
+from g1_description.robot.dynamics import (
+    Masses,
+    RobotMotion,
+    inverse_dynamics,
+    link_jacobian,
+)
+from g1_description.robot.kinematics import Kinematics
+from g1_description.robot.load import absolute_urdf
+from g1_description.robot.poses import (
+    ZERO,
+    Pose,
+    check_pose,
+    find_pose,
+    pose_positions,
+    read_poses,
+)
+from g1_description.robot.rotation import cross, normalized
+from g1_description.robot.transform import IDENTITY, compose
+from g1_description.robot.urdf import parse_urdf
+from g1_description.text import listed, similar_first
+
+if TYPE_CHECKING:
+    from g1_description.checks.checker import Checker
+    from g1_description.collisions.distances import Contacts
+
+MODEL = "package://g1_description/urdf/g1_29dof.urdf"
+"""The robot of this package."""
+
+Seed = Union[int, np.random.Generator, None]
+
+JointValues = Union["Mapping[str, Any]", "Sequence[Any]", np.ndarray]
+"""A dictionary by joint, or an array in the order of the joints; see ``as_array``."""
+
+ThresholdValues = Union[Thresholds, "Mapping[str, Any]", str, "PathLike[str]", None]
+"""A YAML file, or what it would hold; None: the defaults."""
+
+
+class Robot:
+    """A robot, and what can be computed of it.
+
+    Joints are the movable ones. Joints and links have the order of the file. Positions
+    are in [rad] or [m], poses are rows of x y z and quaternion x y z w.
+
+    Everywhere, ``positions`` may be arrays or dictionaries by joint (see the method
+    ``positions``), with any number of leading axes for many configurations at once.
+    ``base`` is the pose of the base link in the world, shape (..., 7); by default the
+    world's origin.
+    """
+
+    def __init__(self, model: str | PathLike[str] = MODEL) -> None:
+        """Read a robot.
+
+        Args:
+            model: URDF or xacro file, as a path, ``package://PACKAGE/PATH`` or
+                ``file://``; arguments for xacro behind it, ``robot.xacro hand=true``;
+                or the text of a URDF, such as the parameter robot_description has.
+
+        Raises:
+            DescriptionError: If there is no such file, or no robot in it.
+        """
+        name = fspath(model)
+        text = name if name.lstrip().startswith("<") else absolute_urdf(name)
+        self.description = parse_urdf(text)
+        """Links and joints with all that was read of them."""
+        joints = self.description.movable_joints
+        self.name = self.description.name
+        self.joint_names = tuple(joint.name for joint in joints)
+        self.link_names = tuple(n for n in self.description.link_names if n != WORLD)
+        self.base_link = base_of(self.description)[0]
+        """The link whose pose is the robot's."""
+        self.lower = _each(joints, lambda joint: joint.lower)
+        """Least positions, -inf where there is no limit, shape (n_joints,)."""
+        self.upper = _each(joints, lambda joint: joint.upper)
+        """Greatest positions, inf where there is no limit, shape (n_joints,)."""
+        self.velocity_limits = _each(joints, lambda joint: joint.velocity)
+        """In [rad/s] or [m/s], inf where there is no limit, shape (n_joints,)."""
+        self.effort_limits = _each(joints, lambda joint: joint.effort)
+        """In [N m] or [N], inf where there is no limit, shape (n_joints,)."""
+        self.mass = self.description.mass
+        """In [kg]; None where the file gives no masses."""
+
+    def __repr__(self) -> str:
+        """Show what it is."""
+        n_joints, n_links = len(self.joint_names), len(self.link_names)
+        return f"<Robot {self.name}: {n_joints} joints, {n_links} links>"
+
+    @cached_property
+    def neutral(self) -> np.ndarray:
+        """All joints at 0, or at the limit that is nearest, shape (n_joints,)."""
+        return _frozen(pose_positions(Pose(ZERO), self.description))
+
+    @property
+    def pose_names(self) -> tuple[str, ...]:
+        """The named poses that this robot can take, the user's own among them."""
+        return tuple(n for n, pose in read_poses().items() if self._can_take(pose))
+
+    def pose(self, name: str) -> np.ndarray:
+        """Return the positions of a named pose, shape (n_joints,).
+
+        Raises:
+            UnknownNameError: If there is none of the name, or it names other joints.
+            InvalidValueError: If a position is outside the limits.
+        """
+        pose = find_pose(name, read_poses())
+        check_pose(pose, self.description)
+        return pose_positions(pose, self.description)
+
+    def random_configuration(
+        self, rng: Seed = None, size: int | tuple[int, ...] = ()
+    ) -> np.ndarray:
+        """Draw positions, evenly between the limits.
+
+        Args:
+            rng: Generator or seed; None: another result each time.
+            size: How many, or the leading axes.
+
+        Returns:
+            Positions, shape (*size, n_joints); a joint that turns without limits is
+            within half a turn of 0, or within a turn of its only limit.
+
+        Raises:
+            InvalidValueError: If a joint slides without limits.
+        """
+        lower, upper = self._ranges
+        lead = (size,) if isinstance(size, int) else tuple(size)
+        generator = np.random.default_rng(rng)
+        return generator.uniform(lower, upper, (*lead, len(lower)))
+
+    def positions(self, given: JointValues) -> np.ndarray:
+        """Arrange positions in the order of the joints.
+
+        Args:
+            given: An array of shape (..., n_joints), or a dictionary by joint of
+                numbers or arrays of shape (...); joints that it does not name are
+                neutral.
+
+        Returns:
+            A new array, shape (..., n_joints).
+
+        Raises:
+            UnknownNameError: If the robot has no joint of a name.
+            InvalidValueError: If shapes do not fit, or a number is not finite.
+        """
+        return as_array(given, self.joint_names, self.neutral)
+
+    def link_row(self, link: str) -> int:
+        """Return the place of a link in ``link_names``.
+
+        Raises:
+            UnknownNameError: If there is none.
+        """
+        return _row("link", link, self.link_names)
+
+    def joint_row(self, joint: str) -> int:
+        """Return the place of a joint in ``joint_names``.
+
+        Raises:
+            UnknownNameError: If there is none.
+        """
+        return _row("movable joint", joint, self.joint_names)
+
+    def forward_kinematics(
+        self, positions: JointValues, base: Any = None
+    ) -> np.ndarray:
+        """Place all links.
+
+        Returns:
+            Poses of the link frames in the world in the order of ``link_names``, shape
+            (..., n_links, 7).
+
+        Raises:
+            G1DescriptionError: If positions or base are none of this robot.
+        """
+        return self._kinematics.link_poses(*self._placed(positions, base))
+
+    def link_poses(
+        self, positions: JointValues, base: Any = None
+    ) -> dict[str, np.ndarray]:
+        """Place all links: poses by name, shapes (..., 7), else the same."""
+        poses = self.forward_kinematics(positions, base)
+        return {link: poses[..., row, :] for row, link in enumerate(self.link_names)}
+
+    def jacobian(
+        self, link: str, positions: JointValues, base: Any = None
+    ) -> np.ndarray:
+        """Compute the geometric Jacobian of the origin of a link.
+
+        Returns:
+            J such that J @ (base's linear velocity, base's angular velocity, joint
+            velocities) is the link's linear, then angular velocity, all along the
+            world's axes, shape (..., 6, 6 + n_joints).
+
+        Raises:
+            G1DescriptionError: If there is no such link, or positions or base are none
+                of this robot.
+        """
+        row = self.link_row(link)
+        roots, placed = self._placed(positions, base)
+        found = link_jacobian(self._kinematics, roots, placed, row)
+        # Its columns are those of the root, which the base carries along.
+        base_row = self.link_names.index(self.base_link)
+        bases = self._kinematics.link_poses(roots, placed)[..., base_row, :3]
+        lever = (roots[..., :3] - bases)[..., np.newaxis, :]
+        shift = cross(np.eye(3), lever)
+        found[..., :3, 3:6] += np.swapaxes(shift, -1, -2)
+        return found
+
+    def center_of_mass(self, positions: JointValues, base: Any = None) -> np.ndarray:
+        """Compute the centre of mass in the world, in [m], shape (..., 3).
+
+        Raises:
+            DescriptionError: If the robot has no masses.
+            G1DescriptionError: If positions or base are none of this robot.
+        """
+        return self._masses.robot_center(self.forward_kinematics(positions, base))
+
+    def inverse_dynamics(
+        self,
+        positions: JointValues,
+        velocities: JointValues | None = None,
+        accelerations: JointValues | None = None,
+        base: Any = None,
+    ) -> np.ndarray:
+        """Compute the efforts that hold or move the robot while its base is held fast.
+
+        Args:
+            positions: Of the joints.
+            velocities: In [rad/s] or [m/s], like positions; by default none.
+            accelerations: In [rad/s^2] or [m/s^2], likewise.
+            base: Pose of the base link.
+
+        Returns:
+            Efforts of the joints in [N m] or [N] under gravity along -z, shape
+            (..., n_joints).
+
+        Raises:
+            DescriptionError: If the robot has no masses.
+            G1DescriptionError: If numbers are none of this robot.
+        """
+        if not self._masses.total > 0.0:
+            raise DescriptionError(f"{self.name} has no masses: no effort moves it.")
+        root, placed = self._placed(positions, base)
+        rates = [
+            self._rates(velocities, placed.shape, "velocity"),
+            self._rates(accelerations, placed.shape, "acceleration"),
+        ]
+        still = np.zeros((*placed.shape[:-1], 6))
+        motion = RobotMotion(root, placed, still, rates[0], still, rates[1])
+        return inverse_dynamics(self._kinematics, self._masses, motion).efforts
+
+    def read_motion(
+        self, path: str | PathLike[str], rate: float | None = None
+    ) -> Motion:
+        """Read a motion from a file.
+
+        Args:
+            path: CSV, npz, pickle, or YAML of a JointTrajectory.
+            rate: Samples per second of a file without times.
+
+        Returns:
+            The motion with the joints that the robot has, in the order of the file;
+            ``notes`` say what was assumed and what does not fit.
+
+        Raises:
+            MotionError: If there is no such file, or no motion in it that fits.
+        """
+        if rate is not None and not (
+            isinstance(rate, (int, float, np.number)) and 0.0 < rate < np.inf
+        ):
+            raise MotionError(f"The rate is {rate!r}; it must be a number above 0.")
+        return read_motion(Path(path).expanduser(), self.description, rate)
+
+    def write_motion(
+        self,
+        path: str | PathLike[str],
+        trajectory: Trajectory,
+        rate: float | None = None,
+    ) -> tuple[str, ...]:
+        """Write a motion to a file.
+
+        Args:
+            path: Ending in .csv or .npz; a file that is there is replaced.
+            trajectory: The motion.
+            rate: Samples per second of an npz; by default those of the motion.
+
+        Returns:
+            Messages on what is not as in the motion.
+
+        Raises:
+            MotionError: If the format cannot hold it.
+            InvalidValueError: If the file cannot be written.
+        """
+        return write_motion(Path(path).expanduser(), trajectory, self.description, rate)
+
+    def trajectory(
+        self,
+        times: Any,
+        positions: JointValues,
+        velocities: JointValues | None = None,
+        base_poses: Any = None,
+    ) -> Trajectory:
+        """Make a motion of all joints.
+
+        Args:
+            times: In [s], rising, shape (n_samples,).
+            positions: Of the joints, shape (n_samples, n_joints).
+            velocities: Likewise; by default unknown: joints move in straight lines.
+            base_poses: Of the base link, shape (n_samples, 7); by default the base does
+                not belong to the motion.
+
+        Raises:
+            G1DescriptionError: If that is no motion of this robot.
+        """
+        placed = self.positions(positions)
+        rates = (
+            None
+            if velocities is None
+            else self._rates(velocities, placed.shape, "velocity")
+        )
+        poses = None if base_poses is None else as_poses(base_poses)
+        own_times = np.array(times, dtype=float)
+        return Trajectory(own_times, self.joint_names, placed, rates, poses)
+
+    def positions_of(self, trajectory: Trajectory) -> np.ndarray:
+        """Arrange the positions of a motion in the order of the robot's joints.
+
+        Returns:
+            Positions, shape (n_samples, n_joints); joints that it does not move are
+            neutral.
+
+        Raises:
+            UnknownNameError: If it moves joints that the robot does not have.
+        """
+        if not trajectory.joint_names:
+            return np.tile(self.neutral, (len(trajectory.times), 1))
+        return self.positions(dict(zip(trajectory.joint_names, trajectory.positions.T)))
+
+    def check(
+        self,
+        motion: Motion | Trajectory | str | PathLike[str],
+        only: Collection[str] = (),
+        thresholds: ThresholdValues = None,
+        fixed_base: bool = False,
+    ) -> Verdict:
+        """Judge a motion.
+
+        Args:
+            motion: The motion, or its file.
+            only: Names of the checks to make; none: all.
+            thresholds: What is a warning and what a failure: a YAML file, or its
+                content such as ``{"skating": {"failure": 0.5}}``.
+            fixed_base: Whether something holds the base, so that efforts are known.
+
+        Returns:
+            What was found; ``passed`` is False if anything failed.
+
+        Raises:
+            G1DescriptionError: If the motion is none of this robot, or there is no such
+                check or threshold.
+        """
+        if isinstance(motion, Trajectory):
+            motion = Motion(motion)
+        elif not isinstance(motion, Motion):
+            motion = self.read_motion(motion)
+        motion = fitted(motion, self.description)
+        checker = self._checker(thresholds, fixed_base)
+        return checker.check_motion(motion, _names(only)).verdict
+
+    def check_state(
+        self,
+        positions: JointValues,
+        base: Any = None,
+        only: Collection[str] = (),
+        thresholds: ThresholdValues = None,
+    ) -> Verdict:
+        """Judge a configuration at rest.
+
+        Args:
+            positions: Of the joints, shape (n_joints,), or by joint.
+            base: Pose of the base link, shape (7,); by default unknown: the floor is
+                not judged.
+            only: Names of the checks to make; none: all.
+            thresholds: As for ``check``.
+
+        Raises:
+            G1DescriptionError: If that is no configuration of this robot, or there is
+                no such check or threshold.
+        """
+        placed = self.positions(positions)
+        pose = None if base is None else as_poses(base)
+        for array, shape in ((placed, (len(self.joint_names),)), (pose, (7,))):
+            if array is not None and array.shape != shape:
+                raise InvalidValueError(
+                    f"An array of shape {array.shape} is given; a configuration has "
+                    f"positions of shape ({len(self.joint_names)},) and a base of (7,)."
+                )
+        checker = self._checker(thresholds, fixed_base=False)
+        by_name = dict(zip(self.joint_names, placed.tolist()))
+        return checker.check_state(by_name, pose, _names(only))
+
+    def collisions(
+        self, positions: JointValues, base: Any = None, margin: float = 0.0
+    ) -> Contacts:
+        """Find where links touch each other, besides those that may by design.
+
+        Args:
+            positions: Of the joints, shape (n, n_joints) or (n_joints,), or by joint.
+            base: Poses of the base link, shape (n, 7) or (7,).
+            margin: In [m]; links that are nearer are found; 0: those that overlap.
+
+        Returns:
+            The contacts; ``frame`` is the row of the configuration, ``pair`` the row of
+            the links in ``collision_pairs``, ``distance`` is negative where they
+            overlap.
+
+        Raises:
+            G1DescriptionError: If that are no configurations of this robot.
+        """
+        poses = self.forward_kinematics(positions, base)
+        poses = poses.reshape(-1, len(self.link_names), 7)
+        return self._usual_checker.collisions.contacts(poses, margin)
+
+    @property
+    def collision_pairs(self) -> tuple[tuple[str, str], ...]:
+        """The pairs of links that are checked for collisions."""
+        return self._usual_checker.collisions.pairs
+
+    def _rates(
+        self, given: JointValues | None, shape: tuple[int, ...], what: str
+    ) -> np.ndarray:
+        """Arrange velocities or accelerations like positions; by default 0."""
+        still = np.zeros(len(self.joint_names))
+        if given is None:
+            return np.broadcast_to(still, shape)
+        rates = as_array(given, self.joint_names, still, what)
+        try:
+            return np.broadcast_to(rates, shape)
+        except ValueError as error:
+            raise InvalidValueError(
+                f"An array of shape {rates.shape} for each {what} does not go with "
+                f"positions of shape {shape}."
+            ) from error
+
+    @cached_property
+    def _ranges(self) -> tuple[np.ndarray, np.ndarray]:
+        """Between which positions joints are drawn, shapes (n_joints,)."""
+        rows = [_range(joint) for joint in self.description.movable_joints]
+        lower, upper = np.array(rows).reshape(-1, 2).T
+        return lower, upper
+
+    def _can_take(self, pose: Pose) -> bool:
+        """Return whether the robot can take a pose."""
+        try:
+            check_pose(pose, self.description)
+        except G1DescriptionError:
+            return False
+        return True
+
+    @cached_property
+    def _kinematics(self) -> Kinematics:
+        return Kinematics(self.description)
+
+    @cached_property
+    def _masses(self) -> Masses:
+        return Masses(self.description)
+
+    @cached_property
+    def _root_in_base(self) -> np.ndarray:
+        return root_in_base(self.description)
+
+    def _placed(
+        self, positions: JointValues, base: Any
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return poses of the root link and positions, with the same leading axes."""
+        placed = self.positions(positions)
+        roots = IDENTITY if base is None else as_poses(base)
+        if self.base_link != self.description.root:
+            roots = compose(roots, self._root_in_base)
+        lead = _common(roots.shape[:-1], placed.shape[:-1])
+        return (
+            np.broadcast_to(roots, (*lead, 7)),
+            np.broadcast_to(placed, (*lead, len(self.joint_names))),
+        )
+
+    @cached_property
+    def _usual_checker(self) -> Checker:
+        """All checks with the usual thresholds; their preparation takes a second."""
+        # PyBullet and scipy take a while, and most programs check nothing.
+        from g1_description.checks.checker import Checker
+
+        return Checker.of(self.description)
+
+    def _checker(self, given: ThresholdValues, fixed_base: bool) -> Checker:
+        """Return the checks with some thresholds."""
+        checker = self._usual_checker
+        if given is None and not fixed_base:
+            return checker
+        if given is None:
+            thresholds = checker.thresholds
+        elif isinstance(given, Thresholds):
+            thresholds = given
+        elif isinstance(given, Mapping):
+            thresholds = with_thresholds(checker.thresholds, given)
+        else:
+            thresholds = read_thresholds(Path(given).expanduser())
+        from g1_description.checks.checker import Checker
+
+        changed = Checker(
+            self.description, checker.collisions, thresholds, fixed_base=fixed_base
+        )
+        changed.notes = checker.notes
+        return changed
+
+
+def as_array(
+    given: JointValues, joints: Sequence[str], rest: np.ndarray, what: str = "position"
+) -> np.ndarray:
+    """Arrange numbers in the order of a robot's joints.
+
+    Args:
+        given: An array of shape (..., n_joints), or a dictionary by joint of numbers or
+            arrays of shape (...).
+        joints: Names of the robot's movable joints.
+        rest: Numbers of the joints that a dictionary does not name, shape (n_joints,).
+        what: What the numbers are, for messages.
+
+    Returns:
+        A new array, shape (..., n_joints).
+
+    Raises:
+        UnknownNameError: If the robot has no joint of a name.
+        InvalidValueError: If shapes do not fit, or a number is not finite.
+    """
+    if isinstance(given, Mapping):
+        array = _from_names(given, joints, rest, what)
+    else:
+        array = _numbers(given, what)
+        if array.ndim == 0 or array.shape[-1] != len(joints):
+            raise InvalidValueError(
+                f"An array of shape {array.shape} is given for each {what}; the last "
+                f"axis must be that of the {len(joints)} joints."
+            )
+    wrong = np.argwhere(~np.isfinite(array))
+    if len(wrong):
+        first = tuple(wrong[0])
+        raise InvalidValueError(
+            f"The {what} of {joints[first[-1]]} is {array[first]}, which is no finite "
+            "number."
+        )
+    return array
+
+
+def check_names(names: Sequence[str], joints: Sequence[str]) -> None:
+    """Check that a robot has joints.
+
+    Raises:
+        UnknownNameError: If one is missing; the message begins with the nearest names.
+    """
+    unknown = [name for name in names if name not in joints]
+    if unknown:
+        known = listed(similar_first(unknown[0], joints)) or "none"
+        raise UnknownNameError(
+            f"There is no movable joint {listed(unknown)}; there are {known}."
+        )
+
+
+def _from_names(
+    given: Mapping[str, Any], joints: Sequence[str], rest: np.ndarray, what: str
+) -> np.ndarray:
+    """Arrange numbers that are given by name."""
+    check_names(list(given), joints)
+    columns = [joints.index(name) for name in given]
+    values = [_numbers(value, f"{what} of {name}") for name, value in given.items()]
+    try:
+        rows = np.broadcast_arrays(*values)
+    except ValueError as error:
+        shapes = listed(f"{name} {v.shape}" for name, v in zip(given, values))
+        raise InvalidValueError(
+            f"The shapes given for each {what} do not go together: {shapes}."
+        ) from error
+    array = np.empty((*(rows[0].shape if rows else ()), len(joints)))
+    array[...] = rest
+    for column, row in zip(columns, rows):
+        array[..., column] = row
+    return array
+
+
+def _numbers(given: Any, what: str) -> np.ndarray:
+    """Copy what is given into an array of numbers."""
+    try:
+        return np.array(given, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise InvalidValueError(
+            f"The {what} given is {str(given)[:80]}, which is no array of numbers."
+        ) from error
+
+
+def as_poses(given: Any) -> np.ndarray:
+    """Check poses of the base.
+
+    Args:
+        given: x y z and quaternion x y z w, shape (..., 7).
+
+    Returns:
+        A new array of the same shape, with quaternions of unit length.
+
+    Raises:
+        InvalidValueError: If they are no poses.
+    """
+    try:
+        poses = np.array(given, dtype=float)
+    except (TypeError, ValueError):
+        poses = np.zeros(0)
+    if poses.shape[-1:] != (7,) or not np.isfinite(poses).all():
+        raise InvalidValueError(
+            f"The base given is {str(given)[:80]}; a pose is seven finite numbers, "
+            "x y z and quaternion x y z w."
+        )
+    lengths = np.linalg.norm(poses[..., 3:], axis=-1)
+    errors = np.abs(lengths - 1.0)
+    if (errors > NORM_TOLERANCE).any():
+        raise InvalidValueError(
+            "The base has a quaternion of length "
+            f"{lengths.flat[int(np.argmax(errors))]:.6g}, not 1."
+        )
+    rounded = errors > UNIT_TOLERANCE
+    poses[rounded, 3:] = normalized(poses[rounded, 3:])
+    return poses
+
+
+def _range(joint: Joint) -> tuple[float, float]:
+    """Return between which positions a joint is drawn."""
+    lower, upper = joint.lower, joint.upper
+    if np.isfinite(lower) and np.isfinite(upper):
+        return lower, upper
+    if joint.kind == "prismatic":
+        raise InvalidValueError(
+            f"{joint.name} slides from {lower:g} to {upper:g}: nothing can be drawn "
+            "evenly from that."
+        )
+    if np.isfinite(lower):
+        return lower, lower + 2.0 * np.pi
+    if np.isfinite(upper):
+        return upper - 2.0 * np.pi, upper
+    return -np.pi, np.pi
+
+
+def _row(kind: str, name: str, names: Sequence[str]) -> int:
+    """Return the place of a name; UnknownNameError begins with those like it."""
+    if name not in names:
+        known = listed(similar_first(name, names)) or "none"
+        raise UnknownNameError(f"There is no {kind} '{name}'; there are {known}.")
+    return names.index(name)
+
+
+def _each(joints: Sequence[Joint], value: Callable[[Joint], float]) -> np.ndarray:
+    """Gather a number of each joint, shape (n_joints,)."""
+    return _frozen(np.array([value(joint) for joint in joints], dtype=float))
+
+
+def _frozen(array: np.ndarray) -> np.ndarray:
+    """Make an array that nobody changes by mistake."""
+    array.setflags(write=False)
+    return array
+
+
+def _common(first: tuple[int, ...], second: tuple[int, ...]) -> tuple[int, ...]:
+    """Return the leading axes that arrays with these are broadcast to."""
+    try:
+        return np.broadcast(np.broadcast_to(0, first), np.broadcast_to(0, second)).shape
+    except ValueError as error:
+        raise InvalidValueError(
+            f"The leading axes {first} and {second} do not go together."
+        ) from error
+
+
+def _names(only: Collection[str]) -> Collection[str]:
+    """Take a single name as well: as a collection, it is one of letters."""
+    return (only,) if isinstance(only, str) else only

@@ -1,1 +1,0 @@
-"""Robot: the package's interface for Python programs."""
