@@ -16,7 +16,6 @@ from g1_description.checks.thresholds import (
     read_thresholds,
     with_thresholds,
 )
-from g1_description.checks.verdict import Verdict
 from g1_description.errors import (
     DescriptionError,
     G1DescriptionError,
@@ -27,6 +26,7 @@ from g1_description.errors import (
 from g1_description.motion.files.read import read_motion
 from g1_description.motion.files.write import write_motion
 from g1_description.motion.motion import Motion, fitted
+from g1_description.motion.motors import g1_motors
 from g1_description.motion.trajectory import UNIT_TOLERANCE, Trajectory
 from g1_description.robot.assembly import WORLD, base_of, root_in_base
 from g1_description.robot.description import Joint
@@ -53,7 +53,9 @@ from g1_description.text import listed, similar_first
 
 if TYPE_CHECKING:
     from g1_description.checks.checker import Checker
+    from g1_description.checks.verdict import Verdict
     from g1_description.collisions.distances import Contacts
+    from g1_description.collisions.self_collisions import SelfCollisions
 
 MODEL = "package://g1_description/urdf/g1_29dof.urdf"
 """The robot of this package."""
@@ -374,7 +376,7 @@ class Robot:
         thresholds: ThresholdValues = None,
         fixed_base: bool = False,
     ) -> Verdict:
-        """Judge a motion.
+        """Check a motion.
 
         Args:
             motion: The motion, or its file.
@@ -384,7 +386,8 @@ class Robot:
             fixed_base: Whether something holds the base, so that efforts are known.
 
         Returns:
-            What was found; ``passed`` is False if anything failed.
+            What was found, and what was measured; ``passed`` is False if anything
+            failed.
 
         Raises:
             G1DescriptionError: If the motion is none of this robot, or there is no such
@@ -395,8 +398,8 @@ class Robot:
         elif not isinstance(motion, Motion):
             motion = self.read_motion(motion)
         motion = fitted(motion, self.description)
-        checker = self._checker(thresholds, fixed_base)
-        return checker.check_motion(motion, _names(only)).verdict
+        checker = self.checker(thresholds, fixed_base)
+        return checker.check(motion, _names(only))
 
     def check_state(
         self,
@@ -405,12 +408,12 @@ class Robot:
         only: Collection[str] = (),
         thresholds: ThresholdValues = None,
     ) -> Verdict:
-        """Judge a configuration at rest.
+        """Check a configuration at rest.
 
         Args:
             positions: Of the joints, shape (n_joints,), or by joint.
             base: Pose of the base link, shape (7,); by default unknown: the floor is
-                not judged.
+                not checked.
             only: Names of the checks to make; none: all.
             thresholds: As for ``check``.
 
@@ -426,9 +429,41 @@ class Robot:
                     f"An array of shape {array.shape} is given; a configuration has "
                     f"positions of shape ({len(self.joint_names)},) and a base of (7,)."
                 )
-        checker = self._checker(thresholds, fixed_base=False)
+        checker = self.checker(thresholds)
         by_name = dict(zip(self.joint_names, placed.tolist()))
         return checker.check_state(by_name, pose, _names(only))
+
+    def checker(
+        self,
+        thresholds: ThresholdValues = None,
+        fixed_base: bool = False,
+        collisions: SelfCollisions | None = None,
+        physics: bool = False,
+    ) -> Checker:
+        """Prepare checks of many motions.
+
+        Args:
+            thresholds: As for ``check``.
+            fixed_base: Whether something holds the base, so that efforts are known.
+            collisions: The pairs of links that may touch, of the robot's shapes; by
+                default those of the G1, or pairs that are found for another robot.
+            physics: Whether motions are also played in physics, by the G1's motors.
+
+        Raises:
+            G1DescriptionError: If a file cannot be read, or there is no such threshold.
+        """
+        is_usual = thresholds is None and collisions is None
+        if is_usual and not (fixed_base or physics):
+            return self._usual_checker
+        from g1_description.checks.checker import Checker
+        from g1_description.checks.physics import PhysicsCheck
+
+        limits = _thresholds(thresholds)
+        rollouts = None
+        if physics:
+            rollouts = PhysicsCheck(self.description, limits, g1_motors(), fixed_base)
+        shapes = collisions or self._usual_checker.collisions
+        return Checker(self.description, limits, fixed_base, shapes, rollouts)
 
     def collisions(
         self, positions: JointValues, base: Any = None, margin: float = 0.0
@@ -520,28 +555,7 @@ class Robot:
         # PyBullet and scipy take a while, and most programs check nothing.
         from g1_description.checks.checker import Checker
 
-        return Checker.of(self.description)
-
-    def _checker(self, given: ThresholdValues, fixed_base: bool) -> Checker:
-        """Return the checks with some thresholds."""
-        checker = self._usual_checker
-        if given is None and not fixed_base:
-            return checker
-        if given is None:
-            thresholds = checker.thresholds
-        elif isinstance(given, Thresholds):
-            thresholds = given
-        elif isinstance(given, Mapping):
-            thresholds = with_thresholds(checker.thresholds, given)
-        else:
-            thresholds = read_thresholds(Path(given).expanduser())
-        from g1_description.checks.checker import Checker
-
-        changed = Checker(
-            self.description, checker.collisions, thresholds, fixed_base=fixed_base
-        )
-        changed.notes = checker.notes
-        return changed
+        return Checker(self.description)
 
 
 def as_array(
@@ -709,3 +723,12 @@ def _common(first: tuple[int, ...], second: tuple[int, ...]) -> tuple[int, ...]:
 def _names(only: Collection[str]) -> Collection[str]:
     """Take a single name as well: as a collection, it is one of letters."""
     return (only,) if isinstance(only, str) else only
+
+
+def _thresholds(given: ThresholdValues) -> Thresholds:
+    """Read thresholds where that is needed."""
+    if isinstance(given, Thresholds):
+        return given
+    if isinstance(given, Mapping):
+        return with_thresholds(read_thresholds(), given)
+    return read_thresholds(None if given is None else Path(given).expanduser())

@@ -5,6 +5,7 @@ The robot is small, so that little but the start of processes takes time.
 
 import multiprocessing
 import os
+import pickle
 import signal
 import subprocess
 import sys
@@ -17,20 +18,21 @@ from checked import POST, read, read_or_die, write_motions
 from conftest import REPOSITORY
 from waiting import DEADLINE, wait_for
 
+from g1_description import Robot
+from g1_description.checks import batch
 from g1_description.checks import cluster as clusters
-from g1_description.checks.batch import Judge, Setup, Task, judged_here
-from g1_description.checks.cluster import Cluster
-from g1_description.checks.cluster_worker import packed, unpacked
-from g1_description.checks.processes import ATTEMPTS, Workers
+from g1_description.checks.batch import DIED, FileChecker, Here, Task, check_files
+from g1_description.checks.cluster import Cluster, packed
+from g1_description.checks.processes import Processes
 from g1_description.checks.report import json_text
 from g1_description.errors import ClusterError
+from g1_description.files.model_files import find_folder
+from g1_description.files.uris import local_path
 from g1_description.motion.files.read import read_motion
 from g1_description.motion.motion import Motion
-from g1_description.robot.load import absolute_urdf
 
 pytestmark = pytest.mark.slow
 
-SETUP = Setup(POST, plot=True)
 REACHES = (0.3, 1.2, 0.5)
 
 
@@ -40,6 +42,14 @@ def tasks_of(files):
 
 def in_order(found):
     return [outcome for _, outcome in sorted(found, key=lambda item: item[0].number)]
+
+
+def checked(pool, files):
+    """Check files with a pool; give the outcomes in the order of the files."""
+    try:
+        return in_order(check_files(pool, tasks_of(files)))
+    finally:
+        pool.close()
 
 
 @pytest.fixture(scope="module")
@@ -52,46 +62,44 @@ def files(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def judge():
-    return Judge(SETUP)
+def checker():
+    return FileChecker(Robot(POST).checker(), plot=True, reader=read)
 
 
 @pytest.fixture(scope="module")
-def alone(judge, files):
+def alone(checker, files):
     """Give what this process finds."""
-    return in_order(judged_here(judge, tasks_of(files), read))
+    return checked(Here(checker), files)
 
 
-def test_one_process_judges_all(alone):
+def test_one_process_checks_all(alone):
     results = [outcome.result for outcome in alone]
     assert results == ["passed", "failed", "passed", "not read"]
     assert alone[-1].problem == "Line 1 names a, b, but not time."
     assert all(outcome.plot for outcome in alone[:-1])
 
 
-def test_processes_find_the_same_and_lose_no_file(files, alone, tmp_path):
+def test_processes_find_the_same_and_lose_no_file(checker, files, alone, tmp_path):
     """One file kills its process once, another one each time."""
     once, deadly = tmp_path / "once.csv", tmp_path / "deadly.csv"
     for file in (once, deadly):
         file.write_bytes(files[0].read_bytes())
-    workers = Workers(SETUP, read_or_die, 2)
-    try:
-        found = in_order(workers.judged(tasks_of([*files, once, deadly])))
-    finally:
-        workers.close()
-    assert json_text(found[:-2]) == json_text(alone)
-    assert [outcome.plot for outcome in found[:-2]] == [o.plot for o in alone]
-    assert found[-2].verdict.as_dict() == alone[0].verdict.as_dict()
-    assert found[-1].result == "not checked"
-    assert found[-1].problem == f"the process that checked it died, {ATTEMPTS} times"
+    dying = FileChecker(checker.checker, plot=True, reader=read_or_die)
+    found = checked(Processes(dying, 2), [once, deadly, *files])
+    assert json_text(found[2:]) == json_text(alone)
+    assert [outcome.plot for outcome in found[2:]] == [o.plot for o in alone]
+    assert found[0].verdict.as_dict() == alone[0].verdict.as_dict()
+    assert found[1].result == "not checked"
+    assert found[1].problem == DIED
 
 
-def test_a_process_that_dies_with_nothing_to_do_is_replaced(files, alone):
+def test_a_process_that_dies_with_nothing_to_do_is_replaced(checker, files, alone):
     n_threads = threading.active_count()
-    workers = Workers(SETUP, read, 1)
+    workers = Processes(checker, 1)
+    workers.ahead = 1
     try:
         found = []
-        for task, outcome in workers.judged(tasks_of(files)):
+        for task, outcome in check_files(workers, tasks_of(files)):
             found.append((task, outcome))
             for process in multiprocessing.active_children():
                 process.kill()
@@ -106,13 +114,14 @@ WAITING = """
 import os, sys
 sys.path[:0] = {path!r}
 from pathlib import Path
-from g1_description.checks.batch import Task
-from g1_description.checks.processes import Workers
-from g1_description.checks.batch import Setup
+from g1_description import Robot
+from g1_description.checks.batch import FileChecker, Task, check_files
+from g1_description.checks.processes import Processes
 from checked import POST, stay
 
 if __name__ == "__main__":
-    next(iter(Workers(Setup(POST), stay, 1).judged([Task(0, "a", Path("a"))])))
+    checker = FileChecker(Robot(POST).checker(), reader=stay)
+    next(check_files(Processes(checker, 1), [Task(0, "a", Path("a"))]))
 """
 
 
@@ -151,12 +160,11 @@ def cluster(tmp_path_factory):
             yield made
 
 
-def test_a_cluster_finds_the_same_though_a_worker_dies(cluster, files, alone, judge):
-    """It has no disk of ours: bags, as files of a topic, are read here."""
-    connected = Cluster(SETUP, judge, read, cluster.scheduler_address)
+def test_a_cluster_finds_the_same_though_a_worker_dies(cluster, files, alone, checker):
+    connected = Cluster(checker, cluster.scheduler_address)
     try:
         found, workers = [], cluster.workers.values()
-        for item in connected.judged(tasks_of(files)):
+        for item in check_files(connected, tasks_of(files)):
             if not found:
                 os.kill(next(iter(workers)).process.pid, signal.SIGKILL)
             found.append(item)
@@ -166,7 +174,7 @@ def test_a_cluster_finds_the_same_though_a_worker_dies(cluster, files, alone, ju
     assert [o.plot for o in in_order(found)] == [o.plot for o in alone]
 
 
-def test_a_cluster_judges_what_only_we_can_read(cluster, files, alone, judge):
+def test_a_cluster_checks_what_only_we_can_read(cluster, files, alone, checker):
     """Such as bags: then motions are sent, with all that is noted of them."""
 
     def read_here(path, robot, rate, topic):
@@ -174,47 +182,51 @@ def test_a_cluster_judges_what_only_we_can_read(cluster, files, alone, judge):
         motion = read_motion(path, robot, rate)
         return Motion(motion.trajectory, (*motion.notes, "read here"))
 
-    setup = Setup(POST, topic="states")
-    connected = Cluster(setup, Judge(setup), read_here, cluster.scheduler_address)
-    try:
-        (found,) = in_order(connected.judged(tasks_of(files[1:2])))
-    finally:
-        connected.close()
+    bags = FileChecker(checker.checker, topic="states", reader=read_here)
+    (found,) = checked(Cluster(bags, cluster.scheduler_address), files[1:2])
     assert found.verdict.notes[-1] == "read here"
     assert found.verdict.findings == alone[1].verdict.findings
 
 
-def test_no_cluster_is_told(judge, monkeypatch):
+def test_no_cluster_is_told(checker, monkeypatch):
     monkeypatch.setattr(clusters, "TIMEOUT", 0.3)
     with pytest.raises(ClusterError, match="There is no Dask scheduler at tcp://"):
-        Cluster(SETUP, judge, read, "127.0.0.1:9")
+        Cluster(checker, "127.0.0.1:9")
 
 
-def test_that_all_workers_went_is_told(files, judge, monkeypatch, tmp_path):
+def test_that_all_workers_went_is_told(files, checker, monkeypatch, tmp_path):
     monkeypatch.setattr(clusters, "TIMEOUT", DEADLINE)
+    monkeypatch.setattr(batch, "PATIENCE", 3.0)
     with distributed.LocalCluster(
         n_workers=1,
         threads_per_worker=1,
         dashboard_address=None,
         local_directory=str(tmp_path),
     ) as made:
-        connected = Cluster(SETUP, judge, read, made.scheduler_address)
-        monkeypatch.setattr(clusters, "TIMEOUT", 3.0)
+        connected = Cluster(checker, made.scheduler_address)
         try:
             with pytest.raises(ClusterError, match="has no workers any more"):
-                for _ in connected.judged(tasks_of(files * 3)):
+                for _ in check_files(connected, tasks_of(files * 3)):
                     made.scale(0)
         finally:
             connected.close()
 
 
-def test_a_package_holds_all_that_a_robot_needs(tmp_path):
-    """Pairs of links, which shapes need meshes for, are those of the robot at home."""
-    setup = Setup(absolute_urdf("package://g1_description/urdf/g1_29dof.urdf"))
-    package = packed(setup)
-    assert len(package.meshes) > 20
-    found = unpacked(package, tmp_path)
-    assert "package://" not in found.urdf
-    assert found.urdf.count(f"file://{tmp_path}") == setup.urdf.count("package://")
-    contents = sorted(file.read_bytes() for file in tmp_path.iterdir())
-    assert contents == sorted(package.meshes.values())
+def test_a_cluster_gets_all_that_a_robot_needs():
+    """Hulls of the meshes; for physics the meshes, too, whose files are not there."""
+    robot = Robot()
+    kinematic = FileChecker(robot.checker())
+    found = pickle.loads(packed(kinematic)).checker
+    assert found.collisions.pairs == kinematic.checker.collisions.pairs
+    assert len(found.collisions.shapes) == len(kinematic.checker.collisions.shapes)
+    physics = pickle.loads(packed(FileChecker(robot.checker(physics=True))))
+    sent = physics.checker.physics.description
+    for link, own in zip(sent.links, robot.description.links):
+        for shape, original in zip(link.visuals, own.visuals):
+            if shape.kind == "mesh":
+                assert shape.filename != original.filename
+                content = Path(local_path(original.filename, find_folder)).read_bytes()
+                assert (
+                    Path(local_path(shape.filename, find_folder)).read_bytes()
+                    == content
+                )

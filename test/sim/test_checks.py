@@ -26,7 +26,7 @@ from g1_description.sim.floor import lowest_height
 MODEL = Path(__file__).parents[2] / "urdf" / "g1_29dof.urdf"
 ROBOT = parse_urdf(absolute_urdf(str(MODEL)))
 JOINTS = tuple(joint.name for joint in ROBOT.movable_joints)
-COLLISIONS, _ = collisions_of(ROBOT)
+COLLISIONS = collisions_of(ROBOT)
 RATE = 60.0
 TIMES = np.arange(181) / RATE
 
@@ -173,11 +173,11 @@ FAULTS = {
 
 
 def check(found, thresholds=None, only=()):
-    return Checker(ROBOT, COLLISIONS, thresholds).check_motion(found, only)
+    return Checker(ROBOT, thresholds, collisions=COLLISIONS).check(found, only)
 
 
 def test_a_clean_motion_has_no_findings():
-    verdict = check(motion(standing())).verdict
+    verdict = check(motion(standing()))
     assert verdict.findings == ()
     assert verdict.passed
     assert {*verdict.skipped} == {"acceleration", "jerk", "effort"}
@@ -188,7 +188,7 @@ def test_a_clean_motion_has_no_findings():
 @pytest.mark.parametrize("name", FAULTS)
 def test_a_fault_is_found_and_nothing_else(name):
     make, subject, size, time = FAULTS[name]
-    verdict = check(make()).verdict
+    verdict = check(make())
     assert {finding.check for finding in verdict.findings} == {name}
     finding = next(f for f in verdict.findings if f.subject == subject)
     assert finding.severity == "failed"
@@ -201,15 +201,15 @@ def test_a_fault_is_found_and_nothing_else(name):
 @pytest.mark.parametrize("name", FAULTS)
 def test_a_threshold_just_beyond_a_fault_hides_it(name):
     found = FAULTS[name][0]()
-    largest = max(f.worst for f in check(found).verdict.findings)
+    largest = max(f.worst for f in check(found).findings)
     hidden = replace(Thresholds(), **{name: Level(None, largest * 1.001)})
-    assert check(found, hidden, [name]).verdict.findings == ()
+    assert check(found, hidden, [name]).findings == ()
     shown = replace(Thresholds(), **{name: Level(None, largest * 0.999)})
-    assert check(found, shown, [name]).verdict.findings != ()
+    assert check(found, shown, [name]).findings != ()
 
 
 def test_an_arm_in_the_torso_is_found_and_nothing_else():
-    verdict = check(arm_in_torso()).verdict
+    verdict = check(arm_in_torso())
     assert {finding.check for finding in verdict.findings} == {"self_collision"}
     for finding in verdict.findings:
         assert any("right" in name for name in finding.subject)
@@ -226,10 +226,10 @@ def test_a_jump_in_the_air_is_no_floating():
     found = motion(standing(), base)
     base = found.trajectory.base_poses.copy()
     base[:, 2] += 9.81 / 2 * flight * (0.6 - flight)
-    verdict = check(motion(standing(), base, lift=False), only=["floating"]).verdict
+    verdict = check(motion(standing(), base, lift=False), only=["floating"])
     assert verdict.findings == ()
     base[:, 2] = found.trajectory.base_poses[:, 2] + 2.0 * flight * (0.6 - flight)
-    verdict = check(motion(standing(), base, lift=False), only=["floating"]).verdict
+    verdict = check(motion(standing(), base, lift=False), only=["floating"])
     assert [finding.check for finding in verdict.findings] == ["floating"]
 
 
@@ -240,7 +240,7 @@ def test_the_time_between_samples_far_apart_is_checked():
     ends[0, roll], ends[1, roll] = 0.4, -0.4
     ends[0, yaw], ends[1, yaw] = 0.3, -2.0
     found = Motion(Trajectory(np.array([0.0, 2.0]), JOINTS, ends))
-    verdict = check(found, only=["self_collision"]).verdict
+    verdict = check(found, only=["self_collision"])
     assert verdict.of("self_collision")
     assert any(0.0 < finding.first_time < 2.0 for finding in verdict.findings)
 
@@ -255,9 +255,9 @@ def test_a_foot_that_steps_does_not_skate():
     base[:, 0] = 0.3 * forward
     base[:, 2] += 0.025 * (1.0 - np.cos(2 * np.pi * share))
     stepping = motion(standing(), base, lift=False)
-    assert check(stepping, only=["skating"]).verdict.findings == ()
+    assert check(stepping, only=["skating"]).findings == ()
     base[:, 2] = found.trajectory.base_poses[:, 2]
-    sliding = check(motion(standing(), base, lift=False), only=["skating"]).verdict
+    sliding = check(motion(standing(), base, lift=False), only=["skating"])
     assert {finding.severity for finding in sliding.findings} == {"failed"}
     (first, *_) = sliding.findings
     assert 1.0 < first.first_time < 1.2
@@ -278,7 +278,7 @@ def test_a_jump_is_found_at_any_rate(make, rate):
     else:
         base[times > 1.19, 1] = 0.3
     found = Motion(Trajectory(times, JOINTS, positions, base_poses=base))
-    verdict = check(found).verdict
+    verdict = check(found)
     name = "jump" if make is jumping else "base_jump"
     assert {finding.check for finding in verdict.findings} == {name}
     assert verdict.findings[0].worst == pytest.approx(0.5 if make is jumping else 0.3)
@@ -289,7 +289,7 @@ def test_missing_samples_are_no_jump():
     positions = standing()
     positions[:, column("left_elbow")] = np.clip(5.0 * (TIMES - 1.0), 0.0, 1.5)
     trajectory = Trajectory(TIMES[kept], JOINTS, positions[kept])
-    assert check(Motion(trajectory), only=["jump"]).verdict.findings == ()
+    assert check(Motion(trajectory), only=["jump"]).findings == ()
 
 
 @pytest.mark.parametrize("rate", [10.0, 25.0, 60.0])
@@ -304,7 +304,7 @@ def test_accelerations_are_those_of_a_sine_at_any_rate(rate, has_velocities):
         for bound, failures in ((1.15 * size, 0), (0.85 * size, 1)):
             content = {f"{name}_bounds": {"default": bound}}
             thresholds = with_thresholds(Thresholds(), content)
-            verdict = check(found, thresholds, [name]).verdict
+            verdict = check(found, thresholds, [name])
             assert len(verdict.findings) == failures, (name, bound)
 
 
@@ -313,7 +313,7 @@ def test_a_robot_that_slides_low_above_the_floor_is_found(height):
     found = skating()
     base = found.trajectory.base_poses.copy()
     base[:, 2] += height
-    verdict = check(motion(standing(), base, lift=False)).verdict
+    verdict = check(motion(standing(), base, lift=False))
     assert "skating" in {finding.check for finding in verdict.findings}
 
 
@@ -324,7 +324,7 @@ def test_which_corner_of_a_sole_is_the_lowest_does_not_matter():
         yaw = from_axis_angle(np.array([0.0, 0, 1]), 1.0 * TIMES)
         pitch = from_axis_angle(np.array([0.0, 1, 0]), np.array(tilt))
         base[:, 3:] = multiply(yaw, pitch)
-        verdict = check(motion(standing(), base), only=["skating"]).verdict
+        verdict = check(motion(standing(), base), only=["skating"])
         speeds.append(max(finding.worst for finding in verdict.findings))
     assert max(speeds) - min(speeds) < 1e-3
 
@@ -334,24 +334,24 @@ def test_a_moment_without_support_is_no_fall():
     base = motion(standing()).trajectory.base_poses.copy()
     base[:, 2] += 0.012
     base[:, 0] += 0.02 * 0.12 * np.sin(2 * np.pi * TIMES / 0.12) / (2 * np.pi) * 6
-    verdict = check(motion(standing(), base, lift=False)).verdict
+    verdict = check(motion(standing(), base, lift=False))
     assert verdict.of("center_of_mass") == ()
     assert verdict.bearing["left_ankle_roll_link"] == ((0.0, TIMES[-1]),)
 
 
 def test_a_robot_without_masses_floats_and_has_no_efforts():
     light = replace(ROBOT, links=tuple(replace(x, inertial=None) for x in ROBOT.links))
-    verdict = Checker(light, COLLISIONS).check_motion(floating()).verdict
+    verdict = Checker(light, collisions=COLLISIONS).check(floating())
     assert "floating" in {finding.check for finding in verdict.findings}
     assert verdict.skipped["center_of_mass"] == "the robot has no mass"
     assert verdict.skipped["effort"] == "the robot has no mass"
 
 
 def test_what_is_not_measured_is_not_told():
-    figures = check(motion(standing()), only=["position"]).verdict.figures
+    figures = check(motion(standing()), only=["position"]).figures
     assert "deepest_self_collision" not in figures
     ends = Motion(Trajectory(np.array([0.0, 2.0]), JOINTS, np.zeros((2, len(JOINTS)))))
-    assert check(ends).verdict.figures["samples"] == 2
+    assert check(ends).figures["samples"] == 2
 
 
 def test_efforts_at_the_ends_of_a_motion_are_not_invented():
@@ -359,14 +359,14 @@ def test_efforts_at_the_ends_of_a_motion_are_not_invented():
     positions = np.zeros((len(TIMES), len(JOINTS)))
     positions[:, column("left_hip_pitch")] = 0.8 * TIMES - 1.0
     found = Motion(Trajectory(TIMES, JOINTS, positions))
-    checker = Checker(ROBOT, COLLISIONS, fixed_base=True)
-    assert checker.check_motion(found, ["effort"]).verdict.findings == ()
+    checker = Checker(ROBOT, None, True, COLLISIONS)
+    assert checker.check(found, ["effort"]).findings == ()
 
 
 @pytest.mark.parametrize(("depth", "found"), [(0.00501, 0), (0.0065, 2)])
 def test_feet_as_deep_as_a_retargeter_puts_them_are_no_finding(depth, found):
     """It puts the lowest sole of a clip 5 mm into the floor, up to rounding."""
-    verdict = check(sunken(depth), only=["penetration"]).verdict
+    verdict = check(sunken(depth), only=["penetration"])
     assert len(verdict.findings) == found
 
 
@@ -377,7 +377,7 @@ def test_a_damaged_file_of_pairs_is_told(tmp_path, monkeypatch):
     file.write_text((MODEL.parents[1] / robot_collisions.G1_PAIRS).read_text()[:2000])
     monkeypatch.setattr(robot_collisions, "share_folder", lambda: tmp_path)
     with pytest.raises(AllowedPairsError, match=r"config/collisions_g1\.yaml: "):
-        Checker.of(ROBOT)
+        Checker(ROBOT)
 
 
 def test_a_limit_of_zero_is_unknown():
@@ -386,8 +386,8 @@ def test_a_limit_of_zero_is_unknown():
         replace(joint, velocity=0.0) if joint.name == elbow.name else joint
         for joint in ROBOT.joints
     )
-    checker = Checker(replace(ROBOT, joints=joints), COLLISIONS)
-    verdict = checker.check_motion(motion(standing())).verdict
+    checker = Checker(replace(ROBOT, joints=joints), collisions=COLLISIONS)
+    verdict = checker.check(motion(standing()))
     assert verdict.findings == ()
     assert "limits the velocity of left_elbow_joint to 0" in verdict.notes[0]
 
@@ -396,7 +396,7 @@ def test_bounds_of_joints_that_are_not_there_are_refused():
     content = {"jerk_bounds": {"joints": {"left_elbow": 1.0}}}
     thresholds = with_thresholds(Thresholds(), content)
     with pytest.raises(ThresholdError, match="names left_elbow; g1_29dof has left_el"):
-        Checker(ROBOT, COLLISIONS, thresholds)
+        Checker(ROBOT, thresholds, collisions=COLLISIONS)
 
 
 def test_a_motion_that_is_too_long_is_refused():
@@ -408,7 +408,7 @@ def test_a_motion_that_is_too_long_is_refused():
 
 def test_without_a_base_the_floor_is_not_judged():
     found = Motion(Trajectory(TIMES, JOINTS, standing()))
-    verdict = check(found).verdict
+    verdict = check(found)
     assert verdict.passed
     assert verdict.skipped["penetration"] == "the motion has no base"
     assert verdict.skipped["center_of_mass"] == "the motion has no base"
@@ -419,8 +419,8 @@ def test_efforts_of_a_held_robot_are_pinocchios():
     positions = standing()
     positions[:, column("left_hip_roll")] = 1.2 * bump(0.2, 1.2)
     found = Motion(Trajectory(TIMES, JOINTS, positions))
-    checker = Checker(ROBOT, COLLISIONS, fixed_base=True)
-    judged = checker.check_motion(found, ["effort"])
+    checker = Checker(ROBOT, None, True, COLLISIONS)
+    verdict = checker.check(found, ["effort"])
     model = pinocchio.buildModelFromUrdf(str(MODEL))
     data, window = model.createData(), Thresholds().window
     share = 0.0
@@ -434,22 +434,22 @@ def test_efforts_of_a_held_robot_are_pinocchios():
         efforts = np.abs(pinocchio.rnea(model, data, here, v, a))
         share = max(share, (efforts / model.effortLimit).max())
     limit = replace(Thresholds(), effort=Level(None, share - 1e-9))
-    checker = Checker(ROBOT, COLLISIONS, limit, fixed_base=True)
-    (finding,) = checker.check_motion(found, ["effort"]).verdict.findings
+    checker = Checker(ROBOT, limit, True, COLLISIONS)
+    (finding,) = checker.check(found, ["effort"]).findings
     assert finding.worst == pytest.approx(share, abs=1e-9)
-    assert "effort" not in judged.verdict.skipped
+    assert "effort" not in verdict.skipped
 
 
 def test_accelerations_are_judged_where_bounds_are_given():
     found = motion(standing())
     content = {"acceleration_bounds": {"joints": {"left_elbow_joint": 0.5}}}
-    verdict = check(found, with_thresholds(Thresholds(), content)).verdict
+    verdict = check(found, with_thresholds(Thresholds(), content))
     (finding,) = verdict.findings
     assert (finding.check, finding.subject) == ("acceleration", ("left_elbow_joint",))
 
 
 def test_a_configuration_is_judged():
-    checker = Checker(ROBOT, COLLISIONS)
+    checker = Checker(ROBOT, collisions=COLLISIONS)
     base = motion(standing()).trajectory.base_poses[0]
     still = {"left_shoulder_roll_joint": 0.4, "right_shoulder_roll_joint": -0.4}
     verdict = checker.check_state(still, base)
@@ -460,7 +460,7 @@ def test_a_configuration_is_judged():
 
 
 def test_unknown_names_are_refused():
-    checker = Checker(ROBOT, COLLISIONS)
+    checker = Checker(ROBOT, collisions=COLLISIONS)
     with pytest.raises(UnknownNameError, match="left_elbow_joint"):
         checker.check_state({"left_elbow": 0.0})
     with pytest.raises(UnknownNameError, match="There is no check colision"):

@@ -30,7 +30,7 @@ STRICT = with_thresholds(
 
 @pytest.fixture(scope="module", params=[Thresholds(), STRICT])
 def checker(request):
-    return Checker.of(ROBOT, request.param)
+    return Checker(ROBOT, request.param)
 
 
 def random_states(count):
@@ -74,7 +74,7 @@ def floating(origin):
 @pytest.mark.parametrize("origin", [(0, 0, 1, 0, 0, 0), (0.5, -1, 2, 0.3, -0.2, 1)])
 def test_a_robot_that_floats_in_a_world_stands_where_its_base_is(checker, origin):
     """Whatever the origin of its joint."""
-    other = Checker.of(floating(origin), checker.thresholds)
+    other = Checker(floating(origin), checker.thresholds)
     for positions, base in random_states(8):
         plain = checker.check_state(positions, base)
         found = other.check_state(positions, base)
@@ -94,7 +94,7 @@ def test_a_robot_that_is_fast_is_checked_as_at_rest_but_for_its_velocities(check
     rates = dict.fromkeys(JOINTS, 1.0)
     for positions, base in random_states(8):
         own = {name: rates[name] for name in positions}
-        fast = checker.judge_state(positions, base, (), own).verdict
+        fast = checker.check_state(positions, base, (), own)
         still = checker.check_state(positions, base)
         assert {*fast.checked} == {*still.checked, "velocity"}
         assert [f.text for f in fast.findings] == [f.text for f in still.findings]
@@ -105,7 +105,7 @@ def test_velocities_are_compared_with_their_limits(checker):
     positions = dict.fromkeys(JOINTS, 0.0)
     for factor, count in ((0.99, 0), (1.01, 1)):
         rates = {**positions, knee.name: -factor * knee.velocity}
-        verdict = checker.judge_state(positions, None, ("velocity",), rates).verdict
+        verdict = checker.check_state(positions, None, ("velocity",), rates)
         assert [f.subject for f in verdict.findings] == [(knee.name,)] * count
     assert "velocity" in checker.check_state(positions).skipped
 
@@ -124,6 +124,6 @@ def test_what_is_no_configuration_is_refused(checker, positions, only, error, wo
 
 
 def test_an_effort_is_found_with_a_fixed_base():
-    held = Checker.of(ROBOT, fixed_base=True)
+    held = Checker(ROBOT, fixed_base=True)
     positions = {"left_shoulder_pitch_joint": -1.57}
     assert "effort" in held.check_state(positions).checked

@@ -22,13 +22,13 @@ ROBOT = parse_urdf(POST)
 
 @pytest.fixture(scope="module")
 def checker():
-    return Checker.of(ROBOT)
+    return Checker(ROBOT)
 
 
 def drawn(checker, trajectory):
-    judged = checker.check_motion(Motion(trajectory))
+    verdict = checker.check(Motion(trajectory))
     joints = ROBOT.movable_joints
-    return motion_plot("a.csv", judged.verdict, judged.timeline, joints)
+    return motion_plot("a.csv", verdict, joints)
 
 
 def count(picture, color):

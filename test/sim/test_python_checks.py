@@ -11,6 +11,7 @@ from g1_description.errors import (
     ThresholdError,
     UnknownNameError,
 )
+from g1_description.motion.motion import Motion
 
 ROBOT = Robot()
 ELBOW = "left_elbow_joint"
@@ -41,6 +42,23 @@ def test_a_motion_is_judged_from_file_and_arrays(tmp_path):
     file = tmp_path / "mild.yaml"
     file.write_text("position: {warning: null, failure: 1.0}\n")
     assert ROBOT.check(motion, thresholds=file).findings == ()
+
+
+def test_a_checker_also_plays_motions_in_physics():
+    times = np.linspace(0.0, 0.2, 11)
+    motion = Motion(ROBOT.trajectory(times, np.zeros((11, 29))))
+    checker = ROBOT.checker(
+        {"position": {"failure": 1.0}}, fixed_base=True, physics=True
+    )
+    verdict = checker.check(motion)
+    assert {"position", "effort", "tracking"} <= {*verdict.checked}
+    assert verdict.skipped["fall"] == "the base is fixed"
+    assert verdict.measured.positions.shape == (len(verdict.measured.times), 29)
+    alone = checker.check(motion, ["tracking"])
+    assert alone.checked == ("tracking",)
+    assert alone.figures == verdict.figures
+    with pytest.raises(UnknownNameError, match="There is no check tracking"):
+        ROBOT.checker().check(motion, ["tracking"])
 
 
 def test_a_held_base_shows_efforts():

@@ -51,7 +51,7 @@ ONE_MODULE = {
     "pybullet": "sim.bullet.client",
     "pybullet_utils": "sim.bullet.client",
     "resource": "sim.meshes.read_meshes",
-    "distributed": "checks.cluster checks.cluster_worker",
+    "distributed": "checks.cluster",
     "tqdm": "cli.check_reports",
 }
 """Libraries that few modules import."""

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from g1_description.checks.finding import Finding, sorted_findings
 from g1_description.checks.report import (
     FIGURES,
     NOT_READ,
@@ -24,7 +25,7 @@ from g1_description.checks.report import (
 )
 from g1_description.checks.report_page import write_page
 from g1_description.checks.thresholds import LEVELS
-from g1_description.checks.verdict import Finding, Verdict, sorted_findings
+from g1_description.checks.verdict import Verdict
 
 NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
 TIMES = st.floats(0.0, 1e4)

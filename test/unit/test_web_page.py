@@ -22,7 +22,7 @@ from g1_description.motion.motion import Motion
 from g1_description.motion.trajectory import Trajectory
 from g1_description.robot.transform import IDENTITY, compose
 from g1_description.robot.urdf import parse_urdf
-from g1_description.web import judges
+from g1_description.web import check_thread
 from g1_description.web.file_world import FileWorld, StillRobot
 from g1_description.web.scene.robot import RED, rgb
 from g1_description.web.scene.tree import pose_of
@@ -71,7 +71,7 @@ class Open:
         self.show = Show(
             self.world,
             ServerOptions(port=0, **options),
-            lambda robot: Checker.of(robot, Thresholds()),
+            lambda robot: Checker(robot, Thresholds()),
         )
         self._clients = []
         self._thread = threading.Thread(target=self.show.run)
@@ -454,16 +454,16 @@ def test_a_saved_pose_can_be_taken_again(page, tmp_path, monkeypatch):
 
 
 def test_checks_that_cannot_be_prepared_are_tried_again_seldom(monkeypatch):
-    monkeypatch.setattr(judges, "AGAIN", 0.5)
+    monkeypatch.setattr(check_thread, "AGAIN", 0.5)
     page, tries = Open(), []
 
     def make(robot):
         tries.append(time.monotonic())
         if len(tries) < 3:
             raise InvalidValueError("The checks have no room.")
-        return Checker.of(robot, Thresholds())
+        return Checker(robot, Thresholds())
 
-    page.show.page._judges._make = make
+    page.show.page._checks._make = make
     client = page.client()  # and the robot stands still
 
     def says(text):
@@ -479,6 +479,6 @@ def test_checks_that_cannot_be_prepared_are_tried_again_seldom(monkeypatch):
 def test_a_robot_without_joints_is_shown():
     description = parse_urdf('<robot name="r"><link name="a"/></robot>')
     world = FileWorld([StillRobot("r", description)], lambda *_: None)
-    show = Show(world, ServerOptions(port=0), lambda robot: Checker.of(robot, None))
+    show = Show(world, ServerOptions(port=0), lambda robot: Checker(robot, None))
     show.stop()
     show.run()

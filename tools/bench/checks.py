@@ -62,7 +62,7 @@ def run(bench):
     """Measure kinds of checks, lengths of clips, memory, and two processes."""
     robot = parse_urdf(absolute_urdf(str(bench.model)))
     begin = time.process_time()
-    checker = Checker.of(robot)
+    checker = Checker(robot)
     bench.add("reading the robot", time.process_time() - begin, "s")
     n_clips = bench.count(CLIPS, 3)
     clips = [clip(robot, seed, round(SECONDS * RATE)) for seed in range(n_clips)]
@@ -84,7 +84,7 @@ def samples_per_second(checker, clips, names):
     """Judge clips; return samples per second of processor time."""
     begin = time.process_time()
     for motion in clips:
-        checker.check_motion(Motion(motion), names)
+        checker.check(Motion(motion), names)
     return sum(len(motion.times) for motion in clips) / (time.process_time() - begin)
 
 

@@ -1,4 +1,4 @@
-"""Judges the robot as it is now, again and again."""
+"""Checks the robot as it is now, again and again."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from diagnostic_updater import Updater
 from g1_description.checker.live_markers import LiveMarkers
 from g1_description.checker.live_states import LiveState, LiveStates
 from g1_description.checker.services import positions_of, velocities_of
-from g1_description.checks.checker import Checker
-from g1_description.checks.live import LiveJudge
-from g1_description.checks.plan import NO_BASE
-from g1_description.checks.verdict import FAILED, WARNING, Finding, Verdict
+from g1_description.checks.checker import NO_BASE, Checker
+from g1_description.checks.finding import FAILED, WARNING, Finding
+from g1_description.checks.live import LiveCheck
+from g1_description.checks.verdict import Verdict
 from g1_description.errors import G1DescriptionError
 from g1_description.ros.lifecycle import quiet_when_closing
 from g1_description.text import listed
@@ -65,7 +65,7 @@ class CheckHealth:
                     self._found[key] = finding
 
     def refuse(self, problem: str) -> None:
-        """Take note that a state cannot be judged."""
+        """Take note that a state cannot be checked."""
         with self._lock:
             self._problem, self._time = problem, time.monotonic()
 
@@ -124,7 +124,7 @@ REPORT_PERIOD = 1.0
 
 
 class LiveChecks:
-    """A thread that judges, at most so often, and one that reports."""
+    """A thread that checks, at most so often, and one that reports."""
 
     def __init__(
         self,
@@ -137,24 +137,24 @@ class LiveChecks:
         """Begin.
 
         Args:
-            checker: Judges.
+            checker: Checks states.
             lock: Held while it does.
             states: Where the robot is.
             markers: Shows what was found.
-            rate: How often it is judged at most, in [Hz] of wall time.
+            rate: How often it is checked at most, in [Hz] of wall time.
         """
         self._lock = lock
         self._states, self._markers = states, markers
         self._period = 1.0 / rate
-        self._judge = LiveJudge(checker)
+        self._check = LiveCheck(checker)
         self._health = CheckHealth()
         self._stopped = threading.Event()
         rospy.on_shutdown(self._stopped.set)
-        for target in (self._judge_forever, self._report_forever):
+        for target in (self._check_forever, self._report_forever):
             threading.Thread(target=target, daemon=True).start()
 
-    def _judge_forever(self) -> None:
-        """Judge what is new, until the node is shut down."""
+    def _check_forever(self) -> None:
+        """Check what is new, until the node is shut down."""
         due = time.monotonic()
         try:
             while not self._stopped.wait(max(0.0, due - time.monotonic())):
@@ -167,7 +167,7 @@ class LiveChecks:
                         self._tell(state)
                     self._markers.keep_up()
         finally:  # after an error the node ends: what it told is no longer true
-            rospy.signal_shutdown("no state is judged any more")
+            rospy.signal_shutdown("no state is checked any more")
 
     def _report_forever(self) -> None:
         """Report, until the node is shut down."""
@@ -176,15 +176,15 @@ class LiveChecks:
                 self._health.publish()
 
     def _tell(self, state: LiveState) -> None:
-        """Judge one state, and show what was found."""
+        """Check one state, and show what was found."""
         if self._states.began_again:
             self._states.began_again = False
-            self._judge.begin_again()
+            self._check.begin_again()
         try:
             positions = positions_of(state.message)
             velocities = velocities_of(state.message)
             with self._lock:
-                judged, verdict = self._judge.judge(
+                verdict = self._check.check(
                     1e-9 * state.stamp, positions, state.base, velocities
                 )
         except G1DescriptionError as error:
@@ -193,7 +193,7 @@ class LiveChecks:
         if state.base is None:
             verdict = _renamed(verdict, NO_BASE, self._states.no_base)
         self._health.add(verdict)
-        self._markers.show(state, judged, verdict)
+        self._markers.show(state, verdict)
 
 
 def _renamed(verdict: Verdict, reason: str, better: str) -> Verdict:

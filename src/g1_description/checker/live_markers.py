@@ -15,7 +15,6 @@ from g1_description.checker.markers import (
 from g1_description.checker.parameters import CheckerParameters, base_frame
 from g1_description.checks.checker import Checker
 from g1_description.checks.marks import RobotMarks
-from g1_description.checks.timeline import Judged
 from g1_description.checks.verdict import Verdict
 from g1_description.ros.conversions import stamp_from_ns
 
@@ -27,7 +26,7 @@ class LiveMarkers:
         """Advertise the topic.
 
         Args:
-            checker: What judges the robot.
+            checker: The robot's checks.
             parameters: The node's parameters.
         """
         robot = checker.description
@@ -40,18 +39,17 @@ class LiveMarkers:
             parameters.limit_margin,
         )
         self._publisher = MarkerPublisher("~markers")
-        self._newest: tuple[LiveState, Judged, Verdict] | None = None
+        self._newest: tuple[LiveState, Verdict] | None = None
         self._shown: tuple | None = None
 
-    def show(self, state: LiveState, judged: Judged, verdict: Verdict) -> None:
+    def show(self, state: LiveState, verdict: Verdict) -> None:
         """Show a state.
 
         Args:
             state: The state.
-            judged: What was measured of it.
-            verdict: What was found.
+            verdict: What was found and measured.
         """
-        self._newest = state, judged, verdict
+        self._newest = state, verdict
 
     def keep_up(self) -> None:
         """Send what is new, and newcomers all that is shown."""
@@ -59,22 +57,22 @@ class LiveMarkers:
             self._shown = None
             self._publisher.forget()
             return
-        state, judged, verdict = self._newest
+        state, verdict = self._newest
         place = None if state.base is None else state.base.tobytes()
-        content = judged.timeline.positions.tobytes(), place, verdict.checked
+        content = verdict.measured.positions.tobytes(), place, verdict.checked
         if content != self._shown:
             self._shown = content
-            self._update(state, judged, verdict)
+            self._update(state, verdict)
         self._publisher.keep_up(stamp_from_ns(state.stamp))
 
-    def _update(self, state: LiveState, judged: Judged, verdict: Verdict) -> None:
+    def _update(self, state: LiveState, verdict: Verdict) -> None:
         """Make the markers of a state."""
         colliding = dict.fromkeys(
             link for finding in verdict.of("self_collision") for link in finding.subject
         )
         frame = self._base_frame if state.base is None else self._map
         others = MarkerMaker(Place(frame, stamp_from_ns(state.stamp)))
-        self._marks.draw(others, judged.timeline, verdict, state.base)
+        self._marks.draw(others, verdict, state.base)
         self._publisher.update(
             self._links.links([*colliding], self._prefix), others.markers
         )

@@ -99,7 +99,7 @@ class _Received:
 class LiveStates:
     """Listens to joint states and to the edges of TF between the map and the robot.
 
-    Messages are kept as they came: only those that are judged are read.
+    Messages are kept as they came: only those that are checked are read.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""The node that judges configurations and motions, and the robot as it is now.
+"""The node that checks configurations and motions, and the robot as it is now.
 
 Services: ~check_state (g1_description/CheckState), ~check_trajectory
     (g1_description/CheckTrajectory)
@@ -27,7 +27,7 @@ from g1_description.checker.parameters import (
     wait_for_robot,
 )
 from g1_description.checker.services import CheckServices
-from g1_description.checks.checker import Checker
+from g1_description.checks.checker import Checker, collisions_of
 from g1_description.errors import G1DescriptionError
 from g1_description.robot.description import Description
 from g1_description.ros.lifecycle import start_node
@@ -45,9 +45,8 @@ def make_checker(robot: Description, parameters: CheckerParameters) -> Checker:
         G1DescriptionError: If a file cannot be read.
     """
     pairs = Path(parameters.pairs) if parameters.pairs else None
-    return Checker.of(
-        robot, parameters.read_thresholds(), pairs, parameters.visual_hulls
-    )
+    collisions = collisions_of(robot, pairs, parameters.visual_hulls)
+    return Checker(robot, parameters.read_thresholds(), collisions=collisions)
 
 
 def start(robot: Description, parameters: CheckerParameters) -> None:

@@ -1,4 +1,4 @@
-"""Parameters of the node that judges configurations: names, defaults, ranges."""
+"""Parameters of the node that checks configurations: names, defaults, ranges."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class CheckerParameters:
     """Whether links without collision shapes have the hulls of their visual ones."""
 
     rate: float = 30.0
-    """How often the robot is judged at most, in [Hz] of wall time; 0: never, there are
+    """Most checks of the robot per second, in [Hz] of wall time; 0: never, there are
     only services."""
 
     limit_margin: float = 0.05

@@ -1,4 +1,4 @@
-"""The services that judge configurations and motions.
+"""The services that check configurations and motions.
 
 Services: ~check_state (g1_description/CheckState),
     ~check_trajectory (g1_description/CheckTrajectory)
@@ -14,7 +14,8 @@ from geometry_msgs.msg import Point
 from sensor_msgs.msg import JointState
 
 from g1_description.checks.checker import Checker
-from g1_description.checks.verdict import Finding, Verdict
+from g1_description.checks.finding import Finding
+from g1_description.checks.verdict import Verdict
 from g1_description.errors import G1DescriptionError, InvalidValueError, MotionError
 from g1_description.motion.motion import Motion
 from g1_description.msg import Finding as FindingMessage
@@ -107,10 +108,10 @@ class CheckServices:
         """Advertise the services.
 
         Args:
-            checker: Judges single configurations.
+            checker: Checks single configurations.
             lock: Held while it does.
             make_checker: Makes another one: a motion may take seconds, in which
-                configurations are judged as before.
+                configurations are checked as before.
             frame: Transforms bases to the map.
         """
         self._checker, self._lock = checker, lock
@@ -125,16 +126,16 @@ class CheckServices:
         rospy.Service("~check_trajectory", CheckTrajectory, self._check_trajectory)
 
     def _check_state(self, request: CheckStateRequest) -> CheckStateResponse:
-        """Judge a configuration."""
+        """Check a configuration."""
         try:
             joints, base = request.joint_state, None
             positions, velocities = positions_of(joints), velocities_of(joints)
             if request.has_base:
                 base = pose_from_numbers(pose_to_array(request.base_pose))
             with self._lock:
-                verdict = self._checker.judge_state(
+                verdict = self._checker.check_state(
                     positions, base, request.only, velocities or None
-                ).verdict
+                )
         except G1DescriptionError as error:
             return CheckStateResponse(status_message=str(error))
         return _answer(CheckStateResponse, verdict)
@@ -142,7 +143,7 @@ class CheckServices:
     def _check_trajectory(
         self, request: CheckTrajectoryRequest
     ) -> CheckTrajectoryResponse:
-        """Judge a motion."""
+        """Check a motion."""
         try:
             trajectory = whole_body_from_message(
                 request.trajectory, self._joints, self._frame
@@ -152,12 +153,10 @@ class CheckServices:
             with self._motion_lock:
                 if self._motion_checker is None:
                     self._motion_checker = self._make_checker()
-                judged = self._motion_checker.check_motion(
-                    Motion(trajectory), request.only
-                )
+                verdict = self._motion_checker.check(Motion(trajectory), request.only)
         except G1DescriptionError as error:
             return CheckTrajectoryResponse(status_message=str(error))
-        return _answer(CheckTrajectoryResponse, judged.verdict)
+        return _answer(CheckTrajectoryResponse, verdict)
 
 
 def _answer(kind, verdict: Verdict):

@@ -8,11 +8,11 @@ from typing import Sequence, Tuple
 
 import numpy as np
 
-from g1_description.checks.verdict import Fault, without_short
+from g1_description.checks.finding import Fault, without_short
 from g1_description.robot.dynamics import Dynamics
 
 STILL_TIME = 0.2
-"""How long a robot must be still for its centre of mass to be judged, in [s]."""
+"""How long a robot must be still for its centre of mass to be checked, in [s]."""
 
 LEAST_FORCE = 0.1
 """Share of its weight that the floor must bear for a zero-moment point to mean

@@ -1,4 +1,4 @@
-"""Files judged by the workers of a Dask cluster.
+"""Files checked by the workers of a Dask cluster.
 
 Their contents are sent, so that workers need not see the disks of this machine, nor
 have ROS: bags are read here. Scheduler and workers have this package, installed with
@@ -9,25 +9,33 @@ from __future__ import annotations
 
 import hashlib
 import logging
-import threading
-import time
+import pickle
 import uuid
 import warnings
-from collections.abc import Iterator, Sequence
-from functools import lru_cache, partial
+from collections.abc import Mapping, Sequence
+from concurrent.futures import CancelledError, Future
+from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
-from typing import Any, Union
+from tempfile import TemporaryDirectory
+from typing import Any
 
-from g1_description.checks.batch import Judge, Reader, Setup, Task
-from g1_description.checks.cluster_worker import Package, judged_content, packed
+from g1_description.checks.batch import (
+    Content,
+    FileChecker,
+    Here,
+    Task,
+    check_content,
+)
 from g1_description.checks.report import Outcome
 from g1_description.errors import ClusterError, MotionError, cause
-from g1_description.files.model_files import share_folder
+from g1_description.files.model_files import find_folder, share_folder
+from g1_description.files.uris import local_path
 from g1_description.motion.files.read import BAG, MAX_FILE_SIZE, beginning
-from g1_description.motion.motion import Motion
+from g1_description.robot.description import Description, Shape
 
-ROOMS = ("core", "sim")
-"""What judges motions."""
+PACKAGES = ("files", "robot", "motion", "sim", "collisions", "checks")
+"""What checks motions."""
 
 CONFIG = "collisions*.yaml"
 """What it reads, of the package's folder config."""
@@ -35,12 +43,12 @@ CONFIG = "collisions*.yaml"
 
 @lru_cache(maxsize=None)
 def fingerprint() -> str:
-    """Compute a digest of the code that judges motions, and of what it reads."""
+    """Compute a digest of the code that checks motions, and of what it reads."""
     found = hashlib.sha256()
     folder = Path(__file__).resolve().parents[1]
     files = sorted((share_folder() / "config").glob(CONFIG))
-    for room in ROOMS:
-        files += sorted((folder / room).rglob("*.py"))
+    for package in PACKAGES:
+        files += sorted((folder / package).rglob("*.py"))
     for file in files:
         found.update(file.name.encode("utf-8") + file.read_bytes())
     return found.hexdigest()
@@ -50,44 +58,36 @@ TIMEOUT = 10.0
 """Longest wait for a scheduler, and for its first worker, in [s]."""
 
 AHEAD = 3
-"""Files that are sent for each thread of a worker: while one is judged, the next ones
+"""Files that are sent for each thread of a worker: while one is checked, the next ones
 come."""
-
-POLL_PERIOD = 0.02
-"""Wait before it is looked again whether a file is done, in [s]: meanwhile workers have
-others."""
 
 LIBRARY = "distributed"
 
-Content = Union[bytes, Motion]
-"""What is sent of a file: all that is in it, or the motion of a bag."""
 
+class Cluster(Here):
+    """Workers that check files."""
 
-class Cluster:
-    """Workers that judge files."""
-
-    def __init__(self, setup: Setup, judge: Judge, read: Reader, address: str) -> None:
+    def __init__(self, checker: FileChecker, address: str) -> None:
         """Connect.
 
         Args:
-            setup: What is judged; no error may come of it.
-            judge: The same, here.
-            read: Reads what only this machine can.
+            checker: What checks; it reads here what only this machine can.
             address: HOST:PORT of the scheduler, or a URI of Dask's.
 
         Raises:
             ClusterError: If there is no such cluster, or it lacks what is needed.
         """
-        self._setup, self._judge, self._read = setup, judge, read
+        super().__init__(checker)
         self._address = address if "://" in address else f"tcp://{address}"
         self._dask = _library()
         self._client = self._connected()
         try:
-            self._n_threads = self._checked()
-            package = packed(setup)
-            key = f"g1-setup-{uuid.uuid4().hex}"
+            self.ahead = AHEAD * max(self._checked(), 1)
+            self._executor = self._client.get_executor(pure=False)
+            key = f"g1-checker-{uuid.uuid4().hex}"
             # A task, not scattered data: whoever lost it makes it again.
-            self._package = self._client.submit(_same, package, key=key)
+            sent = packed(checker)
+            self._pickled = self._client.submit(bytes, sent, key=key)
         except BaseException:
             self.close()
             raise
@@ -129,102 +129,118 @@ class Cluster:
             )
         return sum(self._client.nthreads().values())
 
-    def judged(self, tasks: Sequence[Task]) -> Iterator[tuple[Task, Outcome]]:
-        """Judge files.
-
-        Args:
-            tasks: The files.
-
-        Returns:
-            Outcomes as they come.
-
-        Raises:
-            ClusterError: If the cluster goes away.
-        """
-        waiting = iter(tasks)
-        running = self._dask.as_completed(loop=self._client.loop)
-        task_of: dict[Any, Task] = {}
-
-        def send() -> Iterator[tuple[Task, Outcome]]:
-            """Send the next file; those that need no worker are done at once."""
-            for task in waiting:
-                content = self._content(task)
-                if isinstance(content, Outcome):
-                    yield task, content
-                    continue
-                future = self._submitted(task, content)
-                task_of[future] = task
-                running.add(future)
-                return
-
-        for _ in range(AHEAD * max(self._n_threads, 1)):
-            yield from send()
-        while task_of:
-            self._wait(running)
-            future = next(running)
-            task = task_of.pop(future)
-            yield task, self._outcome(future, task)
-            future.release()
-            yield from send()
-
-    def _wait(self, running: Any) -> None:
-        """Wait until a file is done.
-
-        Raises:
-            ClusterError: If nobody is left who could do it.
-        """
-        pause, begin = threading.Event(), time.monotonic()
-        while not running.has_ready():
-            pause.wait(POLL_PERIOD)
-            if time.monotonic() - begin > TIMEOUT:
-                begin = time.monotonic()
-                if not self._client.nthreads():
-                    raise ClusterError(f"{self._address} has no workers any more.")
-
-    def _submitted(self, task: Task, content: Content) -> Any:
-        """Send a file."""
-        key = f"g1-check-{task.number}-{uuid.uuid4().hex}"
+    def submit(self, task: Task) -> Future[Outcome]:
+        """Send a file; one that cannot be read here is done at once."""
+        content = self._content(task)
+        if isinstance(content, Outcome):
+            done: Future[Outcome] = Future()
+            done.set_result(content)
+            return done
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", message=".*[Ll]arge.*")
-            return self._client.submit(
-                judged_content, self._package, task.name, content, key=key
+            future: Future[Outcome] = self._executor.submit(
+                check_content, self._pickled, task.name, content
             )
+            return future
 
     def _content(self, task: Task) -> Content | Outcome:
         """Read a file; the outcome where that says all."""
         try:
             size = task.path.stat().st_size
             is_bag = beginning(task.path, len(BAG)) == BAG
-            if not is_bag and size <= MAX_FILE_SIZE and self._setup.topic is None:
+            if not is_bag and size <= MAX_FILE_SIZE and self.checker.topic is None:
                 return task.path.read_bytes()
         except (OSError, MotionError):
-            pass  # what is wrong is told by whoever reads it next
+            pass  # the reader says what is wrong
         # Bags need ROS, which workers may not have.
-        read = partial(self._judge.read_file, task.path, self._read)
-        return self._judge.read(task.name, read)
+        return self.checker.read(task.name, task.path)
 
-    def _outcome(self, future: Any, task: Task) -> Outcome:
-        """Take the outcome of a file from a worker."""
+    def result(self, task: Task, future: Future[Outcome]) -> Outcome:
+        """Return the outcome of a file that is done."""
         try:
-            found = future.result()
-            assert isinstance(found, Outcome)
-            return found
+            return future.result()
         except self._dask.scheduler.KilledWorker:
             return Outcome(task.name, problem="the workers that checked it died")
-        except (self._dask.CancelledError, self._dask.comm.CommClosedError) as error:
+        except (
+            CancelledError,
+            self._dask.CancelledError,
+            self._dask.comm.CommClosedError,
+        ) as error:
             # It names the file's key, which says nothing to anybody.
             raise ClusterError(f"The cluster {self._address} has gone.") from error
         except Exception as error:  # such as a full disk
             return Outcome(task.name, problem=f"its worker failed: {cause(error)}")
+
+    def check_alive(self) -> None:
+        """Raise a ClusterError if no worker is left."""
+        if not self._client.nthreads():
+            raise ClusterError(f"{self._address} has no workers any more.")
 
     def close(self) -> None:
         """Drop what is not done, and disconnect."""
         self._client.close(timeout=TIMEOUT)
 
 
-def _same(package: Package) -> Package:
-    """Give what was sent."""
-    return package
+def packed(checker: FileChecker) -> bytes:
+    """Pickle what checks, with the meshes that physics reads.
+
+    Raises:
+        OSError: If a mesh cannot be read.
+    """
+    sent = replace(checker, reader=None, topic=None)
+    meshes = {}
+    if checker.checker.physics is not None:
+        for link in checker.checker.description.links:
+            for shape in (*link.collisions, *link.visuals):
+                path = local_path(shape.filename, find_folder)
+                if shape.kind == "mesh" and path is not None:
+                    meshes[shape.filename] = Path(path).read_bytes()
+    return pickle.dumps(_WithMeshes(sent, meshes))
+
+
+class _WithMeshes:
+    """A checker that becomes one with files of its own where it is unpickled."""
+
+    def __init__(self, checker: FileChecker, meshes: Mapping[str, bytes]) -> None:
+        self._content = checker, meshes
+
+    def __reduce__(self) -> Any:
+        return _received, self._content
+
+
+_folders = []
+"""Of meshes; they stay as long as this process."""
+
+
+def _received(checker: FileChecker, meshes: Mapping[str, bytes]) -> FileChecker:
+    """Write the meshes that physics reads, by the names that the robot has for them."""
+    physics = checker.checker.physics
+    if meshes and physics is not None:
+        folder = TemporaryDirectory(prefix="check_")
+        _folders.append(folder)
+        uris = {}
+        for number, (name, content) in enumerate(meshes.items()):
+            file = Path(folder.name, f"{number}{Path(name).suffix}")
+            file.write_bytes(content)
+            uris[name] = f"file://{file}"
+        physics.description = _renamed(physics.description, uris)
+    return checker
+
+
+def _renamed(robot: Description, uris: Mapping[str, str]) -> Description:
+    """Give meshes other names."""
+
+    def renamed(shapes: Sequence[Shape]) -> tuple[Shape, ...]:
+        names = ((shape, uris.get(shape.filename, shape.filename)) for shape in shapes)
+        return tuple(replace(shape, filename=name) for shape, name in names)
+
+    links = (
+        replace(
+            link, collisions=renamed(link.collisions), visuals=renamed(link.visuals)
+        )
+        for link in robot.links
+    )
+    return replace(robot, links=tuple(links))
 
 
 def _library() -> Any:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from g1_description.checks.finding import runs, without_short
 from g1_description.checks.thresholds import Thresholds
-from g1_description.checks.verdict import runs, without_short
 from g1_description.motion.trajectory import SNAP
 from g1_description.robot.rotation import cross, to_axes
 

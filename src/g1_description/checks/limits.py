@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from g1_description.checks.states import States, rotation_vectors
+from g1_description.checks.finding import Fault, around
+from g1_description.checks.measured import Measured, rotation_vectors
 from g1_description.checks.thresholds import BOUNDS, Thresholds
-from g1_description.checks.verdict import Fault, around
 from g1_description.errors import ThresholdError
 from g1_description.motion.trajectory import Trajectory
 from g1_description.robot.description import Description, Joint
@@ -153,22 +153,22 @@ def jumps(times: np.ndarray, steps: np.ndarray) -> np.ndarray:
 
 
 def jump_faults(
-    states: States, joints: Sequence[Joint], thresholds: Thresholds
+    measured: Measured, joints: Sequence[Joint], thresholds: Thresholds
 ) -> list[Fault]:
     """Find jumps of joints and base between the motion's own samples.
 
     Args:
-        states: The motion.
+        measured: The motion.
         joints: Its joints.
         thresholds: Smaller jumps are none.
     """
-    motion, faults = states.trajectory, []
+    motion, faults = measured.trajectory, []
     for joint, places in zip(joints, motion.positions.T):
         sizes = jumps(motion.times, np.diff(places)[:, np.newaxis])[:, 0]
         if (sizes > thresholds.jump.least).any():
             unit = units(joint)[0]
             text = f"{joint.name} jumps by {{worst:.4g}} {unit} at {{time:.3f}} s"
-            sizes = states.spread(sizes, 0.0)
+            sizes = measured.spread(sizes, 0.0)
             faults.append(Fault("jump", (joint.name,), sizes, unit, text))
     poses = motion.base_poses
     if poses is None:
@@ -178,7 +178,7 @@ def jump_faults(
     turned = jumps(motion.times, turns)
     for part, unit, verb in ((moved, "m", "jumps"), (turned, "rad", "turns at once")):
         text = f"the base {verb} by {{worst:.4g}} {unit} at {{time:.3f}} s"
-        size = states.spread(np.linalg.norm(part, axis=1), 0.0)
+        size = measured.spread(np.linalg.norm(part, axis=1), 0.0)
         faults.append(Fault("base_jump", ("base",), size, unit, text))
     return faults
 

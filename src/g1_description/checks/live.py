@@ -1,4 +1,4 @@
-"""Judges one robot as it is now, again and again."""
+"""Checks one robot as it is now, again and again."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from g1_description.checks.checker import NAMES, Checker
-from g1_description.checks.timeline import Judged
 from g1_description.checks.verdict import Verdict
 from g1_description.errors import UnknownNameError
 from g1_description.text import listed
@@ -24,47 +23,47 @@ STANDSTILL = 1e-6
 still: the robot is placed, it does not move."""
 
 
-class LiveJudge:
-    """Judges states of one robot; one that has not changed is not judged again."""
+class LiveCheck:
+    """Checks states of one robot; one that has not changed is not checked again."""
 
     def __init__(self, checker: Checker) -> None:
         """Begin.
 
         Args:
-            checker: Judges.
+            checker: The robot's checks.
         """
         self._checker = checker
         joints = checker.description.movable_joints
         self._joints = frozenset(joint.name for joint in joints)
         self._last: tuple[float, np.ndarray] | None = None
-        self._newest: tuple[object, Judged] | None = None
+        self._newest: tuple[object, Verdict] | None = None
 
     def begin_again(self) -> None:
         """Forget how the robot moved: time went back."""
         self._last = None
 
-    def judge(
+    def check(
         self,
         time: float,
         positions: Mapping[str, float],
         base: np.ndarray | None,
         velocities: Mapping[str, float] | None = None,
-    ) -> tuple[Judged, Verdict]:
-        """Judge a state.
+    ) -> Verdict:
+        """Check a state.
 
         Args:
             time: Of the state, in [s].
             positions: In [rad] or [m] by name; joints of others, such as hands, are
-                passed over.
+                ignored.
             base: T_map_base, shape (7,); None where it is not known.
             velocities: In [rad/s] or [m/s] by name, where they are known.
 
         Returns:
-            What was measured, and the verdict: without the checks of a robot at rest
-            while its centre of mass moves.
+            The verdict: without the checks of a robot at rest while its centre of mass
+            moves.
 
         Raises:
-            G1DescriptionError: If it cannot be judged.
+            G1DescriptionError: If it cannot be checked.
         """
         content = (
             dict(positions),
@@ -74,12 +73,12 @@ class LiveJudge:
         if self._newest is None or content != self._newest[0]:
             own = self._own(positions)
             rates = None if velocities is None else self._own(velocities) or None
-            judged = self._checker.judge_state(own, base, LIVE, rates)
-            self._newest = content, judged
-        judged = self._newest[1]
-        if self._moves(time, judged):
-            return judged, _without(judged.verdict, AT_REST, "the robot moves")
-        return judged, judged.verdict
+            verdict = self._checker.check_state(own, base, LIVE, rates)
+            self._newest = content, verdict
+        verdict = self._newest[1]
+        if self._moves(time, verdict):
+            return _without(verdict, AT_REST, "the robot moves")
+        return verdict
 
     def _own(self, values: Mapping[str, float]) -> dict[str, float]:
         """Leave out joints of others, such as hands.
@@ -95,9 +94,10 @@ class LiveJudge:
             )
         return own
 
-    def _moves(self, time: float, judged: Judged) -> bool:
+    def _moves(self, time: float, verdict: Verdict) -> bool:
         """Tell whether the centre of mass has moved since the last state."""
-        balance, last = judged.timeline.balance, self._last
+        assert verdict.measured is not None
+        balance, last = verdict.measured.balance, self._last
         if balance is None:
             self._last = None
             return False

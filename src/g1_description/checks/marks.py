@@ -9,9 +9,10 @@ from typing import Protocol, Tuple
 import numpy as np
 
 from g1_description.checks.balance import support_polygon
+from g1_description.checks.finding import FAILED, Finding
 from g1_description.checks.limits import units
-from g1_description.checks.timeline import Timeline
-from g1_description.checks.verdict import FAILED, Finding, Verdict
+from g1_description.checks.measured import Measured
+from g1_description.checks.verdict import Verdict
 from g1_description.robot.assembly import root_in_base
 from g1_description.robot.description import Description, Joint
 from g1_description.robot.kinematics import Kinematics
@@ -159,7 +160,6 @@ class RobotMarks:
     def draw(
         self,
         canvas: Canvas,
-        timeline: Timeline,
         verdict: Verdict,
         base: np.ndarray | None,
     ) -> None:
@@ -167,15 +167,16 @@ class RobotMarks:
 
         Args:
             canvas: What draws, in the map; without a base in the base's own frame.
-            timeline: What was measured of one state.
-            verdict: What was found of it.
+            verdict: What was found and measured of one state.
             base: T_map_base, shape (7,); None: that frame is the base's.
         """
+        measured = verdict.measured
+        assert measured is not None
         labels = [
             *self._contacts(canvas, verdict),
-            *self._near_limits(canvas, timeline, base),
+            *self._near_limits(canvas, measured, base),
         ]
-        labels += self._balance(canvas, timeline, verdict)
+        labels += self._balance(canvas, measured, verdict)
         around = places(labels, IDENTITY if base is None else base)
         for label, (begin, middle) in zip(labels, around):
             canvas.line(LABELS, np.stack([label.point, begin]), 0.002, label.color)
@@ -197,12 +198,12 @@ class RobotMarks:
         return labels
 
     def _near_limits(
-        self, canvas: Canvas, timeline: Timeline, base: np.ndarray | None
+        self, canvas: Canvas, measured: Measured, base: np.ndarray | None
     ) -> list[Label]:
         """Mark joints that are near their limits, or beyond."""
-        rows = np.array([self._row[name] for name in timeline.joint_names], dtype=int)
+        rows = np.array([self._row[name] for name in measured.joint_names], dtype=int)
         positions = np.zeros(len(self._joints))
-        positions[rows] = timeline.positions[0]
+        positions[rows] = measured.positions[0]
         room = np.minimum(positions - self._lower, self._upper - positions)[rows]
         near = rows[np.flatnonzero(room < self._margin[rows])]
         if not near.size:
@@ -228,10 +229,10 @@ class RobotMarks:
         return Label(origin, f"{short_name(joint.name)} {text}", color)
 
     def _balance(
-        self, canvas: Canvas, timeline: Timeline, verdict: Verdict
+        self, canvas: Canvas, measured: Measured, verdict: Verdict
     ) -> list[Label]:
         """Show the centre of mass above what bears."""
-        balance = timeline.balance
+        balance = measured.balance
         if balance is None:
             return []
         center, margin = balance.center[0], float(balance.center_margin[0])
@@ -242,7 +243,7 @@ class RobotMarks:
         canvas.disc(BALANCE, below + 0.001 * UP, 0.05, color)
         if np.isnan(margin):
             return []
-        corners = np.array(support_polygon(timeline.support[0]))
+        corners = np.array(support_polygon(measured.support[0]))
         polygon = np.column_stack([corners, np.full(len(corners), self._floor)])
         canvas.line(SUPPORT, np.concatenate([polygon, polygon[:1]]), 0.01, color)
         if len(polygon) > 2:
@@ -257,8 +258,8 @@ class RobotMarks:
         """Choose green inside, red outside, orange where that is no fault."""
         if margin >= 0.0:
             return GREEN
-        is_judged = "center_of_mass" in verdict.checked
-        return RED if is_judged and not np.isnan(margin) else ORANGE
+        is_checked = "center_of_mass" in verdict.checked
+        return RED if is_checked and not np.isnan(margin) else ORANGE
 
 
 def _mark(canvas: Canvas, namespace: str, finding: Finding, what: str) -> Label:

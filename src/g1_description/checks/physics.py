@@ -7,15 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from g1_description.checks.limits import units
-from g1_description.checks.thresholds import Level, Thresholds
-from g1_description.checks.verdict import (
+from g1_description.checks.finding import (
     Finding,
-    Verdict,
     intervals,
     sorted_findings,
     time_share,
 )
+from g1_description.checks.limits import units
+from g1_description.checks.thresholds import Level, Thresholds
+from g1_description.checks.verdict import Verdict
 from g1_description.errors import G1DescriptionError
 from g1_description.motion.motion import Motion
 from g1_description.motion.motors import Motors
@@ -31,7 +31,7 @@ AT_LIMIT = 0.999
 
 
 class PhysicsCheck:
-    """Plays motions of one robot in physics, and judges what happens."""
+    """Plays motions of one robot in physics, and checks what happens."""
 
     def __init__(
         self,
@@ -49,7 +49,7 @@ class PhysicsCheck:
                 says.
             fixed_base: Whether something holds the base.
         """
-        self._robot, self._thresholds = description, thresholds
+        self.description, self._thresholds = description, thresholds
         self._joints = {joint.name: joint for joint in description.movable_joints}
         self._is_fixed = fixed_base or base_of(description)[0] == WORLD
         self._conditions = Conditions(
@@ -71,7 +71,7 @@ class PhysicsCheck:
         played = None
         if set(wanted) - set(skipped):
             try:
-                played = rollout(self._robot, motion.trajectory, self._conditions)
+                played = rollout(self.description, motion.trajectory, self._conditions)
             except G1DescriptionError as error:
                 skipped = dict.fromkeys(wanted, str(error).rstrip("."))
         made = [name for name in wanted if name not in skipped]
@@ -93,14 +93,14 @@ class PhysicsCheck:
         skipped = {
             name: "it has no threshold"
             for name in CHECKS
-            if not getattr(self._thresholds, name).is_judged
+            if not getattr(self._thresholds, name).is_checked
         }
         if self._is_fixed:
             skipped["fall"] = "the base is fixed"
         return skipped
 
     def _verdict(self, played: Rollout) -> Verdict:
-        """Judge what happened."""
+        """Check what happened."""
         thresholds, fell_at = self._thresholds, played.fell_at
         findings: list[Finding | None] = []
         for number, name in enumerate(played.report.joint_names):
@@ -112,7 +112,7 @@ class PhysicsCheck:
         figures = {} if fell_at is None else {"fall_time": fell_at}
         figures.update(_errors(played))
         return Verdict(
-            self._robot.name,
+            self.description.name,
             sorted_findings(findings),
             figures=figures,
             notes=(*played.left_out, self._summary(played, figures)),
@@ -151,7 +151,7 @@ def _errors(played: Rollout) -> dict[str, float]:
 
 
 def _tracking(played: Rollout, number: int, unit: str, level: Level) -> Finding | None:
-    """Judge how far a joint is from where it should be.
+    """Check how far a joint is from where it should be.
 
     Args:
         played: What happened.
@@ -184,7 +184,7 @@ def _tracking(played: Rollout, number: int, unit: str, level: Level) -> Finding 
 
 
 def _saturation(played: Rollout, number: int, level: Level) -> Finding | None:
-    """Judge how long a motor gives all it can.
+    """Check how long a motor gives all it can.
 
     Args:
         played: What happened.
@@ -216,7 +216,7 @@ def _saturation(played: Rollout, number: int, level: Level) -> Finding | None:
 
 
 def _fall(played: Rollout, time: float, level: Level) -> Finding | None:
-    """Judge a fall.
+    """Check a fall.
 
     Args:
         played: What happened.

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from g1_description.checks import plot_panels
-from g1_description.checks.timeline import Timeline
+from g1_description.checks.measured import Measured
 from g1_description.checks.verdict import Verdict
 from g1_description.robot.description import Joint
 
@@ -59,34 +59,33 @@ STYLE = {
 Panel = Callable[[Axes], None]
 
 
-def motion_plot(
-    name: str, verdict: Verdict, timeline: Timeline, joints: Sequence[Joint]
-) -> bytes:
+def motion_plot(name: str, verdict: Verdict, joints: Sequence[Joint]) -> bytes:
     """Draw a motion.
 
     Args:
         name: Of its file.
-        verdict: What was found.
-        timeline: What was measured.
+        verdict: What was found and measured.
         joints: Movable joints of the robot.
 
     Returns:
         The picture as PNG; the same for the same arguments.
     """
-    moved = [joint for joint in joints if joint.name in timeline.joint_names]
+    measured = verdict.measured
+    assert measured is not None
+    moved = [joint for joint in joints if joint.name in measured.joint_names]
     # Whatever a user's own configuration says.
     with matplotlib.rc_context({**matplotlib.rcParamsDefault, **STYLE}):
-        return _png(_figure(name, verdict, timeline, moved))
+        return _png(_figure(name, verdict, measured, moved))
 
 
 def _figure(
-    name: str, verdict: Verdict, timeline: Timeline, joints: Sequence[Joint]
+    name: str, verdict: Verdict, measured: Measured, joints: Sequence[Joint]
 ) -> Figure:
     """Lay the panels out, from top to bottom."""
     n_strips = -(-len(joints) // max(-(-len(joints) // MAX_STRIPS), 1))
     firsts = range(0, len(joints), max(n_strips, 1))
     columns = [joints[first : first + n_strips] for first in firsts]
-    below = _panels(verdict, timeline)
+    below = _panels(verdict, measured)
     heights = [STRIP * n_strips, *(height for _, height, _ in below)]
     total = HEAD + sum(heights) + GAP * len(heights)
     figure = Figure(figsize=(WIDTH, total), dpi=100)
@@ -94,13 +93,13 @@ def _figure(
     _title(figure, name, verdict, total)
     top = total - HEAD
     if columns:
-        _joints(figure, (top, total), columns, timeline, verdict)
+        _joints(figure, (top, total), columns, measured, verdict)
     top -= heights[0] + GAP
     for title, height, draw in below:
         place = (LEFT, (top - height) / total, 0.98 - LEFT, height / total)
         axes = figure.add_axes(place, title=title)
         draw(axes)
-        _time_axis(axes, timeline.times)
+        _time_axis(axes, measured.times)
         top -= height + GAP
     figure.axes[-1].set_xlabel("time [s]", fontsize=8, labelpad=1.0)
     return figure
@@ -110,7 +109,7 @@ def _joints(
     figure: Figure,
     place: tuple[float, float],
     columns: Sequence[Sequence[Joint]],
-    timeline: Timeline,
+    measured: Measured,
     verdict: Verdict,
 ) -> None:
     """Draw the strips of joints.
@@ -119,7 +118,7 @@ def _joints(
         figure: Where.
         place: Upper edge of the strips, and height of the figure, in inches.
         columns: The joints that stand below each other.
-        timeline: What was measured.
+        measured: What was measured.
         verdict: What was found.
     """
     top, total = place
@@ -134,8 +133,8 @@ def _joints(
                 height / total,
             )
         )
-        plot_panels.joint_strips(axes, joints, timeline, verdict)
-        _time_axis(axes, timeline.times)
+        plot_panels.joint_strips(axes, joints, measured, verdict)
+        _time_axis(axes, measured.times)
         if not number:
             plot_panels.strips_legend(axes)
 
@@ -157,9 +156,9 @@ def _title(figure: Figure, name: str, verdict: Verdict, total: float) -> None:
     )
 
 
-def _panels(verdict: Verdict, timeline: Timeline) -> list[tuple[str, float, Panel]]:
+def _panels(verdict: Verdict, measured: Measured) -> list[tuple[str, float, Panel]]:
     """List titles, heights in inches and functions of the panels that are needed."""
-    times = timeline.times
+    times = measured.times
     found: list[tuple[str, float, Panel]] = []
 
     def add(title: str, height: float, draw: Panel, *checks: str) -> None:
@@ -176,24 +175,24 @@ def _panels(verdict: Verdict, timeline: Timeline) -> list[tuple[str, float, Pane
             ROW * n_findings,
             lambda axes: plot_panels.findings_panel(axes, verdict, times),
         )
-    if timeline.heights is not None:
+    if measured.heights is not None:
         add(
             "links that bear on the floor; marked: they slide",
             ROW * max(len(verdict.bearing), 1),
-            lambda axes: plot_panels.contacts_panel(axes, timeline, verdict),
+            lambda axes: plot_panels.contacts_panel(axes, measured, verdict),
         )
         add(
             "height of their lowest points above the floor [m]",
             LINES,
-            lambda axes: plot_panels.heights_panel(axes, timeline, verdict),
+            lambda axes: plot_panels.heights_panel(axes, measured, verdict),
             "penetration",
             "floating",
         )
-    if timeline.balance is not None:
+    if measured.balance is not None:
         add(
             "balance: distance inside of what bears [m], negative outside",
             LINES,
-            lambda axes: plot_panels.margins_panel(axes, timeline),
+            lambda axes: plot_panels.margins_panel(axes, measured),
             "center_of_mass",
             "zero_moment_point",
         )
@@ -201,7 +200,7 @@ def _panels(verdict: Verdict, timeline: Timeline) -> list[tuple[str, float, Pane
         add(
             "depth of the deepest self-collision [mm]",
             0.75 * LINES,
-            lambda axes: plot_panels.depth_panel(axes, timeline),
+            lambda axes: plot_panels.depth_panel(axes, measured),
             "self_collision",
         )
     return found

@@ -9,8 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from g1_description.checks.timeline import Timeline
-from g1_description.checks.verdict import FAILED, WARNING, Finding, Verdict
+from g1_description.checks.finding import FAILED, WARNING, Finding
+from g1_description.checks.measured import Measured
+from g1_description.checks.verdict import Verdict
 from g1_description.robot.description import Joint
 
 MAX_BINS = 1200
@@ -132,20 +133,20 @@ def shade(
 
 
 def joint_strips(
-    axes: Axes, joints: Sequence[Joint], timeline: Timeline, verdict: Verdict
+    axes: Axes, joints: Sequence[Joint], measured: Measured, verdict: Verdict
 ) -> None:
     """Draw joints between their limits, a strip for each, and their speeds.
 
     Args:
         axes: Where.
         joints: Those to draw, of the motion.
-        timeline: What was measured.
+        measured: What was measured.
         verdict: What was found.
     """
-    times = timeline.times
+    times = measured.times
     marker = "." if len(times) == 1 else ""
     for row, joint in enumerate(joints):
-        column = timeline.joint_names.index(joint.name)
+        column = measured.joint_names.index(joint.name)
         axes.axhspan(row - HALF, row + HALF, color=LIMITS, linewidth=0.0, zorder=0)
         for finding in reversed(verdict.findings):  # failures above warnings
             if finding.subject == (joint.name,):
@@ -157,8 +158,8 @@ def joint_strips(
                 )
         speed = np.zeros(len(times))
         if np.isfinite(joint.velocity) and joint.velocity > 0.0:
-            speed = timeline.velocities[:, column] / joint.velocity
-        place = in_limits(joint, timeline.positions[:, column])
+            speed = measured.velocities[:, column] / joint.velocity
+        place = in_limits(joint, measured.positions[:, column])
         for values, color, width in ((speed, PURPLE, 0.8), (place, BLUE, 1.2)):
             known = np.clip(values, -MOST_BEYOND, MOST_BEYOND)
             x, y = thinned(times, known)
@@ -217,9 +218,9 @@ def findings_panel(axes: Axes, verdict: Verdict, times: np.ndarray) -> None:
     axes.set_axisbelow(True)
 
 
-def contacts_panel(axes: Axes, timeline: Timeline, verdict: Verdict) -> None:
+def contacts_panel(axes: Axes, measured: Measured, verdict: Verdict) -> None:
     """Draw when links bear on the floor."""
-    times = timeline.times
+    times = measured.times
     links = [*verdict.bearing]
     for row, link in enumerate(links):
         spans = bars(verdict.bearing[link], times)
@@ -234,13 +235,13 @@ def contacts_panel(axes: Axes, timeline: Timeline, verdict: Verdict) -> None:
     axes.set_ylim(max(len(links), 1) - 0.5, -0.5)
 
 
-def heights_panel(axes: Axes, timeline: Timeline, verdict: Verdict) -> None:
+def heights_panel(axes: Axes, measured: Measured, verdict: Verdict) -> None:
     """Draw the heights of links that bear at some time."""
-    assert timeline.heights is not None
+    assert measured.heights is not None
     colors = (BLUE, PURPLE, GREEN, GREY)
     for number, link in enumerate([*verdict.bearing][: len(colors)]):
-        heights = timeline.heights[:, timeline.ground_links.index(link)]
-        x, y = thinned(timeline.times, np.where(np.isfinite(heights), heights, np.nan))
+        heights = measured.heights[:, measured.ground_links.index(link)]
+        x, y = thinned(measured.times, np.where(np.isfinite(heights), heights, np.nan))
         axes.plot(x, y, color=colors[number], lw=1.0, label=link.replace("_link", ""))
     axes.axhline(0.0, color="black", lw=0.6)
     axes.set_ylim(*_range(axes, -0.02, 0.3))
@@ -248,24 +249,24 @@ def heights_panel(axes: Axes, timeline: Timeline, verdict: Verdict) -> None:
         _line_legend(axes)
 
 
-def margins_panel(axes: Axes, timeline: Timeline) -> None:
+def margins_panel(axes: Axes, measured: Measured) -> None:
     """Draw how far inside of what bears the weight acts."""
-    assert timeline.balance is not None
+    assert measured.balance is not None
     lines = (
-        ("zero-moment point", timeline.balance.zmp_margin, PURPLE, 0.8),
-        ("centre of mass", timeline.balance.center_margin, BLUE, 1.2),
+        ("zero-moment point", measured.balance.zmp_margin, PURPLE, 0.8),
+        ("centre of mass", measured.balance.center_margin, BLUE, 1.2),
     )
     for label, margin, color, width in lines:
-        x, y = thinned(timeline.times, margin)
+        x, y = thinned(measured.times, margin)
         axes.plot(x, y, color=color, lw=width, label=label)
     axes.axhline(0.0, color="black", lw=0.6)
     axes.set_ylim(*_range(axes, -0.4, 0.15))
     _line_legend(axes)
 
 
-def depth_panel(axes: Axes, timeline: Timeline) -> None:
+def depth_panel(axes: Axes, measured: Measured) -> None:
     """Draw the depth of the deepest self-collision."""
-    x, y = thinned(timeline.times, 1000.0 * timeline.depth)
+    x, y = thinned(measured.times, 1000.0 * measured.depth)
     axes.fill_between(x, 0.0, y, color=BLUE, alpha=0.6, linewidth=0.0)
     axes.plot(x, y, color=BLUE, lw=0.8)
     axes.set_ylim(0.0, max(5.0, 1.1 * float(y.max())))

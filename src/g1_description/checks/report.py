@@ -11,8 +11,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from g1_description.checks.finding import FAILED, PASSED, WARNING, Finding
 from g1_description.checks.thresholds import LEVELS
-from g1_description.checks.verdict import FAILED, PASSED, WARNING, Finding, Verdict
+from g1_description.checks.verdict import Verdict
 
 NOT_READ, NOT_CHECKED = "not read", "not checked"
 NO_MOTION = "not a motion"

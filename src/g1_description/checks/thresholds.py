@@ -32,7 +32,7 @@ class Level:
     failure: float | None = None
 
     def severity(self, size: float) -> tuple[str, float | None]:
-        """Judge a size.
+        """Compare a size.
 
         Args:
             size: Of a fault.
@@ -48,7 +48,7 @@ class Level:
         return "", None
 
     @property
-    def is_judged(self) -> bool:
+    def is_checked(self) -> bool:
         """Whether there is any threshold."""
         return self.warning is not None or self.failure is not None
 

@@ -1,4 +1,4 @@
-"""A command that judges motions in files.
+"""A command that checks motions in files.
 
 It needs ROS to read rosbags, but neither a master nor a screen.
 """
@@ -7,12 +7,15 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Collection, Iterator
+from collections.abc import Collection
 from contextlib import closing
 
-from g1_description.checks.batch import Judge, Setup, Task, judged_here
+from g1_description.api import MODEL, Robot
+from g1_description.checks.batch import FileChecker, Here, check_files
+from g1_description.checks.checker import collisions_of
 from g1_description.checks.cluster import Cluster
-from g1_description.checks.processes import Workers
+from g1_description.checks.finding import FAILED
+from g1_description.checks.processes import Processes
 from g1_description.checks.report import (
     NO_MOTION,
     NOT_CHECKED,
@@ -20,50 +23,19 @@ from g1_description.checks.report import (
     Outcome,
     summary_text,
 )
-from g1_description.checks.thresholds import read_thresholds
-from g1_description.checks.verdict import FAILED
 from g1_description.cli.check_options import MISUSE, STDOUT, parse
 from g1_description.cli.check_reports import Reports, Results
 from g1_description.cli.motion_paths import MotionFiles, motion_files
 from g1_description.cli.start import INTERRUPTED
 from g1_description.command_line import say
 from g1_description.errors import ClusterError, G1DescriptionError
-from g1_description.files.model_files import share_folder
 from g1_description.motion.files.read_any import read_motion_file
-from g1_description.motion.motors import g1_motors
-from g1_description.robot.load import absolute_urdf
 from g1_description.ros.lifecycle import own_arguments
-
-G1 = "urdf/g1_29dof.urdf"
-"""The robot where none is given, in the package's folder."""
 
 
 def notify(text: str) -> None:
     """Print a message."""
     say(f"check: {text}", sys.stderr)
-
-
-def setup_of(args: argparse.Namespace) -> Setup:
-    """Read the robot, and how it is judged.
-
-    Raises:
-        G1DescriptionError: If a file that is named is not what it should be.
-    """
-    share = share_folder()
-    motors = g1_motors() if args.physics else None
-    return Setup(
-        urdf=absolute_urdf(args.model or str(share / G1)),
-        thresholds=read_thresholds(args.thresholds),
-        only=args.only,
-        pairs=args.collisions,
-        visual_hulls=not args.no_visual_hulls,
-        fixed_base=args.fixed_base,
-        physics=args.physics,
-        motors=motors,
-        plot=bool(args.plot or args.html),
-        rate=args.fps,
-        topic=args.topic,
-    )
 
 
 def check(args: argparse.Namespace) -> int:
@@ -75,15 +47,14 @@ def check(args: argparse.Namespace) -> int:
     """
     files = motion_files(args.files)
     reports = Reports(args, files.tasks)
-    setup = setup_of(args)
-    judge = Judge(setup)  # here, so that its errors are told at once
+    checker = file_checker(args)
     is_free = STDOUT not in (args.json, args.csv)
     stream = sys.stdout if is_free and not args.quiet else None
     code = INTERRUPTED
     with closing(Results(len(files.tasks), stream)) as results:
         try:
-            with closing(_judged(args, judge, setup, files.tasks)) as found:
-                for task, outcome in found:
+            with closing(_pool(args, checker, len(files.tasks))) as pool:
+                for task, outcome in check_files(pool, files.tasks):
                     reports.add(task, outcome)
                     results.add(task, outcome.without_plot())
         except (KeyboardInterrupt, ClusterError) as error:
@@ -102,19 +73,32 @@ def check(args: argparse.Namespace) -> int:
     return code or (MISUSE if reports.problems else 0)
 
 
-def _judged(
-    args: argparse.Namespace, judge: Judge, setup: Setup, tasks: tuple[Task, ...]
-) -> Iterator[tuple[Task, Outcome]]:
-    """Judge files, in one of the ways that there are."""
+def file_checker(args: argparse.Namespace) -> FileChecker:
+    """Prepare the checks of the robot.
+
+    Raises:
+        G1DescriptionError: If a file that is named is not what it should be.
+    """
+    robot = Robot(args.model or MODEL)
+    collisions = collisions_of(
+        robot.description, args.collisions, not args.no_visual_hulls
+    )
+    return FileChecker(
+        robot.checker(args.thresholds, args.fixed_base, collisions, args.physics),
+        args.only,
+        bool(args.plot or args.html),
+        args.fps,
+        args.topic,
+        read_motion_file,
+    )
+
+
+def _pool(args: argparse.Namespace, checker: FileChecker, n_files: int) -> Here:
+    """Choose who checks."""
     if args.dask is not None:
-        with closing(Cluster(setup, judge, read_motion_file, args.dask)) as cluster:
-            yield from cluster.judged(tasks)
-        return
-    if min(args.jobs, len(tasks)) == 1:
-        yield from judged_here(judge, tasks, read_motion_file)
-        return
-    with closing(Workers(setup, read_motion_file, args.jobs)) as workers:
-        yield from workers.judged(tasks)
+        return Cluster(checker, args.dask)
+    n_processes = min(args.jobs, n_files)
+    return Here(checker) if n_processes == 1 else Processes(checker, n_processes)
 
 
 def _summarize(results: Results, files: MotionFiles, stream) -> None:

@@ -82,7 +82,7 @@ def _add_reading(made: OneSentenceParser) -> None:
 
 
 def _add_judging(made: OneSentenceParser) -> None:
-    """Add what is judged, and how."""
+    """Add what is checked, and how."""
     made.add_argument(
         "--thresholds",
         type=Path,

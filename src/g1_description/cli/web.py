@@ -145,7 +145,7 @@ def web(args: argparse.Namespace) -> None:
         show = Show(
             world,
             options,
-            lambda robot: Checker.of(robot, thresholds),
+            lambda robot: Checker(robot, thresholds),
             thresholds.floor_height,
         )
         for (file, motion), robot in zip(motions, world.robots):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 
@@ -53,14 +54,27 @@ class SelfCollisions:
         """Those of them that have no collision shape: their visuals stand for them."""
         self.without_shapes = found.without_shapes
         """Names of the links that are never found, as nothing stands for them."""
-        self.left_out = found.left_out
-        """A message for each mesh that cannot be read."""
+        self.notes = found.left_out
+        """A message for each mesh that cannot be read, and on what was assumed."""
         self.pairs = _checked_pairs(description, self.links, names_of(allowed))
         """The pairs of links that are checked."""
         self._rows = {name: row for row, name in enumerate(found.links)}
-        self._collisions = ShapeCollisions(found.shapes)
+        self._prepare()
+
+    def _prepare(self) -> None:
+        self._collisions = ShapeCollisions(self.shapes)
         # Listing them takes as long as finding the contacts of one configuration.
         self._all = self._shape_pairs(np.arange(len(self.pairs)))
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Go to other processes without PyBullet."""
+        own = ("_collisions", "_all")
+        return {name: v for name, v in self.__dict__.items() if name not in own}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Arrive there."""
+        self.__dict__.update(state)
+        self._prepare()
 
     def contacts(
         self,

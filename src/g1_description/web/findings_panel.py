@@ -6,8 +6,9 @@ import html
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from g1_description.checks.finding import FAILED, Finding
 from g1_description.checks.marks import short_name
-from g1_description.checks.verdict import FAILED, Finding, Verdict
+from g1_description.checks.verdict import Verdict
 from g1_description.web.ui_loop import Desk
 
 if TYPE_CHECKING:
@@ -57,14 +58,14 @@ class FindingList:
             self._strips = gui.add_html("")
 
     def begin(self, name: str) -> None:
-        """Show that a motion is being judged."""
+        """Show that a motion is being checked."""
         self._clear()
         self._folder.label = f"Findings: {name}"
         self._folder.visible = True
         self._summary.content = "*Being checked ...*"
 
     def fail(self) -> None:
-        """Show that a motion could not be judged."""
+        """Show that a motion could not be checked."""
         self._summary.content = "*Could not be checked.*"
 
     def _clear(self) -> None:

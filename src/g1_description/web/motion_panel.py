@@ -10,12 +10,12 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from g1_description.checks.timeline import Judged
+from g1_description.checks.verdict import Verdict
 from g1_description.errors import InvalidValueError, MotionError
 from g1_description.motion.motion import Motion
+from g1_description.web.check_thread import CheckThread
 from g1_description.web.edit_guard import Held
 from g1_description.web.findings_panel import FindingList, plain
-from g1_description.web.judges import Judges
 from g1_description.web.robot import Player, ShownRobot, ShownWorld
 from g1_description.web.ui_loop import Desk
 
@@ -85,14 +85,14 @@ Open a motion, or drop it anywhere
 
 
 class MotionPanel:
-    """Opens, plays and judges motions."""
+    """Opens, plays and checks motions."""
 
     def __init__(
         self,
         gui: GuiApi,
         desk: Desk,
         world: ShownWorld,
-        judges: Judges,
+        checks: CheckThread,
         read_only: bool,
     ) -> None:
         """Add the panel.
@@ -101,10 +101,10 @@ class MotionPanel:
             gui: Where to.
             desk: Does what a person wants.
             world: The robots.
-            judges: Judge motions.
+            checks: Checks motions.
             read_only: Whether motions play by themselves, again and again.
         """
-        self._gui, self._desk, self._world, self._judges = gui, desk, world, judges
+        self._gui, self._desk, self._world, self._checks = gui, desk, world, checks
         self._read_only = read_only
         self.player: Player | None = None
         self.motions: dict[ShownRobot, Motion] = {}
@@ -199,21 +199,21 @@ class MotionPanel:
         self._titles[robot] = _title(name, motion)
         self._title.content = "\n\n".join(self._titles.values())
         self._findings[robot].begin(name)
-        self._judges.judge_motion(
+        self._checks.check_motion(
             robot,
             motion,
-            partial(self._judged, robot, motion),
+            partial(self._checked, robot, motion),
             self._findings[robot].fail,
         )
         self.opened()
         if self._read_only:
             self._start(player.begin)
 
-    def _judged(self, robot: ShownRobot, motion: Motion, judged: Judged) -> None:
+    def _checked(self, robot: ShownRobot, motion: Motion, verdict: Verdict) -> None:
         """Show what was found, unless another motion was opened meanwhile."""
         if self.motions.get(robot) is motion and self.player is not None:
             span = self.player.begin, self.player.end
-            self._findings[robot].show(judged.verdict, span)
+            self._findings[robot].show(verdict, span)
 
     @property
     def _chosen(self) -> ShownRobot:

@@ -137,7 +137,7 @@ def make_show(parameters: WebParameters) -> Show:
     return Show(
         world,
         parameters.server,
-        lambda robot: Checker.of(robot, thresholds),
+        lambda robot: Checker(robot, thresholds),
         thresholds.floor_height,
     )
 

@@ -10,12 +10,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from g1_description.checks.timeline import Judged
 from g1_description.checks.verdict import Verdict
 from g1_description.web.base_controls import BasePanel
+from g1_description.web.check_thread import CheckThread, MakeChecker
 from g1_description.web.findings_panel import plain
 from g1_description.web.joint_controls import JointPanel
-from g1_description.web.judges import Judges, MakeChecker
 from g1_description.web.motion_panel import MotionPanel
 from g1_description.web.plots import PlotPanel
 from g1_description.web.pose_controls import PosePanel
@@ -68,7 +67,7 @@ class Page:
         """
         self._server, self._world = server, world
         self.desk = Desk(server, world.changed)
-        self._judges = Judges(self.desk, make_checker, self._seen)
+        self._checks = CheckThread(self.desk, make_checker, self._seen)
         self._stage = Stage(server)
         self._pointer = Pointer(server)
         names: set[str] = set()
@@ -106,7 +105,7 @@ class Page:
                     self._add_hands(shown)
         with tabs.add_tab("Motion" if self._world.can_move else "Checks"):
             self.motion = MotionPanel(
-                gui, self.desk, self._world, self._judges, self._read_only
+                gui, self.desk, self._world, self._checks, self._read_only
             )
             self._now = gui.add_markdown("")
         self._view: ViewPanel | None = None
@@ -257,21 +256,19 @@ class Page:
         shown.show_wanted(wanted if view is not None and view.ghost.value else None)
         shown.trail(view is not None and bool(view.trails.value))
         if view is None or view.checks.value:
-            if shown.must_be_judged():
-                self._judges.judge_state(shown.robot, state)
-        elif shown.is_judged:
+            if shown.must_be_checked():
+                self._checks.check_state(shown.robot, state)
+        elif shown.is_checked:
             shown.unmark()
             self._found.clear()
             self._tell_found()
 
-    def _seen(
-        self, robot: ShownRobot, state: RobotState, judged: Judged, verdict: Verdict
-    ) -> None:
+    def _seen(self, robot: ShownRobot, state: RobotState, verdict: Verdict) -> None:
         """Show what was found of a robot where it is."""
         shown = next(s for s in self._shown if s.robot is robot)
-        if not shown.is_judged:  # switched off meanwhile
+        if not shown.is_checked:  # switched off meanwhile
             return
-        shown.mark(state, judged, verdict)
+        shown.mark(state, verdict)
         self._found[robot] = verdict
         self._tell_found()
 

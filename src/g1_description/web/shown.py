@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from g1_description.checks.marks import RobotMarks
-from g1_description.checks.timeline import Judged
 from g1_description.checks.verdict import Verdict
 from g1_description.robot.rotation import angle_between
 from g1_description.web.base_controls import BasePanel
@@ -63,7 +62,7 @@ class Shown:
         self._canvas = SceneMarks(self._scene, f"{MAP}/checks/{self._name}")
         self._marks = RobotMarks(description, floor, LIMIT_MARGIN)
         self._state: RobotState | None = None
-        self._judged: RobotState | None = None
+        self._checked: RobotState | None = None
 
     def show(self, state: RobotState) -> None:
         """Show where the robot is."""
@@ -94,27 +93,27 @@ class Shown:
             self._trails.clear()
 
     @property
-    def is_judged(self) -> bool:
-        """Whether it was judged, and is marked."""
-        return self._judged is not None
+    def is_checked(self) -> bool:
+        """Whether it was checked, and is marked."""
+        return self._checked is not None
 
-    def must_be_judged(self) -> bool:
-        """Tell whether it has moved since it was judged, which it is from now on."""
-        last, self._judged = self._judged, self._state
+    def must_be_checked(self) -> bool:
+        """Tell whether it has moved since it was checked, which it is from now on."""
+        last, self._checked = self._checked, self._state
         return last is None or not _same(last, self._state)
 
-    def mark(self, state: RobotState, judged: Judged, verdict: Verdict) -> None:
+    def mark(self, state: RobotState, verdict: Verdict) -> None:
         """Mark what was found where the robot is."""
         colliding = [f for f in verdict.findings if f.check == "self_collision"]
         self.body.redden({link for finding in colliding for link in finding.subject})
         newest = self._state or state
         if state.base is not None and newest.time - state.time < STALE:
-            self._marks.draw(self._canvas, judged.timeline, verdict, state.base)
+            self._marks.draw(self._canvas, verdict, state.base)
         self._canvas.show()
 
     def unmark(self) -> None:
         """Leave no marks."""
-        self._judged = None
+        self._checked = None
         self.body.redden(())
         self._canvas.show()
 

@@ -1,4 +1,4 @@
-"""A robot is judged as it is now, again and again."""
+"""A robot is checked as it is now, again and again."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from g1_description.checks.checker import Checker
-from g1_description.checks.live import AT_REST, STANDSTILL, LiveJudge
+from g1_description.checks.live import AT_REST, STANDSTILL, LiveCheck
 from g1_description.checks.thresholds import Thresholds
 from g1_description.errors import UnknownNameError
 from g1_description.robot.load import absolute_urdf
@@ -25,12 +25,12 @@ FAST = 10.0
 
 @pytest.fixture(scope="module")
 def checker():
-    return Checker.of(ROBOT, Thresholds())
+    return Checker(ROBOT, Thresholds())
 
 
 @pytest.fixture
-def judge(checker):
-    return LiveJudge(checker)
+def live(checker):
+    return LiveCheck(checker)
 
 
 def moved(base, distance):
@@ -43,80 +43,80 @@ def is_at_rest(verdict):
     return {*AT_REST} <= {*verdict.checked}
 
 
-def test_a_state_is_judged_as_the_checker_does(judge, checker):
-    _, verdict = judge.judge(1.0, JOINTS, BASE)
+def test_a_state_is_judged_as_the_checker_does(live, checker):
+    verdict = live.check(1.0, JOINTS, BASE)
     assert verdict.findings == checker.check_state(JOINTS, BASE).findings
     assert is_at_rest(verdict)
     assert "zero_moment_point" not in verdict.checked
 
 
-def test_what_has_not_changed_is_not_judged_again(judge):
-    first, _ = judge.judge(1.0, JOINTS, BASE)
-    again, verdict = judge.judge(2.0, dict(JOINTS), BASE.copy())
+def test_what_has_not_changed_is_not_judged_again(live):
+    first = live.check(1.0, JOINTS, BASE)
+    again = live.check(2.0, dict(JOINTS), BASE.copy())
     assert again is first
-    assert is_at_rest(verdict)
+    assert is_at_rest(again)
     for state in (
         ({**JOINTS, "left_knee_joint": 1e-12}, BASE, None),
         (JOINTS, moved(BASE, 1e-12), None),
         (JOINTS, None, None),
         (JOINTS, BASE, JOINTS),
     ):
-        assert judge.judge(2.0, *state)[0] is not first
+        assert live.check(2.0, *state) is not first
 
 
-def test_a_robot_that_moves_is_not_judged_as_one_at_rest(judge, checker):
+def test_a_robot_that_moves_is_not_judged_as_one_at_rest(live, checker):
     still = checker.thresholds.still_speed
-    judge.judge(0.0, JOINTS, BASE)
-    _, verdict = judge.judge(0.1, JOINTS, moved(BASE, 0.1 * FAST * still))
+    live.check(0.0, JOINTS, BASE)
+    verdict = live.check(0.1, JOINTS, moved(BASE, 0.1 * FAST * still))
     assert not {*AT_REST} & {*verdict.checked}
     assert {verdict.skipped[name] for name in AT_REST} == {"the robot moves"}
-    _, verdict = judge.judge(0.2, JOINTS, moved(BASE, 0.1 * FAST * still))
+    verdict = live.check(0.2, JOINTS, moved(BASE, 0.1 * FAST * still))
     assert is_at_rest(verdict), "it has stopped"
-    _, verdict = judge.judge(0.3, JOINTS, moved(BASE, 0.1 * (FAST + 0.5) * still))
+    verdict = live.check(0.3, JOINTS, moved(BASE, 0.1 * (FAST + 0.5) * still))
     assert is_at_rest(verdict), "so slowly that it counts as standing"
 
 
-def test_a_robot_that_leans_out_is_told_only_at_rest(judge):
+def test_a_robot_that_leans_out_is_told_only_at_rest(live):
     leaning = {**JOINTS, "left_ankle_pitch_joint": 0.5, "right_ankle_pitch_joint": 0.5}
-    judge.judge(0.0, leaning, BASE)
-    _, verdict = judge.judge(0.1, leaning, moved(BASE, 0.5))
+    live.check(0.0, leaning, BASE)
+    verdict = live.check(0.1, leaning, moved(BASE, 0.5))
     assert not verdict.of("floating") and not verdict.of("center_of_mass")
-    _, verdict = judge.judge(5.0, leaning, moved(BASE, 0.5))
+    verdict = live.check(5.0, leaning, moved(BASE, 0.5))
     assert verdict.of("floating") or verdict.of("center_of_mass")
 
 
-def test_a_robot_that_is_placed_while_time_stands_still_does_not_move(judge):
-    judge.judge(1.0, JOINTS, BASE)
-    _, verdict = judge.judge(1.0 + 0.5 * STANDSTILL, JOINTS, moved(BASE, 1.0))
+def test_a_robot_that_is_placed_while_time_stands_still_does_not_move(live):
+    live.check(1.0, JOINTS, BASE)
+    verdict = live.check(1.0 + 0.5 * STANDSTILL, JOINTS, moved(BASE, 1.0))
     assert is_at_rest(verdict)
 
 
-def test_time_may_begin_again(judge):
-    judge.judge(100.0, JOINTS, BASE)
-    judge.begin_again()
-    _, verdict = judge.judge(0.1, JOINTS, moved(BASE, 5.0))
+def test_time_may_begin_again(live):
+    live.check(100.0, JOINTS, BASE)
+    live.begin_again()
+    verdict = live.check(0.1, JOINTS, moved(BASE, 5.0))
     assert is_at_rest(verdict)
-    _, verdict = judge.judge(0.0, JOINTS, moved(BASE, 9.0))
+    verdict = live.check(0.0, JOINTS, moved(BASE, 9.0))
     assert is_at_rest(verdict), "nobody moves back in time"
 
 
-def test_a_robot_without_a_base_is_judged_by_its_joints(judge):
-    _, verdict = judge.judge(0.0, {**JOINTS, "left_knee_joint": 9.0}, None)
+def test_a_robot_without_a_base_is_judged_by_its_joints(live):
+    verdict = live.check(0.0, {**JOINTS, "left_knee_joint": 9.0}, None)
     assert verdict.of("position")
     assert "floating" in verdict.skipped
 
 
-def test_joints_of_others_are_passed_over(judge):
-    _, verdict = judge.judge(0.0, {**JOINTS, "left_thumb_0": 99.0}, BASE)
+def test_joints_of_others_are_passed_over(live):
+    verdict = live.check(0.0, {**JOINTS, "left_thumb_0": 99.0}, BASE)
     assert not verdict.of("position")
     with pytest.raises(UnknownNameError, match="none of the joints left_thumb_0"):
-        judge.judge(0.0, {"left_thumb_0": 99.0}, BASE)
+        live.check(0.0, {"left_thumb_0": 99.0}, BASE)
 
 
-def test_too_fast_joints_are_told_where_velocities_are_known(judge):
+def test_too_fast_joints_are_told_where_velocities_are_known(live):
     fast = {**JOINTS, "left_knee_joint": 1000.0, "left_thumb_0": 1.0}
-    _, verdict = judge.judge(0.0, JOINTS, BASE, fast)
+    verdict = live.check(0.0, JOINTS, BASE, fast)
     (finding,) = verdict.of("velocity")
     assert finding.subject == ("left_knee_joint",)
-    _, verdict = judge.judge(0.1, JOINTS, BASE, None)
+    verdict = live.check(0.1, JOINTS, BASE, None)
     assert not verdict.of("velocity")

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import threading
 import time
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Callable, Tuple
 
 from g1_description.checks.checker import Checker
-from g1_description.checks.live import LiveJudge
-from g1_description.checks.timeline import Judged
+from g1_description.checks.live import LiveCheck
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 from g1_description.web.robot import RobotState, ShownRobot
@@ -28,17 +28,19 @@ AGAIN = 10.0
 MakeChecker = Callable[[Description], Checker]
 
 
-_Request = Tuple[ShownRobot, Motion, Callable[[Judged], object], Callable[[], object]]
+_Request = Tuple[
+    ShownRobot, Motion, Callable[["Verdict"], object], Callable[[], object]
+]
 
 
-class Judges:
-    """Judges motions at once, and the newest state of each robot when it is wanted."""
+class CheckThread:
+    """Checks motions at once, and the newest state of each robot when it is wanted."""
 
     def __init__(
         self,
         desk: Desk,
         make: MakeChecker,
-        seen: Callable[[ShownRobot, RobotState, Judged, Verdict], object],
+        seen: Callable[[ShownRobot, RobotState, Verdict], object],
     ) -> None:
         """Begin; nothing is prepared before it is needed.
 
@@ -50,20 +52,20 @@ class Judges:
         self._desk, self._make, self._seen = desk, make, seen
         self._checkers: dict[int, Checker] = {}
         self._failed: dict[int, tuple[Exception, float]] = {}
-        self._live: dict[ShownRobot, LiveJudge] = {}
+        self._live: dict[ShownRobot, LiveCheck] = {}
         self._lock = threading.Condition()
         self._states: dict[ShownRobot, RobotState] = {}
         self._motions: list[_Request] = []
         threading.Thread(target=self._work, daemon=True).start()
 
-    def judge_motion(
+    def check_motion(
         self,
         robot: ShownRobot,
         motion: Motion,
-        then: Callable[[Judged], object],
+        then: Callable[[Verdict], object],
         failed: Callable[[], object],
     ) -> None:
-        """Judge a motion.
+        """Check a motion.
 
         Args:
             robot: Who goes through it.
@@ -75,14 +77,14 @@ class Judges:
             self._motions.append((robot, motion, then, failed))
             self._lock.notify()
 
-    def judge_state(self, robot: ShownRobot, state: RobotState) -> None:
-        """Judge where a robot is, unless something newer comes before it is time."""
+    def check_state(self, robot: ShownRobot, state: RobotState) -> None:
+        """Check where a robot is, unless something newer comes before it is time."""
         with self._lock:
             self._states[robot] = state
             self._lock.notify()
 
     def _work(self) -> None:
-        """Judge, one after the other."""
+        """Check, one after the other."""
         while True:
             with self._lock:
                 self._lock.wait_for(lambda: self._motions or self._states)
@@ -101,28 +103,25 @@ class Judges:
     def _try(
         self, act: Callable[[], object], failed: Callable[[], object] = lambda: None
     ) -> None:
-        """Judge; a mistake is told as of anything that a person does."""
+        """Check; a mistake is told as of anything that a person does."""
         try:
             act()
         except Exception as error:  # raised again where it is told
             self._desk.post(object(), failed)
-            self._desk.post(("judge", str(error)), partial(_raise, error))
+            self._desk.post(("check", str(error)), partial(_raise, error))
 
     def _motion(
-        self, robot: ShownRobot, motion: Motion, then: Callable[[Judged], object]
+        self, robot: ShownRobot, motion: Motion, then: Callable[[Verdict], object]
     ) -> None:
-        judged = self._checker(robot).check_motion(motion)
-        self._desk.post(("motion", robot), lambda: then(judged))
+        verdict = self._checker(robot).check(motion)
+        found = replace(verdict, measured=None)  # a long motion's needs much memory
+        self._desk.post(("motion", robot), lambda: then(found))
 
     def _state(self, robot: ShownRobot, state: RobotState) -> None:
         if robot not in self._live:
-            self._live[robot] = LiveJudge(self._checker(robot))
-        judged, verdict = self._live[robot].judge(
-            state.time, state.positions, state.base
-        )
-        self._desk.post(
-            ("seen", robot), lambda: self._seen(robot, state, judged, verdict)
-        )
+            self._live[robot] = LiveCheck(self._checker(robot))
+        verdict = self._live[robot].check(state.time, state.positions, state.base)
+        self._desk.post(("seen", robot), lambda: self._seen(robot, state, verdict))
 
     def _checker(self, robot: ShownRobot) -> Checker:
         """Prepare the checks of a robot, or of one like it."""
