@@ -29,6 +29,7 @@ class Bench(World):
 
     @property
     def client(self):
+        self._engine._write_moved()
         return self._engine._client
 
     def bodies(self, name):
@@ -47,6 +48,7 @@ class Bench(World):
 
     def read_back(self):
         """Give the models the state that PyBullet has, as a step does."""
+        self._engine._write_moved()
         self._engine._sort()
         self._engine._moving.read()
         self._engine._moving.update_models()

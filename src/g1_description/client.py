@@ -118,6 +118,9 @@ class State:
     note: str = ""
     """What was not done as requested, such as positions that were clamped."""
 
+    clamped: tuple[str, ...] = ()
+    """The joints whose positions were clamped to their limits."""
+
     @property
     def time(self) -> float:
         """The stamp in [s]."""
@@ -127,14 +130,14 @@ class State:
 def state_of(response: StepModelResponse) -> State:
     """Convert the answer of step_model."""
     joints = response.joint_states
-    _, _, note = response.status_message.partition("; ")
     return State(
         joints.header.stamp.to_nsec(),
         np.array(joints.position),
         np.array(joints.velocity),
         pose_to_array(response.base_pose),
         twist_to_array(response.base_twist),
-        note,
+        response.status_message,
+        tuple(response.clamped),
     )
 
 
@@ -304,7 +307,7 @@ class Client:
         answer = self._services.checked(
             "set_model_trajectory", SetModelTrajectory, trajectory=message
         )
-        return answer.status_message.partition("; ")[2]
+        return answer.status_message
 
     def play(self, trajectory: Trajectory, every: int = 1) -> Trajectory:
         """Let the robot go through a motion.

@@ -149,6 +149,7 @@ class TestKinematic(unittest.TestCase):
         row = ROBOT.joint_row(KNEE)
         self.assertEqual(state.positions[row], ROBOT.upper[row])
         self.assertIn(KNEE, state.note)
+        self.assertEqual(state.clamped, (KNEE,))
 
     def test_a_motion_is_played_as_it_is(self):
         times = np.linspace(0.0, 0.05, 51)

@@ -7,7 +7,8 @@ import unittest
 import numpy as np
 import rospy
 import rostest
-from g1_description.srv import Step, StepModel
+from g1_description.msg import ModelTrajectory
+from g1_description.srv import SetModelTrajectory, Step, StepModel
 from gazebo_msgs.msg import LinkStates, ModelState, WorldState
 from gazebo_msgs.srv import SetModelConfiguration, SetModelState
 from geometry_msgs.msg import Point, Pose, Quaternion
@@ -212,6 +213,26 @@ class TestStatesAtTheRate(States):
         clamped = step_model("g1_robot", ["left_knee_joint"], [9.0], False, Pose(), 1)
         self.assertTrue(clamped.success)
         self.assertIn("clamped to the limits: left_knee", clamped.status_message)
+        self.assertEqual(clamped.clamped, ["left_knee_joint"])
+
+    def test_a_motion_is_answered_with_what_is_clamped_and_ignored(self):
+        play = proxy("set_model_trajectory", SetModelTrajectory)
+        motion = ModelTrajectory("g1_robot", rospy.Time(), [0.0], [])
+        for names, positions, clamped, ignored in (
+            ([ELBOW], [0.5], [], []),
+            ([ELBOW, "wing"], [9.0, 0.0], [ELBOW], ["wing"]),
+        ):
+            motion.joint_names, motion.positions = names, positions
+            answer = play(motion)
+            self.assertTrue(answer.success)
+            self.assertEqual((answer.clamped, answer.ignored), (clamped, ignored))
+            self.assertEqual(
+                "clamped to the limits" in answer.status_message, bool(clamped)
+            )
+        motion.joint_names, motion.positions = ["wing"], [0.0]
+        refused = play(motion)
+        reason = "there is nothing of g1_robot that the motion can move"
+        self.assertEqual((refused.success, refused.status_message), (False, reason))
 
 
 class TestStatesInOneCall(States):

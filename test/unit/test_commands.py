@@ -1,36 +1,134 @@
-"""Of a command, what can be obeyed is, and the rest is named."""
+"""Of a command, what can be obeyed is; the rest is named, and counted by joint."""
 
 import math
 
+import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from g1_description.bridge.sender import split_command
+pytest.importorskip("rospy", reason="rospy is not installed")
 
-JOINTS = ("elbow", "knee")
+from g1_description.bridge.commands import MAX_NAME_LENGTH, MAX_NAMES, CommandTally
+from g1_description.robot.description import Joint
+
+INF = math.inf
+POSE = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+JOINTS = [
+    Joint(name, kind, "thigh", "shank", POSE, lower=lower, upper=upper)
+    for name, kind, lower, upper in (
+        ("knee", "revolute", -0.1, 2.9),
+        ("wheel", "continuous", -INF, INF),
+        ("slide", "prismatic", 0.0, 0.5),
+    )
+]
+
+
+def tally(*commands):
+    made = CommandTally(JOINTS)
+    for time, (names, positions) in enumerate(commands):
+        made.take(names, positions, float(time))
+    return made
 
 
 @pytest.mark.parametrize(
     ("names", "positions", "accepted", "problem"),
     [
-        (["elbow"], [0.5], {"elbow": 0.5}, None),
-        (["elbow", "elbow"], [0.5, 0.7], {"elbow": 0.7}, None),
-        (["elbow", "tail"], [0.5, 1.0], {"elbow": 0.5}, "is called tail"),
-        (["elbow", "knee"], [0.5], {"elbow": 0.5}, "no position for knee"),
-        (["elbow"], [0.5, 0.6], {"elbow": 0.5}, "2 positions for 1 names"),
-        (["elbow", "knee"], [math.nan, 1.0], {"knee": 1.0}, "elbow = nan"),
-        (["elbow", "knee"], [0.1, -math.inf], {"elbow": 0.1}, "knee = -inf"),
+        (["knee"], [0.5], {"knee": 0.5}, None),
+        (["knee", "knee"], [0.5, 0.7], {"knee": 0.7}, None),
+        (["knee"], [4.0], {"knee": 4.0}, None),
+        (["knee", "tail"], [0.5, 1.0], {"knee": 0.5}, "is called tail"),
+        (["knee", "wheel"], [0.5], {"knee": 0.5}, "no position for wheel"),
+        (["knee"], [0.5, 0.6], {"knee": 0.5}, "2 positions for 1 names"),
+        (["knee", "wheel"], [math.nan, 1.0], {"wheel": 1.0}, "knee = nan"),
+        (["knee", "wheel"], [0.1, -INF], {"knee": 0.1}, "wheel = -inf"),
         ([], [], {}, "names no joint"),
         ([""], [1.0], {}, "is called ''"),
     ],
 )
 def test_each_fault_is_named_and_the_rest_obeyed(names, positions, accepted, problem):
-    assert split_command(names, positions, JOINTS)[0] == accepted
-    problems = "; ".join(split_command(names, positions, JOINTS)[1])
-    assert problems == "" if problem is None else problem in problems
+    made = CommandTally(JOINTS)
+    found, ignored, _ = made.take(names, positions, 7.0)
+    assert found == accepted
+    assert ignored == "" if problem is None else problem in ignored
+    assert made.last_ignored == ((7.0, ignored) if ignored else None)
+
+
+@pytest.mark.parametrize(
+    ("names", "positions", "told"),
+    [
+        (["knee", "wheel"], [2.9, 100.0], ""),
+        (
+            ["knee", "slide"],
+            [3.0, -1.0],
+            "clamped to the limits: knee from 3 to 2.9, slide from -1 to 0",
+        ),
+        (
+            ["slide", "knee"],
+            [90.0, 90.0],
+            "clamped to the limits: slide from 90 to 0.5, knee from 90 to 2.9 "
+            "(90 looks like degrees, positions are in radians)",
+        ),
+    ],
+)
+def test_what_is_clamped_is_told_with_its_limit(names, positions, told):
+    assert CommandTally(JOINTS).take(names, positions, 0.0)[2] == told
 
 
 def test_a_thousand_faults_make_one_short_sentence():
     names = [f"joint_{number}" for number in range(1000)]
-    (problem,) = split_command(names, [0.0] * 1000, JOINTS)[1]
-    assert "and 992 more" in problem
-    assert len(problem) < 200
+    _, ignored, _ = CommandTally(JOINTS).take(names, [0.0] * 1000, 0.0)
+    assert "and 992 more" in ignored
+    assert len(ignored) < 200
+
+
+@pytest.mark.parametrize(
+    ("names", "positions", "clamped", "ignored"),
+    [
+        (["knee"], [2.9], {}, {}),
+        (["knee"], [2.91], {"knee": 1}, {}),
+        (["knee", "wheel"], [-0.2, 1e9], {"knee": 1}, {}),
+        (["wing", "knee"], [0.0, 4.0], {"knee": 1}, {"wing": 1}),
+        (["knee", "wheel"], [math.nan, INF], {}, {"knee": 1, "wheel": 1}),
+        (["knee", "wheel"], [0.0], {}, {"wheel": 1}),
+        (["knee"], [0.0, 1.0, 2.0], {}, {"": 2}),
+        ([], [], {}, {}),
+    ],
+)
+def test_each_position_counts_for_its_name(names, positions, clamped, ignored):
+    once, twice = (
+        tally((names, positions)),
+        tally((names, positions), (names, positions)),
+    )
+    for made, times in ((once, 1), (twice, 2)):
+        assert made.clamped == {name: times * n for name, n in clamped.items()}
+        assert made.ignored == {name: times * n for name, n in ignored.items()}
+        assert made.is_empty is not bool(clamped or ignored)
+
+
+@given(
+    st.lists(st.sampled_from(["knee", "wheel", "wing"]), max_size=4),
+    st.lists(st.sampled_from([0.0, 3.0, math.nan]), max_size=4),
+)
+def test_what_is_told_is_counted(names, positions):
+    """But for a message without names, in which nothing is ignored."""
+    made = CommandTally(JOINTS)
+    _, ignored, clamped = made.take(names, positions, 0.0)
+    assert bool(made.ignored) == bool(ignored and (names or positions))
+    assert bool(made.clamped) == bool(clamped)
+
+
+def test_what_was_clamped_lately_is_named():
+    made = tally((["knee"], [4.0]), (["knee"], [0.0]), (["wheel"], [0.0]))
+    assert made.clamped_since(-0.5) == ["knee"]
+    assert made.clamped_since(0.0) == []
+
+
+def test_a_million_names_take_the_room_of_a_few():
+    names = [f"{'x' * 100}{n}" for n in range(10)] + [f"n{n}" for n in range(100_000)]
+    made = tally((names, [0.0] * len(names)), (["n3", "n99999"], [0.0, 0.0]))
+    assert len(made.ignored) == MAX_NAMES
+    assert max(map(len, made.ignored)) == MAX_NAME_LENGTH
+    assert made.ignored["x" * MAX_NAME_LENGTH] == 10
+    assert made.ignored["n3"] == 2
+    assert sum(made.ignored.values()) + made.other_ignored == len(names) + 2

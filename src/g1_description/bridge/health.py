@@ -13,11 +13,11 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from diagnostic_updater import Updater
 from gazebo_msgs.srv import GetPhysicsProperties
 
-from g1_description.bridge.sender import FAILURES, CommandSender
 from g1_description.bridge.state_source import StateSource
 from g1_description.bridge.status import SPAWN_GRACE, RobotStatus
 from g1_description.ros.lifecycle import quiet_when_closing
 from g1_description.ros.log import ThrottledLog
+from g1_description.ros.master import SERVICE_ERRORS
 from g1_description.text import listed
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
@@ -61,7 +61,7 @@ class PauseWatch:
     def ask(self) -> None:
         """Ask the simulator; its answer may take any time."""
         paused = False
-        with contextlib.suppress(*FAILURES):
+        with contextlib.suppress(*SERVICE_ERRORS):
             paused = self._get().pause
         self.is_paused, self._requested = paused, time.monotonic()
 
@@ -88,7 +88,6 @@ class BridgeHealth:
         self,
         gazebo: str,
         source: StateSource,
-        sender: CommandSender,
         robots: Sequence[RobotStatus],
         log: ThrottledLog,
     ) -> None:
@@ -97,12 +96,10 @@ class BridgeHealth:
         Args:
             gazebo: Namespace of the simulator.
             source: Receives the states.
-            sender: Sends the commands.
             robots: The robots.
             log: Where to log what stays away.
         """
-        self._source, self._sender, self._robots = source, sender, robots
-        self._log = log
+        self._source, self._robots, self._log = source, robots, log
         self._stopped = threading.Event()
         self._start = time.monotonic()
         self._pause = PauseWatch(gazebo)
@@ -159,7 +156,7 @@ class BridgeHealth:
 
     def _warn_of_no_answer(self) -> None:
         """Warn that the simulator does not answer a command."""
-        waiting = self._sender.waiting
+        waiting = max(robot.commands.waiting for robot in self._robots)
         if waiting > MAX_ANSWER_TIME:
             text = "A command still waits for the simulator's answer after"
             self._log.warn("hanging", f"{text} {waiting:.0f} s.")
@@ -192,21 +189,23 @@ class BridgeHealth:
 
     def _report_commands(self, status):
         """Report what became of the commands."""
-        counts, waiting = self._sender.counts, self._sender.waiting
-        status.add("sent", sum(count.sent for count in counts.values()))
-        status.add("refused", sum(count.refused for count in counts.values()))
+        tallies = [robot.commands for robot in self._robots]
+        status.add("sent", sum(tally.sent for tally in tallies))
+        status.add("refused", sum(tally.refused for tally in tallies))
         status.summary(OK, "commands are obeyed")
-        if not all(robot.tally.is_empty for robot in self._robots):
+        if not all(tally.is_empty for tally in tallies):
             text = f"nothing was clamped or ignored in the last {RECENT:g} s"
             status.summary(OK, text)
-        refused = [name for name, count in counts.items() if count.reason]
+        refused = [robot for robot in self._robots if robot.commands.reason]
         if refused:
-            reason = counts[refused[0]].reason
-            status.summary(WARN, f"{listed(refused)} was refused: {reason}")
+            names = listed(robot.name for robot in refused)
+            reason = refused[0].commands.reason
+            status.summary(WARN, f"{names} was refused: {reason}")
         for robot in self._robots:
             _report_recent(status, robot)
             scope = f"{robot.name}::" if len(self._robots) > 1 else ""
             _add_counts(status, robot, scope)
+        waiting = max(tally.waiting for tally in tallies)
         if waiting > MAX_ANSWER_TIME:
             status.summary(ERROR, f"the simulator has not answered for {waiting:.0f} s")
         return status
@@ -239,10 +238,11 @@ class BridgeHealth:
 def _report_recent(status, robot: RobotStatus) -> None:
     """Warn of commands that were clamped or ignored lately."""
     recent = time.monotonic() - RECENT
-    if robot.ignored and robot.ignored[0] > recent:
-        text = f"ignored in one to {robot.name}: {robot.ignored[1]}"
+    ignored = robot.commands.last_ignored
+    if ignored and ignored[0] > recent:
+        text = f"ignored in one to {robot.name}: {ignored[1]}"
         status.mergeSummary(WARN, text)
-    clamped = robot.tally.clamped_since(recent)
+    clamped = robot.commands.clamped_since(recent)
     if clamped:
         text = f"clamped to the limits of {robot.name}: {listed(clamped)}"
         status.mergeSummary(WARN, text)
@@ -253,7 +253,7 @@ def _add_counts(status, robot: RobotStatus, scope: str) -> None:
     # Copies: other threads count commands meanwhile.
     for what, count in robot.motions.copy().items():
         status.add(f"{scope}{what}", count)
-    tally = robot.tally
+    tally = robot.commands
     for what, counts in (("clamped", tally.clamped), ("ignored", tally.ignored)):
         for name, count in counts.copy().items():
             status.add(f"{what} {scope}{name or NAMELESS}", count)

@@ -104,16 +104,14 @@ class MotionTopics:
         self._status.count(f"{topic} received")
         try:
             played = act(message)
-            problem = played.message
-            if not played.success:
-                problem = f"refused, {problem}"
         except G1DescriptionError as error:
-            problem = f"refused, {error}"
-        if problem.startswith("refused"):
+            played = Played(False, str(error))
+        if not played.success:
             self._status.count(f"{topic} refused")
-        if problem:
+        if played.message:
             key = f"{topic} {self._status.name}"
-            text = f"{topic} of {self._status.name}: {problem}"
+            outcome = "" if played.success else "refused, "
+            text = f"{topic} of {self._status.name}: {outcome}{played.message}"
             self._log.warn(key, text, SHORT_PERIOD)
 
     def _on_joint_trajectory(self, message: JointTrajectory) -> Played:

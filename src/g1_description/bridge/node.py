@@ -39,7 +39,6 @@ from g1_description.bridge.parameters import (
     wait_for_descriptions,
 )
 from g1_description.bridge.robot import BridgedRobot
-from g1_description.bridge.sender import CommandListener, CommandSender
 from g1_description.bridge.state_source import RisingStamps, StateSource
 from g1_description.bridge.status import RobotStatus
 from g1_description.errors import G1DescriptionError
@@ -149,18 +148,11 @@ class BridgeNode:
             "/tf", TFMessage, TF_QUEUE_SIZE, on_newcomer=self._newcomer.set
         )
         self._static_frames = StaticFrames(p, robots)
-        self._sender = CommandSender(
-            f"{p.gazebo}/set_model_configuration",
-            {robot.name: robot.description for robot, _ in robots},
-            {status.name: status.commands for status in statuses},
-            self._log,
-        )
-        self._sender.start()
         frame = MapFrame((p.map_frame, p.world_frame))
         for (robot, _), bridged in zip(robots, self._robots):
             status, player = bridged.status, bridged.player
             topic = topic_of(robot, "joint_commands")
-            CommandListener(topic, status, self._sender, self._log, player.command)
+            bridged.commands.subscribe(topic, player.command)
             MotionTopics(robot, status, player, frame, self._log)
         self._actions = [
             self._action(robot, bridged, controller)
@@ -173,7 +165,7 @@ class BridgeNode:
         rospy.on_shutdown(self._stopped.set)
         threading.Thread(target=self._keep_house, daemon=True).start()
         MasterWatch(self._robots, self._log).start()
-        BridgeHealth(p.gazebo, self._source, self._sender, statuses, self._log).start()
+        BridgeHealth(p.gazebo, self._source, statuses, self._log).start()
 
     def _action(
         self, robot: RobotParameters, bridged: BridgedRobot, controller: Controller

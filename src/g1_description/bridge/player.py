@@ -14,16 +14,14 @@ import rosgraph
 import rospy
 from gazebo_msgs.msg import ModelState
 
+from g1_description.bridge.commands import JointCommands
 from g1_description.bridge.estimator import Observation
-from g1_description.bridge.gazebo_writer import GazeboWriter
-from g1_description.bridge.sender import FAILURES
 from g1_description.bridge.status import RobotStatus
 from g1_description.motion.playlist import Playback, Playlist, Setpoint
 from g1_description.motion.trajectory import Trajectory
 from g1_description.msg import ModelTrajectory
 from g1_description.ros.conversions import model_trajectory, pose_from_array
-from g1_description.ros.log import ThrottledLog
-from g1_description.ros.master import SLAVE_API_ERRORS
+from g1_description.ros.master import SERVICE_ERRORS, SLAVE_API_ERRORS
 from g1_description.ros.publisher import DirectPublisher
 from g1_description.srv import SetModelTrajectory
 
@@ -68,9 +66,6 @@ ANSWER_TIMEOUT = 0.4
 """Longest wait in [s] of wall time of a state for the answer to a motion that it may
 show: shorter than the stand-in, while it steps, waits for the bridge to read."""
 
-ANSWERS = {True: "SetModelTrajectory: success", False: "SetModelTrajectory: refused"}
-"""What the status messages of the stand-in begin with, by success."""
-
 
 class Played(NamedTuple):
     """The answer to a motion."""
@@ -94,13 +89,15 @@ class MotionPlayer:
     each state that it publishes is answered with the sample of that time.
     """
 
-    def __init__(self, gazebo: str, status: RobotStatus, log: ThrottledLog) -> None:
+    def __init__(
+        self, gazebo: str, status: RobotStatus, commands: JointCommands
+    ) -> None:
         """Prepare; nothing is sent before the first motion.
 
         Args:
             gazebo: Namespace of the simulator.
             status: The robot, and its last state.
-            log: Where to log what goes wrong later.
+            commands: Takes samples to the real Gazebo, which plays no motions.
         """
         self._status = status
         self._name = f"{gazebo}/set_model_trajectory"
@@ -110,7 +107,8 @@ class MotionPlayer:
         self._states = DirectPublisher(
             f"{gazebo}/set_model_state", ModelState, QUEUE_SIZE
         )
-        self._writer = GazeboWriter(gazebo, status.name, log)
+        self._commands = commands
+        self._plays_here = False
         # Held while the simulator is told something and it is noted here, so that both
         # know it in the same order. No state waits for it.
         self._telling = threading.Lock()
@@ -124,7 +122,8 @@ class MotionPlayer:
 
     def reset(self) -> None:
         """Forget all motions: time began again."""
-        self._writer.release(self._joints, base=True)
+        if self._plays_here:
+            self._commands.release(self._joints, base=True)
         with self._lock:
             count = partial(self._status.count, "motions superseded before shown")
             self._playlist = Playlist(self._joints, count)
@@ -189,6 +188,8 @@ class MotionPlayer:
             if self.keeps_commands:
                 self.is_idle = False
             self._release((), base=True)
+            if self._plays_here:
+                self._commands.release((), base=True)
             with self._lock:
                 seen, before = self._status.observation, self._seen_before_base
                 if seen is not None and seen is before:
@@ -219,6 +220,8 @@ class MotionPlayer:
             if played.success:
                 released = self._joints if joints is None else joints
                 self._release(released, joints is None)
+                if self._plays_here:
+                    self._commands.release(released, joints is None)
         return played
 
     def command(self, positions: Mapping[str, float]) -> None:
@@ -230,7 +233,7 @@ class MotionPlayer:
         with self._telling:
             if self.keeps_commands:
                 self.is_idle = False
-            self._release(positions)
+            self._release(positions)  # the command replaces what is queued of them
             if not self.keeps_commands:
                 return
             with self._lock:
@@ -251,8 +254,6 @@ class MotionPlayer:
             self._playlist.release(rows, base)
             if base:
                 self.wanted.put_base(np.nan)
-        if self._plays_here:
-            self._writer.release(joints, base)
 
     def observe(self, stamp: int, seen: Observation) -> bool:
         """Go on with the motions; return whether they reach a sample.
@@ -278,9 +279,15 @@ class MotionPlayer:
             if self.keeps_commands:
                 self.wanted.put(playback.setpoint(stamp))
             if self._plays_here:
-                self._writer.put(self._joints, playback.setpoint(stamp))
+                self._send(playback.setpoint(stamp))
         self._playlist.drop_over(stamp)
         return is_sample
+
+    def _send(self, wanted: Setpoint) -> None:
+        """Send a sample to a simulator that cannot play."""
+        names = [self._joints[row] for row in wanted.rows]
+        positions = dict(zip(names, wanted.positions.tolist()))
+        self._commands.put(positions, wanted.base_pose)
 
     def _present(self, seen: Observation) -> Setpoint:
         """Return where the robot is; joints that are not measured are at zero."""
@@ -327,7 +334,6 @@ class MotionPlayer:
         """Call the stand-in's service."""
         try:
             answer = self._service(message)
-        except FAILURES as error:
+        except SERVICE_ERRORS as error:
             return Played(False, f"the simulator does not answer: {error}")
-        details = answer.status_message[len(ANSWERS[answer.success]) :]
-        return Played(answer.success, details.lstrip(";, "), answer.start.to_nsec())
+        return Played(answer.success, answer.status_message, answer.start.to_nsec())

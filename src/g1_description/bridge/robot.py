@@ -7,6 +7,7 @@ import time
 import rospy
 from geometry_msgs.msg import TransformStamped
 
+from g1_description.bridge.commands import JointCommands
 from g1_description.bridge.estimator import Observation
 from g1_description.bridge.overlays import Extras
 from g1_description.bridge.parameters import (
@@ -55,7 +56,11 @@ class BridgedRobot:
             log: Where to log what is wrong.
         """
         self.status = status
-        self.player = MotionPlayer(parameters.gazebo, status, log)
+        self.commands = JointCommands(
+            parameters.gazebo, status.name, status.commands, log
+        )
+        """What sends its commands."""
+        self.player = MotionPlayer(parameters.gazebo, status, self.commands)
         """What plays its motions."""
         self._warnings = RobotWarnings(status, log)
         self._map_frame = parameters.map_frame

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -11,6 +12,7 @@ import numpy as np
 
 from g1_description.robot.rotation import rotate
 from g1_description.robot.tree import below
+from g1_description.text import listed
 
 MOVABLE = ("revolute", "continuous", "prismatic")
 """Types of joints with one degree of freedom."""
@@ -272,3 +274,30 @@ def _length(joint: Joint) -> float:
     # The child turns about a point of the axis.
     origin = joint.pose[:3] + rotate(joint.pose[3:], joint.joint_origin)
     return float(np.linalg.norm(origin) + np.linalg.norm(joint.joint_origin))
+
+
+def clamped_to_limits(
+    clamped: Mapping[str, tuple[float, float]], joints: Iterable[Joint]
+) -> str:
+    """Say which positions are clamped, and whether one looks like degrees.
+
+    Args:
+        clamped: By joint name, the position requested and the limit.
+        joints: Joints of the robot.
+
+    Returns:
+        Part of a sentence; empty if nothing is clamped.
+    """
+    if not clamped:
+        return ""
+    values = listed(
+        f"{name} from {requested:.10g} to {limit:.10g}"
+        for name, (requested, limit) in clamped.items()
+    )
+    text = f"clamped to the limits: {values}"
+    turning = {joint.name for joint in joints if joint.kind == "revolute"}
+    for name, (requested, _) in clamped.items():
+        if name in turning and 2.0 * math.pi < abs(requested) <= 360.0:
+            hint = "looks like degrees, positions are in radians"
+            return f"{text} ({requested:.10g} {hint})"
+    return text

@@ -21,6 +21,16 @@ from g1_description.ros.lifecycle import at_shutdown
 SLAVE_API_ERRORS = (OSError, Error, ExpatError, HTTPException)
 """Exceptions that a call to a slave API may raise."""
 
+# A connection or a master that breaks in the middle raises outside rospy's family.
+SERVICE_ERRORS = (
+    rospy.ServiceException,
+    rospy.ROSException,
+    rospy.exceptions.ROSInternalException,
+    rosgraph.MasterException,
+    *SLAVE_API_ERRORS,
+)
+"""Exceptions that a call of a service may raise."""
+
 
 def slave_api() -> ServerProxy:
     """Make a client of this node's slave API.

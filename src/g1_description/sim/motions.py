@@ -285,7 +285,7 @@ class Motions:
                 body.joints.follow(wanted.rows, wanted.positions, wanted.velocities)
             return wanted
         model.set_moving(wanted)
-        self._engine.note_moved(model)
+        self._engine.write(model)
         return wanted
 
 

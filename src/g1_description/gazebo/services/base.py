@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from collections.abc import Callable, Iterable
 from concurrent.futures import Future
@@ -12,11 +11,13 @@ import numpy as np
 
 from g1_description.bounds import MAX_VALUE
 from g1_description.errors import InvalidValueError
+from g1_description.robot.description import clamped_to_limits
 from g1_description.robot.rotation import normalized
 from g1_description.ros.conversions import pose_to_array, twist_to_array
 from g1_description.sim.forces import Span
 from g1_description.sim.model import Model, Report
 from g1_description.sim.world import World
+from g1_description.text import listed
 
 
 @dataclass
@@ -185,25 +186,16 @@ def checked(what: str, numbers) -> np.ndarray:
     return array
 
 
-def clamped(model: Model, report: Report) -> str:
-    """Say which positions were clamped; empty if none was."""
-    if not report.clamped:
-        return ""
-    values = [
-        f"{name} from {requested:.10g} to {limit:.10g}"
-        for name, (requested, limit) in report.clamped.items()
-    ]
-    return f"clamped to the limits: {', '.join(values)}{_degrees(model, report)}"
-
-
-def _degrees(model: Model, report: Report) -> str:
-    """Say which clamped position looks like one in degrees; empty if none does."""
-    joints = model.assembly.description.movable_joints
-    turning = {joint.name for joint in joints if joint.kind == "revolute"}
-    for name, (requested, _) in report.clamped.items():
-        if name in turning and 2.0 * math.pi < abs(requested) <= 360.0:
-            return f" ({requested:.10g} looks like degrees, positions are in radians)"
-    return ""
+def remarks(model: Model, report: Report) -> list[str]:
+    """Say which joints a model does not have, and which positions were clamped."""
+    details = []
+    if report.unknown:
+        names = listed(report.unknown)
+        details.append(f"ignored, no movable joint of {model.name}: {names}")
+    if report.clamped:
+        joints = model.assembly.description.movable_joints
+        details.append(clamped_to_limits(report.clamped, joints))
+    return details
 
 
 def time_span(start_time, duration, now_ns: int) -> Span:

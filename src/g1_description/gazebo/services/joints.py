@@ -28,16 +28,15 @@ from g1_description.gazebo.services.base import (
     Services,
     SteppedServices,
     checked,
-    clamped,
+    remarks,
     time_span,
 )
 from g1_description.motion.trajectory import Trajectory
 from g1_description.msg import ModelTrajectory
 from g1_description.robot.assembly import SCOPE
 from g1_description.ros.conversions import stamp_from_ns
-from g1_description.sim.model import Model, Report
+from g1_description.sim.model import Model
 from g1_description.srv import SetModelTrajectory, SetModelTrajectoryResponse
-from g1_description.text import listed
 
 KINDS = {
     "revolute": GetJointPropertiesResponse.REVOLUTE,
@@ -82,7 +81,7 @@ class JointServices(Services):
                 False, f"SetModelConfiguration: refused, {error}"
             )
         message = self._messages.compose(
-            "SetModelConfiguration: success", _details(self._world.model(name), report)
+            "SetModelConfiguration: success", remarks(self._world.model(name), report)
         )
         return SetModelConfigurationResponse(True, message)
 
@@ -168,15 +167,6 @@ def _unscoped(model, names, positions):
     return {**scoped, **plain}
 
 
-def _details(model: Model, report: Report) -> list[str]:
-    """List what was not done exactly as requested."""
-    details = []
-    if report.unknown:
-        names = ", ".join(name or "''" for name in report.unknown)
-        details.append(f"ignored, no movable joint of {model.name}: {names}")
-    return [*details, clamped(model, report)]
-
-
 FAR = 0.3
 """Distance to a first sample from which it is told, in [rad] or [m]."""
 
@@ -190,17 +180,10 @@ class TrajectoryServices(SteppedServices):
 
     def set_trajectory(self, request):
         """Let a model go through a motion, or stop it."""
-        response = SetModelTrajectoryResponse()
         try:
-            start, details = self._act(request.trajectory)
+            return self._act(request.trajectory)
         except (InvalidValueError, MotionError, UnknownNameError) as error:
-            response.status_message = f"SetModelTrajectory: refused, {error}"
-            return response
-        message = "SetModelTrajectory: success"
-        response.status_message = self._messages.compose(message, details)
-        response.start = stamp_from_ns(start)
-        response.success = True
-        return response
+            return SetModelTrajectoryResponse(status_message=str(error))
 
     def apply(self, message: ModelTrajectory) -> str:
         """Do what a message on the topic wants; return what was not done exactly so.
@@ -209,17 +192,18 @@ class TrajectoryServices(SteppedServices):
             InvalidValueError: If that cannot be done; nothing is changed.
         """
         try:
-            _, details = self._act(message)
+            return self._act(message).status_message
         except (MotionError, UnknownNameError) as error:
             raise InvalidValueError(str(error)) from error
-        return self._messages.compose("", details)
 
-    def _act(self, message: ModelTrajectory) -> tuple[int, list[str]]:
-        """Do what a message wants; return when it begins, in [ns], and details."""
+    def _act(self, message: ModelTrajectory) -> SetModelTrajectoryResponse:
+        """Do what a message wants."""
         model = self._world.model(message.model_name)
+        response = SetModelTrajectoryResponse(success=True)
         if not message.times:
             self._world.motions.stop(model, message.joint_names)
-            return self._world.time_ns, []
+            response.start = stamp_from_ns(self._world.time_ns)
+            return response
         trajectory = _trajectory(message)
         start = message.start.to_nsec() or self._next_ns
         is_new = self._world.is_dynamic and start >= self._world.time_ns
@@ -227,13 +211,13 @@ class TrajectoryServices(SteppedServices):
         report = self._world.motions.play(model, trajectory, start)
         if start <= self._world.time_ns:
             self._world.motions.step(self._world.time_ns)
-        details = [clamped(model, report), jump]
-        if report.unknown:
-            names = listed(report.unknown)
-            details.append(f"ignored, no movable joint of {model.name}: {names}")
+        details = [*remarks(model, report), jump]
         if trajectory.base_poses is not None and self._world.is_dynamic:
             details.append("the base is left to physics")
-        return start, details
+        response.status_message = self._messages.compose("", details)
+        response.start = stamp_from_ns(start)
+        response.clamped, response.ignored = [*report.clamped], report.unknown
+        return response
 
     @property
     def _next_ns(self) -> int:

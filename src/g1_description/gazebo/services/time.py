@@ -12,14 +12,14 @@ from g1_description.gazebo.services.base import (
     SteppedServices,
     checked,
     checked_pose,
-    clamped,
+    remarks,
 )
 from g1_description.ros.conversions import (
     pose_from_array,
     stamp_from_ns,
     twist_from_array,
 )
-from g1_description.sim.model import Model
+from g1_description.sim.model import Model, Report
 from g1_description.srv import Step, StepModel, StepModelResponse, StepResponse
 from g1_description.text import listed, similar_first
 
@@ -93,13 +93,18 @@ class StepServices(SteppedServices):
             return _refused(f"StepModel: {refusal}")
         try:
             model = self._world.model(request.model_name)
-            details = self._set(model, request)
+            report = self._set(model, request)
         except (UnknownNameError, InvalidValueError) as error:
             return _refused(f"StepModel: refused, {error}")
 
         def respond(success, outcome):
-            message = self._messages.compose(f"StepModel: {outcome}", details)
-            return self._state(model, success, message)
+            details = remarks(model, report)
+            message = "" if success else f"StepModel: {outcome}"
+            response = self._state(
+                model, success, self._messages.compose(message, details)
+            )
+            response.clamped = [*report.clamped]
+            return response
 
         if not request.steps:
             return respond(True, "0 steps done")
@@ -113,11 +118,11 @@ class StepServices(SteppedServices):
             return "refused, time_step is 0"
         return ""
 
-    def _set(self, model: Model, request) -> list[str]:
+    def _set(self, model: Model, request) -> Report:
         """Set a model's base and joints; nothing if one of them cannot be.
 
         Returns:
-            A detail for what was not obeyed to the letter.
+            What was not obeyed to the letter.
 
         Raises:
             UnknownNameError: If it has no such joint.
@@ -140,15 +145,13 @@ class StepServices(SteppedServices):
         pose = checked_pose(request.base_pose) if request.set_base else None
         if pose is not None:
             self._world.set_root_state(model, pose, model.twist * 0.0)
-        report = self._world.set_joint_positions(
-            model.name, dict(zip(names, positions))
-        )
-        return [clamped(model, report)]
+        return self._world.set_joint_positions(model.name, dict(zip(names, positions)))
 
     def _state(self, model: Model, success: bool, message: str) -> StepModelResponse:
         """Return a model's state; none if it was deleted."""
         if self._world.models.get(model.name) is not model:
-            return _refused(f"{message}; {model.name} was deleted")
+            reasons = filter(None, (message, f"StepModel: {model.name} was deleted"))
+            return _refused("; ".join(reasons))
         response = StepModelResponse(success=success, status_message=message)
         states = response.joint_states
         states.header.stamp = stamp_from_ns(self._world.time_ns)

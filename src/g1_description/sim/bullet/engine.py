@@ -132,27 +132,31 @@ class Engine:
         self._rest.wake()
         return self._bodies.get(model.name, ())
 
-    def teleported(self, model: Model) -> tuple[Body, ...]:
-        """Return a model's bodies for its links to be put elsewhere."""
-        self._depenetration.expect_overlaps()
-        return self.bodies(model)
-
     def write(self, model: Model) -> None:
         """Write a model's pose, joints and velocities to its bodies."""
-        for body in self.teleported(model):
+        if self._is_noted(model):
+            return
+        self._depenetration.expect_overlaps()
+        for body in self.bodies(model):
             body.write()
 
     def write_joints(self, model: Model, rows: Iterable[int]) -> None:
         """Write some of a model's movable joints to its bodies."""
-        for body in self.teleported(model):
+        if self._is_noted(model):
+            return
+        self._depenetration.expect_overlaps()
+        for body in self.bodies(model):
             body.write_joints(rows)
 
-    def note_moved(self, model: Model) -> None:
-        """Note that a model was put elsewhere in ``kinematic`` physics.
+    def _is_noted(self, model: Model) -> bool:
+        """Note that a model is elsewhere, where that is enough.
 
-        Its bodies, which are there for contacts only, follow where these are read.
+        In ``kinematic`` physics its bodies are there for contacts only, and follow
+        where these are read.
         """
-        self._moved[model.name] = model
+        if not self.is_dynamic:
+            self._moved[model.name] = model
+        return not self.is_dynamic
 
     def add(self, model: Model) -> tuple[str, ...]:
         """Make the bodies of a model; if that fails, nothing is changed.
@@ -330,11 +334,16 @@ class Engine:
 
     def contacts(self) -> set[tuple[str, str]]:
         """Find which links touch or overlap now, as ``contacts.find_contacts``."""
-        for model in self._moved.values():
-            self.write(model)
-        self._moved.clear()
+        self._write_moved()
         self._sort()
         return find_contacts(self._client, self._by_number)
+
+    def _write_moved(self) -> None:
+        """Write models that were noted to their bodies."""
+        for model in self._moved.values():
+            for body in self.bodies(model):
+                body.write()
+        self._moved.clear()
 
 
 def _write_properties(client: BulletClient, properties: PhysicsProperties) -> None:

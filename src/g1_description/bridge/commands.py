@@ -1,0 +1,348 @@
+"""Joint commands on their way to the simulator: checked, merged, sent, never lost.
+
+Any simulator takes them by the services of gazebo_ros, whose answers are sentences. So
+what is unknown or clamped is found here, by the robot's description, in one place.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+
+import numpy as np
+import rospy
+from gazebo_msgs.msg import ModelState
+from gazebo_msgs.srv import SetModelConfiguration, SetModelState
+from sensor_msgs.msg import JointState
+
+from g1_description.robot.description import Joint, clamped_to_limits
+from g1_description.ros.conversions import pose_from_array
+from g1_description.ros.log import SHORT_PERIOD, ThrottledLog
+from g1_description.ros.master import SERVICE_ERRORS
+from g1_description.text import listed
+
+MAX_NAMES = 50
+"""Largest number of ignored names that are counted one by one; the rest together. Names
+come from outside, and there may be any number of them."""
+
+MAX_NAME_LENGTH = 80
+"""Number of characters of such a name that are kept."""
+
+
+class CommandTally:
+    """Finds what of one robot's commands can be obeyed, and counts the rest."""
+
+    def __init__(self, joints: Iterable[Joint]) -> None:
+        """Begin with zero counts.
+
+        Args:
+            joints: The robot's movable joints.
+        """
+        self._joints = {joint.name: joint for joint in joints}
+        self.received = 0
+        """Commands of which something can be obeyed."""
+        self.answered = 0
+        """How many of them the simulator has answered, alone or merged with others."""
+        self.sent = 0
+        """Requests that the simulator answered with success."""
+        self.refused = 0
+        """Requests that it refused."""
+        self.reason = ""
+        """Why it refused the last request; empty if it did not."""
+        self.waiting_since: float | None = None
+        """Since when a request waits for its answer, on the monotonic clock."""
+        self.clamped: Counter[str] = Counter()
+        """Positions beyond the limits, by joint."""
+        self.ignored: Counter[str] = Counter()
+        """Ignored positions, by the name in the command: unknown, without a position,
+        or with one that is not finite; '' for positions without a name."""
+        self.other_ignored = 0
+        """Ignored positions under names beyond the first ``MAX_NAMES``."""
+        self.last_ignored: tuple[float, str] | None = None
+        """When part of a command was last ignored, on the monotonic clock, and why."""
+        self._last_clamped: dict[str, float] = {}
+
+    def take(
+        self, names: Sequence[str], positions: Sequence[float], now: float
+    ) -> tuple[dict[str, float], str, str]:
+        """Split a command into what can be obeyed and what cannot.
+
+        Args:
+            names: Joint names in the command.
+            positions: Positions in [rad] or [m] in the command.
+            now: Time of the command in [s] on the monotonic clock.
+
+        Returns:
+            The positions to set by joint name, where the last of equal names wins; why
+            the rest is ignored; and which of them the simulator will clamp. Both are
+            parts of a sentence, empty where there is nothing to say.
+        """
+        accepted: dict[str, float] = {}
+        clamped: dict[str, tuple[float, float]] = {}
+        unknown, not_finite = [], []
+        for name, position in itertools.zip_longest(names, positions):
+            joint = self._joints.get(name)
+            if joint and position is not None and math.isfinite(position):
+                accepted[name] = float(position)
+                limit = min(max(position, joint.lower), joint.upper)
+                if limit != position:
+                    clamped[name] = position, limit
+                    self.clamped[name] += 1
+                    self._last_clamped[name] = now
+                continue
+            self._ignore((name or "")[:MAX_NAME_LENGTH])
+            if name is None or position is None:
+                continue  # told by the lengths
+            if joint:
+                not_finite.append(f"{name} = {position}")
+            else:
+                unknown.append(name)
+        problems = [
+            *_unpaired(names, positions),
+            unknown and f"no movable joint is called {listed(unknown)}",
+            not_finite and f"not a finite position: {listed(not_finite)}",
+        ]
+        ignored = "; ".join(filter(None, problems))
+        if ignored:
+            self.last_ignored = now, ignored
+        return accepted, ignored, clamped_to_limits(clamped, self._joints.values())
+
+    def _ignore(self, name: str) -> None:
+        """Count a position that nobody sets."""
+        if name in self.ignored or len(self.ignored) < MAX_NAMES:
+            self.ignored[name] += 1
+        else:
+            self.other_ignored += 1
+
+    def clamped_since(self, time: float) -> list[str]:
+        """Return the joints that were clamped after a time in [s]."""
+        # A copy: another thread counts meanwhile.
+        last = self._last_clamped.copy()
+        return [name for name, when in last.items() if when > time]
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether every position so far was obeyed."""
+        return not (self.clamped or self.ignored)
+
+    @property
+    def waiting(self) -> float:
+        """How long a request has been waiting for the simulator's answer, in [s]."""
+        since = self.waiting_since
+        return 0.0 if since is None else time.monotonic() - since
+
+
+def _unpaired(names: Sequence[str], positions: Sequence[float]) -> Iterator[str]:
+    """Say which names and positions of a command have no counterpart."""
+    if not names:
+        yield "it names no joint"
+    if len(names) > len(positions):
+        yield f"no position for {listed(names[len(positions) :])}"
+    if len(positions) > len(names):
+        numbers = f"{len(positions)} positions for {len(names)} names"
+        yield f"{numbers}, the rest is ignored"
+
+
+RETRY_PERIOD = 0.2
+"""Wait before a failed request is sent again, in [s] of wall time."""
+
+CALL_TIMEOUT = 1.0
+"""Longest wait for the end of a request under way, in [s] of wall time."""
+
+
+class JointCommands:
+    """Sends one robot's commands to the simulator, one request at a time.
+
+    Commands that arrive during a request are merged joint by joint; the newest position
+    of each wins. After a request that failed its positions are sent again, unless newer
+    ones have arrived. Motions that the simulator cannot play go the same way.
+
+    Subscribes: joint_commands (sensor_msgs/JointState)
+    Calls: <gazebo>/set_model_configuration (gazebo_msgs/SetModelConfiguration),
+        <gazebo>/set_model_state (gazebo_msgs/SetModelState)
+    """
+
+    def __init__(
+        self, gazebo: str, model: str, tally: CommandTally, log: ThrottledLog
+    ) -> None:
+        """Prepare; the thread begins with the first command.
+
+        Args:
+            gazebo: Namespace of the simulator.
+            model: Name of the robot in the simulated world.
+            tally: Where to count the commands.
+            log: Where to log what went wrong.
+        """
+        self._gazebo, self._model = gazebo, model
+        self._tally, self._log = tally, log
+        self._connect()
+        # rospy has a thread for each publisher of commands.
+        self._changed = threading.Condition()
+        self._positions: dict[str, float] = {}
+        self._base: np.ndarray | None = None
+        self._is_calling = False
+        self._thread: threading.Thread | None = None
+        self._stopped = threading.Event()
+
+    def _connect(self) -> None:
+        """Prepare connections; rospy's proxies are of no use once they broke."""
+        self._set_base = rospy.ServiceProxy(
+            f"{self._gazebo}/set_model_state", SetModelState, persistent=True
+        )
+        self._set_joints = rospy.ServiceProxy(
+            f"{self._gazebo}/set_model_configuration",
+            SetModelConfiguration,
+            persistent=True,
+        )
+
+    def subscribe(
+        self, topic: str, note: Callable[[Mapping[str, float]], None]
+    ) -> None:
+        """Take commands from a topic.
+
+        Args:
+            topic: Its name.
+            note: Called with the positions that can be obeyed, by joint name, before
+                they are sent.
+        """
+        self._note = note
+        # Messages may name different joints, so none of them may be lost.
+        rospy.Subscriber(
+            topic, JointState, self._on_command, queue_size=None, tcp_nodelay=True
+        )
+
+    def _on_command(self, message: JointState) -> None:
+        """Queue a command, and log what of it is ignored or clamped."""
+        with self._changed:
+            now = time.monotonic()
+            accepted, ignored, clamped = self._tally.take(
+                message.name, message.position, now
+            )
+        if ignored:
+            text = f"Part of a joint command to {self._model} is ignored: {ignored}."
+            self._log.warn(f"command {self._model}", text, SHORT_PERIOD)
+        if clamped:
+            text = f"A joint command to {self._model} is {clamped}."
+            self._log.warn(f"clamped {self._model}", text, SHORT_PERIOD)
+        if accepted:
+            self._note(accepted)
+            with self._changed:
+                self._tally.received += 1
+                self.put(accepted)
+
+    def put(
+        self, positions: Mapping[str, float], base: np.ndarray | None = None
+    ) -> None:
+        """Queue a request; it is sent as soon as the one under way is answered.
+
+        Args:
+            positions: Finite positions in [rad] or [m] by joint name.
+            base: Pose of the root link in the world, shape (7,); None: it stays.
+        """
+        with self._changed:
+            if self._tally.waiting_since is None:
+                self._tally.waiting_since = time.monotonic()
+            self._positions.update(positions)
+            self._base = self._base if base is None else base
+            self._changed.notify_all()
+            if self._thread is None:
+                rospy.on_shutdown(self._stop)
+                self._thread = threading.Thread(target=self._run, daemon=True)
+                self._thread.start()
+
+    def release(self, joints: Collection[str], base: bool) -> None:
+        """Forget what is queued for joints, and perhaps the base.
+
+        The request under way ends first, so that it does not come after another
+        command.
+        """
+        with self._changed:
+            self._changed.wait_for(lambda: not self._is_calling, CALL_TIMEOUT)
+            for name in joints:
+                self._positions.pop(name, None)
+            if base:
+                self._base = None
+            if not self._is_pending:
+                self._tally.answered = self._tally.received
+
+    @property
+    def _is_pending(self) -> bool:
+        """Whether something is to be sent."""
+        return bool(self._positions) or self._base is not None
+
+    def _stop(self) -> None:
+        """End the thread."""
+        self._stopped.set()
+        with self._changed:
+            self._changed.notify_all()
+
+    def _run(self) -> None:
+        """Send requests until the node is shut down."""
+        while True:
+            with self._changed:
+                if not self._is_pending:
+                    self._tally.waiting_since = None
+                self._changed.wait_for(lambda: self._is_pending or self._is_stopped)
+                if self._is_stopped:
+                    return
+                positions, self._positions = self._positions, {}
+                base, self._base = self._base, None
+                received, self._is_calling = self._tally.received, True
+            error = self._send(positions, base)
+            with self._changed:
+                if error is None:
+                    self._tally.answered = received
+                    self._tally.waiting_since = time.monotonic()
+                else:
+                    self._positions = {**positions, **self._positions}
+                    self._base = base if self._base is None else self._base
+                self._is_calling = False
+                self._changed.notify_all()
+            if error is not None and not self._is_stopped:
+                self._reconnect(error)
+
+    @property
+    def _is_stopped(self) -> bool:
+        """Whether the node is shutting down."""
+        return self._stopped.is_set()
+
+    def _send(
+        self, positions: Mapping[str, float], base: np.ndarray | None
+    ) -> Exception | None:
+        """Set the base, then the joints; return why there is no answer."""
+        answers = []
+        names, values = list(positions), list(positions.values())
+        try:
+            if base is not None:
+                state = ModelState(model_name=self._model, pose=pose_from_array(base))
+                answers.append(self._set_base(state))
+            if positions:
+                answers.append(self._set_joints(self._model, "", names, values))
+        # rospy raises AttributeError where it closes the connection meanwhile.
+        except (*SERVICE_ERRORS, AttributeError) as error:
+            return error
+        reasons = [one.status_message for one in answers if not one.success]
+        tally = self._tally
+        tally.reason = "; ".join(reasons)
+        if not reasons:
+            tally.sent += 1
+            return None
+        tally.refused += 1
+        what = listed([*names, *(["the base"] if base is not None else ())])
+        text = f"The simulator refused a command to {self._model} for {what}"
+        self._log.warn(
+            f"refused {self._model}", f"{text}: {tally.reason}", SHORT_PERIOD
+        )
+        return None
+
+    def _reconnect(self, error: Exception) -> None:
+        """Log why there is no answer, and connect again after a while."""
+        self._log.warn("service", f"A command waits for the simulator: {error}.")
+        self._set_base.close()
+        self._set_joints.close()
+        self._connect()
+        self._stopped.wait(RETRY_PERIOD)
