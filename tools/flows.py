@@ -3,6 +3,7 @@
 Called by tools/flows, which sets up the environment.
 """
 
+import inspect
 import json
 import os
 import runpy
@@ -13,11 +14,13 @@ import sys
 import tempfile
 import threading
 import time
+from collections import Counter
 from contextlib import ExitStack
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = "g1_description."
+GENERATED = (f"{PACKAGE}msg.", f"{PACKAGE}srv.")
 MOTION = ROOT / "test" / "data" / "elbow.csv"
 TIMEOUT = 60.0
 """Longest wait for a program, in [s]."""
@@ -27,7 +30,7 @@ COMMANDS = "joint_commands to the engine"
 CHECK = "check FILE.csv"
 
 BRIDGE = {
-    STATES: ("bridge.state_source:_on_stamped", "bridge.state_source:_on_unstamped"),
+    STATES: ("bridge.state_source:_on_stamped",),
     COMMANDS: ("bridge.commands:_on_command", "bridge.commands:_send"),
 }
 GAZEBO = {COMMANDS: ("gazebo.services.joints:set_configuration",)}
@@ -41,7 +44,10 @@ ENDS = {"ros.publisher:publish"}
 
 
 class Profiler:
-    """Records the modules of this package that are entered below some functions."""
+    """Records which modules of this package are entered below some functions.
+
+    The commonest way of each function counts: the first message also prepares things.
+    """
 
     def __init__(self, begins):
         """Prepare.
@@ -49,13 +55,8 @@ class Profiler:
         Args:
             begins: By flow, functions at which it begins, as module:function.
         """
-        self._flow_of = {
-            function: flow
-            for flow, functions in begins.items()
-            for function in functions
-        }
-        self.entered = {flow: [] for flow in begins}
-        self.missing = set(self._flow_of)
+        self._begins = begins
+        self._ways = {name: Counter() for names in begins.values() for name in names}
         self._thread = threading.local()
 
     def start(self):
@@ -65,29 +66,41 @@ class Profiler:
 
     def __call__(self, frame, event, _):
         """Take a call of a function, or its return."""
-        here = self._thread.__dict__
-        depth = here.get("depth", 0)
-        if event == "return" and depth:
-            here["depth"] = depth - 1
+        stack = self._thread.__dict__.setdefault("stack", [])
+        if event == "call" and (stack or _name(frame) in self._ways):
+            if not stack:
+                self._thread.way, self._thread.is_over = {}, False
+            # The body of a module or class, which is being imported, is no function.
+            is_import = not frame.f_code.co_flags & inspect.CO_OPTIMIZED
+            stack.append(is_import or bool(stack and stack[-1]))
+            module = frame.f_globals.get("__name__", "")
+            if not stack[-1] and not self._thread.is_over and _is_own(module):
+                self._thread.way[module[len(PACKAGE) :]] = None
+        elif event == "return" and stack:
+            stack.pop()
             if _name(frame) in ENDS:
-                here["ended"] = True
-        if event != "call":
-            return
-        if depth:
-            here["depth"] = depth + 1
-        else:
-            flow = self._flow_of.get(_name(frame))
-            if flow is None:
-                return
-            here.update(depth=1, flow=flow, ended=False)
-            self.missing.discard(_name(frame))
-        module = frame.f_globals.get("__name__", "")
-        is_function = frame.f_code.co_flags & 1  # else a module or class being imported
-        if is_function and module.startswith(PACKAGE) and not here["ended"]:
-            name = module[len(PACKAGE) :]
-            entered = self.entered[here["flow"]]
-            if name not in entered and not name.startswith(("msg.", "srv.")):
-                entered.append(name)
+                self._thread.is_over = True
+            if not stack:
+                self._ways[_name(frame)][tuple(self._thread.way)] += 1
+
+    def result(self):
+        """Return the modules by flow, and the functions that were not called."""
+        entered = {
+            flow: [
+                module
+                for name in names
+                for way, _ in self._ways[name].most_common(1)
+                for module in way
+            ]
+            for flow, names in self._begins.items()
+        }
+        missing = [name for name, ways in self._ways.items() if not ways]
+        return {"entered": entered, "missing": missing}
+
+
+def _is_own(module):
+    """Whether a module is of this package, and not a message."""
+    return module.startswith(PACKAGE) and not module.startswith(GENERATED)
 
 
 def _name(frame):
@@ -106,8 +119,7 @@ def run(output, begins, program, *arguments):
         runpy.run_path(program, run_name="__main__")
     finally:
         sys.setprofile(None)
-        result = {"entered": profiler.entered, "missing": sorted(profiler.missing)}
-        Path(output).write_text(json.dumps(result))
+        Path(output).write_text(json.dumps(profiler.result()))
 
 
 class Program:
@@ -194,7 +206,7 @@ def run_nodes():
         wait_for(lambda: max(seen[-1].position) > 0.4, "joint state as commanded")
         received, simulated = bridge.end(), gazebo.end()
     path = [*received[COMMANDS], *HOPS[COMMANDS], *simulated[COMMANDS]]
-    return {STATES: received[STATES], COMMANDS: list(dict.fromkeys(path))}
+    return {STATES: received[STATES], COMMANDS: path}
 
 
 def _answers(port):
@@ -212,7 +224,8 @@ def main():
     """Print the modules of each flow."""
     file = sys.argv[1] if len(sys.argv) > 1 else MOTION
     for flow, modules in {**run_nodes(), **run_check(file)}.items():
-        print(f"{flow}: {len(modules)} modules\n  {', '.join(modules)}")
+        once = list(dict.fromkeys(modules))
+        print(f"{flow}: {len(once)} modules\n  {', '.join(once)}")
 
 
 if __name__ == "__main__":
