@@ -295,6 +295,42 @@ def test_a_hostile_pickle_runs_nothing(g1, file, tmp_path):
     assert not mark.exists()
 
 
+class Pointers:
+    """Its pickle says of an array of objects that its bytes are numbers."""
+
+    def __reduce__(self):
+        """Give a type of objects whose flags were cleared, and bytes as pointers."""
+        kind = np.dtype, ("O8", False, True), (3, "|", None, None, None, -1, -1, 0)
+        state = (1, (1,), Raw(*kind), False, b"\1" * 8)
+        return np.zeros(1).__reduce__()[0], (np.ndarray, (0,), b"b"), state
+
+
+class Raw:
+    """What a pickle makes of a function, arguments and a state."""
+
+    def __init__(self, *parts):
+        self.parts = parts
+
+    def __reduce__(self):
+        """Give them."""
+        return self.parts
+
+
+def test_bytes_in_a_pickle_do_not_become_pointers(g1, file):
+    with pytest.raises(MotionError, match="has an array of object"):
+        read_motion(file(pickle.dumps({"fps": Pointers()}, 2)), g1)
+
+
+@pytest.mark.parametrize("name", ["numpy.ndarray", "numpy.dtype", "_codecs.encode"])
+def test_a_pickle_changes_no_class_or_function(g1, file, name):
+    state = pickle.dumps((None, {"__setstate__": None, "__doc__": "x"}), 2)[2:-1]
+    asked = "\n".join(name.rsplit(".", 1)).encode()
+    content = b"\x80\x02}(U\x03fpsc" + asked + b"\n" + state + b"bu."
+    with pytest.raises(MotionError, match="cannot be read"):
+        read_motion(file(content), g1)
+    assert read_motion(file(pickle.dumps(gmr(), 2)), g1).notes == ()
+
+
 def bomb():
     """Make a small npz of 300 MB of zeros."""
     file = io.BytesIO()
@@ -441,7 +477,7 @@ BAD = {
     "rate": (lambda: pickle.dumps({**gmr(), "fps": 0}), "fps is"),
     "text": (lambda: pickle.dumps({**gmr(), "fps": "x"}), "fps holds no numbers"),
     "list": (lambda: pickle.dumps([1, 2]), "holds no dictionary but list"),
-    "memo": (b"\x80\x02Nr\xff\xff\xff\x7f.", "holds no dictionary but NoneType"),
+    "memo": (b"\x80\x02Nr\xff\xff\xff\x7f.", "numbers an object 2147483647"),
     "cut": (lambda: pickle.dumps(gmr())[:-30], "cannot be read"),
     "yaml": ("joint_names: [a\npoints: {", "Line 2 is not valid YAML: "),
     "no points": ("joint_names: [left_elbow_joint]\npoints: []\n", "has no points"),
