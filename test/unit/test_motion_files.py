@@ -404,9 +404,15 @@ TWO_BODIES = {
 }
 BAD = {
     "body nan": (lambda: npz(**TWO_BODIES), "body_pos_w has numbers that are not fin"),
-    "header": (lambda: npz_with("{'descr': ("), "npz file is damaged|damaged header"),
-    "negative two": (lambda: npz_with(HEADER.format("(-1, -5)")), "damaged|should"),
-    "large": (lambda: npz_with(HEADER.format(f"(0, {2**70})")), "damaged|should have"),
+    "header": (lambda: npz_with("{'descr': ("), "npz file cannot be read"),
+    "negative two": (
+        lambda: npz_with(HEADER.format("(-1, -5)")),
+        "npz file cannot be read",
+    ),
+    "large": (
+        lambda: npz_with(HEADER.format(f"(0, {2**70})")),
+        "npz file cannot be read",
+    ),
     "alias": (
         lambda: pickle.dumps({**gmr(), "dof_pos": nested(9)}),
         "holds no numbers",
@@ -461,14 +467,14 @@ BAD = {
     "base": ("time,base_x,left_elbow_joint\n0,1,2\n", "base_y"),
     "backward": ("time,left_elbow_joint\n1,0\n0,0\n", "do not rise"),
     "strangers": ("time,a,b\n0,1,2\n", "none of the motion's joints, a, b"),
-    "no zip": (b"PK\x03\x04" + bytes(100), "npz file is damaged"),
-    "bomb": (bomb, "has 300 MB"),
+    "no zip": (b"PK\x03\x04" + bytes(100), "npz file cannot be read"),
+    "bomb": (bomb, "have 300 MB"),
     "underscore": (ROW.replace("0.8", "1_0"), "Line 1 has '1_0' where"),
     "velocity": ("time,a,b,a.velocity\n0,1,2,3\n", "but not b.velocity"),
     "stray": ("time,a,a.velocity,b.velocity\n0,1,2,3\n", "has b.velocity, but no"),
-    "claims": (lambda: claims((10**9, 10)), "should have 80000000000 bytes"),
-    "negative": (lambda: claims((-1, 10)), "should have|header"),
-    "objects": (lambda: npz(dof_pos=np.array([{}])), "holds no numbers"),
+    "claims": (lambda: claims((10**9, 10)), "npz file cannot be read"),
+    "negative": (lambda: claims((-1, 10)), "npz file cannot be read"),
+    "objects": (lambda: npz(dof_pos=np.array([{}])), "Object arrays cannot be"),
     "others": (lambda: npz(a=np.zeros(3)), "The file has a; a motion has fps"),
     "shape": (
         lambda: pickle.dumps({**gmr(), "root_pos": np.zeros((2, 3))}),

@@ -134,7 +134,7 @@ def test_names_tell_the_order_of_the_joints(tmp_path):
     assert (motion.trajectory.joint_names, motion.notes) == (wanted.joint_names, ())
     for names, words in (
         (np.array(["left_elbow_joint"]), "1 joint_names come with 29 joints"),
-        (np.zeros(29), "joint_names holds no names"),
+        (np.zeros(29), "joint_names holds no list of names"),
     ):
         np.savez(path, **{**np.load(path), "joint_names": names})
         with pytest.raises(MotionError, match=words):

@@ -45,6 +45,9 @@ ELSEWHERE = 0.002
 MAX_SIZE = 12_000_000
 """Most numbers of an array: half an hour of 30 bodies at 60 Hz."""
 
+MAX_TEXT = 1_000_000
+"""Most bytes of all names."""
+
 UNKNOWN_ORDER = (
     "The order of the joints is unknown: that of the robot's file is assumed."
 )
@@ -120,7 +123,8 @@ def _names(found: Mapping[str, Any]) -> tuple[str, ...] | None:
     names = found.get("joint_names")
     if names is None:
         return None
-    if not isinstance(names, np.ndarray) or names.dtype.kind != "U" or names.ndim != 1:
+    is_list = isinstance(names, np.ndarray) and names.dtype.kind == "U"
+    if not is_list or names.ndim != 1 or names.nbytes > MAX_TEXT:
         raise MotionError("joint_names holds no list of names.")
     return tuple(names.tolist())
 
