@@ -77,7 +77,7 @@ def test_a_pose_may_begin_with_another_one():
         ("low:\n  knee: 1\n  knee: 2", 'line 3: found duplicate key "knee".'),
         ("low: {knee: [}", "here cannot be read, line 1: "),
         ("low: {? [a] : 1}", "Pose low of here: ('a',) is not the name of a joint."),
-        ("low: \x00", "here cannot be read: "),
+        ("low: \x00", "here cannot be read, "),
         ("[" * 500, "here cannot be read"),
     ],
 )

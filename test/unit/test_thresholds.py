@@ -108,8 +108,8 @@ def test_bounds_are_by_joint(tmp_path):
     [
         ("", "does not hold thresholds by name"),
         ("- 1", "does not hold thresholds by name"),
-        ("a: [", "is no YAML"),
-        ("window: 1\nwindow: 2", "is no YAML: while constructing a mapping"),
+        ("a: [", "is not valid YAML: line 1"),
+        ("window: 1\nwindow: 2", "is not valid YAML: line 2: found duplicate key"),
         ("positon: {failure: 1}", "There is no threshold positon; there are position"),
         ("position: 1", "position is 1, not a mapping of warning, failure"),
         ("position: {fail: 1}", "not a mapping of warning, failure"),

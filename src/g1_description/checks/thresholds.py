@@ -2,26 +2,20 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from ruamel.yaml import YAML
-from ruamel.yaml.constructor import DuplicateKeyError
-from ruamel.yaml.error import YAMLError
 
-from g1_description.errors import ThresholdError, cause
+from g1_description.errors import ThresholdError
 from g1_description.files.model_files import share_folder
+from g1_description.files.yaml import YamlError, finite_number, read_yaml
 from g1_description.text import listed, similar_first
 
 DEFAULTS = "config/checks.yaml"
 """The default thresholds, in the package's folder."""
-
-MAX_FILE_SIZE = 1_000_000
-"""No file of thresholds has more, in bytes."""
 
 
 @dataclass(frozen=True)
@@ -190,14 +184,9 @@ def read_thresholds(file: Path | None = None) -> Thresholds:
 def _changed_by(path: Path, thresholds: Thresholds) -> Thresholds:
     """Change the thresholds that a file names."""
     try:
-        data = path.read_bytes()[: MAX_FILE_SIZE + 1]
-        if len(data) > MAX_FILE_SIZE:
-            raise ThresholdError(f"{path} is too large for a file of thresholds.")
-        content = YAML(typ="safe", pure=True).load(data.decode("utf-8"))
-    except OSError as error:
-        raise ThresholdError(f"{path} cannot be read: {error.strerror}.") from error
-    except (YAMLError, DuplicateKeyError, ValueError, RecursionError) as error:
-        raise ThresholdError(f"{path} is no YAML: {cause(error)}.") from error
+        content = read_yaml(path)
+    except YamlError as error:
+        raise ThresholdError(f"{path}: {error}.") from error
     if not isinstance(content, dict):
         raise ThresholdError(f"{path} does not hold thresholds by name.")
     try:
@@ -275,10 +264,7 @@ def _optional(name: str, value: Any) -> float | None:
 
 def _number(name: str, value: Any, more: str | None) -> float:
     """Read a finite number."""
-    try:
-        number = math.nan if isinstance(value, (bool, str)) else float(value)
-    except (TypeError, ValueError, OverflowError):
-        number = math.nan
-    if not math.isfinite(number):
+    number = finite_number(value)
+    if number is None:
         raise ThresholdError(f"{name} is {value!r}, not a number{more or ''}.")
     return number

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from g1_description.errors import AllowedPairsError
 from g1_description.files.atomic import write_whole
+from g1_description.files.yaml import YamlError, read_yaml
 from g1_description.text import listed
 
 ADJACENT, ALWAYS, DEFAULT = "adjacent", "always", "default"
@@ -104,27 +105,11 @@ def read_allowed_pairs(file: Path) -> AllowedPairs:
         AllowedPairsError: If it cannot be read, or holds something else.
     """
     try:
-        return _allowed_pairs(_load(file.read_bytes().decode("utf-8")), str(file))
-    except (OSError, UnicodeDecodeError, AllowedPairsError) as error:
-        problem = getattr(error, "strerror", None) or error
+        return _allowed_pairs(read_yaml(file), str(file))
+    except (YamlError, AllowedPairsError) as error:
         raise AllowedPairsError(
-            f"The file of allowed collisions {file}: {problem}."
+            f"The file of allowed collisions {file}: {error}."
         ) from error
-
-
-def _load(text: str) -> object:
-    """Read YAML."""
-    # Only now: the library takes 40 ms, and a robot without a file does not need it.
-    from ruamel.yaml import YAML, YAMLError
-    from ruamel.yaml.constructor import DuplicateKeyError
-
-    try:
-        return YAML(typ="safe", pure=True).load(text)
-    except (YAMLError, DuplicateKeyError, RecursionError, ValueError) as error:
-        mark = getattr(error, "problem_mark", None)
-        where = f"line {mark.line + 1}: " if mark else ""
-        problem = str(getattr(error, "problem", None) or error).splitlines()[0]
-        raise AllowedPairsError(f"{where}{problem}") from error
 
 
 def _allowed_pairs(content: object, place: str) -> AllowedPairs:

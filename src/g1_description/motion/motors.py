@@ -14,6 +14,7 @@ from pathlib import Path
 
 from g1_description.errors import MotorFileError
 from g1_description.files.model_files import share_folder
+from g1_description.files.yaml import YamlError, finite_number, read_yaml
 from g1_description.text import listed
 
 G1_MOTORS = "config/motors.yaml"
@@ -97,30 +98,15 @@ def read_motors(file: Path, robot: str = "") -> Motors:
         MotorFileError: If it cannot be read, or holds something else.
     """
     try:
-        content = _load(file.read_bytes().decode("utf-8"))
+        content = read_yaml(file)
+        if content is None:
+            content = {}
         if not isinstance(content, dict):
             raise MotorFileError("it must map patterns of joint names to numbers")
         motors = {_pattern(key): _motor(key, content[key]) for key in content}
         return Motors(motors, robot)
-    except (OSError, UnicodeDecodeError, MotorFileError) as error:
-        problem = getattr(error, "strerror", None) or error
-        raise MotorFileError(f"The file of motors {file}: {problem}.") from error
-
-
-def _load(text: str) -> object:
-    """Read YAML; an empty text is an empty mapping."""
-    # Only now: the library takes 40 ms, and only physics with motors needs it.
-    from ruamel.yaml import YAML, YAMLError
-    from ruamel.yaml.constructor import DuplicateKeyError
-
-    try:
-        content = YAML(typ="safe", pure=True).load(text)
-    except (YAMLError, DuplicateKeyError, RecursionError, ValueError) as error:
-        mark = getattr(error, "problem_mark", None)
-        where = f"line {mark.line + 1}: " if mark else ""
-        problem = str(getattr(error, "problem", None) or error).splitlines()[0]
-        raise MotorFileError(f"{where}{problem}") from error
-    return {} if content is None else content
+    except (YamlError, MotorFileError) as error:
+        raise MotorFileError(f"The file of motors {file}: {error}.") from error
 
 
 def _pattern(key: object) -> str:
@@ -145,8 +131,8 @@ def _motor(key: object, value: object) -> Motor:
 def _number(key: object, name: str, value: object) -> float:
     """Check a number of an entry."""
     largest = math.inf if name == "effort" else 1.0
-    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    if is_number and 0.0 <= float(value) <= largest:  # type: ignore[arg-type]
-        return float(value)  # type: ignore[arg-type]
+    number = math.inf if value == math.inf else finite_number(value)
+    if number is not None and 0.0 <= number <= largest:
+        return number
     bounds = "at least 0" if largest == math.inf else "from 0 to 1"
     raise MotorFileError(f"{name} of '{key}' must be a number {bounds}, not {value!r}")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -20,6 +19,7 @@ from ruamel.yaml.scalarbool import ScalarBoolean
 from g1_description.errors import InvalidValueError, PoseFileError, UnknownNameError
 from g1_description.files.atomic import write_whole
 from g1_description.files.model_files import PACKAGE, ros_home, share_folder
+from g1_description.files.yaml import finite_number, yaml_problem
 from g1_description.robot.description import Description, Joint
 from g1_description.text import listed, similar_first
 
@@ -150,8 +150,6 @@ def read_file(file: Path) -> dict[str, Pose]:
     Raises:
         G1DescriptionError: If it cannot be read, or holds something else.
     """
-    # Only now: the library takes 40 ms, and most robots start without a pose.
-
     return parse_poses(_text_of(file), str(file))
 
 
@@ -235,13 +233,8 @@ def _load(text: str, place: str) -> CommentedMap:
         # in linear time.
         content = YAML().load(text)
     except (YAMLError, DuplicateKeyError, RecursionError, ValueError) as error:
-        mark = getattr(error, "problem_mark", None)
-        where = f", line {mark.line + 1}" if mark else ""
-        problem = str(getattr(error, "problem", None) or error).splitlines()[0]
-        # A duplicate key's problem goes on with both values.
-        problem = problem.partition(" with value")[0]
         raise PoseFileError(
-            f"The poses in {place} cannot be read{where}: {problem}."
+            f"The poses in {place} cannot be read, {yaml_problem(error)}."
         ) from error
     if content is None:
         return CommentedMap()
@@ -268,7 +261,7 @@ def _pose(name: object, value: object, place: str) -> Pose:
     for joint, position in joints.items():
         if not isinstance(joint, str):
             raise PoseFileError(f"{pose}: {joint!r} is not the name of a joint.")
-        if not _is_number(position):
+        if isinstance(position, ScalarBoolean) or finite_number(position) is None:
             raise InvalidValueError(
                 f"{pose}: the position of {joint} must be a finite number, not "
                 f"{_shown(position)}."
@@ -282,13 +275,6 @@ def _shown(value: object) -> str:
     if isinstance(value, CommentedMap):
         return "a mapping"
     return "a list" if isinstance(value, list) else repr(value)
-
-
-def _is_number(value: object) -> bool:
-    """Check that a value is a finite number."""
-    if isinstance(value, (bool, ScalarBoolean)):
-        return False
-    return isinstance(value, (int, float)) and math.isfinite(value)
 
 
 def _one_line(text: str) -> str:

@@ -1,0 +1,66 @@
+"""YAML files of this package's settings: loaded, and refused in one sentence."""
+
+from __future__ import annotations
+
+import math
+import numbers
+from pathlib import Path
+
+from g1_description.errors import G1DescriptionError, cause
+
+MAX_SIZE = 1_000_000
+"""No file of settings has more, in bytes."""
+
+
+class YamlError(G1DescriptionError):
+    """A YAML file cannot be read."""
+
+
+def read_yaml(file: Path) -> object:
+    """Read the first document of a file.
+
+    Returns:
+        Plain Python objects; None if the file has no content.
+
+    Raises:
+        YamlError: What is wrong, without the file's name; with the line if it is known.
+    """
+    try:
+        with file.open("rb") as stream:
+            data = stream.read(MAX_SIZE + 1)
+    except OSError as error:
+        raise YamlError(f"it cannot be read: {error.strerror}") from error
+    if len(data) > MAX_SIZE:
+        raise YamlError(f"it is larger than {MAX_SIZE / 1e6:g} MB")
+    return _loaded(data)
+
+
+def _loaded(data: bytes) -> object:
+    # Only now: the library takes 40 ms, and most programs read no such file.
+    from ruamel.yaml import YAML, YAMLError
+    from ruamel.yaml.constructor import DuplicateKeyError
+
+    try:
+        return YAML(typ="safe", pure=True).load(data.decode("utf-8"))
+    except (YAMLError, DuplicateKeyError, RecursionError, ValueError) as error:
+        raise YamlError(f"it is not valid YAML: {yaml_problem(error)}") from error
+
+
+def yaml_problem(error: Exception) -> str:
+    """Say in one line what is wrong with a text, and where."""
+    mark = getattr(error, "problem_mark", None)
+    where = f"line {mark.line + 1}: " if mark else ""
+    problem = cause(Exception(getattr(error, "problem", None) or error))
+    # A duplicate key's problem goes on with both values.
+    return where + problem.partition(" with value")[0]
+
+
+def finite_number(value: object) -> float | None:
+    """Return a value as a number; None if it is not a finite one."""
+    if isinstance(value, bool) or not isinstance(value, numbers.Real):
+        return None
+    try:
+        number = float(value)
+    except OverflowError:
+        return None
+    return number if math.isfinite(number) else None
