@@ -7,11 +7,11 @@ import unittest
 import numpy as np
 import rospy
 import rostest
-from g1_description.msg import ModelTrajectory
+from g1_description.msg import ModelTrajectory, RobotState
 from g1_description.srv import SetModelTrajectory, Step, StepModel
 from gazebo_msgs.msg import LinkStates, ModelState, WorldState
 from gazebo_msgs.srv import SetModelConfiguration, SetModelState
-from geometry_msgs.msg import Point, Pose, Quaternion
+from geometry_msgs.msg import Point, Pose, Quaternion, Twist
 from rosgraph_msgs.msg import Clock
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
@@ -19,6 +19,8 @@ from std_srvs.srv import Empty
 from support.burners import Burners
 from support.ros_testing import DEADLINE, Connected, Launch, position_of, wait_for
 from tf2_msgs.msg import TFMessage
+
+from g1_description.ros.conversions import pose_from_array, pose_to_array
 
 ELBOW = "left_elbow_joint"
 MS = 1_000_000
@@ -190,6 +192,61 @@ class TestStatesAtTheRate(States):
         gaps = np.diff([stamp.to_sec() for stamp in sorted(shown)])
         # A busy machine may leave some out.
         self.assertLess(np.median(gaps), 0.0601)
+
+    def move_about(self, states):
+        """Set joints and base 200 times; give the states between first and last stamp.
+
+        Args:
+            states: Those of robot_state.
+        """
+        place = rospy.ServiceProxy("/gazebo/set_model_state", SetModelState)
+        begin = end = states.wait().header.stamp
+        for number in range(200):
+            self.configure("g1_robot", "", [ELBOW], [0.002 * number])
+            q = Rotation.from_euler("zyx", [0.02 * number, 0.1, -0.1]).as_quat()
+            pose = pose_from_array(np.array([0.01 * number, -1.0, 1.0, *q]))
+            self.assertTrue(place(ModelState("g1_robot", pose, Twist(), "")).success)
+            end = states.wait(lambda m, end=end: m.header.stamp > end).header.stamp
+        for topic in (states, self.states):
+            topic.wait(lambda m: m.header.stamp > end, "a later state")
+        return [
+            [m for m in list(topic.messages) if begin < m.header.stamp <= end]
+            for topic in (states, self.states)
+        ]
+
+    def test_robot_state_has_the_joints_and_the_base_of_one_time(self):
+        states = Connected("/robot_state", RobotState, **ROOM)
+        self.addCleanup(states.close)
+        frames = Connected("/tf", TFMessage, **ROOM)
+        self.addCleanup(frames.close)
+        whole, joints = self.move_about(states)
+        self.assertEqual(stamps_of(whole), stamps_of(joints))
+        for state, other in zip(whole, joints):
+            self.assertEqual((state.name, state.has_base), (other.name, True))
+            for told, expected in (
+                (state.position, other.position),
+                (state.velocity, other.velocity),
+            ):
+                np.testing.assert_allclose(told, expected, atol=1e-9)
+        pose_at = {m.header.stamp: pose_to_array(m.base_pose) for m in whole}
+        bases = [
+            edge
+            for message in list(frames.messages)
+            for edge in message.transforms
+            if edge.child_frame_id == "base_link" and edge.header.stamp in pose_at
+        ]
+        self.assertGreater(len(bases), 10)
+        for edge in bases:
+            t, q = edge.transform.translation, edge.transform.rotation
+            expected = [t.x, t.y, t.z, q.x, q.y, q.z, q.w]
+            told = pose_at[edge.header.stamp]
+            np.testing.assert_allclose(told, expected, atol=1e-9)
+
+    def test_who_comes_late_gets_the_robot_state_while_time_stands_still(self):
+        self.stand_still()
+        late = Connected("/robot_state", RobotState)
+        self.addCleanup(late.close)
+        self.assertEqual(late.wait().header.frame_id, "map")
 
     def test_bad_requests_get_a_sentence_and_change_nothing(self):
         step_model = proxy("step_model", StepModel)

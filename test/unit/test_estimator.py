@@ -75,6 +75,22 @@ def test_the_base_is_the_root_wherever_the_file_has_it():
     assert without[0].base_pose is None
 
 
+def test_the_twist_of_a_base_in_another_link_is_that_of_its_own_origin():
+    text = (
+        '<robot name="r"><link name="base"/><link name="body"/>'
+        '<joint name="j" type="fixed"><origin xyz="0.5 0 0"/><parent link="base"/>'
+        '<child link="body"/></joint></robot>'
+    )
+    estimator = JointStateEstimator({"a": parse_urdf(text)})
+    pose, twist = np.array([turned(0.5 * np.pi)]), np.array([[1.0, 0, 0, 0, 0, 2.0]])
+    (seen,) = estimator.update(("a::body",), pose, twist, 0.0)
+    # The base is 0.5 m behind the body, which looks along y.
+    assert seen.base_pose[:3] == pytest.approx([0.0, -0.5, 0.0])
+    assert seen.base_twist == pytest.approx([2.0, 0, 0, 0, 0, 2.0])
+    (seen,) = estimator.update(("a::base",), pose, twist, 0.0)
+    assert seen.base_twist == pytest.approx(twist[0])
+
+
 def test_the_base_is_what_floats_in_the_world():
     text = (
         '<robot name="r"><link name="world"/><link name="hip"/><link name="leg"/>'

@@ -201,6 +201,10 @@ class Observation(NamedTuple):
     changed: bool
     """Whether its links are others than in the previous message."""
 
+    base_twist: np.ndarray | None = None
+    """Twist of the origin of the base, along the world's axes, shape (6,); None if it
+    is unknown."""
+
 
 class JointStateEstimator:
     """Measures the joints of robots from one message after the other."""
@@ -277,15 +281,16 @@ class JointStateEstimator:
         measured = measure(poses, twists, self._joints, previous)
         if previous:
             self._remember(measured, time)
-        return self._observations(poses, measured, is_new)
+        return self._observations(poses, twists, measured, is_new)
 
     def _observations(
-        self, poses: np.ndarray, measured: Measured, is_new: bool
+        self, poses: np.ndarray, twists: np.ndarray, measured: Measured, is_new: bool
     ) -> list[Observation]:
         """Cut the common arrays into an observation per robot.
 
         Args:
             poses: Poses of the valid links in the world, shape (n_links, 7).
+            twists: Their twists along the world's axes, shape (n_links, 6).
             measured: Joint states of all robots.
             is_new: Whether any robot's links changed with this message.
         """
@@ -302,6 +307,7 @@ class JointStateEstimator:
                 _off_axis(residual, layout) if is_off else {},
                 layout.is_present,
                 is_new and changed,
+                layout.base and _base_twist(poses, twists, layout.base),
             )
             for layout, changed in zip(self._layouts, self._changed)
         ]
@@ -371,6 +377,18 @@ def _base_pose(poses: np.ndarray, base: tuple[int, np.ndarray]) -> np.ndarray:
     """Compute a root's pose from that of its reference link, shape (7,)."""
     row, T_link_root = base
     return poses[row] if T_link_root is IDENTITY else compose(poses[row], T_link_root)
+
+
+def _base_twist(
+    poses: np.ndarray, twists: np.ndarray, base: tuple[int, np.ndarray]
+) -> np.ndarray:
+    """Compute a root's twist from that of its reference link, shape (6,)."""
+    row, T_link_root = base
+    twist = twists[row]
+    if T_link_root is IDENTITY:
+        return twist
+    lever = compose(poses[row], T_link_root)[:3] - poses[row, :3]
+    return np.concatenate([twist[:3] + np.cross(twist[3:], lever), twist[3:]])
 
 
 def _off_axis(residual: np.ndarray, layout: RobotLayout) -> dict[str, float]:

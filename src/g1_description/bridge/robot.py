@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 
+import numpy as np
 import rospy
 from geometry_msgs.msg import TransformStamped
 
@@ -20,10 +21,15 @@ from g1_description.bridge.player import MotionPlayer
 from g1_description.bridge.status import RobotStatus
 from g1_description.bridge.tf_filter import PoseThrottle, Shown, State, TfFilter
 from g1_description.robot.description import FREE
+from g1_description.robot.state import RobotState
 from g1_description.ros.conversions import stamp_from_ns, transform
 from g1_description.ros.log import SHORT_PERIOD, ThrottledLog
 from g1_description.ros.publisher import DirectPublisher
-from g1_description.ros.wire import JointStateEncoder, PreparedJointState
+from g1_description.ros.wire import (
+    JointStateEncoder,
+    PreparedJointState,
+    PreparedRobotState,
+)
 from g1_description.text import listed
 
 QUEUE_SIZE = 10_000
@@ -79,6 +85,9 @@ class BridgedRobot:
         self._joint_states = DirectPublisher(
             topic_of(robot, "joint_states"), PreparedJointState, QUEUE_SIZE, latch=True
         )
+        self._robot_states = DirectPublisher(
+            topic_of(robot, "robot_state"), PreparedRobotState, QUEUE_SIZE, latch=True
+        )
         self._tf_joint_states = DirectPublisher(
             topic_of(robot, "tf_joint_states"),
             PreparedJointState,
@@ -114,12 +123,16 @@ class BridgedRobot:
         if not seen.is_present:
             self._tf_filter.drop()
             self._joint_states.forget()
+            self._robot_states.forget()
             self._tf_joint_states.forget()
             return None
         if self._extras.are_wanted:
             self._extras.show(time_ns, seen)
         message = self._encode(stamp, seen)
         self._joint_states.publish(message)
+        self._robot_states.publish(
+            PreparedRobotState(self._state(stamp, seen), self._map_frame)
+        )
         return self._send_to_tf(stamp, seen, message, is_sample)
 
     def publish_again(self, stamp: int) -> None:
@@ -136,6 +149,27 @@ class BridgedRobot:
     def _encode(self, stamp: int, seen: Observation) -> PreparedJointState:
         """Write an observation as joint states."""
         return self._encoder.encode(stamp, seen.names, seen.position, seen.velocity)
+
+    def _state(self, stamp: int, seen: Observation) -> RobotState:
+        """Convert an observation; commands are known where they are kept."""
+        commanded, commanded_base = {}, None
+        if self.player.keeps_commands:
+            wanted = self.player.wanted
+            pairs = zip(self.player.joint_names, wanted.positions.tolist())
+            commanded = {name: p for name, p in pairs if not np.isnan(p)}
+            if not np.isnan(wanted.base_pose).any():
+                commanded_base = wanted.base_pose.copy()
+        has_base = self._base is not None
+        return RobotState(
+            stamp,
+            seen.names,
+            seen.position,
+            seen.velocity,
+            seen.base_pose if has_base else None,
+            seen.base_twist if has_base else None,
+            commanded,
+            commanded_base,
+        )
 
     def _send_to_tf(
         self,
@@ -206,6 +240,7 @@ class BridgedRobot:
         """Send slow subscribers the messages that are kept for them."""
         self.player.flush()
         self._joint_states.flush()
+        self._robot_states.flush()
         self._tf_joint_states.flush()
         self.status.tf_listeners = self._tf_joint_states.get_num_connections()
 

@@ -17,9 +17,11 @@ from geometry_msgs.msg import (
     Wrench,
 )
 
-from g1_description.errors import WireFormatError
+from g1_description.errors import InvalidValueError, WireFormatError
 from g1_description.motion.trajectory import Trajectory
 from g1_description.msg import ModelTrajectory
+from g1_description.msg import RobotState as RobotStateMessage
+from g1_description.robot.state import RobotState
 
 
 def stamp_from_ns(time_ns: int) -> genpy.Time:
@@ -107,6 +109,56 @@ def model_trajectory(
         trajectory.positions.ravel().tolist(),
         [] if velocities is None else velocities.ravel().tolist(),
         [] if bases is None else bases.ravel().tolist(),
+    )
+
+
+def robot_state_to_message(state: RobotState, frame: str) -> RobotStateMessage:
+    """Convert a state; the frame is that of its poses, the map."""
+    message = RobotStateMessage(
+        name=state.names,
+        position=state.positions.tolist(),
+        velocity=[] if state.velocities is None else state.velocities.tolist(),
+        commanded_name=list(state.commanded),
+        commanded_position=list(state.commanded.values()),
+    )
+    message.header.stamp = stamp_from_ns(state.stamp)
+    message.header.frame_id = frame
+    if state.base_pose is not None:
+        message.has_base = True
+        message.base_pose = pose_from_array(state.base_pose)
+    if state.base_twist is not None:
+        message.base_twist = twist_from_array(state.base_twist)
+    if state.commanded_base is not None:
+        message.has_commanded_base = True
+        message.commanded_base_pose = pose_from_array(state.commanded_base)
+    return message
+
+
+def robot_state_from_message(message: RobotStateMessage) -> RobotState:
+    """Convert a state.
+
+    Raises:
+        InvalidValueError: If names and numbers are not as many.
+    """
+    counts = len(message.position), len(message.velocity) or len(message.name)
+    pairs = len(message.commanded_name), len(message.commanded_position)
+    if {*counts} != {len(message.name)} or pairs[0] != pairs[1]:
+        raise InvalidValueError(
+            f"The robot state has {len(message.name)} names, {counts[0]} positions and "
+            f"{counts[1]} velocities, {pairs[0]} names and {pairs[1]} positions "
+            "that are commanded; there must be as many."
+        )
+    return RobotState(
+        message.header.stamp.to_nsec(),
+        tuple(message.name),
+        np.array(message.position),
+        np.array(message.velocity) if message.velocity else None,
+        pose_to_array(message.base_pose) if message.has_base else None,
+        twist_to_array(message.base_twist) if message.has_base else None,
+        dict(zip(message.commanded_name, message.commanded_position)),
+        pose_to_array(message.commanded_base_pose)
+        if message.has_commanded_base
+        else None,
     )
 
 

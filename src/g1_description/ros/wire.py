@@ -18,6 +18,9 @@ from gazebo_msgs.msg import LinkStates, ModelStates, WorldState
 from sensor_msgs.msg import JointState
 
 from g1_description.errors import WireFormatError
+from g1_description.msg import RobotState as RobotStateMessage
+from g1_description.robot.state import RobotState
+from g1_description.ros.conversions import robot_state_to_message
 
 _COUNT = struct.Struct("<I")
 _SEQ_AND_STAMP = struct.Struct("<III")
@@ -251,6 +254,20 @@ class JointStateEncoder:
             )
         )
         return message
+
+
+class PreparedRobotState(RobotStateMessage):
+    """A RobotState message that is filled when a subscriber gets it."""
+
+    _has_header = False  # rospy would read a header before there is one
+
+    def __init__(self, state: RobotState, frame: str) -> None:
+        """Keep the state and the name of the map frame."""
+        self._content = state, frame
+
+    def serialize(self, buff):
+        """Write the message, as rospy asks of it."""
+        robot_state_to_message(*self._content).serialize(buff)
 
 
 class PreparedLinkStates(LinkStates):

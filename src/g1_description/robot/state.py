@@ -1,0 +1,44 @@
+"""The state of a robot: its joints and its base at one time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+
+@dataclass(frozen=True, eq=False)
+class RobotState:
+    """Joints and base of a robot at one time. The arrays are not to be changed."""
+
+    stamp: int
+    """In [ns]."""
+
+    names: tuple[str, ...]
+    """Names of the joints with a known position."""
+
+    positions: np.ndarray
+    """Measured, in [rad] or [m], shape (n_joints,)."""
+
+    velocities: np.ndarray | None = None
+    """Measured, in [rad/s] or [m/s], shape (n_joints,); None if they are unknown."""
+
+    base_pose: np.ndarray | None = None
+    """Pose in the map of the root link, or of the link that floats in the world: x, y,
+    z in [m] and quaternion x, y, z, w, shape (7,); None if it is unknown."""
+
+    base_twist: np.ndarray | None = None
+    """Linear in [m/s], then angular velocity in [rad/s] of the origin of that link,
+    along the axes of the map, shape (6,); None if it is unknown."""
+
+    commanded: Mapping[str, float] = field(default_factory=dict)
+    """Commanded positions in [rad] or [m] by joint name, where they are known."""
+
+    commanded_base: np.ndarray | None = None
+    """Commanded pose of the base, like ``base_pose``; None if there is none."""
+
+    @property
+    def by_name(self) -> dict[str, float]:
+        """Measured positions in [rad] or [m] by joint name."""
+        return dict(zip(self.names, self.positions.tolist()))
