@@ -11,7 +11,7 @@ import rosgraph
 import rospy
 import rostest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from g1_description.msg import RobotTrajectory
+from g1_description.msg import RobotState, RobotTrajectory
 from g1_description.srv import CheckState, CheckTrajectory
 from geometry_msgs.msg import Point, Pose, Quaternion, Transform, Vector3
 from sensor_msgs.msg import JointState
@@ -393,6 +393,25 @@ class TestChecks(unittest.TestCase):
         self.assertRegex(status.message, r"^no joint_states have come for [0-9]+ s$")
         (age,) = status.values
         self.assertEqual(age.key, "age of the last state in s")
+
+    def test_live_92_robot_state_counts_while_it_is_published(self):
+        """The robot of joint states and TF stands, that of robot_state is too low."""
+        states = rospy.Publisher("/left/robot_state", RobotState, queue_size=10)
+        state = RobotState(name=[*self.joints], position=[0.0] * len(self.joints))
+        state.has_base, state.base_pose = True, pose(STANDING - 0.03)
+        state.header.frame_id = "map"
+
+        def levels():
+            state.header.stamp = self.show()
+            states.publish(state)
+            return self.levels()
+
+        wait_for(lambda: ERROR in levels(), "the robot in the floor")
+        self.diagnostics.clear()
+        wait_for(lambda: len(levels()) > 2, "three reports")
+        self.assertEqual({*self.levels()[1:]}, {ERROR})
+        states.unregister()
+        self.wait_for_status(OK, "nothing is wrong")
 
     def test_without_a_rate_there_are_only_services(self):
         rospy.wait_for_service("/quiet_checker/check_state", DEADLINE)

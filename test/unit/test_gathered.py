@@ -10,7 +10,7 @@ from waiting import DEADLINE
 
 pytest.importorskip("rospy", reason="rospy is not installed")
 
-from g1_description.checker.live_states import gathered
+from g1_description.ros.robot_states import gathered
 
 PERIOD = 0.05
 COUNT = 400

@@ -11,14 +11,13 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from diagnostic_updater import Updater
 
 from g1_description.checker.live_markers import LiveMarkers
-from g1_description.checker.live_states import LiveState, LiveStates
-from g1_description.checker.services import positions_of, velocities_of
 from g1_description.checks.checker import NO_BASE, Checker
 from g1_description.checks.finding import FAILED, WARNING, Finding
 from g1_description.checks.live import LiveCheck
 from g1_description.checks.verdict import Verdict
 from g1_description.errors import G1DescriptionError
 from g1_description.ros.lifecycle import quiet_when_closing
+from g1_description.ros.robot_states import RobotStates
 from g1_description.text import listed
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
@@ -130,7 +129,7 @@ class LiveChecks:
         self,
         checker: Checker,
         lock: threading.Lock,
-        states: LiveStates,
+        states: RobotStates,
         markers: LiveMarkers,
         rate: float,
     ) -> None:
@@ -158,13 +157,11 @@ class LiveChecks:
         due = time.monotonic()
         try:
             while not self._stopped.wait(max(0.0, due - time.monotonic())):
-                is_new = self._states.changed.wait(self._period)
+                self._states.changed.wait(self._period)
                 self._states.changed.clear()
                 due = time.monotonic() + self._period
-                state = self._states.newest() if is_new else None
                 with quiet_when_closing():
-                    if state is not None:
-                        self._tell(state)
+                    self._tell_newest()
                     self._markers.keep_up()
         finally:  # after an error the node ends: what it told is no longer true
             rospy.signal_shutdown("no state is checked any more")
@@ -175,22 +172,26 @@ class LiveChecks:
             with quiet_when_closing():
                 self._health.publish()
 
-    def _tell(self, state: LiveState) -> None:
-        """Check one state, and show what was found."""
-        if self._states.began_again:
-            self._states.began_again = False
-            self._check.begin_again()
+    def _tell_newest(self) -> None:
+        """Check the newest state if there is a new one, and show what was found."""
         try:
-            positions = positions_of(state.message)
-            velocities = velocities_of(state.message)
+            state = self._states.newest()
+            if state is None:
+                return
+            if self._states.began_again.is_set():
+                self._states.began_again.clear()
+                self._check.begin_again()
             with self._lock:
                 verdict = self._check.check(
-                    1e-9 * state.stamp, positions, state.base, velocities
+                    1e-9 * state.stamp,
+                    state.positions_by_name,
+                    state.base_pose,
+                    state.velocities_by_name,
                 )
         except G1DescriptionError as error:
             self._health.refuse(str(error))
             return
-        if state.base is None:
+        if state.base_pose is None:
             verdict = _renamed(verdict, NO_BASE, self._states.no_base)
         self._health.add(verdict)
         self._markers.show(state, verdict)

@@ -5,7 +5,6 @@ Publishes: ~markers (visualization_msgs/MarkerArray), while somebody subscribes
 
 from __future__ import annotations
 
-from g1_description.checker.live_states import LiveState
 from g1_description.checker.markers import (
     LinkMarkers,
     MarkerMaker,
@@ -16,6 +15,7 @@ from g1_description.checker.parameters import CheckerParameters, base_frame
 from g1_description.checks.checker import Checker
 from g1_description.checks.marks import RobotMarks
 from g1_description.checks.verdict import Verdict
+from g1_description.robot.state import RobotState
 from g1_description.ros.conversions import stamp_from_ns
 
 
@@ -39,10 +39,10 @@ class LiveMarkers:
             parameters.limit_margin,
         )
         self._publisher = MarkerPublisher("~markers")
-        self._newest: tuple[LiveState, Verdict] | None = None
+        self._newest: tuple[RobotState, Verdict] | None = None
         self._shown: tuple | None = None
 
-    def show(self, state: LiveState, verdict: Verdict) -> None:
+    def show(self, state: RobotState, verdict: Verdict) -> None:
         """Show a state.
 
         Args:
@@ -58,21 +58,21 @@ class LiveMarkers:
             self._publisher.forget()
             return
         state, verdict = self._newest
-        place = None if state.base is None else state.base.tobytes()
+        place = None if state.base_pose is None else state.base_pose.tobytes()
         content = verdict.measured.positions.tobytes(), place, verdict.checked
         if content != self._shown:
             self._shown = content
             self._update(state, verdict)
         self._publisher.keep_up(stamp_from_ns(state.stamp))
 
-    def _update(self, state: LiveState, verdict: Verdict) -> None:
+    def _update(self, state: RobotState, verdict: Verdict) -> None:
         """Make the markers of a state."""
         colliding = dict.fromkeys(
             link for finding in verdict.of("self_collision") for link in finding.subject
         )
-        frame = self._base_frame if state.base is None else self._map
+        frame = self._base_frame if state.base_pose is None else self._map
         others = MarkerMaker(Place(frame, stamp_from_ns(state.stamp)))
-        self._marks.draw(others, verdict, state.base)
+        self._marks.draw(others, verdict, state.base_pose)
         self._publisher.update(
             self._links.links([*colliding], self._prefix), others.markers
         )

@@ -2,7 +2,8 @@
 
 Services: ~check_state (g1_description/CheckState), ~check_trajectory
     (g1_description/CheckTrajectory)
-Subscribes, with a ~rate: joint_states (sensor_msgs/JointState), /tf, /tf_static
+Subscribes, with a ~rate: robot_state (g1_description/RobotState); while nobody
+    publishes that, joint_states (sensor_msgs/JointState), /tf, /tf_static
     (tf2_msgs/TFMessage)
 Publishes, with a ~rate: /diagnostics (diagnostic_msgs/DiagnosticArray), ~markers
     (visualization_msgs/MarkerArray)
@@ -20,7 +21,6 @@ import rospy
 
 from g1_description.checker.live import LiveChecks
 from g1_description.checker.live_markers import LiveMarkers
-from g1_description.checker.live_states import LiveStates
 from g1_description.checker.parameters import (
     CheckerParameters,
     base_frame,
@@ -35,6 +35,7 @@ from g1_description.ros.log import ThrottledLog
 from g1_description.ros.map_frame import MapFrame
 from g1_description.ros.master import stay_registered
 from g1_description.ros.parameters import read_parameters
+from g1_description.ros.robot_states import RobotStates
 from g1_description.ros.tcpros import serve_as_roscpp
 
 
@@ -64,7 +65,7 @@ def start(robot: Description, parameters: CheckerParameters) -> None:
     if parameters.rate:
         markers = LiveMarkers(checker, parameters)
         root = base_frame(robot, parameters)
-        states = LiveStates(map_frame, root, 1.0 / parameters.rate, ThrottledLog())
+        states = RobotStates(map_frame, root, 1.0 / parameters.rate, ThrottledLog())
         LiveChecks(checker, lock, states, markers, parameters.rate)
 
 

@@ -7,19 +7,18 @@ Services: ~check_state (g1_description/CheckState),
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import rospy
 from geometry_msgs.msg import Point
-from sensor_msgs.msg import JointState
 
 from g1_description.checks.checker import Checker
 from g1_description.checks.finding import Finding
 from g1_description.checks.verdict import Verdict
-from g1_description.errors import G1DescriptionError, InvalidValueError, MotionError
+from g1_description.errors import G1DescriptionError, MotionError
 from g1_description.motion.motion import Motion
 from g1_description.msg import Finding as FindingMessage
-from g1_description.ros.conversions import pose_to_array
+from g1_description.ros.conversions import joint_states_to_arrays, pose_to_array
 from g1_description.ros.map_frame import MapFrame
 from g1_description.ros.motion_messages import (
     pose_from_numbers,
@@ -33,44 +32,6 @@ from g1_description.srv import (
     CheckTrajectoryRequest,
     CheckTrajectoryResponse,
 )
-from g1_description.text import listed
-
-
-def positions_of(message: JointState) -> dict[str, float]:
-    """Read the positions of joint states, by joint.
-
-    Raises:
-        InvalidValueError: If there is not one for each name, or a name comes twice.
-    """
-    return _by_name(message, "position", message.position)
-
-
-def velocities_of(message: JointState) -> dict[str, float]:
-    """Read the velocities of joint states, by joint; empty where there are none.
-
-    Raises:
-        InvalidValueError: If there is not one for each name.
-    """
-    if not message.velocity:
-        return {}
-    return _by_name(message, "velocity", message.velocity)
-
-
-def _by_name(
-    message: JointState, what: str, numbers: Sequence[float]
-) -> dict[str, float]:
-    """Read the numbers of joint states."""
-    names = message.name
-    if len(names) != len(numbers):
-        raise InvalidValueError(
-            f"joint_state has {len(names)} names, and its {what} {len(numbers)} "
-            "numbers; there must be as many."
-        )
-    found = dict(zip(names, numbers))
-    if len(found) != len(names):
-        twice = listed(name for name in found if names.count(name) > 1)
-        raise InvalidValueError(f"joint_state names joints twice: {twice}.")
-    return found
 
 
 def finding_message(finding: Finding) -> FindingMessage:
@@ -129,7 +90,11 @@ class CheckServices:
         """Check a configuration."""
         try:
             joints, base = request.joint_state, None
-            positions, velocities = positions_of(joints), velocities_of(joints)
+            names, *numbers = joint_states_to_arrays(joints)
+            positions, velocities = (
+                {} if array is None else dict(zip(names, array.tolist()))
+                for array in numbers
+            )
             if request.has_base:
                 base = pose_from_numbers(pose_to_array(request.base_pose))
             with self._lock:

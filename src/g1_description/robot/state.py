@@ -39,6 +39,14 @@ class RobotState:
     """Commanded pose of the base, like ``base_pose``; None if there is none."""
 
     @property
-    def by_name(self) -> dict[str, float]:
+    def positions_by_name(self) -> dict[str, float]:
         """Measured positions in [rad] or [m] by joint name."""
         return dict(zip(self.names, self.positions.tolist()))
+
+    @property
+    def velocities_by_name(self) -> dict[str, float] | None:
+        """Measured velocities in [rad/s] or [m/s] by joint name, if they are known."""
+        velocities = self.velocities
+        return (
+            None if velocities is None else dict(zip(self.names, velocities.tolist()))
+        )

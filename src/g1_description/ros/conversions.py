@@ -16,12 +16,14 @@ from geometry_msgs.msg import (
     Vector3,
     Wrench,
 )
+from sensor_msgs.msg import JointState
 
 from g1_description.errors import InvalidValueError, WireFormatError
 from g1_description.motion.trajectory import Trajectory
 from g1_description.msg import ModelTrajectory
 from g1_description.msg import RobotState as RobotStateMessage
 from g1_description.robot.state import RobotState
+from g1_description.text import listed
 
 
 def stamp_from_ns(time_ns: int) -> genpy.Time:
@@ -110,6 +112,31 @@ def model_trajectory(
         [] if velocities is None else velocities.ravel().tolist(),
         [] if bases is None else bases.ravel().tolist(),
     )
+
+
+def joint_states_to_arrays(
+    message: JointState,
+) -> tuple[tuple[str, ...], np.ndarray, np.ndarray | None]:
+    """Give the names of joint states, their positions, and velocities if there are any.
+
+    Raises:
+        InvalidValueError: If there is not one for each name, or a name comes twice.
+    """
+    names = tuple(message.name)
+    for what, numbers in (
+        ("position", message.position),
+        ("velocity", message.velocity or message.position),
+    ):
+        if len(names) != len(numbers):
+            raise InvalidValueError(
+                f"joint_state has {len(names)} names, and its {what} {len(numbers)} "
+                "numbers; there must be as many."
+            )
+    if len({*names}) != len(names):
+        twice = listed(dict.fromkeys(n for n in names if names.count(n) > 1))
+        raise InvalidValueError(f"joint_state names joints twice: {twice}.")
+    velocities = np.array(message.velocity) if message.velocity else None
+    return names, np.array(message.position), velocities
 
 
 def robot_state_to_message(state: RobotState, frame: str) -> RobotStateMessage:

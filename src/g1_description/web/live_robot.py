@@ -19,15 +19,15 @@ from sensor_msgs.msg import JointState
 
 from g1_description.bridge.overlays import PREFIX
 from g1_description.bridge.parameters import RobotParameters, topic_of
-from g1_description.checker.live_states import RESET, LiveState, LiveStates
-from g1_description.checker.services import positions_of
-from g1_description.errors import G1DescriptionError
+from g1_description.errors import InvalidValueError
+from g1_description.robot import state as robot_state
 from g1_description.robot.assembly import WORLD, base_of
 from g1_description.robot.description import Description
 from g1_description.ros.conversions import pose_from_array
 from g1_description.ros.lifecycle import quiet_when_closing
 from g1_description.ros.log import ThrottledLog
 from g1_description.ros.motion_client import MotionClient
+from g1_description.ros.robot_states import RESET, JoinedStates
 from g1_description.srv import PlayMotion
 from g1_description.web.robot import RobotState
 
@@ -111,20 +111,16 @@ class LiveRobot:
         """Return where it is wanted; None where nobody publishes that."""
         return self._read(self._wanted.newest())
 
-    def _read(self, state: LiveState | None) -> RobotState | None:
-        """Read joint states; what cannot be read is passed over."""
+    def _read(self, state: robot_state.RobotState | None) -> RobotState | None:
+        """Leave out joints that are not the robot's, or not finite."""
         if state is None:
-            return None
-        try:
-            positions = positions_of(state.message)
-        except G1DescriptionError:
             return None
         own = {
             name: position
-            for name, position in positions.items()
+            for name, position in state.positions_by_name.items()
             if name in self._joints and np.isfinite(position)
         }
-        return RobotState(1e-9 * state.stamp, own, state.base)
+        return RobotState(1e-9 * state.stamp, own, state.base_pose)
 
     def command(self, positions: Mapping[str, float]) -> None:
         """Set joints."""
@@ -147,13 +143,13 @@ class _Follower:
     def __init__(self, topic: str, base_frame: str) -> None:
         self._topic, self._base_frame = topic, base_frame
         self._lock = threading.Lock()
-        self._states: LiveStates | None = None
-        self._newest: LiveState | None = None
+        self._states: JoinedStates | None = None
+        self._newest: robot_state.RobotState | None = None
         self._stamp = 0
 
     def open(self, map_frame: str, log: ThrottledLog, changed: threading.Event) -> None:
         """Begin to listen."""
-        states = LiveStates(map_frame, self._base_frame, PERIOD, log, self._topic)
+        states = JoinedStates(map_frame, self._base_frame, PERIOD, log, self._topic)
         with self._lock:
             self._states = states
         states.changed = changed
@@ -173,15 +169,18 @@ class _Follower:
                 self._stamp = self._states.stamp or self._stamp
             return self._stamp
 
-    def newest(self) -> LiveState | None:
-        """Return the newest state that has come."""
+    def newest(self) -> robot_state.RobotState | None:
+        """Return the newest state that has come and can be read."""
         with self._lock:
-            state = None if self._states is None else self._states.newest()
+            try:
+                state = None if self._states is None else self._states.newest()
+            except InvalidValueError:
+                state = None
             # One with a base of its own time may come after a newer one without.
             if state is not None and not 0 < self._behind(state) < RESET:
                 self._newest = state
             return self._newest
 
-    def _behind(self, state: LiveState) -> int:
+    def _behind(self, state: robot_state.RobotState) -> int:
         """Return how much older a state is than the newest one, in [ns]."""
         return 0 if self._newest is None else self._newest.stamp - state.stamp

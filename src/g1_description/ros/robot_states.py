@@ -1,16 +1,18 @@
-"""Where the robot is now: joints and base of one time.
+"""The newest state of a robot: joints and base of one time.
 
-Subscribes: joint_states (sensor_msgs/JointState), /tf, /tf_static (tf2_msgs/TFMessage)
+A bridge publishes both in one message, ``robot_state``. Without a bridge, as with a bag
+or a real robot, they are put together of ``joint_states`` and TF.
 """
 
 from __future__ import annotations
 
+import posixpath
 import struct
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import genpy
 import numpy as np
@@ -19,9 +21,14 @@ import tf2_ros
 from sensor_msgs.msg import JointState
 
 from g1_description.errors import WireFormatError
+from g1_description.msg import RobotState as RobotStateMessage
+from g1_description.robot.state import RobotState
+from g1_description.robot.transform import IDENTITY
 from g1_description.ros.conversions import (
     Edge,
+    joint_states_to_arrays,
     read_edges,
+    robot_state_from_message,
     stamp_from_ns,
     transform,
     vector_to_array,
@@ -75,16 +82,98 @@ _STAMP_AT = 4
 """Where a message with a header has its stamp."""
 
 
-@dataclass(frozen=True, eq=False)
-class LiveState:
-    """Joints and base of one time."""
+class RobotStates:
+    """The newest state of one robot.
 
-    stamp: int
-    """In [ns]."""
+    Subscribes: robot_state (g1_description/RobotState); those of ``JoinedStates`` while
+        nobody publishes that.
+    """
 
-    message: JointState
-    base: np.ndarray | None
-    """T_map_base, shape (7,); None where TF does not know it."""
+    def __init__(
+        self, map_frame: str, base_frame: str, period: float, log: ThrottledLog
+    ) -> None:
+        """Subscribe.
+
+        Args:
+            map_frame: Frame whose floor the robot stands on.
+            base_frame: Frame of the robot's base; the map where that is the world.
+            period: How long messages may gather before they are read, in [s].
+            log: Where to log messages that cannot be read.
+        """
+        self.changed, self.began_again = threading.Event(), threading.Event()
+        """Set when a state has come, and when time went back; cleared by the reader."""
+        self._map, self._base_frame = map_frame, base_frame
+        self._period, self._log = period, log
+        self._lock = threading.Lock()
+        self._newest: bytes | None = None
+        self._stamp = 0
+        # Next to joint_states, also where those are remapped.
+        namespace = posixpath.dirname(rospy.resolve_name("joint_states"))
+        self._subscriber = _subscribe(
+            posixpath.join(namespace, "robot_state"),
+            gathered(self._on_robot_state, period),
+            1,
+        )
+        self._joined: JoinedStates | None = None
+        self._join()
+
+    def _join(self) -> None:
+        """Put states together of joint states and TF."""
+        self._joined = JoinedStates(
+            self._map, self._base_frame, self._period, self._log
+        )
+        self._joined.changed, self._joined.began_again = self.changed, self.began_again
+
+    def _on_robot_state(self, data: bytes) -> None:
+        """Keep a message."""
+        if len(data) < _STAMP_AT + _STAMP.size:
+            return
+        stamp = _nanoseconds(data, _STAMP_AT)
+        with self._lock:
+            if stamp < self._stamp - RESET:
+                self.began_again.set()
+            self._newest, self._stamp = data, stamp
+        self.changed.set()
+
+    def newest(self) -> RobotState | None:
+        """Return the newest state; None where there is none that is new.
+
+        To be called several times a second, also when nothing has changed.
+
+        Raises:
+            InvalidValueError: If names and numbers of it are not as many.
+        """
+        with self._lock:
+            data, self._newest = self._newest, None
+        if data is not None:
+            state = self._read(data)
+            if state is not None:
+                if self._joined is not None:
+                    self._joined.close()
+                    self._joined = None
+                return state
+        if self._joined is None and not self._subscriber.get_num_connections():
+            self._join()
+        return None if self._joined is None else self._joined.newest()
+
+    def _read(self, data: bytes) -> RobotState | None:
+        """Read a message; None if it is damaged or its poses are in another frame."""
+        message = RobotStateMessage()
+        try:
+            message.deserialize(data)
+        except genpy.DeserializationError as error:
+            self._log.warn("state", f"A message is not a robot state: {error}.")
+            return None
+        if message.header.frame_id != self._map:
+            return None
+        state = robot_state_from_message(message)
+        is_world = self._base_frame == self._map
+        return replace(state, base_pose=IDENTITY) if is_world else state
+
+    @property
+    def no_base(self) -> str:
+        """Why a state has no base."""
+        return f"TF does not tell where {self._base_frame} is in {self._map}"
 
 
 @dataclass(frozen=True)
@@ -96,10 +185,13 @@ class _Received:
     number: int
 
 
-class LiveStates:
-    """Listens to joint states and to the edges of TF between the map and the robot.
+class JoinedStates:
+    """States of joint states and of the edges of TF between the map and the robot.
 
-    Messages are kept as they came: only those that are checked are read.
+    Messages are kept as they came: only those of states that are checked are decoded.
+
+    Subscribes: joint_states (sensor_msgs/JointState), /tf, /tf_static
+        (tf2_msgs/TFMessage)
     """
 
     def __init__(
@@ -121,8 +213,8 @@ class LiveStates:
         """
         self.changed = threading.Event()
         """Set when something new has come; whoever waits for it clears it."""
-        self.began_again = False
-        """Whether time went back since this was set to False."""
+        self.began_again = threading.Event()
+        """Set when time went back; whoever reads it clears it."""
         self._map, self._base_frame, self._log = map_frame, base_frame, log
         self._lock = threading.Lock()
         self._states: deque[_Received] = deque(maxlen=MAX_STATES)
@@ -161,7 +253,7 @@ class LiveStates:
         self._newest.clear()
         self._times.clear()
         self._taken = None
-        self.began_again = True
+        self.began_again.set()
 
     def _on_tf(self, data: bytes) -> None:
         """Keep edges between the map and the robot."""
@@ -210,22 +302,21 @@ class LiveStates:
         return {name.encode() for name in names}
 
     @property
-    def no_base(self) -> str:
-        """Why a state has no base."""
-        return f"TF does not tell where {self._base_frame} is in {self._map}"
-
-    @property
     def stamp(self) -> int:
         """Time of the newest joint states, in [ns]; 0 before the first ones."""
         with self._lock:
             return self._states[-1].stamp if self._states else 0
 
-    def newest(self) -> LiveState | None:
+    def newest(self) -> RobotState | None:
         """Find the newest joint states whose base is known, too.
 
         Returns:
             They, without a base where TF does not know one; None where there is nothing
             that was not returned before.
+
+        Raises:
+            InvalidValueError: If names and numbers of the joints are not as many, or a
+                name comes twice.
         """
         with self._lock:
             found = self._pair()
@@ -241,7 +332,8 @@ class LiveStates:
         except genpy.DeserializationError as error:
             self._log.warn("joints", f"A message is no joint states: {error}.")
             return None
-        return LiveState(received.stamp, message, base)
+        names, positions, velocities = joint_states_to_arrays(message)
+        return RobotState(received.stamp, names, positions, velocities, base)
 
     def _pair(self) -> tuple[_Received, np.ndarray | None] | None:
         """Choose joint states, and the base of their time."""
