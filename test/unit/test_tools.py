@@ -27,9 +27,7 @@ def test_an_interpreter_that_is_none_is_refused():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "module", ["bench", "pictures", "shapes.compare", "soaking", "interrupting"]
-)
+@pytest.mark.parametrize("module", ["bench", "pictures", "soaking"])
 def test_a_tool_starts(module):
     folders = [TOOLS, TOOLS.parent / "src", TOOLS.parent / "test" / "ros"]
     path = os.pathsep.join([*map(str, folders), *sys.path])

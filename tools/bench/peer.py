@@ -14,7 +14,7 @@ from xmlrpc.server import SimpleXMLRPCServer
 
 import rosgraph
 
-from .nodes import MeasurementError
+from .graph import MeasurementError
 from tcpros import TIMEOUT, Messages, header_of, received_header
 
 HOST = "127.0.0.1"
@@ -96,10 +96,6 @@ class Peer:
         self._master.registerPublisher(topic, kind._type, self.uri)
         return self._outputs[topic]
 
-    def withdraw(self, topic):
-        """Publish a topic no more; who has shaken hands for it stays."""
-        self._master.unregisterPublisher(topic, self.uri)
-
     def subscribe(self, topic, kind, take):
         """Subscribe to a topic; see ``Input``."""
         self._inputs[topic] = Input(kind, take)
@@ -122,6 +118,8 @@ class Peer:
         """
         late = False
         while not late and not enough():
+            while self._wanted:
+                self._connect(*self._wanted.pop())
             left = until - time.monotonic()
             late = left <= 0.0
             waiting = {s: o for o in self._outputs.values() for s in o.waiting()}
@@ -132,8 +130,6 @@ class Peer:
                 waiting[sock].flush(sock)
             for sock in readable:
                 self._readers.get(sock, lambda: None)()
-            while self._wanted:
-                self._connect(*self._wanted.pop())
 
     def wait(self, condition, what, timeout=30.0):
         """Serve until a condition is true.

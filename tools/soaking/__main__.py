@@ -9,7 +9,7 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from bench.figures import FAILURES
+from bench.graph import FAILURES
 
 from . import report
 from .record import Record

@@ -3,10 +3,10 @@
 import datetime
 import os
 import platform
+import sys
 from pathlib import Path
 
 import numpy as np
-from bench.report import command_line
 
 PICTURE = "soak.png"
 RATES = ("/joint_states", "/tf", "/clock", "browser")
@@ -151,7 +151,7 @@ def write_page(record, result, page):
     plot(record, folder / PICTURE)
     counts = result["counts"]
     text = INTRODUCTION.format(
-        command=command_line("tools/soak"),
+        command=" ".join(["tools/soak", *sys.argv[1:]]),
         rviz=" RViz," if record.has_rviz else "",
         kills=counts["simulators killed"],
         masters=counts["masters killed"],

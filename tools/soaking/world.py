@@ -9,10 +9,8 @@ import time
 from pathlib import Path
 from xmlrpc.client import ServerProxy
 
-from bench.browser_display import HERE as BENCH
-from bench.figures import FAILURES, OWN_MODEL
-from bench.motion import write_motion
-from bench.nodes import Graph, Process, free_port, wait_for
+import numpy as np
+from bench.graph import FAILURES, OWN_MODEL, Graph, Process, free_port, wait_for
 
 HERE = Path(__file__).resolve().parent
 OURS = {
@@ -90,7 +88,7 @@ class World(Graph):
             self.node(name)
         motion = self.folder / "motion.csv"
         write_motion(motion)
-        script = BENCH / "watchers.py"
+        script = HERE / "browser.py"
         address = f"http://127.0.0.1:{port}/"
         wait_for(lambda: "open http" in self.display.output(), "the page")
         self.browser = Relay(self, [sys.executable, script, address, 1, LINK])
@@ -177,3 +175,27 @@ class World(Graph):
         lines = self.browser.program.output().split("\n")[:-1]
         numbers = [json.loads(line) for line in lines[-1:] if line.startswith("[")]
         return (numbers[0][0], numbers[0][2]) if numbers else (time.monotonic(), 0)
+
+
+def write_motion(file):
+    """Write a motion of 8 s: knees and arms go up and down, and the base with them."""
+    times = np.arange(0.0, 8.0, 1.0 / 50.0)
+    swing = 0.5 - 0.5 * np.cos(2.0 * np.pi * times / 4.0)
+    columns = {
+        "time": times,
+        "base_x": 0.0 * times,
+        "base_y": 0.0 * times,
+        "base_z": 0.8 - 0.1 * swing,
+        "base_qx": 0.0 * times,
+        "base_qy": 0.0 * times,
+        "base_qz": 0.0 * times,
+        "base_qw": 1.0 + 0.0 * times,
+    }
+    for side in ("left", "right"):
+        columns[f"{side}_hip_pitch_joint"] = -0.4 * swing
+        columns[f"{side}_knee_joint"] = 0.8 * swing
+        columns[f"{side}_ankle_pitch_joint"] = -0.4 * swing
+        columns[f"{side}_shoulder_pitch_joint"] = -0.9 * swing
+    header = ",".join(columns)
+    rows = np.stack([*columns.values()], axis=1)
+    np.savetxt(file, rows, delimiter=",", header=header, comments="", fmt="%.6f")

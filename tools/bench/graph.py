@@ -1,16 +1,15 @@
 """Start a master and nodes of our own, and see what they use."""
 
 import ctypes
-import json
 import os
 import signal
 import socket
 import subprocess
-import sys
 import tempfile
 import time
+from http.client import HTTPException
 from pathlib import Path
-from xmlrpc.client import ServerProxy
+from xmlrpc.client import Error, ServerProxy
 
 import rosgraph
 import rosnode
@@ -19,12 +18,15 @@ from processes import end_processes, marked_environment, new_mark
 
 TIMEOUT = 60.0  # [s]
 PAUSE = 0.02  # [s] between two looks at a condition
-EACH_STEP = "rate:=1000"  # argument of the display: states of each step, as Gazebo
-BUSY = [sys.executable, "-c", "while True: pass"]
+OWN_MODEL = Path(__file__).resolve().parents[2] / "urdf" / "g1_29dof.urdf"
 
 
 class MeasurementError(Exception):
     """Something can't be measured; the text says why."""
+
+
+# A node that ends while it is asked something breaks the connection it is asked on.
+FAILURES = (MeasurementError, OSError, Error, HTTPException, rosgraph.MasterException)
 
 
 def wait_for(condition, what, timeout=TIMEOUT):
@@ -47,24 +49,6 @@ def free_port():
     with socket.socket() as listener:
         listener.bind(("localhost", 0))
         return listener.getsockname()[1]
-
-
-def idle():
-    """Begin to measure; what comes back gives how much of all cores did nothing."""
-
-    def read():
-        line, *_ = Path("/proc/stat").read_text(encoding="utf-8").splitlines()
-        # guest time, behind the first eight, is in user time already
-        ticks = [int(word) for word in line.split()[1:9]]
-        return ticks[3] + ticks[4], sum(ticks)
-
-    begin = read()
-
-    def share():
-        unused, passed = (now - then for now, then in zip(read(), begin))
-        return unused / max(passed, 1)
-
-    return share
 
 
 class Process:
@@ -130,21 +114,6 @@ class Program(Process):
         """Tell whether it has ended."""
         return self._process.poll() is not None
 
-    def result(self, timeout):
-        """Wait for its end; give the JSON in the last line it printed.
-
-        Args:
-            timeout: Longest wait in [s].
-
-        Raises:
-            MeasurementError: If it does not end in time, or fails.
-        """
-        wait_for(lambda: self._process.poll() is not None, "a program's end", timeout)
-        lines = self.output().strip().splitlines()
-        if self._process.returncode:
-            raise MeasurementError(f"a program failed: {' | '.join(lines[-3:])}")
-        return json.loads(lines[-1])
-
     def __enter__(self):
         """Use it in a with statement, which ends it."""
         return self
@@ -209,11 +178,6 @@ class Graph:
         self._programs.append(Program(command, marked_environment(self._mark)))
         return self._programs[-1]
 
-    def keep_busy(self):
-        """Let as many processes as there are cores do nothing but count."""
-        for _ in range(os.cpu_count()):
-            self.start(BUSY)
-
     def launch(self, model, *arguments):
         """Launch the display without RViz; give the ``Program``."""
         return self._launch((), model, "rviz:=false", *arguments)
@@ -232,20 +196,6 @@ class Graph:
         command = ["roslaunch", "-p", self.port, "g1_description", "display.launch"]
         return self.start([*before, *command, f"model:={model}", *arguments])
 
-    def consoles(self):
-        """Give what programs and nodes have printed, and what they wrote to logs.
-
-        What came on /rosout is not among it.
-        """
-        logs = Path(self._folder.name, "log").rglob("*.log")
-        texts = [program.output() for program in self._programs]
-        texts += [
-            log.read_text(encoding="utf-8", errors="replace")
-            for log in logs
-            if log.is_file() and log.name != "rosout.log"
-        ]
-        return "\n".join(texts)
-
     def finds(self, name):
         """Give the address of a node, None while it is not there."""
         try:
@@ -257,16 +207,3 @@ class Graph:
         """Give the ``Process`` of a node, once it is there."""
         uri = wait_for(lambda: self.finds(name), f"the node {name}")
         return Process(ServerProxy(uri).getPid("/benchmark")[2])
-
-    def messages_taken(self, node, topic):
-        """Ask a node how many messages it has taken; 0 where it can't tell."""
-        uri = self.finds(node)
-        stats = ServerProxy(uri).getBusStats("/benchmark") if uri else [[], []]
-        # roscpp answers without the code and the word that belong in front.
-        _, subscribed, *_ = stats[2] if stats[0] == 1 else stats
-        return sum(
-            connection[2]
-            for name, connections in subscribed
-            for connection in connections
-            if name == topic
-        )

@@ -1,1 +1,0 @@
-"""Ctrl-C at any moment. Called by tools/interrupts."""
