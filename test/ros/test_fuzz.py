@@ -33,11 +33,11 @@ BATCH = 100
 AT_ONCE = 3.0
 """Most processor time that an answer may take in [s]; a request of 1 MB took 1.2 on a
 machine with more to do than cores."""
-GROWTH = 20e6 + 0.02e6 * REQUESTS
+GROWTH = 40e6 + 0.02e6 * REQUESTS
 """Most memory that the second half of all requests may cost in [bytes]. PyBullet gives
 back 0.05 MB too little with each reset and 0.12 MB with each G1 that it loads again;
 rospy keeps for each connection a buffer as long as its longest request, up to a
-megabyte, of which some first come in that half."""
+megabyte, of which some first come in that half: up to 40 MB were seen."""
 ALWAYS = ("pause_physics", "unpause_physics", "reset_simulation", "reset_world")
 """Services that cannot refuse."""
 
