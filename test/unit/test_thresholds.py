@@ -57,7 +57,8 @@ def thresholds_in_python(model):
 
 def thresholds_of_check(model):
     check = pytest.importorskip("g1_description.cli.check")
-    return check.setup_of(check.parse([str(model), "--model", str(model)])).thresholds
+    args = check.parse([str(model), "--model", str(model)])
+    return check.file_checker(args).checker.thresholds
 
 
 def thresholds_of_the_checker(model):
