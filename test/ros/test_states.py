@@ -274,7 +274,7 @@ class TestStatesAtTheRate(States):
 
     def test_a_motion_is_answered_with_what_is_clamped_and_ignored(self):
         play = proxy("set_model_trajectory", SetModelTrajectory)
-        motion = ModelTrajectory("g1_robot", rospy.Time(), [0.0], [])
+        motion = ModelTrajectory(model_name="g1_robot", times=[0.0])
         for names, positions, clamped, ignored in (
             ([ELBOW], [0.5], [], []),
             ([ELBOW, "wing"], [9.0, 0.0], [ELBOW], ["wing"]),
