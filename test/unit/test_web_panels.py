@@ -34,7 +34,7 @@ from g1_description.web import findings_panel as findings
 from g1_description.web import plots
 from g1_description.web.joint_controls import JointPanel, slider_range
 from g1_description.web.plots import PlotPanel
-from g1_description.web.robot import RobotState
+from g1_description.web.robot import ShownState
 from g1_description.web.show import configuration_command, configuration_yaml
 from g1_description.web.simulator_panel import SimulatorPanel
 from g1_description.web.ui_loop import Desk
@@ -52,7 +52,7 @@ class Shown:
         self.name, self.joint_topic = name, topic
         self.description = robot(*(links or ("a", "b", "c")))
         self.commands = []
-        self.where = RobotState(0.0, {"to_b": 0.0, "to_c": 0.0}, None)
+        self.where = ShownState(0.0, {"to_b": 0.0, "to_c": 0.0}, None)
 
     def state(self):
         return self.where
@@ -223,8 +223,8 @@ def test_lines_of_the_past_are_measured_and_commanded(server, desk):
     shown = Shown()
     panel = add_plot(server, desk, shown, joints=["to_c"])
     for value in (0.1, 0.2, 0.3):
-        wanted = RobotState(0.0, {"to_c": 10 * value}, None) if value > 0.1 else None
-        panel.add({shown: (RobotState(0.0, {"to_c": value}, None), wanted)}, None)
+        wanted = ShownState(0.0, {"to_c": 10 * value}, None) if value > 0.1 else None
+        panel.add({shown: (ShownState(0.0, {"to_c": value}, None), wanted)}, None)
     times, measured, commanded = panel._data(None)
     assert (np.diff(times) >= 0).all() and times[-1] <= 0.0
     np.testing.assert_allclose(measured, [0.1, 0.2, 0.3])
@@ -236,7 +236,7 @@ def test_what_is_not_known_is_a_gap(server, desk):
     panel = add_plot(server, desk, one, other, joints=["other: to_b"])
     panel.add({one: (one.where, None)}, None)
     panel.add({one: (one.where, None), other: (other.where, None)}, None)
-    panel.add({other: (RobotState(0.0, {"to_c": 1.0}, None), None)}, None)
+    panel.add({other: (ShownState(0.0, {"to_c": 1.0}, None), None)}, None)
     _, measured, _ = panel._data(None)
     np.testing.assert_allclose(measured, [np.nan, 0.0, np.nan])
 
@@ -260,7 +260,7 @@ def test_lines_of_the_whole_motion(server, desk):
     panel.motions = {shown: motion}
     for at in (0.75, 0.25):  # scrubbed, not in order
         At.time = at
-        state = RobotState(0.0, {"to_b": at + 1, "to_c": 5.0}, None)
+        state = ShownState(0.0, {"to_b": at + 1, "to_c": 5.0}, None)
         panel.add({shown: (state, None)}, At)
     drawn, measured, wanted, other, no_goal = panel._data(At)
     np.testing.assert_allclose(drawn, times)
@@ -361,7 +361,7 @@ POSITIONS = {"to_c": -1.5, "to_b": 1e-5, "of_somebody_else": 9.0}
 
 def test_copied_yaml_is_a_pose():
     shown = Shown()
-    shown.where = RobotState(0.0, POSITIONS, None)
+    shown.where = ShownState(0.0, POSITIONS, None)
     (pose,) = parse_poses(configuration_yaml(shown), "the clipboard").values()
     assert pose.positions == {"to_b": 1e-5, "to_c": -1.5}
     assert [*pose.positions] == ["to_b", "to_c"]
@@ -372,7 +372,7 @@ def test_copied_yaml_is_a_pose():
 )
 def test_a_copied_command_moves_the_robot_to_where_it_is(value, topic):
     shown = Shown(topic=topic)
-    shown.where = RobotState(0.0, {"to_c": value, "to_b": 0.25}, None)
+    shown.where = ShownState(0.0, {"to_c": value, "to_b": 0.25}, None)
     words = shlex.split(configuration_command(shown))
     assert words[:-1] == ["rostopic", "pub", "-1", topic, "sensor_msgs/JointState"]
     message = yaml.safe_load(words[-1])
@@ -384,7 +384,7 @@ def test_a_copied_command_moves_the_robot_to_where_it_is(value, topic):
 @given(st.floats(-4.0, 4.0))
 def test_both_texts_say_the_same(value):
     shown = Shown()
-    shown.where = RobotState(0.0, {"to_b": value, "to_c": 0.0}, None)
+    shown.where = ShownState(0.0, {"to_b": value, "to_c": 0.0}, None)
     (pose,) = parse_poses(configuration_yaml(shown), "the clipboard").values()
     message = yaml.safe_load(shlex.split(configuration_command(shown))[-1])
     assert dict(zip(message["name"], message["position"])) == pose.positions

@@ -49,7 +49,7 @@ class Ghost:
         self._shown = -PERIOD
 
     def show(self, stamp: int, seen: Observation, player: MotionPlayer) -> None:
-        """Show what is wanted, where a message is due.
+        """Publish the commanded state, if a message is due.
 
         Args:
             stamp: Time of the state in [ns].

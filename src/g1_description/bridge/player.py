@@ -27,10 +27,10 @@ from g1_description.srv import SetModelTrajectory
 
 
 class Wanted:
-    """What was last wanted of a robot's joints and base; NaN where nothing was."""
+    """The last commanded joints and base of a robot; NaN where there is no command."""
 
     def __init__(self, joint_names: Sequence[str]) -> None:
-        """Begin with nothing that is wanted.
+        """Begin without commands.
 
         Args:
             joint_names: The robot's movable joints.
@@ -52,7 +52,7 @@ class Wanted:
         self.positions[self._row_of[name]] = position
 
     def put_base(self, pose: np.ndarray | float) -> None:
-        """Take over a pose of the root link, shape (7,), or NaN: none is wanted."""
+        """Take over the commanded pose of the root link, shape (7,); NaN: none."""
         self.base_pose[:] = pose
 
 

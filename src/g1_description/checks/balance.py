@@ -98,7 +98,7 @@ def support_margin(polygon: Corners, x: float, y: float) -> float:
 
 
 def margins(support: Sequence[np.ndarray], *points: np.ndarray) -> list[np.ndarray]:
-    """Compute how far inside what bears some points are.
+    """Compute how far inside the support polygon some points are.
 
     Args:
         support: Points that bear, shape (k, 2) per sample.

@@ -231,7 +231,7 @@ class RobotMarks:
     def _balance(
         self, canvas: Canvas, measured: Measured, verdict: Verdict
     ) -> list[Label]:
-        """Show the centre of mass above what bears."""
+        """Show the centre of mass above the support polygon."""
         balance = measured.balance
         if balance is None:
             return []

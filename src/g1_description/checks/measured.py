@@ -205,7 +205,7 @@ class Measured:
         return poses, positions[0], twists, positions[1]
 
     def base_poses(self) -> np.ndarray:
-        """Find the base at all times, shape (n, 7), likewise."""
+        """Find the poses of the base at all times, shape (n, 7)."""
         poses = np.empty((len(self.times), 7))
         for piece in self.chunks():
             found = sample(self.trajectory, self.times[piece])

@@ -250,7 +250,7 @@ def heights_panel(axes: Axes, measured: Measured, verdict: Verdict) -> None:
 
 
 def margins_panel(axes: Axes, measured: Measured) -> None:
-    """Draw how far inside of what bears the weight acts."""
+    """Draw how far inside the support polygon the weight acts."""
     assert measured.balance is not None
     lines = (
         ("zero-moment point", measured.balance.zmp_margin, PURPLE, 0.8),

@@ -251,7 +251,7 @@ def _bounds(name: str, value: Any) -> JointBounds:
 
 
 def _parts(name: str, value: Any, wanted: tuple[str, ...]) -> Mapping[str, Any]:
-    """Read a mapping with some of the wanted keys."""
+    """Read a mapping with some of the allowed keys."""
     if not isinstance(value, Mapping) or not set(value) <= set(wanted):
         raise ThresholdError(f"{name} is {value!r}, not a mapping of {listed(wanted)}.")
     return value

@@ -215,7 +215,7 @@ class Recorder:
             self._keep(stamp, seen)
 
     def end(self, why: str) -> None:
-        """End the recording before it is wanted, and note why."""
+        """End the recording early, and note why."""
         seconds = (self._samples[-1].stamp - self._samples[0].stamp) / 1e9
         self.notes.append(f"{why} after {seconds:.3f} s: it ends there.")
         self.is_over = True

@@ -218,7 +218,7 @@ _SIDES = {"left": "left ", "l": "left ", "right": "right ", "r": "right "}
 
 
 def limb_of(name: str) -> str:
-    """Name the limb of a joint, such as ``left leg``; ``joints`` if none is told."""
+    """Name the limb of a joint, such as ``left leg``; ``joints`` if it has none."""
     words = re.findall("[a-z]+", name.lower())
     for limb, parts in LIMBS.items():
         if any(part in words for part in parts):

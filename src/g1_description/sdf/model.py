@@ -231,7 +231,7 @@ class _Written:
 
     @property
     def odd(self) -> str:
-        """What about it cannot be simulated; empty where it can be."""
+        """Why it cannot be simulated; empty if it can."""
         kind = self.element.get("type", "")
         if kind not in KINDS:
             return kind or "of no type"

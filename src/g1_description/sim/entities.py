@@ -150,7 +150,7 @@ class LinkEntity:
 
     @property
     def link(self) -> Link:
-        """What it is made of now."""
+        """The link of the model as it is now."""
         return self.model.links[self.name]
 
     @property
@@ -205,7 +205,7 @@ class JointEntity:
 
     @property
     def joint(self) -> Joint:
-        """What it is made of."""
+        """The joint of the description."""
         return self.model.assembly.description.joints[self.number]
 
     @property

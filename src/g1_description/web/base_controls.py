@@ -11,7 +11,7 @@ from g1_description.bounds import MAX_VALUE
 from g1_description.robot.rotation import axes_to_rpy, from_rpy, to_axes
 from g1_description.web.edit_guard import Held
 from g1_description.web.joint_controls import FINE, HELD, PERIOD, STEP
-from g1_description.web.robot import RobotState, ShownRobot
+from g1_description.web.robot import ShownRobot, ShownState
 from g1_description.web.scene.stage import MAP
 from g1_description.web.scene.tree import pose_of, wxyz
 from g1_description.web.ui_loop import Desk
@@ -97,7 +97,7 @@ class BasePanel:
             pose[3:] /= np.linalg.norm(pose[3:])
             self._robot.command_base(pose)
 
-    def follow(self, state: RobotState) -> None:
+    def follow(self, state: ShownState) -> None:
         """Show where the base is, unless a person moves it."""
         now = time.monotonic()
         if now < self._looked + PERIOD or state.base is None:

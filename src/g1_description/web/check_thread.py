@@ -12,7 +12,7 @@ from g1_description.checks.checker import Checker
 from g1_description.checks.live import LiveCheck
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
-from g1_description.web.robot import RobotState, ShownRobot
+from g1_description.web.robot import ShownRobot, ShownState
 from g1_description.web.ui_loop import Desk
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ class CheckThread:
         self,
         desk: Desk,
         make: MakeChecker,
-        seen: Callable[[ShownRobot, RobotState, Verdict], object],
+        seen: Callable[[ShownRobot, ShownState, Verdict], object],
     ) -> None:
         """Begin; nothing is prepared before it is needed.
 
@@ -54,7 +54,7 @@ class CheckThread:
         self._failed: dict[int, tuple[Exception, float]] = {}
         self._live: dict[ShownRobot, LiveCheck] = {}
         self._lock = threading.Condition()
-        self._states: dict[ShownRobot, RobotState] = {}
+        self._states: dict[ShownRobot, ShownState] = {}
         self._motions: list[_Request] = []
         threading.Thread(target=self._work, daemon=True).start()
 
@@ -77,7 +77,7 @@ class CheckThread:
             self._motions.append((robot, motion, then, failed))
             self._lock.notify()
 
-    def check_state(self, robot: ShownRobot, state: RobotState) -> None:
+    def check_state(self, robot: ShownRobot, state: ShownState) -> None:
         """Check where a robot is, unless something newer comes before it is time."""
         with self._lock:
             self._states[robot] = state
@@ -117,7 +117,7 @@ class CheckThread:
         found = replace(verdict, measured=None)  # a long motion's needs much memory
         self._desk.post(("motion", robot), lambda: then(found))
 
-    def _state(self, robot: ShownRobot, state: RobotState) -> None:
+    def _state(self, robot: ShownRobot, state: ShownState) -> None:
         if robot not in self._live:
             self._live[robot] = LiveCheck(self._checker(robot))
         verdict = self._live[robot].check(state.time, state.positions, state.base)

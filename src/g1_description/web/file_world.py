@@ -16,7 +16,7 @@ from g1_description.motion.trajectory import Trajectory, sample
 from g1_description.robot.description import Description
 from g1_description.robot.transform import IDENTITY
 from g1_description.sim.floor import lowest_height
-from g1_description.web.robot import RobotState, ShownRobot
+from g1_description.web.robot import ShownRobot, ShownState
 
 DISTANCE = 1.2
 """Between robots that stand beside each other, in [m]."""
@@ -52,7 +52,7 @@ class StillRobot:
             self._positions, self._base = self._beginning
             self._way: tuple[Trajectory, float] | None = None
 
-    def state(self) -> RobotState:
+    def state(self) -> ShownState:
         """Return where it is."""
         now = time.monotonic()
         with self._lock:
@@ -63,10 +63,10 @@ class StillRobot:
                     self._way = None
             base = self._base.copy()
             base[:3] += self.offset
-            return RobotState(now, self._positions, base)
+            return ShownState(now, self._positions, base)
 
     def wanted(self) -> None:
-        """Return nothing: it is where it is wanted."""
+        """Return None: commands take effect at once."""
 
     def command(self, positions: Mapping[str, float]) -> None:
         """Set joints."""

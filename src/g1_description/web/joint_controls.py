@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from g1_description.checks.limits import units
 from g1_description.robot.description import Joint, by_limb
 from g1_description.web.edit_guard import Held
-from g1_description.web.robot import RobotState, ShownRobot
+from g1_description.web.robot import ShownRobot, ShownState
 from g1_description.web.ui_loop import Desk
 
 if TYPE_CHECKING:
@@ -86,7 +86,7 @@ class JointPanel:
             self._held.hold(slider)
             self._robot.command({name: min(max(value, slider.min), slider.max)})
 
-    def follow(self, state: RobotState) -> None:
+    def follow(self, state: ShownState) -> None:
         """Show where the joints are, but those that a person moves."""
         now = time.monotonic()
         if now < self._looked + PERIOD:

@@ -20,16 +20,16 @@ from sensor_msgs.msg import JointState
 from g1_description.bridge.overlays import PREFIX
 from g1_description.bridge.parameters import RobotParameters, topic_of
 from g1_description.errors import InvalidValueError
-from g1_description.robot import state as robot_state
 from g1_description.robot.assembly import WORLD, base_of
 from g1_description.robot.description import Description
+from g1_description.robot.state import RobotState
 from g1_description.ros.conversions import pose_from_array
 from g1_description.ros.lifecycle import quiet_when_closing
 from g1_description.ros.log import ThrottledLog
 from g1_description.ros.motion_client import MotionClient
 from g1_description.ros.robot_states import RESET, JoinedStates
 from g1_description.srv import PlayMotion
-from g1_description.web.robot import RobotState
+from g1_description.web.robot import ShownState
 
 PERIOD = 0.01
 """How long messages may gather before they are read, in [s]: a page shows them late by
@@ -103,15 +103,15 @@ class LiveRobot:
     def look_after_time(self) -> None:
         """Do nothing: the page shows what keeps time from going on."""
 
-    def state(self) -> RobotState | None:
+    def state(self) -> ShownState | None:
         """Return where it is."""
         return self._read(self._measured.newest())
 
-    def wanted(self) -> RobotState | None:
-        """Return where it is wanted; None where nobody publishes that."""
+    def wanted(self) -> ShownState | None:
+        """Return the commanded state; None while nobody publishes one."""
         return self._read(self._wanted.newest())
 
-    def _read(self, state: robot_state.RobotState | None) -> RobotState | None:
+    def _read(self, state: RobotState | None) -> ShownState | None:
         """Leave out joints that are not the robot's, or not finite."""
         if state is None:
             return None
@@ -120,7 +120,7 @@ class LiveRobot:
             for name, position in state.positions_by_name.items()
             if name in self._joints and np.isfinite(position)
         }
-        return RobotState(1e-9 * state.stamp, own, state.base_pose)
+        return ShownState(1e-9 * state.stamp, own, state.base_pose)
 
     def command(self, positions: Mapping[str, float]) -> None:
         """Set joints."""
@@ -144,7 +144,7 @@ class _Follower:
         self._topic, self._base_frame = topic, base_frame
         self._lock = threading.Lock()
         self._states: JoinedStates | None = None
-        self._newest: robot_state.RobotState | None = None
+        self._newest: RobotState | None = None
         self._stamp = 0
 
     def open(self, map_frame: str, log: ThrottledLog, changed: threading.Event) -> None:
@@ -169,7 +169,7 @@ class _Follower:
                 self._stamp = self._states.stamp or self._stamp
             return self._stamp
 
-    def newest(self) -> robot_state.RobotState | None:
+    def newest(self) -> RobotState | None:
         """Return the newest state that has come and can be read."""
         with self._lock:
             try:
@@ -181,6 +181,6 @@ class _Follower:
                 self._newest = state
             return self._newest
 
-    def _behind(self, state: robot_state.RobotState) -> int:
+    def _behind(self, state: RobotState) -> int:
         """Return how much older a state is than the newest one, in [ns]."""
         return 0 if self._newest is None else self._newest.stamp - state.stamp

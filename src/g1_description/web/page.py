@@ -18,7 +18,7 @@ from g1_description.web.joint_controls import JointPanel
 from g1_description.web.motion_panel import MotionPanel
 from g1_description.web.plots import PlotPanel
 from g1_description.web.pose_controls import PosePanel
-from g1_description.web.robot import RobotState, ShownRobot, ShownWorld
+from g1_description.web.robot import ShownRobot, ShownState, ShownWorld
 from g1_description.web.scene.marks import KEYS as POINTED
 from g1_description.web.scene.marks import Pointer
 from g1_description.web.scene.stage import Stage
@@ -204,7 +204,7 @@ class Page:
         if self._simulator is not None:
             self._simulator.follow()
         self.motion.follow()
-        states: dict[ShownRobot, tuple[RobotState, RobotState | None]] = {}
+        states: dict[ShownRobot, tuple[ShownState, ShownState | None]] = {}
         for shown in self._shown:
             self.desk.guarded(partial(self._show, shown, states))
         self._tell_lack(states)
@@ -213,7 +213,7 @@ class Page:
             self._plots.add(states, self.motion.player)
 
     def _follow(
-        self, states: Mapping[ShownRobot, tuple[RobotState, RobotState | None]]
+        self, states: Mapping[ShownRobot, tuple[ShownState, ShownState | None]]
     ) -> None:
         """Keep the first robot in the middle, if that is wanted."""
         if self._view is None or not self._view.follow.value:
@@ -226,7 +226,7 @@ class Page:
             self._stage.follow(state.base[:2])
 
     def _tell_lack(
-        self, states: Mapping[ShownRobot, tuple[RobotState, RobotState | None]]
+        self, states: Mapping[ShownRobot, tuple[ShownState, ShownState | None]]
     ) -> None:
         """Tell what nothing is known of."""
         lacks = []
@@ -244,7 +244,7 @@ class Page:
     def _show(
         self,
         shown: Shown,
-        states: dict[ShownRobot, tuple[RobotState, RobotState | None]],
+        states: dict[ShownRobot, tuple[ShownState, ShownState | None]],
     ) -> None:
         """Show where a robot is, and add that and where it is wanted to the states."""
         state = shown.robot.state()
@@ -263,7 +263,7 @@ class Page:
             self._found.clear()
             self._tell_found()
 
-    def _seen(self, robot: ShownRobot, state: RobotState, verdict: Verdict) -> None:
+    def _seen(self, robot: ShownRobot, state: ShownState, verdict: Verdict) -> None:
         """Show what was found of a robot where it is."""
         shown = next(s for s in self._shown if s.robot is robot)
         if not shown.is_checked:  # switched off meanwhile

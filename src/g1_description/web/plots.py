@@ -11,7 +11,7 @@ import numpy as np
 
 from g1_description.motion.motion import Motion
 from g1_description.web.joint_controls import label_of
-from g1_description.web.robot import Player, RobotState, ShownRobot
+from g1_description.web.robot import Player, ShownRobot, ShownState
 from g1_description.web.ui_loop import Desk
 
 if TYPE_CHECKING:
@@ -114,7 +114,7 @@ class PlotPanel:
 
     def add(
         self,
-        states: Mapping[ShownRobot, tuple[RobotState, RobotState | None]],
+        states: Mapping[ShownRobot, tuple[ShownState, ShownState | None]],
         player: Player | None,
     ) -> None:
         """Go on with the lines.

@@ -15,7 +15,7 @@ from g1_description.robot.description import Description
 
 
 @dataclass(frozen=True, eq=False)
-class RobotState:
+class ShownState:
     """Where a robot is at one time."""
 
     time: float
@@ -36,11 +36,11 @@ class ShownRobot(Protocol):
     joint_topic: str
     """Where the same command could be published."""
 
-    def state(self) -> RobotState | None:
+    def state(self) -> ShownState | None:
         """Return where it is; None where nothing is known."""
 
-    def wanted(self) -> RobotState | None:
-        """Return where it is wanted; None where that is not known."""
+    def wanted(self) -> ShownState | None:
+        """Return the commanded state; None where it is not known."""
 
     def command(self, positions: Mapping[str, float]) -> None:
         """Set joints, in [rad] or [m] by name."""

@@ -11,7 +11,7 @@ from g1_description.checks.verdict import Verdict
 from g1_description.robot.rotation import angle_between
 from g1_description.web.base_controls import BasePanel
 from g1_description.web.joint_controls import JointPanel
-from g1_description.web.robot import RobotState, ShownRobot
+from g1_description.web.robot import ShownRobot, ShownState
 from g1_description.web.scene.marks import SceneMarks
 from g1_description.web.scene.robot import SEE_THROUGH, SceneRobot
 from g1_description.web.scene.stage import MAP
@@ -61,10 +61,10 @@ class Shown:
         self._trails = Trails(self._scene, f"{MAP}/trails/{self._name}", description)
         self._canvas = SceneMarks(self._scene, f"{MAP}/checks/{self._name}")
         self._marks = RobotMarks(description, floor, LIMIT_MARGIN)
-        self._state: RobotState | None = None
-        self._checked: RobotState | None = None
+        self._state: ShownState | None = None
+        self._checked: ShownState | None = None
 
-    def show(self, state: RobotState) -> None:
+    def show(self, state: ShownState) -> None:
         """Show where the robot is."""
         self._state = state
         self.body.show(state.base, state.positions)
@@ -73,7 +73,7 @@ class Shown:
         if self.base is not None:
             self.base.follow(state)
 
-    def show_wanted(self, wanted: RobotState | None) -> None:
+    def show_wanted(self, wanted: ShownState | None) -> None:
         """Show where the robot is wanted, if that is elsewhere; None: do not."""
         is_seen = wanted is not None and _differ(wanted, self._state)
         if is_seen and wanted is not None:
@@ -102,7 +102,7 @@ class Shown:
         last, self._checked = self._checked, self._state
         return last is None or not _same(last, self._state)
 
-    def mark(self, state: RobotState, verdict: Verdict) -> None:
+    def mark(self, state: ShownState, verdict: Verdict) -> None:
         """Mark what was found where the robot is."""
         colliding = [f for f in verdict.findings if f.check == "self_collision"]
         self.body.redden({link for finding in colliding for link in finding.subject})
@@ -118,7 +118,7 @@ class Shown:
         self._canvas.show()
 
 
-def _differ(wanted: RobotState, state: RobotState | None) -> bool:
+def _differ(wanted: ShownState, state: ShownState | None) -> bool:
     """Tell whether a robot is seen to be elsewhere than it is wanted."""
     if state is None:
         return False
@@ -133,7 +133,7 @@ def _differ(wanted: RobotState, state: RobotState | None) -> bool:
     )
 
 
-def _same(a: RobotState, b: RobotState | None) -> bool:
+def _same(a: ShownState, b: ShownState | None) -> bool:
     """Tell whether two states are of one place."""
     if b is None or (a.base is None) != (b.base is None):
         return False

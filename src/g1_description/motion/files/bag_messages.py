@@ -231,7 +231,7 @@ def read_transforms(reader: MessageReader) -> list[Edge]:
 
 
 def read_odometry(reader: MessageReader) -> list[Edge]:
-    """Read a nav_msgs/Odometry; covariances and twist are not wanted."""
+    """Read a nav_msgs/Odometry; covariances and twist are ignored."""
     return [reader.edge()]
 
 

@@ -199,7 +199,7 @@ def most_rows(joints: Sequence[str], has_base: bool, size: int) -> int:
 
 
 def _check_writable(joints: Sequence[str]) -> None:
-    """Check that joints can be told from the other columns."""
+    """Check that no joint has the name of another column."""
     for name in joints:
         is_other = name in (TIME, *BASE) or name.endswith(VELOCITY)
         if is_other or name != name.strip() or re.search(r"[,#\r\n]|^$", name):
