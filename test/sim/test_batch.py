@@ -93,6 +93,17 @@ def test_processes_find_the_same_and_lose_no_file(checker, files, alone, tmp_pat
     assert found[1].problem == DIED
 
 
+def test_a_death_of_another_file_does_not_count(checker, files, alone, tmp_path):
+    """Of the files in the queue of a process that dies, nobody knows which it was."""
+    deadly, once = tmp_path / "deadly.csv", tmp_path / "once.csv"
+    for file in (deadly, once):
+        file.write_bytes(files[0].read_bytes())
+    dying = FileChecker(checker.checker, plot=True, reader=read_or_die)
+    found = checked(Processes(dying, 1), [deadly, once])
+    assert found[0].problem == DIED
+    assert found[1].verdict.as_dict() == alone[0].verdict.as_dict()
+
+
 def test_a_process_that_dies_with_nothing_to_do_is_replaced(checker, files, alone):
     n_threads = threading.active_count()
     workers = Processes(checker, 1)

@@ -169,6 +169,9 @@ class Here:
         """End all work at once."""
 
 
+MOST_DEATHS = 2
+"""A file is given up after so many processes died of it alone."""
+
 DIED = "the process that checked it died, twice"
 """Why a file is given up."""
 
@@ -179,8 +182,8 @@ PATIENCE = 10.0
 def check_files(pool: Here, tasks: Sequence[Task]) -> Iterator[tuple[Task, Outcome]]:
     """Check files.
 
-    When a process dies, the files that were being checked are tried again, one at a
-    time: one that a process dies of once more is given up.
+    When a process dies, nobody knows which of the submitted files it died of, so they
+    are tried again, one at a time: one that two processes then die of is given up.
 
     Returns:
         Outcomes as they come.
@@ -191,9 +194,13 @@ def check_files(pool: Here, tasks: Sequence[Task]) -> Iterator[tuple[Task, Outco
     waiting = deque(tasks)
     while waiting:
         for task in (yield from _until_a_death(pool, waiting)):
-            alone = deque([task])
+            deaths, alone = 0, deque([task])
             while alone:
-                if (yield from _until_a_death(pool, alone)):
+                lost = yield from _until_a_death(pool, alone)
+                deaths += len(lost)
+                if deaths < MOST_DEATHS:
+                    alone.extend(lost)
+                else:
                     yield task, Outcome(task.name, problem=DIED)
 
 
