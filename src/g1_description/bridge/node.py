@@ -228,11 +228,7 @@ class BridgeNode:
                         self._settle(is_wanted)
 
     def _settle(self, is_wanted: bool) -> None:
-        """Show the last state on TF while time stands still.
-
-        Args:
-            is_wanted: Whether a new listener may have missed what was sent.
-        """
+        """Show the last state on TF while time stands still."""
         if not self._has_clock or self._source.age > CLOCK_STANDSTILL:
             self._static_frames.send_fixed_joints()
         if is_wanted:

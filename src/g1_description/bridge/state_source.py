@@ -265,7 +265,6 @@ class RisingStamps:
     """
 
     def __init__(self) -> None:
-        """Begin without a stamp."""
         self.last = 0
         """The last stamp in [ns]; 0 before the first."""
         self._now = 0

@@ -148,7 +148,6 @@ class WholeStates:
     """
 
     def __init__(self) -> None:
-        """Begin without any."""
         self.reset()
 
     def reset(self) -> None:
@@ -262,12 +261,7 @@ class TfFilter:
         )
 
     def _is_due(self, state: State, newer: State) -> bool:
-        """Decide whether a state's joints are due by themselves.
-
-        Args:
-            state: The state.
-            newer: The state after it.
-        """
+        """Decide whether a state's joints are due by themselves."""
         age = state.stamp - self._joints_stamp
         if age < JOINTS_PERIOD:
             return False

@@ -38,7 +38,6 @@ class CheckHealth:
     """Gathers what was found since the last report, so that nothing short is missed."""
 
     def __init__(self) -> None:
-        """Begin without a state."""
         self._lock = threading.Lock()
         self._found: dict[tuple[str, tuple[str, ...]], Finding] = {}
         self._verdict: Verdict | None = None

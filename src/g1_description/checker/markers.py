@@ -43,7 +43,6 @@ class MarkerMaker:
     """Makes markers of one place and time, and numbers them by namespace."""
 
     def __init__(self, place: Place) -> None:
-        """Begin without any."""
         self._place = place
         self._counts: dict[str, int] = {}
         self.markers: list[Marker] = []

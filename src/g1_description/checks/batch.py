@@ -137,7 +137,6 @@ class Here:
     """How many files are submitted before the first of them is done."""
 
     def __init__(self, checker: FileChecker) -> None:
-        """Take over what checks."""
         self.checker = checker
 
     def submit(self, task: Task) -> Future[Outcome]:

@@ -151,14 +151,7 @@ def _errors(played: Rollout) -> dict[str, float]:
 
 
 def _tracking(played: Rollout, number: int, unit: str, level: Level) -> Finding | None:
-    """Check how far a joint is from where it should be.
-
-    Args:
-        played: What happened.
-        number: Of the joint in the report.
-        unit: Of its positions.
-        level: The thresholds.
-    """
+    """Check how far a joint is from where it should be."""
     report = played.report
     name, worst = report.joint_names[number], float(report.largest_errors[number])
     severity, bound = level.severity(worst)
@@ -184,13 +177,7 @@ def _tracking(played: Rollout, number: int, unit: str, level: Level) -> Finding 
 
 
 def _saturation(played: Rollout, number: int, level: Level) -> Finding | None:
-    """Check how long a motor gives all it can.
-
-    Args:
-        played: What happened.
-        number: Of the joint in the report.
-        level: The thresholds.
-    """
+    """Check how long a motor gives all it can."""
     report = played.report
     name, share = report.joint_names[number], float(report.limit_shares[number])
     severity, bound = level.severity(share)

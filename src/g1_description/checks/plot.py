@@ -112,15 +112,7 @@ def _joints(
     measured: Measured,
     verdict: Verdict,
 ) -> None:
-    """Draw the strips of joints.
-
-    Args:
-        figure: Where.
-        place: Upper edge of the strips, and height of the figure, in inches.
-        columns: The joints that stand below each other.
-        measured: What was measured.
-        verdict: What was found.
-    """
+    """Draw the strips of joints."""
     top, total = place
     width = 1.0 / len(columns)
     for number, joints in enumerate(columns):

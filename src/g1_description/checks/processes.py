@@ -22,7 +22,6 @@ class Processes(Here):
     """Processes that check files, each one at a time."""
 
     def __init__(self, checker: FileChecker, count: int) -> None:
-        """Prepare; the processes start with the first files."""
         super().__init__(checker)
         self._pickled = pickle.dumps(checker)
         self._count = count

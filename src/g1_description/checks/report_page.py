@@ -137,12 +137,6 @@ def _badge(result: str) -> str:
 
 
 def _row(tag: str, cells: Sequence[str], is_text: bool = True) -> str:
-    """Write a row of a table.
-
-    Args:
-        tag: Of its cells.
-        cells: What is in them.
-        is_text: Whether that is text, else HTML.
-    """
+    """Write a row of a table."""
     written = [escape(cell) if is_text else cell for cell in cells]
     return f"<tr>{''.join(f'<{tag}>{cell}</{tag}>' for cell in written)}</tr>\n"

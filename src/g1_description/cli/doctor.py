@@ -334,7 +334,6 @@ class System:
     """The running system, as far as the checks have found out."""
 
     def __init__(self, namespace: str) -> None:
-        """Know nothing yet."""
         self.namespace = namespace
         """Of the robot's topics, without slashes around."""
         self.uri = os.environ.get("ROS_MASTER_URI") or DEFAULT_MASTER

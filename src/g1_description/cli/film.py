@@ -219,7 +219,6 @@ class _Stopwatch:
     """Time that passes on ROS' clock, also where a reset puts that back."""
 
     def __init__(self) -> None:
-        """Begin at zero."""
         self._last = rospy.get_time()
         self._passed = 0.0
 

@@ -143,7 +143,6 @@ class _Stop:
     """Whether a signal came that ends the recording; it is saved all the same."""
 
     def __init__(self) -> None:
-        """Answer signals from now on; a second one ends the program."""
         self.is_wanted = False
         signal.set_wakeup_fd(-1)
         handle_signals(self._take)

@@ -53,7 +53,6 @@ class Transforms:
     """
 
     def __init__(self) -> None:
-        """Subscribe."""
         self._buffer = tf2_ros.Buffer(debug=False)
         self._subscribers = [
             rospy.Subscriber(

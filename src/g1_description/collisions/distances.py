@@ -29,7 +29,6 @@ class Bounds:
     """A sphere and a box about each shape, in the frame of its link."""
 
     def __init__(self, shapes: Sequence[ConvexShape]) -> None:
-        """Find the boxes."""
         boxes = [_box(shape) for shape in shapes]
         self._link = np.array([shape.link for shape in shapes], dtype=int)
         self._center = np.array([center for center, _, _ in boxes]).reshape(-1, 3)
@@ -125,7 +124,6 @@ class ClosestPoints:
     """
 
     def __init__(self, shapes: Sequence[ConvexShape]) -> None:
-        """Create the shapes."""
         self._client = connect()
         self._margin = [0.0 if shape.radius else MARGIN for shape in shapes]
         forms = [self._create(shape) for shape in shapes]
@@ -229,7 +227,6 @@ class ShapeCollisions:
     """Finds contacts between the shapes of links."""
 
     def __init__(self, shapes: Sequence[ConvexShape]) -> None:
-        """Prepare the shapes."""
         self._of_link: dict[int, list[int]] = {}
         for number, shape in enumerate(shapes):
             self._of_link.setdefault(shape.link, []).append(number)

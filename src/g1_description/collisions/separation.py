@@ -23,7 +23,6 @@ class Separation:
     """Gaps between the shapes of a robot."""
 
     def __init__(self, shapes: Sequence[ConvexShape]) -> None:
-        """Take over the shapes."""
         self._shapes = shapes
         self._radius = np.array([shape.radius for shape in shapes])
         middles = [(s.points.min(axis=0) + s.points.max(axis=0)) / 2 for s in shapes]

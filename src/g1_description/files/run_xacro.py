@@ -17,7 +17,6 @@ class Arguments(dict):
     """Arguments that remember which of them a file asks for."""
 
     def __init__(self, words: list[str]) -> None:
-        """Read ``NAME:=VALUE`` words."""
         super().__init__(word.split(":=", 1) for word in words)
         self.unused = set(self)
 

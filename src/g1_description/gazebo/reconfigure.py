@@ -59,7 +59,6 @@ class PhysicsConfig:
     """What dynamic_reconfigure's server asks of a generated configuration."""
 
     def __init__(self) -> None:
-        """Describe the numbers."""
         groups = {"groups": {**GROUP, "groups": {}}}
         self.defaults = {**DEFAULTS, **groups}
         self.min = {**{name: low for name, (low, _) in RANGES.items()}, **groups}

@@ -137,11 +137,7 @@ def _content(path: str) -> Sdf:
 def _physics(
     content: Sdf, parameters: GazeboParameters
 ) -> tuple[dict[str, float], list[str]]:
-    """Collect the physics of a world file that no parameter overrides.
-
-    Returns:
-        Numbers by name, and a sentence for each that is overridden or invalid.
-    """
+    """Collect the physics of a world file that no parameter overrides."""
     given = {**content.physics, **dict(zip(GRAVITY, content.gravity or ()))}
     found, notes = {}, []
     for name, value in given.items():

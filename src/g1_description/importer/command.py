@@ -236,7 +236,6 @@ class Progress:
     """Reports progress on stderr when the import takes long."""
 
     def __init__(self) -> None:
-        """Start the first period."""
         self._reported = time.monotonic()
 
     def __call__(self, done: int, total: int) -> None:

@@ -104,7 +104,6 @@ class FileNames:
     """
 
     def __init__(self, files: Iterable[Path]) -> None:
-        """Set all files of the result, as absolute paths."""
         files = list(files)
         folders = {str(file.parent) for file in files}
         self._top = Path(os.path.commonpath(folders)) if folders else Path(os.sep)

@@ -200,12 +200,7 @@ def _downsampled(pixels: np.ndarray) -> np.ndarray:
 
 
 def _lamp(camera: Camera, aspect: float) -> Camera:
-    """Place the lamp on one side of the camera, so that it sees all that this sees.
-
-    Args:
-        camera: Where the picture is taken from.
-        aspect: Height of the picture over its width.
-    """
+    """Place the lamp on one side of the camera, so that it sees all that this sees."""
     width = 1.5 * camera.width * max(1.0, aspect)
     return Camera(camera.target, camera.yaw + LAMP[0], LAMP[1], width)
 

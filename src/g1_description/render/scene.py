@@ -149,7 +149,6 @@ class Scene:
     """Robots in the world. Ends with ``close`` or with a ``with`` statement."""
 
     def __init__(self) -> None:
-        """Make a scene without robots."""
         self._client = connect()
         self._robots: list[_Robot] = []
 

@@ -226,12 +226,7 @@ def _mass_clauses(
 
 
 def _unlike_gazebo(bare: list[str], hanging: list[str]) -> str:
-    """Return a message on links that stay though Gazebo would leave them out.
-
-    Args:
-        bare: Links without mass.
-        hanging: Links with mass that hang on them.
-    """
+    """Return a message on links that stay though Gazebo would leave them out."""
     one, alone = len(bare) == 1, len(bare) + len(hanging) == 1
     words = f"{listed(bare)} {'has' if one else 'have'} no mass"
     if hanging:
@@ -332,12 +327,7 @@ def _held(joint: Joint) -> Joint:
 def _massless(
     root: str, bodies: dict[str, Link], joints: tuple[Joint, ...]
 ) -> dict[str, str]:
-    """Find the bodies that have no mass, and all that hang on them.
-
-    Returns:
-        Of each its own name where it has no mass, else the name of the nearest body
-        above it that has none.
-    """
+    """Find the bodies that have no mass, and all that hang on them."""
     found: dict[str, str] = {}
     if root != WORLD and bodies[root].inertial is None:
         found[root] = root

@@ -26,7 +26,6 @@ class RosoutHandler(logging.Handler):
     """Publishes what is logged."""
 
     def __init__(self) -> None:
-        """Advertise the topic."""
         super().__init__()
         self._topic = rospy.Publisher("/rosout", Log, queue_size=100)
 

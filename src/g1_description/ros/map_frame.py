@@ -39,7 +39,6 @@ class _Listener:
     """
 
     def __init__(self, buffer: tf2_ros.Buffer) -> None:
-        """Begin to listen."""
         self._buffer = buffer
         self._newest = rospy.Time()
         self._lock = threading.Lock()

@@ -226,11 +226,7 @@ class Subscribers(rospy.SubscribeListener):
 
 
 def _connections_of(topic: str) -> dict[int, tuple[int, bool]]:
-    """Ask the node for the outgoing connections of a topic.
-
-    Returns:
-        By their numbers, their sockets and whether they lead to this node itself.
-    """
+    """Ask the node for the outgoing connections of a topic."""
     own = rospy.get_name()
     with slave_api() as node:
         rows = node.getBusInfo(own)[2]

@@ -44,7 +44,6 @@ class LinkStatesEncoder:
     """Write messages; the names are only written when they are another object."""
 
     def __init__(self) -> None:
-        """Begin without names."""
         self._names: tuple[str, ...] | None = None
         self._head = b""
 
@@ -76,7 +75,6 @@ class LinkStatesDecoder:
     """Read messages; the names are only read when they change."""
 
     def __init__(self) -> None:
-        """Begin without names."""
         self._known: dict[bool, tuple[bytes, tuple[str, ...]]] = {}
         """By whether there is a frame_id: its bytes and those of the names, and the
         names."""
@@ -215,7 +213,6 @@ class JointStateEncoder:
     """
 
     def __init__(self) -> None:
-        """Begin without names."""
         self._names: Sequence[str] | None = None
         self._seq = 0
 
@@ -262,7 +259,6 @@ class PreparedRobotState(RobotStateMessage):
     _has_header = False  # rospy would read a header before there is one
 
     def __init__(self, state: RobotState, frame: str) -> None:
-        """Keep the state and the name of the map frame."""
         self._content = state, frame
 
     def serialize(self, buff):

@@ -141,11 +141,7 @@ def _axis(
 
 
 def _bounds(axis: etree._Element | None, owner: str) -> tuple[float, float, str]:
-    """Read the limits of a position, infinite where SDF's numbers mean none.
-
-    Returns:
-        Lower and upper limit, and a message if they are not those of the file.
-    """
+    """Read the limits of a position, infinite where SDF's numbers mean none."""
     limit = None if axis is None else axis.find("limit")
     lower = _limit(limit, "lower", -np.inf, owner)
     upper = _limit(limit, "upper", np.inf, owner)

@@ -140,14 +140,7 @@ def _assembly(
     static: bool,
     left_out: tuple[str, ...],
 ) -> Assembly:
-    """Place the trees of a model, whose first link in the file carries its frame.
-
-    Args:
-        description: Its links and joints.
-        scopes: It and the models inside of it.
-        static: Whether it never moves by itself.
-        left_out: A message for each thing that is not simulated.
-    """
+    """Place the trees of a model, whose first link in the file carries its frame."""
     frames = scopes[0][0].frames
     first = next(link.name for link in description.links if link.name != WORLD)
     return Assembly(
@@ -172,11 +165,7 @@ def _assembly(
 def _links(
     scopes: list[tuple[Scope, etree._Element]], static: bool
 ) -> tuple[tuple[Link, ...], list[str]]:
-    """Read the links of a model and of those inside of it.
-
-    Returns:
-        The links, and a message for each wrong inertial of a model that never moves.
-    """
+    """Read the links of a model and of those inside of it."""
     elements = [
         (link, scope) for scope, model in scopes for link in model.findall("link")
     ]
@@ -244,12 +233,7 @@ class _Written:
 def _joints(
     scopes: list[tuple[Scope, etree._Element]], links: set[str], static: bool
 ) -> tuple[tuple[Joint, ...], list[str]]:
-    """Read the joints of a model that make no loop; all fixed where it is static.
-
-    Returns:
-        The joints, and a message for each that is left out, holds still or is not as it
-        is written.
-    """
+    """Read the joints of a model that make no loop; all fixed where it is static."""
     written, left_out = _written_joints(scopes, links)
     # What cannot be simulated comes last: it holds what nothing else joins.
     in_order = sorted(written, key=lambda joint: joint.odd != "")
@@ -279,11 +263,7 @@ def _joints(
 def _written_joints(
     scopes: list[tuple[Scope, etree._Element]], links: set[str]
 ) -> tuple[list[_Written], list[str]]:
-    """List the joints of a model, and make their frames known.
-
-    Returns:
-        The joints, and a message for each that Gazebo does not make.
-    """
+    """List the joints of a model, and make their frames known."""
     written, left_out = [], []
     for scope, owner in scopes:
         for element in owner.findall("joint"):

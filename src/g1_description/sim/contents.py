@@ -142,7 +142,6 @@ class Contents:
     """
 
     def __init__(self) -> None:
-        """Begin without any."""
         self.models: dict[str, Model] = {}
         self.lights: dict[str, Light] = {}
         self.lock = threading.Lock()

@@ -164,14 +164,6 @@ class _Player:
     def __init__(
         self, world: World, model: Model, motion: Trajectory, conditions: Conditions
     ) -> None:
-        """Begin the motion.
-
-        Args:
-            world: The world, before its first step.
-            model: The robot in it, where the motion begins.
-            motion: The motion.
-            conditions: What it is played under.
-        """
         self._world, self._model = world, model
         self._motion = complete(model, motion)
         self._start_ns = world.time_ns - round(1e9 * float(self._motion.times[0]))

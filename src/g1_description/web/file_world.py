@@ -108,7 +108,6 @@ class ClockPlayer:
     """Plays the motions of all robots in step, by the clock."""
 
     def __init__(self, world: FileWorld) -> None:
-        """Begin at the first sample."""
         self._world = world
         motions = world.motions.values()
         self.begin = min(float(m.trajectory.times[0]) for m in motions)

@@ -27,7 +27,6 @@ class Scrub:
     """Shows the newest of many times, one after the other."""
 
     def __init__(self, desk: Desk) -> None:
-        """Show nothing yet."""
         self._desk = desk
         self._lock = threading.Lock()
         self._wanted: tuple[Player, float] | None = None

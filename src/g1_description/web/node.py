@@ -106,7 +106,6 @@ class LivePlayer(Session):
     """A motion that a robot's bridge plays."""
 
     def __init__(self, robot: LiveRobot, motion: Motion) -> None:
-        """Prepare; the robot does nothing yet."""
         super().__init__(robot, motion.trajectory, 1.0, rospy.loginfo)
 
     def give_way(self) -> None:

@@ -82,14 +82,7 @@ def launched_robot(model: str | None, given: dict[str, str], nodes: list[str]) -
 
 
 def _check_for_node(name: str, words: list[str]) -> None:
-    """Check that a node does not run yet: the master would end it, and others with it.
-
-    Args:
-        name: Its name. A relative one is looked up for this package's files only:
-            others may include them in any namespace.
-        words: Command line of what reads the file. rostest has a master of its own, and
-            so has roslaunch with the option -p.
-    """
+    """Check that a node does not run yet: it would be ended, and others with it."""
     is_launched = any(Path(word).name == "roslaunch" for word in words[:2])
     if not is_launched or QUESTIONS.intersection(words):
         return

@@ -143,7 +143,6 @@ class GazeboServices:
     """Gazebo's services below a namespace."""
 
     def __init__(self, namespace: str) -> None:
-        """Take the namespace, such as /gazebo."""
         self._namespace = namespace.rstrip("/")
         self._lock = threading.RLock()
         self._has_spawned = self._is_over = False

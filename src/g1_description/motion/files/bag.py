@@ -346,12 +346,7 @@ def _stream(bag: Bag, topic: Topic) -> Motion:
 
 
 def _joined(found: Samples, find_base: Callable[[bool], BasePath | None]) -> Motion:
-    """Join the joints and the base.
-
-    Args:
-        found: The joints.
-        find_base: Finds the base; takes whether the stamps of messages count.
-    """
+    """Join the joints and the base."""
     names, positions, velocities = found.table()
     (stamps, times), notes = found.times(), []
     has_stamps = bool(stamps.all())

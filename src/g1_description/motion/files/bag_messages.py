@@ -98,7 +98,6 @@ class MessageReader:
     """
 
     def __init__(self) -> None:
-        """Begin without a message."""
         self._data, self._offset = b"", 0
         self._known: list[tuple[bytes, tuple[str, ...]]] = []
         """The last lists of names, and their bytes."""

@@ -120,12 +120,7 @@ class Bag:
                     yield Message(self.connections[number], time, bytes(data))
 
     def _chunk(self, place: int, room: dict[str, int]) -> memoryview:
-        """Read a chunk.
-
-        Args:
-            place: Where its record begins.
-            room: Bytes that may still be read by compression; it is lessened.
-        """
+        """Read a chunk."""
         self.file.seek(place)
         fields = _header(self.file, self.size, _CHUNK)
         packing = fields.get(b"compression", b"").decode("latin-1")

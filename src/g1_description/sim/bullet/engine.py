@@ -33,7 +33,6 @@ class RestDetector:
     """Counts for how long everything has stood still."""
 
     def __init__(self) -> None:
-        """Begin awake."""
         self._still_for = 0.0
         self._first_speed = 0.0
 

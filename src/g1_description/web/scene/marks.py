@@ -156,7 +156,6 @@ class Pointer:
     """Shows a name to each person who points at a link."""
 
     def __init__(self, server: ViserServer) -> None:
-        """Show none."""
         self._server = server
         self._shown: dict[int, tuple[LabelHandle, float]] = {}
 

@@ -31,7 +31,6 @@ class Stage:
     """The floor and the map of a scene."""
 
     def __init__(self, server: ViserServer) -> None:
-        """Add them."""
         self._map = server.scene.add_frame(MAP, show_axes=False)
         self._axes = server.scene.add_frame(
             f"{MAP}/axes", axes_length=0.3, axes_radius=0.008, visible=False

@@ -108,7 +108,6 @@ class _Joints:
     """The movable joints of a robot as arrays."""
 
     def __init__(self, joints: Sequence[Joint]) -> None:
-        """Gather them."""
         self.names = [joint.name for joint in joints]
         self.children = [joint.child for joint in joints]
         self.turns = np.array([j.kind != "prismatic" for j in joints], dtype=bool)

@@ -33,7 +33,6 @@ class HiddenViser:
     """A viser server behind the front door."""
 
     def __init__(self) -> None:
-        """Start it."""
         self._secret = secrets.token_urlsafe()
         host = _secret_host()
         with _silent():

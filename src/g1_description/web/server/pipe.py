@@ -80,11 +80,7 @@ class Pipe:
             on_sent(len(message))
 
     def _end_stalled(self, before: int) -> None:
-        """End a connection through which nothing goes, else look again later.
-
-        Args:
-            before: Bytes that waited when this was looked at last; 0: not yet.
-        """
+        """End a connection through which nothing goes, else look again later."""
         waiting = self._browser.transport.get_write_buffer_size()
         if before and waiting >= before:
             self._browser.transport.abort()
