@@ -1,4 +1,4 @@
-"""Command lines that answer a mistake with one sentence."""
+"""Command lines declared as dataclasses, whose errors are one sentence."""
 
 from __future__ import annotations
 
@@ -6,7 +6,15 @@ import argparse
 import math
 from collections.abc import Sequence
 from contextlib import suppress
-from typing import Any, TextIO
+from dataclasses import dataclass, field, fields
+from typing import Any, Callable, TextIO, TypeVar
+
+from g1_description.errors import InvalidValueError
+
+Options = TypeVar("Options")
+
+MAX_FPS = 1e6
+"""Largest number of samples per second of a motion."""
 
 
 class OneSentenceParser(argparse.ArgumentParser):
@@ -37,6 +45,134 @@ class Ignored(argparse.Action):
         namespace.ignored = [*dict.fromkeys([*namespace.ignored, option_string])]
 
 
+@dataclass(frozen=True)
+class Argument:
+    """What a field of a command's dataclass is on its command line."""
+
+    about: str
+    """What it means, for ``--help`` and the row of the command's page."""
+
+    names: tuple[str, ...] = ()
+    """Its options; empty: ``--`` and the field's name, or the value's position."""
+
+    is_positional: bool = False
+
+    shown: str = ""
+    """The default as people read it; empty: the default itself, if it says anything."""
+
+    see: str = ""
+    """A link for the row of the page, in Markdown."""
+
+    given: dict[str, Any] = field(default_factory=dict)
+    """Further arguments of ``ArgumentParser.add_argument``."""
+
+    def flags(self, name: str) -> tuple[str, ...]:
+        """Return the names on the command line of a field with this name."""
+        if self.is_positional:
+            return (name,)
+        return self.names or (f"--{name.replace('_', '-')}",)
+
+
+def option(
+    about: str,
+    default: Any = None,
+    type: Callable[[str], Any] | None = None,
+    *,
+    names: Sequence[str] = (),
+    shown: str = "",
+    see: str = "",
+    **given: Any,
+) -> Any:
+    """Declare an option as a field of a command's dataclass.
+
+    Args:
+        about: What it means, in a line.
+        default: Its value where it is not given; False: it is a flag.
+        type: Reads its value; by default the type of ``default``.
+        names: What it is called, if not as the field.
+        shown: The default as people read it.
+        see: A link for the row of the page, in Markdown.
+        given: Further arguments of ``ArgumentParser.add_argument``.
+    """
+    if default is False:
+        given["action"] = "store_true"
+    elif given.get("action") != "append" or type:
+        given["type"] = type or default.__class__
+        if given["type"] is float:
+            given["type"] = number
+    given["default"] = default
+    declared = Argument(about, tuple(names), False, shown, see, given)
+    return field(default=default, metadata={"argument": declared})
+
+
+def argument(
+    about: str, type: Callable[[str], Any], shown: str = "", **given: Any
+) -> Any:
+    """Declare an argument that has a position instead of a name, such as a file."""
+    given["type"] = type
+    declared = Argument(about, is_positional=True, shown=shown, given=given)
+    if "default" in given:
+        return field(default=given["default"], metadata={"argument": declared})
+    return field(metadata={"argument": declared})
+
+
+def arguments_of(options: type[Any]) -> dict[str, Argument]:
+    """Return the arguments of a command's dataclass by field."""
+    return {known.name: known.metadata["argument"] for known in fields(options)}
+
+
+def parser(options: type[Any], command: str, misuse: int = 1) -> OneSentenceParser:
+    """Make a parser of a command's dataclass, whose docstring is the description.
+
+    Args:
+        options: The dataclass.
+        command: Name of the command.
+        misuse: Exit code where the command line is wrong.
+    """
+    made = OneSentenceParser(prog=command, description=options.__doc__)
+    made.misuse = misuse
+    for name, declared in arguments_of(options).items():
+        given = dict(declared.given)
+        if not declared.is_positional:
+            given["dest"] = name
+        default = default_text(declared)
+        text = f"{declared.about}; default: {default}" if default else declared.about
+        made.add_argument(*declared.flags(name), help=text.replace("%", "%%"), **given)
+    return made
+
+
+def default_text(declared: Argument) -> str:
+    """Return a default as people read it; empty where there is nothing to say."""
+    default = declared.given.get("default")
+    if declared.shown or default is False or default in (None, "", ()):
+        return declared.shown
+    return f"{default:g}" if isinstance(default, float) else str(default)
+
+
+def parse(
+    options: type[Options],
+    command: str,
+    words: Sequence[str] | None = None,
+    misuse: int = 1,
+) -> Options:
+    """Read a command line; end the program with a sentence when it is wrong.
+
+    Args:
+        options: The command's dataclass. Its ``__post_init__`` raises
+            InvalidValueError where values do not go together.
+        command: Name of the command.
+        words: The command line; by default the program's own.
+        misuse: Exit code where it is wrong.
+    """
+    reader = parser(options, command, misuse)
+    given = vars(reader.parse_args(words))
+    try:
+        return options(**given)
+    except InvalidValueError as error:
+        reader.error(str(error).rstrip("."))
+        raise
+
+
 def say(text: str, stream: TextIO | None = None) -> None:
     """Print a line at once; a terminal that was closed takes none.
 
@@ -57,4 +193,37 @@ def number(text: str) -> float:
         value = math.nan
     if math.isfinite(value):
         return value
-    raise argparse.ArgumentTypeError(f"'{text.strip()}' is not a number")
+    raise argparse.ArgumentTypeError(f"must be a number (got '{text.strip()}')")
+
+
+def within(
+    low: float, high: float = math.inf, kind: Callable[[str], Any] = number
+) -> Callable[[str], Any]:
+    """Return what reads a number from ``low`` to ``high``, both included."""
+    words = f"from {low:g} to {high:g}" if high < math.inf else f"at least {low:g}"
+
+    def read(text: str) -> Any:
+        try:
+            value = kind(text)
+        except ValueError:
+            value = math.nan
+        if low <= value <= high:
+            return value
+        what = "a whole number" if kind is int else "a number"
+        raise argparse.ArgumentTypeError(f"must be {what} {words} (got {text.strip()})")
+
+    return read
+
+
+def positive(high: float) -> Callable[[str], float]:
+    """Return what reads a number greater than 0 and at most ``high``."""
+
+    def read(text: str) -> float:
+        value = number(text)
+        if 0.0 < value <= high:
+            return value
+        raise argparse.ArgumentTypeError(
+            f"must be greater than 0 and at most {high:g} (got {text.strip()})"
+        )
+
+    return read

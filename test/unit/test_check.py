@@ -16,8 +16,9 @@ from conftest import REPOSITORY
 from waiting import wait_for
 
 from g1_description.cli import check
-from g1_description.cli.check_options import MISUSE, parse
+from g1_description.cli.check_options import MISUSE, CheckOptions
 from g1_description.cli.motion_paths import motion_files, picture_names
+from g1_description.command_line import parse
 
 PASSES, FAILS = 0.3, 1.5
 
@@ -32,7 +33,8 @@ def folder(tmp_path, monkeypatch):
 
 def run(*arguments):
     """Run the command in this process; return what it ends with."""
-    return check.check(parse(["--model", "post.urdf", *map(str, arguments)]))
+    words = ["--model", "post.urdf", *map(str, arguments)]
+    return check.check(parse(CheckOptions, "check", words, MISUSE))
 
 
 def refused(capsys, monkeypatch, *arguments):
@@ -159,11 +161,14 @@ def test_a_failure_counts_more_than_a_file_that_is_not_read(folder, capsys):
         (["motion0.csv", "--json", "a.txt"], "check: --json a.txt does not end in "),
         (["motion0.csv", "--html", "empty"], "check: --html empty does not end in "),
         (["motion0.csv", "--json", "-", "--csv", "-"], "check: --json and --csv "),
-        (["motion0.csv", "--jobs", "0"], "check: --jobs 0 is not from 1 to 256; "),
-        (["motion0.csv", "--jobs", "2", "--dask", "a:1"], "check: --jobs is for "),
-        (["motion0.csv", "--only", "fall"], "check: fall goes with --physics; "),
-        (["motion0.csv", "--only", "colision"], "check: argument --only: there is no "),
-        (["motion0.csv", "--fps", "0"], "check: --fps 0 is no number of samples "),
+        (["motion0.csv", "--jobs", "0"], "check: argument --jobs: must be a whole "),
+        (["motion0.csv", "--jobs", "2", "--dask", "a:1"], "check: --jobs and --dask "),
+        (["motion0.csv", "--only", "fall"], "check: --only fall needs --physics; "),
+        (
+            ["motion0.csv", "--only", "colision"],
+            "check: argument --only: unknown check ",
+        ),
+        (["motion0.csv", "--fps", "0"], "check: argument --fps: must be greater "),
         (["motion0.csv", "--model", "no.urdf"], "check: The model no.urdf cannot be "),
         (["motion0.csv", "--thresholds", "post.urdf"], "check: post.urdf "),
         (["motion0.csv", "--collisions", "no.yaml"], "check: The file of allowed "),

@@ -41,7 +41,7 @@ def command(*words, python=(sys.executable,), **environment):
     ("words", "told"),
     [
         (["--until", "heaven"], "invalid choice: 'heaven'"),
-        (["--namespace", "a b"], "'a b' is no ROS name"),
+        (["--namespace", "a b"], "'a b' is not a valid ROS name"),
         (["robot"], "unrecognized arguments: robot"),
     ],
 )

@@ -759,9 +759,9 @@ def command(*arguments, first="", ignored=(), **options):
     [
         (["no.urdf"], "The model no.urdf cannot be used: There is no file no.urdf"),
         (["."], "There is no .urdf in the folder ."),
-        (["r.urdf", "--decimate", "3"], "'3' is not a whole number of at least 4"),
-        (["r.urdf", "--tolerance", "-1"], "'-1' is not a length in metres"),
-        (["r.urdf", "--tolerance", "a"], "'a' is not a length in metres"),
+        (["r.urdf", "--decimate", "3"], "must be a whole number at least 4 (got 3)"),
+        (["r.urdf", "--tolerance", "-1"], "must be a number at least 0 (got -1)"),
+        (["r.urdf", "--tolerance", "a"], "must be a number (got 'a')"),
         (["r.urdf", "--out", "/proc/x"], "/proc/.import_model-"),
         (["r.urdf", "--out", ""], "argument --out: '' is not a folder"),
         (["~nouser/x"], "There is no folder ~nouser"),

@@ -153,8 +153,8 @@ def test_the_robot_does_without_pybullet(python):
 def test_the_simulated_world_runs(python):
     program = (
         "from g1_description.sim.world import World\n"
-        "from g1_description.importer.command import parser\n"
-        "print(World.__name__, callable(parser))"
+        "from g1_description.importer.command import run\n"
+        "print(World.__name__, callable(run))"
     )
     assert python(program) == "World True"
 

@@ -13,27 +13,31 @@ from waiting import DEADLINE
 
 pytest.importorskip("rospy", reason="rospy is not installed")
 
-from g1_description.cli.pose import parse, save
+from g1_description.cli.pose import PoseOptions, save
+from g1_description.command_line import parse
 from g1_description.errors import PoseFileError
 
 
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        ([], "one of the arguments NAME --list --save is required"),
-        (["squat", "--list"], "not allowed with"),
-        (["squat", "--seconds", "-1"], "time does not go back"),
-        (["squat", "--seconds=-1"], "time does not go back"),
-        (["squat", "--seconds", "nan"], "'nan' is not a number"),
-        (["squat", "--force"], "--force and --about go with --save"),
-        (["squat", "--namespace", "a b"], "'a b' is no ROS name"),
-        (["--save", "zero"], "--save: every robot has zero, choose another name"),
-        (["--save", "zero", "--force"], "every robot has zero"),
+        ([], "give one of NAME, --list and --save NAME"),
+        (["squat", "--list"], "give one of NAME, --list and --save NAME"),
+        (
+            ["squat", "--seconds", "-1"],
+            "--seconds: must be a number at least 0 (got -1)",
+        ),
+        (["squat", "--seconds=-1"], "--seconds: must be a number at least 0 (got -1)"),
+        (["squat", "--seconds", "nan"], "must be a number (got 'nan')"),
+        (["squat", "--force"], "--force and --about need --save"),
+        (["squat", "--namespace", "a b"], "'a b' is not a valid ROS name"),
+        (["--save", "zero"], "zero cannot be saved"),
+        (["--save", "zero", "--force"], "zero cannot be saved"),
     ],
 )
 def test_a_wrong_command_line_ends_with_a_sentence(words, told, capsys):
     with pytest.raises(SystemExit) as ended:
-        parse(words)
+        parse(PoseOptions, "pose", words)
     assert ended.value.code == 1
     output, errors = capsys.readouterr()
     assert told in errors
@@ -42,12 +46,13 @@ def test_a_wrong_command_line_ends_with_a_sentence(words, told, capsys):
 
 def test_a_pose_without_a_name_is_not_saved():
     with pytest.raises(PoseFileError, match="cannot be called ''"):
-        save(parse(["--save", ""]))
+        save(parse(PoseOptions, "pose", ["--save", ""]))
 
 
 def test_a_namespace_may_be_written_as_in_a_launch_file():
     for text in ("left", "/left", "left/"):
-        assert parse(["squat", "--namespace", text]).namespace == "left"
+        words = ["squat", "--namespace", text]
+        assert parse(PoseOptions, "pose", words).namespace == "left"
 
 
 class Dying(SimpleXMLRPCRequestHandler):

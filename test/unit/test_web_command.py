@@ -20,7 +20,8 @@ pytest.importorskip("viser", reason="viser is not installed")
 from conftest import REPOSITORY
 from waiting import DEADLINE, wait_for
 
-from g1_description.cli.web import parse
+from g1_description.cli.web import WebOptions
+from g1_description.command_line import parse
 
 from ports import free_port
 
@@ -119,7 +120,10 @@ def test_a_port_that_is_taken_is_told():
         (["--motion", "none.csv"], "none.csv"),
         (["--motion", DATA / "elbow.csv", "--model", ROBOT], "left_elbow_joint"),
         (["--model", "none.urdf"], "none.urdf"),
-        (["--port", "70000", "--model", ROBOT], "ports are 0 to 65535"),
+        (
+            ["--port", "70000", "--model", ROBOT],
+            "must be a whole number from 0 to 65535",
+        ),
         (["--thresholds", DATA / "elbow.csv", "--model", ROBOT], "elbow.csv"),
     ],
 )
@@ -132,14 +136,14 @@ def test_what_it_cannot_show_is_refused_in_a_sentence(arguments, told):
     [
         (["--colour"], "--colour"),
         (["--compare", "one.csv"], "--compare"),
-        (["--motion", "a.csv", "--compare", "a.csv", "b.csv"], "not allowed with"),
-        (["--fps", "0"], "--fps 0 is no number of samples per second"),
+        (["--motion", "a.csv", "--compare", "a.csv", "b.csv"], "cannot be combined"),
+        (["--fps", "0"], "--fps: must be greater than 0"),
         (["--port", "http"], "--port"),
     ],
 )
 def test_wrong_options_are_told(arguments, told, capsys):
     with pytest.raises(SystemExit) as end:
-        parse(arguments)
+        parse(WebOptions, "web", arguments)
     assert end.value.code == 1
     assert told in capsys.readouterr().err
 

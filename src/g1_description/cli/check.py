@@ -5,7 +5,6 @@ It needs ROS to read rosbags, but neither a master nor a screen.
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Collection
 from contextlib import closing
@@ -23,11 +22,11 @@ from g1_description.checks.report import (
     Outcome,
     summary_text,
 )
-from g1_description.cli.check_options import MISUSE, STDOUT, parse
+from g1_description.cli.check_options import MISUSE, STDOUT, CheckOptions
 from g1_description.cli.check_reports import Reports, Results
 from g1_description.cli.motion_paths import MotionFiles, motion_files
 from g1_description.cli.start import INTERRUPTED
-from g1_description.command_line import say
+from g1_description.command_line import parse, say
 from g1_description.errors import ClusterError, G1DescriptionError
 from g1_description.motion.files.read_any import read_motion_file
 from g1_description.ros.lifecycle import own_arguments
@@ -38,7 +37,7 @@ def notify(text: str) -> None:
     say(f"check: {text}", sys.stderr)
 
 
-def check(args: argparse.Namespace) -> int:
+def check(args: CheckOptions) -> int:
     """Check motions; return the exit code.
 
     Raises:
@@ -73,7 +72,7 @@ def check(args: argparse.Namespace) -> int:
     return code or (MISUSE if reports.problems else 0)
 
 
-def file_checker(args: argparse.Namespace) -> FileChecker:
+def file_checker(args: CheckOptions) -> FileChecker:
     """Prepare the checks of the robot.
 
     Raises:
@@ -93,7 +92,7 @@ def file_checker(args: argparse.Namespace) -> FileChecker:
     )
 
 
-def _pool(args: argparse.Namespace, checker: FileChecker, n_files: int) -> Here:
+def _pool(args: CheckOptions, checker: FileChecker, n_files: int) -> Here:
     """Choose who checks."""
     if args.dask is not None:
         return Cluster(checker, args.dask)
@@ -128,7 +127,7 @@ def exit_code(outcomes: Collection[Outcome], named: Collection[str]) -> int:
 
 def main() -> None:
     """Run the command, or exit with a message."""
-    args = parse(own_arguments())
+    args = parse(CheckOptions, "check", own_arguments(), MISUSE)
     try:
         code = check(args)
     except (G1DescriptionError, OSError) as error:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import os
 import sys
 from collections.abc import Iterator, Mapping, Sequence
@@ -16,7 +15,7 @@ from tqdm import tqdm
 from g1_description.checks.batch import Task
 from g1_description.checks.report import Outcome, csv_text, json_text, outcome_text
 from g1_description.checks.report_page import write_page
-from g1_description.cli.check_options import STDOUT
+from g1_description.cli.check_options import STDOUT, CheckOptions
 from g1_description.cli.motion_paths import picture_names
 from g1_description.command_line import say
 from g1_description.errors import InvalidValueError
@@ -28,7 +27,7 @@ PICTURE = ".png"
 class Reports:
     """Writes what was asked for; pictures at once, the rest in the end."""
 
-    def __init__(self, args: argparse.Namespace, tasks: Sequence[Task]) -> None:
+    def __init__(self, args: CheckOptions, tasks: Sequence[Task]) -> None:
         """Check that all can be written.
 
         Args:

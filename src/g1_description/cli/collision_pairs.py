@@ -5,9 +5,9 @@ It needs nothing of ROS.
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections import Counter
+from dataclasses import dataclass
 from pathlib import Path
 
 from g1_description.collisions.allowed_pairs import (
@@ -20,13 +20,15 @@ from g1_description.collisions.allowed_pairs import (
     write_allowed_pairs,
 )
 from g1_description.collisions.find_pairs import NEAR, SAMPLES, find_allowed_pairs
-from g1_description.command_line import OneSentenceParser, say
+from g1_description.command_line import argument, option, parse, say, within
 from g1_description.errors import G1DescriptionError
 from g1_description.robot.load import absolute_urdf
 from g1_description.robot.urdf import parse_urdf
 
 G1 = "package://g1_description/urdf/g1_29dof.urdf"
 """The robot where none is given."""
+
+MAX_SEED = 2**32 - 1
 
 ABOUT = """\
 Pairs of links that are not checked for collisions, each with the reason. The file was
@@ -42,50 +44,35 @@ the file is written again. The file serves any robot whose links are all in it.
 """
 
 
-def parser() -> OneSentenceParser:
-    """Make a parser of the command line."""
-    made = OneSentenceParser(
-        prog="collision_pairs",
-        description="Find pairs of links that need no check for collisions: because a "
-        "joint connects them, or because they overlap always, at zero, or never. Print "
-        "them as a file of YAML.",
-    )
-    made.add_argument(
-        "model",
+@dataclass(frozen=True)
+class PairsOptions:
+    """Find pairs of links that need no check for collisions.
+
+    A joint connects them, or they overlap always, at zero, or never. Print them as
+    YAML.
+    """
+
+    model: str = argument(
+        "URDF or xacro file, as for model:= of the launch files",
+        str,
+        shown="the G1",
         nargs="?",
         default=G1,
         metavar="MODEL",
-        help="URDF or xacro file, as for model:= of the launch files; default: the G1",
     )
-    made.add_argument(
-        "--samples",
-        type=_count,
-        default=SAMPLES,
-        metavar="N",
-        help=f"random configurations; default: {SAMPLES}",
+    samples: int = option(
+        "random configurations", SAMPLES, within(0, MAX_SEED, int), metavar="N"
     )
-    made.add_argument(
-        "--seed",
-        type=_count,
-        default=0,
-        metavar="S",
-        help="seed of the random numbers; default: 0",
+    seed: int = option(
+        "seed of the random numbers", 0, within(0, MAX_SEED, int), metavar="S"
     )
-    made.add_argument(
-        "-o",
-        "--out",
-        type=Path,
+    out: Path | None = option(
+        "write the pairs into this file instead; its pairs of reason 'user' stay",
+        None,
+        Path,
+        names=("-o", "--out"),
         metavar="FILE",
-        help="write the pairs into this file instead; its pairs of reason 'user' stay",
     )
-    return made
-
-
-def _count(text: str) -> int:
-    """Read a whole number that fits into a seed."""
-    if text.isdecimal() and int(text) < 2**32:
-        return int(text)
-    raise argparse.ArgumentTypeError(f"'{text}' is not a whole number of at least 0")
 
 
 def show_progress(done: int, total: int) -> None:
@@ -103,7 +90,7 @@ def summary(allowed: AllowedPairs) -> str:
     return f"{len(allowed.links)} links; pairs that are not checked: {listed}."
 
 
-def run(args: argparse.Namespace) -> None:
+def run(args: PairsOptions) -> None:
     """Find the pairs, and write or print them.
 
     Raises:
@@ -129,7 +116,7 @@ def run(args: argparse.Namespace) -> None:
 
 def main() -> None:
     """Run the command line."""
-    args = parser().parse_args()
+    args = parse(PairsOptions, "collision_pairs")
     try:
         run(args)
     except G1DescriptionError as error:

@@ -36,9 +36,9 @@ from urllib.parse import urlparse
 from xml.parsers.expat import ExpatError
 from xmlrpc.client import Error, ServerProxy
 
-from g1_description.cli.robot_options import add_namespace
+from g1_description.cli import options
 from g1_description.cli.start import is_shut_down
-from g1_description.command_line import OneSentenceParser, say
+from g1_description.command_line import option, parse, say
 from g1_description.text import listed
 
 if TYPE_CHECKING:
@@ -1144,32 +1144,34 @@ def run_checks(namespace: str, names: Sequence[str]) -> Iterator[Result]:
         yield Result(name, about, NOT_LOOKED_AT)
 
 
-def parser() -> OneSentenceParser:
-    """Make a parser of the command's arguments."""
-    made = OneSentenceParser(
-        prog="doctor",
-        description="Check the links from the master to the display, and name the "
-        "first broken one with the command that mends it. Nothing is changed. The exit "
-        "code is 0 if all is whole, 1 if a link is broken, 2 if the command line is "
-        "wrong.",
-    )
-    made.misuse = MISUSE
-    made.add_argument("--json", action="store_true", help="print JSON")
-    add_namespace(made)
-    made.add_argument(
-        "--until",
+@dataclass(frozen=True)
+class DoctorOptions:
+    """Check the links from the master to the display.
+
+    The first broken one is named, with the command that mends it. Nothing is changed.
+    The exit code is 0 if all is whole, 1 if a link is broken, 2 if the command line is
+    wrong.
+    """
+
+    json: bool = option("print JSON", False)
+    namespace: str = options.namespace()
+    until: str = option(
+        f"last link to check: {', '.join(LINKS)}",
+        LINKS[-1],
         choices=LINKS,
-        default=LINKS[-1],
         metavar="LINK",
-        help=f"last link to check: {', '.join(LINKS)}; default: {LINKS[-1]}",
     )
-    return made
 
 
 def main() -> None:
     """Run the command, and exit with its code."""
     # rospy, which would leave out remappings, may be missing.
-    args = parser().parse_args([word for word in sys.argv[1:] if ":=" not in word])
+    args = parse(
+        DoctorOptions,
+        "doctor",
+        [word for word in sys.argv[1:] if ":=" not in word],
+        MISUSE,
+    )
     results = []
     for result in run_checks(args.namespace, LINKS[: LINKS.index(args.until) + 1]):
         results.append(result)

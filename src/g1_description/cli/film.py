@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import io
 import os
@@ -11,7 +10,7 @@ import sys
 import tempfile
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Callable, Iterator
+from typing import Any, Callable, Iterator
 
 import imageio_ffmpeg
 import numpy as np
@@ -341,12 +340,12 @@ SHEET = 6
 
 
 def read_moments(
-    args: argparse.Namespace, description: Description
+    args: Any, description: Description
 ) -> tuple[list[list[Moment]], tuple[str, ...]]:
     """Read the moments of a motion that are to be drawn.
 
     Args:
-        args: Of the command line.
+        args: The command's SnapshotOptions.
         description: The robot.
 
     Returns:
@@ -364,7 +363,7 @@ def read_moments(
     return [[now.with_joints(args.joints)] for now in moments], motion.notes
 
 
-def _times(args: argparse.Namespace, begin: float, motion: Motion) -> np.ndarray:
+def _times(args: Any, begin: float, motion: Motion) -> np.ndarray:
     """Choose the times to draw, in [s] since the beginning."""
     end = motion.trajectory.duration
     if args.is_film:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import os
 import re
@@ -11,12 +10,13 @@ import sys
 import termios
 import tty
 from contextlib import closing
+from dataclasses import dataclass
 from pathlib import Path
 
 import rospy
 
-from g1_description.cli.robot_options import add_namespace
-from g1_description.command_line import OneSentenceParser, number, say
+from g1_description.cli import options
+from g1_description.command_line import argument, number, option, parse, say, within
 from g1_description.errors import G1DescriptionError, InvalidValueError
 from g1_description.motion.edit import cut, moved, to_start_at
 from g1_description.motion.files.read_any import read_motion_file
@@ -130,7 +130,6 @@ def _is_in_background(descriptor: int) -> bool:
 REFRESH_PERIOD = 0.05
 """Time between two looks at the progress, in [s]."""
 
-MAX_FPS = 1e6
 MAX_SPEED = 1e3
 MAX_LEAD_IN = 60.0
 
@@ -145,89 +144,55 @@ BAR = 24
 """Length of the progress bar, in characters."""
 
 
-def parser() -> OneSentenceParser:
-    """Make a parser of the command's arguments."""
-    made = OneSentenceParser(
-        prog="play",
-        description="Play a motion from a file. Space pauses and goes on, the arrows "
-        "left and right step by one sample, q and Ctrl-C leave the robot where it is.",
-    )
-    made.add_argument("file", type=Path, metavar="FILE", help="the motion")
-    made.add_argument(
-        "--fps",
-        type=_positive,
-        help="samples per second of a file without times; default: 30",
-    )
-    made.add_argument(
-        "--topic",
-        help="topic of a bag with the joints; default: joint_states, or what there is",
-    )
-    made.add_argument(
-        "--speed",
-        type=_positive,
-        default=1.0,
-        help="seconds of the motion in a second of simulated time; default: 1",
-    )
-    _add_changes(made)
-    add_namespace(made)
-    made.add_argument(
-        "--base-frame",
-        metavar="FRAME",
-        help="base of the robot on TF, for --start-here; default: base_link, "
-        "NAMESPACE/base_link in a namespace",
-    )
-    return made
+@dataclass(frozen=True)
+class PlayOptions:
+    """Play a motion from a file.
 
+    Space pauses and resumes, the arrows left and right step by one sample, q and Ctrl-C
+    leave the robot where it is.
+    """
 
-def _add_changes(made: OneSentenceParser) -> None:
-    """Add what is changed of the motion before it is played."""
-    made.add_argument(
-        "--from", dest="begin", type=number, metavar="TIME", help="begin there, in s"
+    file: Path = argument("the motion", Path, metavar="FILE")
+    fps: float | None = options.fps()
+    topic: str | None = options.topic()
+    speed: float = option(
+        "seconds of the motion in a second of simulated time",
+        1.0,
+        within(1.0 / MAX_SPEED, MAX_SPEED),
     )
-    made.add_argument(
-        "--to", dest="end", type=number, metavar="TIME", help="end there, in s"
+    begin: float | None = option(
+        "start time within the motion [s]",
+        None,
+        number,
+        names=("--from",),
+        metavar="TIME",
     )
-    made.add_argument(
-        "--loop", action="store_true", help="begin again a second after the end"
+    end: float | None = option(
+        "end time within the motion [s]", None, number, names=("--to",), metavar="TIME"
     )
-    made.add_argument(
-        "--lead-in",
-        type=number,
-        default=0.0,
+    loop: bool = option("start again a second after the end", False)
+    lead_in: float = option(
+        "time in which the robot moves to the first sample [s]; 0: at once",
+        0.0,
+        within(0.0, MAX_LEAD_IN),
         metavar="SECONDS",
-        help="time in which the robot goes to the beginning; default: 0, at once",
     )
-    made.add_argument(
-        "--start-here",
-        action="store_true",
-        help="begin where the robot is, facing as it does; height and tilt stay",
+    start_here: bool = option(
+        "move the motion so that it starts at the robot's position and yaw; height and "
+        "tilt stay",
+        False,
     )
-    made.add_argument(
-        "--on-floor",
-        action="store_true",
-        help="lift or lower the whole motion so that its lowest point is at height 0",
+    on_floor: bool = option(
+        "lift or lower the whole motion so that its lowest point is at height 0", False
     )
-
-
-def parse(arguments: list[str]) -> argparse.Namespace:
-    """Read a command line; end the program when it is wrong."""
-    reader = parser()
-    args = reader.parse_args(arguments)
-    if args.fps is not None and args.fps > MAX_FPS:
-        reader.error(f"--fps {args.fps:g} is no number of samples per second")
-    if not 1.0 / MAX_SPEED <= args.speed <= MAX_SPEED:
-        reader.error(f"--speed {args.speed:g} is not from 0.001 to 1000")
-    if not 0.0 <= args.lead_in <= MAX_LEAD_IN:
-        reader.error(f"--lead-in {args.lead_in:g} is not from 0 to {MAX_LEAD_IN:g} s")
-    return args
-
-
-def _positive(text: str) -> float:
-    """Read a positive number."""
-    value = number(text)
-    if value <= 0.0:
-        raise argparse.ArgumentTypeError(f"{text} is not positive")
-    return value
+    namespace: str = options.namespace()
+    base_frame: str | None = option(
+        "TF frame of the robot's base, for --start-here",
+        None,
+        str,
+        metavar="FRAME",
+        shown="base_link, in a namespace NAMESPACE/base_link",
+    )
 
 
 def notify(text: str) -> None:
@@ -236,7 +201,7 @@ def notify(text: str) -> None:
     say(f"{begin}play: {text}")
 
 
-def prepare(args: argparse.Namespace, robot: PlayedRobot) -> Trajectory:
+def prepare(args: PlayOptions, robot: PlayedRobot) -> Trajectory:
     """Read the motion and move it where it is wanted.
 
     Raises:
@@ -250,10 +215,8 @@ def prepare(args: argparse.Namespace, robot: PlayedRobot) -> Trajectory:
     trajectory = cut(motion.trajectory, args.begin, args.end)
     wanted = [args.start_here and "--start-here", args.on_floor and "--on-floor"]
     if trajectory.base_poses is None and any(wanted):
-        options = " and ".join(filter(None, wanted))
-        raise InvalidValueError(
-            f"{args.file.name} does not move the base: no {options}."
-        )
+        names = " and ".join(filter(None, wanted))
+        raise InvalidValueError(f"{args.file.name} does not move the base: no {names}.")
     if args.start_here:
         trajectory = to_start_at(trajectory, robot.base_pose(args.base_frame))
     if args.on_floor:
@@ -277,7 +240,7 @@ def progress(session: Session, speed: float) -> str:
     return f"[{bar}] {time:6.2f} of {end:.2f} s  {frames}{rate}{state}"
 
 
-def follow(session: Session, keyboard: Keyboard, args: argparse.Namespace) -> None:
+def follow(session: Session, keyboard: Keyboard, args: PlayOptions) -> None:
     """Play until the end, or until a person ends it.
 
     Raises:
@@ -314,7 +277,7 @@ def _check_signals() -> None:
         raise rospy.ROSInterruptException("interrupted")
 
 
-def play(args: argparse.Namespace) -> None:
+def play(args: PlayOptions) -> None:
     """Play a motion.
 
     Raises:
@@ -373,7 +336,7 @@ def _leave(robot: PlayedRobot, keyboard: Keyboard) -> None:
 
 def main() -> None:
     """Run the command, or exit with a message."""
-    args = parse(own_arguments())
+    args = parse(PlayOptions, "play", own_arguments())
     try:
         play(args)
     except G1DescriptionError as error:

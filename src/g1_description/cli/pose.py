@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +13,9 @@ import rosgraph
 import rospy
 from sensor_msgs.msg import JointState
 
-from g1_description.cli.robot_options import add_namespace
-from g1_description.command_line import OneSentenceParser, number, say
-from g1_description.errors import G1DescriptionError, PoseFileError
+from g1_description.cli import options
+from g1_description.command_line import argument, option, parse, say, within
+from g1_description.errors import G1DescriptionError, InvalidValueError, PoseFileError
 from g1_description.motion.edit import minimum_jerk_trajectory
 from g1_description.robot.poses import (
     ZERO,
@@ -221,52 +221,47 @@ class PosedRobot(RobotView):
         return self.newest
 
 
+USER_FILE = "~/.ros/g1_description/poses.yaml"
+
 DIGITS = 6
 """Decimals of the positions that are saved."""
 
 
-def parser() -> OneSentenceParser:
-    """Make a parser of the command's arguments."""
-    made = OneSentenceParser(
-        prog="pose",
-        description="Move a robot to a named pose, list the poses, or save one.",
+@dataclass(frozen=True)
+class PoseOptions:
+    """Move a robot to a named pose, list the poses, or save one."""
+
+    name: str | None = argument(
+        "pose to go to", str, nargs="?", metavar="NAME", default=None
     )
-    what = made.add_mutually_exclusive_group(required=True)
-    what.add_argument("name", nargs="?", metavar="NAME", help="pose to go to")
-    what.add_argument("--list", action="store_true", help="list all poses")
-    what.add_argument("--save", metavar="NAME", help="save the current pose")
-    made.add_argument(
-        "--seconds",
-        type=number,
-        default=0.0,
-        help="duration of a smooth motion in seconds of simulated time; default: 0, "
-        "set the joints at once",
+    list: bool = option("list all poses", False)
+    save: str | None = option("save the current pose", None, str, metavar="NAME")
+    seconds: float = option(
+        "duration of a smooth motion in simulated time [s]; 0: set the joints at once",
+        0.0,
+        within(0.0),
     )
-    add_namespace(made)
-    made.add_argument(
-        "--file", type=Path, help=f"file of your own poses; default: {user_file()}"
-    )
-    made.add_argument(
-        "--force", action="store_true", help="replace a saved pose of that name"
-    )
-    made.add_argument("--about", default="", help="description of the saved pose")
-    return made
+    namespace: str = options.namespace()
+    file: Path | None = option("file of your own poses", None, Path, shown=USER_FILE)
+    force: bool = option("with --save: replace a pose of that name", False)
+    about: str = option("with --save: description of the pose", "")
+
+    def __post_init__(self) -> None:
+        """Check what goes together.
+
+        Raises:
+            InvalidValueError: If options contradict each other.
+        """
+        given = [self.name is not None, self.list, self.save is not None]
+        if sum(given) != 1:
+            raise InvalidValueError("give one of NAME, --list and --save NAME")
+        if (self.force or self.about) and self.save is None:
+            raise InvalidValueError("--force and --about need --save")
+        if self.save == ZERO:
+            raise InvalidValueError(f"{ZERO} cannot be saved: it is every robot's own")
 
 
-def parse(arguments: list[str]) -> argparse.Namespace:
-    """Read a command line; end the program when it is wrong."""
-    reader = parser()
-    args = reader.parse_args(arguments)
-    if args.seconds < 0.0:
-        reader.error("argument --seconds: time does not go back")
-    if (args.force or args.about) and args.save is None:
-        reader.error("--force and --about go with --save")
-    if args.save == ZERO:
-        reader.error(f"argument --save: every robot has {ZERO}, choose another name")
-    return args
-
-
-def list_poses(args: argparse.Namespace) -> None:
+def list_poses(args: PoseOptions) -> None:
     """Print a line for each pose."""
     poses = read_poses(args.file)
     width = max(map(len, poses), default=0)
@@ -274,7 +269,7 @@ def list_poses(args: argparse.Namespace) -> None:
         print(f"{pose.name:{width}}  {pose.about or pose.place}")
 
 
-def go(args: argparse.Namespace) -> None:
+def go(args: PoseOptions) -> None:
     """Move the robot to a pose.
 
     Raises:
@@ -291,7 +286,7 @@ def go(args: argparse.Namespace) -> None:
     print(f"pose: {pose.name}")
 
 
-def save(args: argparse.Namespace) -> None:
+def save(args: PoseOptions) -> None:
     """Save the robot's current pose.
 
     Raises:
@@ -318,7 +313,7 @@ def save(args: argparse.Namespace) -> None:
     print(f"pose: {args.save} is saved in {file}")
 
 
-def _connect(args: argparse.Namespace) -> PosedRobot:
+def _connect(args: PoseOptions) -> PosedRobot:
     """Start the node and find the robot."""
 
     def notify(line):
@@ -333,7 +328,7 @@ def _connect(args: argparse.Namespace) -> PosedRobot:
 
 def main() -> None:
     """Run the command, or exit with a message."""
-    args = parse(own_arguments())
+    args = parse(PoseOptions, "pose", own_arguments())
     act = list_poses if args.list else go if args.save is None else save
     try:
         act(args)

@@ -8,16 +8,25 @@ import signal
 import sys
 import time
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 import rosgraph
 import rospy
 
+from g1_description.cli.options import namespace
 from g1_description.cli.recorded_file import ENDINGS, room_of, write_motion_file
 from g1_description.cli.recorder import Recorder
-from g1_description.cli.robot_options import add_namespace
-from g1_description.command_line import OneSentenceParser, number, say
+from g1_description.command_line import (
+    MAX_FPS,
+    argument,
+    option,
+    parse,
+    positive,
+    say,
+    within,
+)
 from g1_description.errors import G1DescriptionError, InvalidValueError
 from g1_description.robot.description import Description
 from g1_description.ros.lifecycle import handle_signals, own_arguments, start_node
@@ -44,54 +53,33 @@ POLL_PERIOD = 0.05
 """Time between two looks, in [s]."""
 
 
-def parser() -> OneSentenceParser:
-    """Make a parser of the command's arguments."""
-    made = OneSentenceParser(
-        prog="record",
-        description="Record base and joints of a robot of the simulator. Ctrl-C ends "
-        "the recording and saves it.",
-    )
-    made.add_argument(
-        "out", type=Path, metavar="OUT", help=f"output file: {', '.join(ENDINGS)}"
-    )
-    made.add_argument(
-        "--rate",
-        type=number,
-        default=50.0,
-        help="samples per second of simulated time; 0: every state; default: 50",
-    )
-    made.add_argument(
-        "--seconds",
-        type=number,
-        help="duration in seconds of simulated time; default: until Ctrl-C",
-    )
-    add_namespace(made)
-    made.add_argument(
-        "--model",
-        default="",
-        help="name of the robot in the simulator; default: the one with its links",
-    )
-    made.add_argument("--gazebo", default="/gazebo", help="namespace of the simulator")
-    made.add_argument("--force", action="store_true", help="replace a file")
-    return made
+def _ros_name(text: str) -> str:
+    """Read a name of ROS, which may begin with a slash."""
+    if rosgraph.names.is_legal_name(text):
+        return text
+    raise argparse.ArgumentTypeError(f"'{text}' is not a valid ROS name")
 
 
-def parse(arguments: list[str]) -> argparse.Namespace:
-    """Read a command line; end the program when it is wrong.
+@dataclass(frozen=True)
+class RecordOptions:
+    """Record base and joints of a robot of the simulator.
 
-    Raises:
-        InvalidValueError: If the file cannot be written.
+    Ctrl-C ends the recording and saves it.
     """
-    reader = parser()
-    args = reader.parse_args(arguments)
-    if not 0.0 <= args.rate <= 1e6:
-        reader.error(f"--rate {args.rate:g} is no number of samples per second")
-    if args.seconds is not None and args.seconds <= 0.0:
-        reader.error(f"--seconds {args.seconds:g} is no duration")
-    if not rosgraph.names.is_legal_name(args.gazebo):
-        reader.error(f"--gazebo {args.gazebo} is no ROS name")
-    _check_place(args.out, args.force)
-    return args
+
+    out: Path = argument(f"output file: {', '.join(ENDINGS)}", Path, metavar="OUT")
+    rate: float = option(
+        "samples per second of simulated time; 0: every state", 50.0, within(0, MAX_FPS)
+    )
+    seconds: float | None = option(
+        "duration in simulated time [s]", None, positive(math.inf), shown="until Ctrl-C"
+    )
+    namespace: str = namespace()
+    model: str = option(
+        "name of the robot in the simulator", "", shown="the one with its links"
+    )
+    gazebo: str = option("namespace of the simulator", "/gazebo", _ros_name)
+    force: bool = option("replace a file", False)
 
 
 def _check_place(out: Path, force: bool) -> None:
@@ -119,7 +107,7 @@ def notify(text: str) -> None:
     say(f"record: {text}", sys.stderr)
 
 
-def record(args: argparse.Namespace) -> None:
+def record(args: RecordOptions) -> None:
     """Record and save.
 
     Raises:
@@ -211,7 +199,7 @@ def _follow(recorder: Recorder, stop: _Stop) -> None:
         wait_until(lambda: not recorder.lacks_joints, LAST_TIMEOUT, period=POLL_PERIOD)
 
 
-def save(recorder: Recorder, robot: Description, args: argparse.Namespace) -> None:
+def save(recorder: Recorder, robot: Description, args: RecordOptions) -> None:
     """Write what was recorded.
 
     Raises:
@@ -229,7 +217,9 @@ def save(recorder: Recorder, robot: Description, args: argparse.Namespace) -> No
 def main() -> None:
     """Run the command, or exit with a message."""
     try:
-        record(parse(own_arguments()))
+        options = parse(RecordOptions, "record", own_arguments())
+        _check_place(options.out, options.force)
+        record(options)
     except G1DescriptionError as error:
         sys.exit(f"record: {error}")
     except (OSError, rosgraph.MasterException) as error:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 import math
 import sys
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Sequence
 
@@ -17,6 +17,7 @@ import numpy as np
 import rosgraph
 import rospy
 
+from g1_description.cli import options
 from g1_description.cli.film import (
     FILMS,
     check_length,
@@ -30,8 +31,9 @@ from g1_description.cli.film import (
     write_picture,
     write_video,
 )
+from g1_description.cli.options import MODEL
 from g1_description.cli.watched_robot import MAP, Moment, RobotWatch, Transforms
-from g1_description.command_line import OneSentenceParser, number
+from g1_description.command_line import argument, number, option, parse
 from g1_description.errors import (
     G1DescriptionError,
     InvalidValueError,
@@ -56,75 +58,6 @@ MAX_TIMES = 60
 """Most pictures of a contact sheet."""
 
 
-def parser() -> OneSentenceParser:
-    """Make a parser of snapshot's arguments."""
-    made = OneSentenceParser(
-        prog="snapshot",
-        description="Write a picture or a film of the robot as it is now, or of a "
-        "motion from a file.",
-    )
-    made.add_argument(
-        "out", type=Path, help="output file: a picture .png, or a film .gif or .mp4"
-    )
-    made.add_argument(
-        "--view",
-        choices=VIEWS,
-        default="iso",
-        help="direction to look from; side: from the robot's right; default: iso",
-    )
-    made.add_argument(
-        "--size",
-        type=size,
-        help="width and height in pixels; default: 1280x960, for films 640x480",
-    )
-    made.add_argument(
-        "--joints",
-        type=joints,
-        default={},
-        help="override joint positions, such as a=1.2,b=-0.3",
-    )
-    made.add_argument(
-        "--model",
-        help="draw a model file, as for model:= of the launch files, without a master",
-    )
-    made.add_argument(
-        "--namespace",
-        action="append",
-        help="namespace of the robot's topics; repeat it for several robots",
-    )
-    made.add_argument(
-        "--motion",
-        help="draw the motion in this file (CSV, npz, pickle, bag, YAML of a "
-        "trajectory) without a master: a film, or a sheet of pictures",
-    )
-    made.add_argument(
-        "--motion-fps",
-        type=number,
-        help="samples per second of a motion without times; default: 30",
-    )
-    made.add_argument(
-        "--motion-topic",
-        help="topic of a bag with the joints; default: joint_states, or what there is",
-    )
-    made.add_argument(
-        "--times",
-        type=times,
-        help="moments of the motion to draw side by side, such as 0,1.5,3",
-    )
-    made.add_argument(
-        "--gif", action="store_true", help="record a film; as the name of the file says"
-    )
-    made.add_argument(
-        "--seconds",
-        type=number,
-        help="duration of the film; default: 5, or the whole motion",
-    )
-    made.add_argument(
-        "--fps", type=number, help="pictures per second of the film; default: 15"
-    )
-    return made
-
-
 def size(text: str) -> tuple[int, int]:
     """Read a width and a height in pixels."""
     sides = text.lower().split("x")
@@ -133,7 +66,8 @@ def size(text: str) -> tuple[int, int]:
         if min(width, height) >= SIDES[0] and max(width, height) <= SIDES[1]:
             return width, height
     raise argparse.ArgumentTypeError(
-        f"'{text}' is no size such as 1280x960, of {SIDES[0]} to {SIDES[1]} pixels"
+        f"must be a size such as 1280x960, from {SIDES[0]} to {SIDES[1]} pixels "
+        f"(got '{text}')"
     )
 
 
@@ -142,7 +76,9 @@ def joints(text: str) -> dict[str, float]:
     pairs = [pair.partition("=") for pair in text.split(",")]
     for name, equals, position in pairs:
         if not (name.strip() and equals and position.strip()):
-            raise argparse.ArgumentTypeError(f"'{text}' is not such as a=1.2,b=-0.3")
+            raise argparse.ArgumentTypeError(
+                f"must be such as a=1.2,b=-0.3 (got '{text}')"
+            )
     return {name.strip(): number(position) for name, _, position in pairs}
 
 
@@ -150,55 +86,122 @@ def times(text: str) -> list[float]:
     """Read moments of a motion, in [s]."""
     found = [number(part) for part in text.split(",")]
     if len(found) > MAX_TIMES:
-        raise argparse.ArgumentTypeError(f"a sheet has at most {MAX_TIMES} pictures")
+        raise argparse.ArgumentTypeError(
+            f"a contact sheet has at most {MAX_TIMES} pictures"
+        )
     return found
 
 
-def parse(arguments: list[str]) -> argparse.Namespace:
-    """Read a command line; end the program when it is wrong.
+@dataclass
+class SnapshotOptions:
+    """Write a picture or an animation of the robot as it is now, or of a motion."""
 
-    Raises:
-        InvalidValueError: If the file cannot be written, or a film be made.
-    """
-    reader = parser()
-    args = reader.parse_args(arguments)
-    args.is_film = args.gif or args.out.suffix.lower() in FILMS
-    _check_together(reader, args)
-    if args.seconds is None and not args.motion:
-        args.seconds = 5.0
-    args.fps = 15.0 if args.fps is None else args.fps
-    args.size = args.size or ((640, 480) if args.is_film else (1280, 960))
-    check_place(args.out, FILMS if args.is_film else (".png",))
-    if args.is_film:
-        check_length(1.0 if args.seconds is None else args.seconds, args.fps, args.size)
-    return args
+    out: Path = argument(
+        "output file: a picture .png, or an animation .gif or .mp4", Path
+    )
+    view: str = option(
+        "direction to look from; side: from the robot's right",
+        "iso",
+        choices=tuple(VIEWS),
+    )
+    size: tuple[int, int] = option(
+        "width and height in pixels",
+        None,
+        size,
+        shown="1280x960, for animations 640x480",
+    )
+    joints: dict[str, float] = option(
+        "positions of joints in rad or m instead of the published ones, such as "
+        "a=1.2,b=-0.3",
+        None,
+        joints,
+    )
+    namespace: list[str] | None = option(
+        "namespace of the robot's topics; repeat it for several robots",
+        None,
+        str,
+        action="append",
+    )
+    model: str | None = option(
+        f"draw {MODEL}, without a master: at its zero pose, or with --motion",
+        None,
+        str,
+    )
+    motion: str | None = option(
+        "draw the motion in this file (CSV, npz, pickle, bag, YAML of a trajectory) "
+        "without a master: an animation, or a contact sheet",
+        None,
+        str,
+        metavar="FILE",
+    )
+    motion_fps: float | None = options.fps()
+    motion_topic: str | None = options.topic()
+    times: list[float] | None = option(
+        "times of the motion in s that a contact sheet shows, such as 0,1.5,3",
+        None,
+        times,
+        shown="six",
+    )
+    gif: bool = option("write an animation; implied by .gif and .mp4", False)
+    seconds: float | None = option(
+        "duration of the animation [s]",
+        None,
+        number,
+        shown="5, or the whole motion",
+    )
+    fps: float = option(
+        "pictures per second of the animation", None, number, shown="15"
+    )
 
+    def __post_init__(self) -> None:
+        """Check what goes together, and fill in what depends on it.
 
-def _check_together(reader: OneSentenceParser, args: argparse.Namespace) -> None:
-    """End the program where arguments do not go together."""
-    if args.model and args.is_film and not args.motion:
-        reader.error("--model draws a file, a film of it needs --motion")
-    if (args.model or args.motion) and args.namespace:
-        reader.error("--model and --motion draw files, without --namespace")
-    if args.joints and len(args.namespace or []) > 1:
-        reader.error("--joints is for one robot, not for several --namespace")
-    if not args.is_film and not (args.seconds is None and args.fps is None):
-        reader.error("--seconds and --fps go with a film")
-    of_motion = (args.motion_fps, args.motion_topic, args.times)
-    if not args.motion and any(value is not None for value in of_motion):
-        reader.error("--motion-fps, --motion-topic and --times go with --motion")
-    if args.times is not None and args.is_film:
-        reader.error("--times goes with a picture, not with a film")
-    if args.motion_fps is not None and not 0.0 < args.motion_fps <= 1e6:
-        reader.error(
-            f"--motion-fps {args.motion_fps:g} is no number of samples per second"
-        )
-    if (
-        args.out.suffix.lower() == ".mp4"
-        and args.size
-        and any(n % 2 for n in args.size)
-    ):
-        reader.error("--size of an mp4 has even numbers")
+        Raises:
+            InvalidValueError: If options contradict each other, the file cannot be
+                written, or an animation would be too long.
+        """
+        self.is_film = self.gif or self.out.suffix.lower() in FILMS
+        self._check()
+        if self.seconds is None and not self.motion:
+            self.seconds = 5.0
+        self.joints = self.joints or {}
+        self.fps = 15.0 if self.fps is None else self.fps
+        self.size = self.size or ((640, 480) if self.is_film else (1280, 960))
+        check_place(self.out, FILMS if self.is_film else (".png",))
+        if self.is_film:
+            seconds = 1.0 if self.seconds is None else self.seconds
+            check_length(seconds, self.fps, self.size)
+
+    def _check(self) -> None:
+        """Check what goes together."""
+        of_motion = (self.motion_fps, self.motion_topic, self.times)
+        is_odd = any(side % 2 for side in self.size or ())
+        wrong = {
+            "an animation of --model needs --motion": (
+                self.model and self.is_film and not self.motion
+            ),
+            "--namespace cannot be combined with --model or --motion": (
+                (self.model or self.motion) and self.namespace
+            ),
+            "--joints cannot be combined with several --namespace": (
+                self.joints and len(self.namespace or []) > 1
+            ),
+            "--seconds and --fps need an animation": (
+                not self.is_film and (self.seconds, self.fps) != (None, None)
+            ),
+            "--motion-fps, --motion-topic and --times need --motion": (
+                not self.motion and any(value is not None for value in of_motion)
+            ),
+            "--times needs a picture, not an animation": (
+                self.times is not None and self.is_film
+            ),
+            "for .mp4, both numbers of --size must be even": (
+                self.out.suffix.lower() == ".mp4" and is_odd
+            ),
+        }
+        for sentence, holds in wrong.items():
+            if holds:
+                raise InvalidValueError(sentence)
 
 
 PORTRAIT = 0.75
@@ -282,7 +285,7 @@ def place(scene: Scene, moment: Sequence[Moment]) -> None:
 
 
 def write(
-    scene: Scene, moments: Sequence[Sequence[Moment]], args: argparse.Namespace
+    scene: Scene, moments: Sequence[Sequence[Moment]], args: SnapshotOptions
 ) -> None:
     """Draw and write what was requested.
 
@@ -312,7 +315,7 @@ def write(
 
 
 def sheet(
-    scene: Scene, moments: Sequence[Sequence[Moment]], args: argparse.Namespace
+    scene: Scene, moments: Sequence[Sequence[Moment]], args: SnapshotOptions
 ) -> np.ndarray:
     """Draw moments side by side, each where the robot then is, all at one scale."""
     n, (width, height) = len(moments), args.size
@@ -347,7 +350,7 @@ def columns_of(n: int, ratio: float) -> int:
     return min(range(1, n + 1), key=loss)
 
 
-def draw_file(args: argparse.Namespace) -> None:
+def draw_file(args: SnapshotOptions) -> None:
     """Draw a URDF file: a motion, or its zero pose with the joints requested."""
     description = parse_urdf(absolute_urdf(args.model or G1))
     check_joints(args.joints, description)
@@ -361,7 +364,7 @@ def draw_file(args: argparse.Namespace) -> None:
         write(scene, moments, args)
 
 
-def draw_now(args: argparse.Namespace) -> None:
+def draw_now(args: SnapshotOptions) -> None:
     """Draw the robots that run.
 
     Raises:
@@ -380,7 +383,7 @@ def draw_now(args: argparse.Namespace) -> None:
 
 
 def watch_now(
-    args: argparse.Namespace,
+    args: SnapshotOptions,
 ) -> tuple[list[Description], list[list[Moment]]]:
     """Watch the robots that run, as long as was requested.
 
@@ -430,7 +433,7 @@ def report_unknown(watch: RobotWatch, wanted: dict[str, float]) -> None:
 def main() -> None:
     """Write a picture or a film, or exit with a message."""
     try:
-        args = parse(own_arguments())
+        args = parse(SnapshotOptions, "snapshot", own_arguments())
         (draw_file if args.model or args.motion else draw_now)(args)
     except G1DescriptionError as error:
         sys.exit(f"snapshot: {error}")

@@ -5,18 +5,20 @@ It needs ROS to read rosbags, but neither a master nor a screen.
 
 from __future__ import annotations
 
-import argparse
 import logging
 import signal
 import sys
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+from g1_description.bounds import MAX_PORT
 from g1_description.checks.checker import Checker
 from g1_description.checks.thresholds import read_thresholds
-from g1_description.command_line import OneSentenceParser, number, say
-from g1_description.errors import G1DescriptionError
+from g1_description.cli import options
+from g1_description.command_line import option, parse, say, within
+from g1_description.errors import G1DescriptionError, InvalidValueError
 from g1_description.files.model_files import share_folder
 from g1_description.motion.files.read_any import read_motion_file
 from g1_description.motion.motion import Motion
@@ -28,71 +30,48 @@ from g1_description.web.file_world import FileWorld, StillRobot
 from g1_description.web.server.address import ServerOptions
 from g1_description.web.show import Show, tell_address
 
-MAX_FPS = 1e6
 
+@dataclass(frozen=True)
+class WebOptions:
+    """Show a robot and its motions in a browser, without ROS.
 
-def parser() -> OneSentenceParser:
-    """Make a parser of the command's arguments."""
-    made = OneSentenceParser(
-        prog="web",
-        description="Show a robot and its motions in a browser, without ROS: pose it, "
-        "play files, see what checks find. Ctrl-C ends it. For a robot that runs: "
-        "roslaunch g1_description display.launch web:=true.",
-    )
-    what = made.add_mutually_exclusive_group()
-    what.add_argument("--motion", type=Path, metavar="FILE", help="a motion to open")
-    what.add_argument(
-        "--compare",
-        type=Path,
+    Pose it, play files, see findings. Ctrl-C ends it. For a running robot: roslaunch
+    g1_description display.launch web:=true.
+    """
+
+    motion: Path | None = option("a motion to open", None, Path, metavar="FILE")
+    compare: list[Path] | None = option(
+        "two motions, of two robots beside each other, in step",
+        None,
+        Path,
         nargs=2,
         metavar=("FILE", "FILE"),
-        help="two motions, of two robots beside each other, in step",
+        see="[two motions](browser.md#two-motions)",
     )
-    made.add_argument(
-        "--model",
-        help="the robot, as for model:= of the launch files; default: the G1",
+    model: str | None = options.model()
+    fps: float | None = options.fps()
+    topic: str | None = options.topic()
+    thresholds: Path | None = options.thresholds()
+    host: str = option(
+        "address to listen on; 0.0.0.0: all, with a token in the address",
+        ServerOptions().host,
+        see="[from another machine](browser.md#from-another-machine)",
     )
-    made.add_argument(
-        "--fps",
-        type=number,
-        help="samples per second of these files, if they have no times; default: 30",
+    port: int = option(
+        "port to listen on; 0: any that is free",
+        ServerOptions().port,
+        within(0, MAX_PORT, int),
     )
-    made.add_argument(
-        "--topic",
-        help="topic of bags with the joints; default: joint_states, or what there is",
-    )
-    made.add_argument(
-        "--thresholds",
-        type=Path,
-        metavar="YAML",
-        help="what is a warning and what a failure; default: config/checks.yaml",
-    )
-    defaults = ServerOptions()
-    made.add_argument(
-        "--host",
-        default=defaults.host,
-        help="address to listen on; default: 127.0.0.1, this machine only; 0.0.0.0: "
-        "all, with a token in the address",
-    )
-    made.add_argument(
-        "--port",
-        type=int,
-        default=defaults.port,
-        help=f"port to listen on; 0: any that is free; default: {defaults.port}",
-    )
-    made.add_argument(
-        "--read-only", action="store_true", help="show, and take nothing from browsers"
-    )
-    return made
+    read_only: bool = option("show the robot without controls", False)
 
+    def __post_init__(self) -> None:
+        """Check what goes together.
 
-def parse(arguments: list[str]) -> argparse.Namespace:
-    """Read a command line; end the program when it is wrong."""
-    reader = parser()
-    args = reader.parse_args(arguments)
-    if args.fps is not None and not 0.0 < args.fps <= MAX_FPS:
-        reader.error(f"--fps {args.fps:g} is no number of samples per second")
-    return args
+        Raises:
+            InvalidValueError: If both kinds of motions are given.
+        """
+        if self.motion and self.compare:
+            raise InvalidValueError("--motion and --compare cannot be combined")
 
 
 G1 = "urdf/g1_29dof.urdf"
@@ -104,7 +83,7 @@ def notify(text: str) -> None:
     say(f"web: {text}")
 
 
-def make_world(args: argparse.Namespace) -> tuple[FileWorld, list[tuple[Path, Motion]]]:
+def make_world(args: WebOptions) -> tuple[FileWorld, list[tuple[Path, Motion]]]:
     """Read the robot, and the motions that were named.
 
     Raises:
@@ -122,14 +101,14 @@ def make_world(args: argparse.Namespace) -> tuple[FileWorld, list[tuple[Path, Mo
 
 
 def _read(
-    args: argparse.Namespace, file: Path, robot: Description, rate: float | None
+    args: WebOptions, file: Path, robot: Description, rate: float | None
 ) -> Motion:
     """Read a motion."""
     topic = args.topic if file in (args.motion, *(args.compare or ())) else None
     return read_motion_file(file, robot, rate, topic)
 
 
-def web(args: argparse.Namespace) -> None:
+def web(args: WebOptions) -> None:
     """Show robots until a signal ends it.
 
     Raises:
@@ -140,23 +119,23 @@ def web(args: argparse.Namespace) -> None:
             signal.signal(signum, signal.default_int_handler)
     thresholds = read_thresholds(args.thresholds)
     world, motions = make_world(args)
-    options = ServerOptions(args.host, args.port, args.read_only)
+    server = ServerOptions(args.host, args.port, args.read_only)
     with suppress(KeyboardInterrupt):  # that is how it ends
         show = Show(
             world,
-            options,
+            server,
             lambda robot: Checker(robot, thresholds),
             thresholds.floor_height,
         )
         for (file, motion), robot in zip(motions, world.robots):
             show.page.motion.open(file.name, robot, motion)
-        tell_address(show, options, notify)
+        tell_address(show, server, notify)
         show.run()
 
 
 def main() -> None:
     """Run the command, or exit with a message."""
-    args = parse(own_arguments())
+    args = parse(WebOptions, "web", own_arguments())
     logging.basicConfig(format="web: %(message)s")
     try:
         web(args)

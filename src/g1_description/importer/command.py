@@ -8,9 +8,10 @@ import os
 import sys
 import time
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
-from g1_description.command_line import OneSentenceParser
+from g1_description.command_line import argument, option, parse, within
 from g1_description.errors import DescriptionError, G1DescriptionError
 from g1_description.files.find import named_path, with_robots
 from g1_description.importer.folder import Folder
@@ -100,70 +101,47 @@ PROGRESS_PERIOD = 2.0
 """Time between two lines of progress, in [s]."""
 
 
-def parser() -> OneSentenceParser:
-    """Make a parser of the command line."""
-    made = OneSentenceParser(
-        prog="import_model",
-        description="Copy a robot with the meshes it uses into a folder, so that RViz, "
-        "Gazebo and the stand-in can read it. Without --out, only check the robot.",
-    )
-    made.add_argument(
-        "model",
-        help="URDF or xacro file, as for model:= of the launch files, or a folder, "
-        "which is searched for .urdf files with its subfolders",
-    )
-    made.add_argument("--out", type=_folder, metavar="FOLDER", help="output folder")
-    made.add_argument("--force", action="store_true", help="replace existing files")
-    made.add_argument(
-        "--decimate",
-        type=_count,
-        metavar="N",
-        help="reduce each mesh to N triangles, or as few as --tolerance allows",
-    )
-    made.add_argument(
-        "--tolerance",
-        type=_distance,
-        default=TOLERANCE,
-        metavar="METRES",
-        help="largest distance that --decimate may move a surface, measured in both "
-        f"directions; default: {TOLERANCE}",
-    )
-    made.add_argument(
-        "--convex-collisions",
-        action="store_true",
-        help="replace collision meshes by their convex hulls",
-    )
-    made.add_argument(
-        "--keep-missing",
-        action="store_true",
-        help="keep references to missing meshes in the URDF",
-    )
-    return made
-
-
-def _count(text: str) -> int:
-    """Read a number of triangles; a closed surface has at least four."""
-    if text.isdecimal() and int(text) >= 4:
-        return int(text)
-    raise argparse.ArgumentTypeError(f"'{text}' is not a whole number of at least 4")
-
-
-def _distance(text: str) -> float:
-    """Read how far a surface may move."""
-    try:
-        distance = float(text)
-    except ValueError:
-        distance = math.nan
-    if 0.0 <= distance < math.inf:
-        return distance
-    raise argparse.ArgumentTypeError(f"'{text}' is not a length in metres")
-
-
 def _folder(text: str) -> Path:
     """Read the name of a folder; an empty one would be the working directory."""
     if text:
         return Path(text)
     raise argparse.ArgumentTypeError("'' is not a folder")
+
+
+@dataclass(frozen=True)
+class ImportOptions:
+    """Copy a robot with the meshes it uses into a folder.
+
+    RViz, Gazebo and the simulator can read the copy. Without --out, only check the
+    robot.
+    """
+
+    model: str = argument(
+        "URDF or xacro file, as for model:= of the launch files, or a folder, which is "
+        "searched for .urdf files with its subfolders",
+        str,
+    )
+    out: Path | None = option("output folder", None, _folder, metavar="FOLDER")
+    force: bool = option(
+        "replace files of the same name; other files in the folder stay", False
+    )
+    decimate: int | None = option(
+        "reduce each mesh to N triangles, or as few as --tolerance allows",
+        None,
+        within(4, math.inf, int),
+        metavar="N",
+    )
+    tolerance: float = option(
+        "largest distance that --decimate may move a surface, measured in both "
+        "directions [m]",
+        TOLERANCE,
+        within(0.0),
+        metavar="METRES",
+    )
+    convex_collisions: bool = option(
+        "replace STL and OBJ collision meshes by their convex hulls", False
+    )
+    keep_missing: bool = option("keep references to missing meshes in the URDF", False)
 
 
 def read_models(model: str) -> tuple[list[ModelText], list[str]]:
@@ -279,7 +257,7 @@ def run(arguments: list[str]) -> str:
         G1DescriptionError: If it fails; nothing was changed.
         OSError: If the folder cannot be written.
     """
-    args = parser().parse_args(arguments)
+    args = parse(ImportOptions, "import_model", arguments)
     models, faults = read_models(args.model)
     robots = _open(models)
     options = Options(

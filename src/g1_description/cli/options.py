@@ -1,0 +1,64 @@
+"""Options that several commands have, each declared once."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from pathlib import Path
+from typing import Any
+
+from g1_description.command_line import MAX_FPS, option, positive
+
+NAME = re.compile(r"[A-Za-z]\w*(/\w+)*", re.ASCII)
+"""A ROS name without slashes around. rosgraph has this too, but cannot be imported
+where the command is to say that ROS is missing."""
+
+MODEL = "a URDF or xacro file, as for model:= of the launch files"
+
+
+def name(text: str) -> str:
+    """Read a namespace without its slashes."""
+    found = text.strip("/")
+    if found and not NAME.fullmatch(found):
+        raise argparse.ArgumentTypeError(f"'{text}' is not a valid ROS name")
+    return found
+
+
+def namespace() -> Any:
+    """Declare the namespace of a running robot."""
+    return option("namespace of the robot's topics", "", name)
+
+
+def model() -> Any:
+    """Declare the robot that motions of files are for."""
+    return option(f"the robot: {MODEL}", None, str, shown="the G1")
+
+
+def fps(*names: str) -> Any:
+    """Declare the sampling rate of files without times."""
+    about = "samples per second of files without times"
+    return option(about, None, positive(MAX_FPS), names=names, shown="30")
+
+
+def topic(*names: str) -> Any:
+    """Declare the topic of a bag."""
+    return option(
+        "topic of the joints in a rosbag",
+        None,
+        str,
+        names=names,
+        shown="joint_states, or what the bag has",
+        see="[rosbags](motions.md#rosbags)",
+    )
+
+
+def thresholds() -> Any:
+    """Declare the file of thresholds."""
+    return option(
+        "file of thresholds",
+        None,
+        Path,
+        metavar="YAML",
+        shown="config/checks.yaml",
+        see="[thresholds](checks.md#what-is-judged)",
+    )
