@@ -14,20 +14,27 @@ _g1_description_poses() {
         "${ROS_HOME:-$HOME/.ros}/g1_description/poses.yaml" 2>/dev/null
 }
 
-# Print the options of a command whose other arguments are files.
-_g1_description_options() {
-    case $1 in
-    check) echo "--collisions --csv --dask --fixed-base --fps --help --html --jobs --json --model --no-visual-hulls --only --physics --plot --quiet --thresholds --topic" ;;
-    collision_pairs) echo "--help --out --samples --seed" ;;
-    play) echo "--base-frame --fps --from --help --loop --lead-in --namespace --on-floor --speed --start-here --to --topic" ;;
-    web) echo "--compare --fps --help --host --model --motion --port --read-only --thresholds --topic" ;;
-    record) echo "--force --gazebo --help --model --namespace --rate --seconds" ;;
-    esac
-}
+# Options by command, those without a value, those whose value is a file, and the links of
+# the doctor; tools/options writes them.
+declare -gA _g1_description_options
+# options of commands
+_g1_description_options[check]="--collisions --csv --dask --fixed-base --fps --help --html --jobs --json --model --no-visual-hulls --only --physics --plot --quiet --thresholds --topic"
+_g1_description_options[collision_pairs]="--help --out --samples --seed"
+_g1_description_options[doctor]="--help --json --namespace --until"
+_g1_description_options[import_model]="--convex-collisions --decimate --force --help --keep-missing --out --tolerance"
+_g1_description_options[play]="--base-frame --fps --from --help --lead-in --loop --namespace --on-floor --speed --start-here --to --topic"
+_g1_description_options[pose]="--about --file --force --help --list --namespace --save --seconds"
+_g1_description_options[record]="--force --gazebo --help --model --namespace --rate --seconds"
+_g1_description_options[snapshot]="--fps --gif --help --joints --model --motion --motion-fps --motion-topic --namespace --seconds --size --times --view"
+_g1_description_options[web]="--compare --fps --help --host --model --motion --port --read-only --thresholds --topic"
+_g1_description_flags=" --convex-collisions --fixed-base --force --gif --json --keep-missing --list --loop --no-visual-hulls --on-floor --physics --quiet --read-only --start-here "
+_g1_description_files=" --collisions --compare --csv --file --html --json --model --motion --out --plot --thresholds "
+_g1_description_links="python packages master address nodes description meshes simulator clock time link_states bridge model urdf joint_states state_publisher tf diagnostics picture"
+# end of commands
 
 _g1_description_rosrun() {
     local word=${COMP_WORDS[COMP_CWORD]} before=${COMP_WORDS[COMP_CWORD-1]}
-    if [[ $COMP_CWORD -ge 3 && ${COMP_WORDS[1]} == g1_description && ${COMP_WORDS[2]} =~ ^(check|collision_pairs|play|record|web)$ ]]; then
+    if [[ $COMP_CWORD -ge 3 && ${COMP_WORDS[1]} == g1_description && ${COMP_WORDS[2]} =~ ^(check|collision_pairs|import_model|play|record|snapshot|web)$ ]]; then
         _g1_description_file "$word" "$before"
     elif [[ $COMP_CWORD -ge 3 && ${COMP_WORDS[1]} == g1_description && ${COMP_WORDS[2]} == doctor ]]; then
         _g1_description_doctor "$word" "$before"
@@ -37,8 +44,7 @@ _g1_description_rosrun() {
         compopt -o filenames 2>/dev/null
         mapfile -t COMPREPLY < <(compgen -f -- "$word")
     elif [[ $word == -* ]]; then
-        local options="--about --file --force --help --list --namespace --save --seconds"
-        mapfile -t COMPREPLY < <(compgen -W "$options" -- "$word")
+        mapfile -t COMPREPLY < <(compgen -W "${_g1_description_options[pose]}" -- "$word")
     elif [[ $before == --seconds || $before == --namespace || $before == --about ]]; then
         COMPREPLY=()
     else
@@ -50,21 +56,18 @@ _g1_description_rosrun() {
 _g1_description_doctor() {
     local words=
     if [[ $2 == --until ]]; then
-        words="python packages master address nodes description meshes simulator clock time link_states bridge model urdf joint_states state_publisher tf diagnostics picture"
+        words=$_g1_description_links
     elif [[ $1 == -* ]]; then
-        words="--help --json --namespace --until"
+        words=${_g1_description_options[doctor]}
     fi
     mapfile -t COMPREPLY < <(compgen -W "$words" -- "$1")
 }
 
 # Complete an option, or a file, of a command whose other arguments are files.
 _g1_description_file() {
-    local options flags=" check play record web --fixed-base --force --loop --no-visual-hulls --on-floor --physics --quiet --read-only --start-here "
-    local files=" --collisions --compare --csv --html --json --model --motion --plot --thresholds "
-    options=$(_g1_description_options "${COMP_WORDS[2]}")
     if [[ $1 == -* ]]; then
-        mapfile -t COMPREPLY < <(compgen -W "$options" -- "$1")
-    elif [[ $2 == --* && "$flags$files" != *" $2 "* ]]; then
+        mapfile -t COMPREPLY < <(compgen -W "${_g1_description_options[${COMP_WORDS[2]}]}" -- "$1")
+    elif [[ $2 == --* && $_g1_description_flags$_g1_description_files != *" $2 "* ]]; then
         COMPREPLY=()
     else
         compopt -o filenames 2>/dev/null

@@ -765,7 +765,7 @@ def command(*arguments, first="", ignored=(), **options):
         (["r.urdf", "--out", "/proc/x"], "/proc/.import_model-"),
         (["r.urdf", "--out", ""], "argument --out: '' is not a folder"),
         (["~nouser/x"], "There is no folder ~nouser"),
-        ([], "the following arguments are required: model"),
+        ([], "the following arguments are required: MODEL"),
     ],
 )
 def test_a_mistake_is_answered_with_one_sentence(

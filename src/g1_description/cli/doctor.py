@@ -1153,7 +1153,11 @@ class DoctorOptions:
     wrong.
     """
 
-    json: bool = option("print JSON", False)
+    json: bool = option(
+        "print JSON: whole, fault, sentence, cure, and links with name, state, about "
+        "and remark",
+        False,
+    )
     namespace: str = options.namespace()
     until: str = option(
         f"last link to check: {', '.join(LINKS)}",

@@ -97,10 +97,10 @@ class SnapshotOptions:
     """Write a picture or an animation of the robot as it is now, or of a motion."""
 
     out: Path = argument(
-        "output file: a picture .png, or an animation .gif or .mp4", Path
+        "output file: a picture .png, or an animation .gif or .mp4", Path, metavar="OUT"
     )
     view: str = option(
-        "direction to look from; side: from the robot's right",
+        "direction to look from: front, side (the robot's right), back or iso",
         "iso",
         choices=tuple(VIEWS),
     )
@@ -120,6 +120,7 @@ class SnapshotOptions:
         "namespace of the robot's topics; repeat it for several robots",
         None,
         str,
+        shown="the current namespace",
         action="append",
     )
     model: str | None = option(
@@ -144,13 +145,13 @@ class SnapshotOptions:
     )
     gif: bool = option("write an animation; implied by .gif and .mp4", False)
     seconds: float | None = option(
-        "duration of the animation [s]",
+        "duration of the animation [s], at most 60",
         None,
         number,
         shown="5, or the whole motion",
     )
     fps: float = option(
-        "pictures per second of the animation", None, number, shown="15"
+        "pictures per second of the animation, at most 30", None, number, shown="15"
     )
 
     def __post_init__(self) -> None:

@@ -120,6 +120,7 @@ class ImportOptions:
         "URDF or xacro file, as for model:= of the launch files, or a folder, which is "
         "searched for .urdf files with its subfolders",
         str,
+        metavar="MODEL",
     )
     out: Path | None = option("output folder", None, _folder, metavar="FOLDER")
     force: bool = option(
