@@ -347,7 +347,7 @@ class TestRecord(unittest.TestCase):
             ("already; --force replaces it", "there.csv"),
             ("ends in none of .csv, .npz, .bag", "a.txt"),
             ("cannot be written: No such file", "no/a.csv"),
-            ("--rate -1 is no number", "a.csv", "--rate", "-1"),
+            ("--rate: must be a number from 0", "a.csv", "--rate", "-1"),
             ("No state of the robot came", "a.csv", "--gazebo", "/nowhere"),
         )
         missing = (
