@@ -57,7 +57,7 @@ def thresholds_in_python(model):
 
 def thresholds_of_check(model):
     check = pytest.importorskip("g1_description.cli.check")
-    args = check.parse([str(model), "--model", str(model)])
+    args = check.parse(check.CheckOptions, "check", [str(model), "--model", str(model)])
     return check.file_checker(args).checker.thresholds
 
 
@@ -93,7 +93,7 @@ def test_the_command_web_reads_the_file_of_defaults(defaults):
     web = pytest.importorskip("g1_description.cli.web")
     defaults.write_text("position: {failure: x}\n")
     with pytest.raises(ThresholdError, match=r"share/config/checks\.yaml: position"):
-        web.web(web.parse([]))
+        web.web(web.WebOptions())
 
 
 def test_bounds_are_by_joint(tmp_path):

@@ -1,4 +1,4 @@
-"""What panels of the page compute, and the desk at which their work is done."""
+"""What panels of the page compute, and the ui at which their work is done."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ from g1_description.robot.poses import parse_poses
 from g1_description.robot.transform import IDENTITY
 from g1_description.web import findings_panel as findings
 from g1_description.web import plots
-from g1_description.web.joint_controls import JointPanel, slider_range
+from g1_description.web.controls import JointPanel, slider_range
 from g1_description.web.plots import PlotPanel
 from g1_description.web.robot import ShownState
 from g1_description.web.show import configuration_command, configuration_yaml
 from g1_description.web.simulator_panel import SimulatorPanel
-from g1_description.web.ui_loop import Desk
+from g1_description.web.ui_loop import UiLoop
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tools"))
 from page_client import PageClient
@@ -77,8 +77,8 @@ def client(server):
 
 
 @pytest.fixture
-def desk(server):
-    return Desk(server, threading.Event())
+def ui(server):
+    return UiLoop(server, threading.Event())
 
 
 # --- findings ---
@@ -195,17 +195,17 @@ def test_a_slider_goes_as_far_as_its_joint(kind, limits, wanted):
 
 
 def test_a_value_that_has_just_come_is_not_overwritten_by_an_old_state(
-    server, client, desk
+    server, client, ui
 ):
     shown = Shown()
-    panel = JointPanel(server.gui, desk, shown)
+    panel = JointPanel(server.gui, ui, shown)
     slider = panel._sliders["to_b"]
     panel.follow(shown.where)
     client.set("to_b", 1.25)
     wait_for(lambda: slider.value == 1.25, "the value")
     panel._looked = 0.0
     panel.follow(shown.where)  # before the thread that draws knows of it
-    wait_for(lambda: desk.do_all() or shown.commands, "what was wanted")
+    wait_for(lambda: ui.do_all() or shown.commands, "what was wanted")
     assert shown.commands == [{"to_b": 1.25}]
     assert slider.value == 1.25
 
@@ -213,15 +213,15 @@ def test_a_value_that_has_just_come_is_not_overwritten_by_an_old_state(
 # --- plots ---
 
 
-def add_plot(server, desk, *robots, joints=()):
-    panel = PlotPanel(server.gui, desk, [*robots])
+def add_plot(server, ui, *robots, joints=()):
+    panel = PlotPanel(server.gui, ui, [*robots])
     panel._chosen = [*joints]
     return panel
 
 
-def test_lines_of_the_past_are_measured_and_commanded(server, desk):
+def test_lines_of_the_past_are_measured_and_commanded(server, ui):
     shown = Shown()
-    panel = add_plot(server, desk, shown, joints=["to_c"])
+    panel = add_plot(server, ui, shown, joints=["to_c"])
     for value in (0.1, 0.2, 0.3):
         wanted = ShownState(0.0, {"to_c": 10 * value}, None) if value > 0.1 else None
         panel.add({shown: (ShownState(0.0, {"to_c": value}, None), wanted)}, None)
@@ -231,9 +231,9 @@ def test_lines_of_the_past_are_measured_and_commanded(server, desk):
     np.testing.assert_allclose(commanded, [np.nan, 2.0, 3.0])
 
 
-def test_what_is_not_known_is_a_gap(server, desk):
+def test_what_is_not_known_is_a_gap(server, ui):
     one, other = Shown(name="one"), Shown(name="other")
-    panel = add_plot(server, desk, one, other, joints=["other: to_b"])
+    panel = add_plot(server, ui, one, other, joints=["other: to_b"])
     panel.add({one: (one.where, None)}, None)
     panel.add({one: (one.where, None), other: (other.where, None)}, None)
     panel.add({other: (ShownState(0.0, {"to_c": 1.0}, None), None)}, None)
@@ -241,19 +241,19 @@ def test_what_is_not_known_is_a_gap(server, desk):
     np.testing.assert_allclose(measured, [np.nan, 0.0, np.nan])
 
 
-def test_a_plot_without_a_past_has_no_line(server, desk):
-    panel = add_plot(server, desk, Shown(), joints=["to_b"])
+def test_a_plot_without_a_past_has_no_line(server, ui):
+    panel = add_plot(server, ui, Shown(), joints=["to_b"])
     times, *lines = panel._data(None)
     assert len(times) == 2
     assert np.isnan(lines).all()
 
 
-def test_lines_of_the_whole_motion(server, desk):
+def test_lines_of_the_whole_motion(server, ui):
     class At:
         time = 0.0
 
     shown = Shown()
-    panel = add_plot(server, desk, shown, joints=["to_b", "to_c"])
+    panel = add_plot(server, ui, shown, joints=["to_b", "to_c"])
     panel._span.value = plots.WHOLE
     times = np.linspace(0.0, 1.0, 5)
     motion = Motion(Trajectory(times, ("to_b",), times[:, np.newaxis] ** 2))
@@ -272,9 +272,9 @@ def test_lines_of_the_whole_motion(server, desk):
     assert np.isnan(panel._data(At)[1]).all()
 
 
-def test_long_motions_have_fewer_points(server, desk):
+def test_long_motions_have_fewer_points(server, ui):
     shown = Shown()
-    panel = add_plot(server, desk, shown, joints=["to_b"])
+    panel = add_plot(server, ui, shown, joints=["to_b"])
     panel._span.value = plots.WHOLE
     times = np.arange(9 * plots.MAX_POINTS) / 100.0
     panel.motions = {shown: Motion(Trajectory(times, ("to_b",), times[:, None]))}
@@ -312,41 +312,41 @@ class Stepped:
 
 
 @pytest.fixture
-def stepped(server, client, desk):
+def stepped(server, client, ui):
     simulator = Stepped()
-    panel = SimulatorPanel(server.gui, desk, simulator, read_only=False)
+    panel = SimulatorPanel(server.gui, ui, simulator, read_only=False)
     yield simulator, panel
     simulator.gate.set()
-    wait_for(lambda: not desk.is_busy, "the end")
+    wait_for(lambda: not ui.is_busy, "the end")
     server.gui.reset()
 
 
 @pytest.mark.parametrize(("button", "call"), [("Pause", "pause"), ("Reset", "reset")])
 def test_many_steps_end_when_another_button_is_pressed(
-    stepped, client, desk, button, call
+    stepped, client, ui, button, call
 ):
     simulator, _ = stepped
     client.set("Steps", 100_000)
     client.press("Step")
-    wait_for(lambda: desk.do_all() or simulator.calls, "the first steps")
+    wait_for(lambda: ui.do_all() or simulator.calls, "the first steps")
     client.press(button)
-    wait_for(lambda: desk.do_all() or desk._waiting.qsize(), "the button")
+    wait_for(lambda: ui.do_all() or ui._waiting.qsize(), "the button")
     simulator.gate.set()
-    wait_for(lambda: not desk.is_busy, "the end")
+    wait_for(lambda: not ui.is_busy, "the end")
     *steps, last = simulator.calls
     assert last == call
     assert sum(steps) < 1000
 
 
-def test_as_many_steps_are_done_as_were_wanted(stepped, client, desk):
+def test_as_many_steps_are_done_as_were_wanted(stepped, client, ui):
     simulator, panel = stepped
     client.set("Steps", 1234)
     client.press("Step")
-    wait_for(lambda: desk.do_all() or simulator.calls, "the first steps")
+    wait_for(lambda: ui.do_all() or simulator.calls, "the first steps")
     panel.follow()
     assert panel._pause.label == "Pause", "while steps are done"
     simulator.gate.set()
-    wait_for(lambda: not desk.is_busy, "the end")
+    wait_for(lambda: not ui.is_busy, "the end")
     assert sum(simulator.calls) == 1234
     panel._looked = 0.0
     panel.follow()
@@ -398,27 +398,27 @@ def test_there_is_nothing_to_copy_before_the_first_state():
             write(shown)
 
 
-# --- the desk ---
+# --- the ui ---
 
 
-def test_only_the_newest_of_a_key_is_done_in_the_order_of_the_newest(desk):
+def test_only_the_newest_of_a_key_is_done_in_the_order_of_the_newest(ui):
     done = []
     for key, number in (("a", 1), ("b", 2), ("a", 3), ("c", 4), ("b", 5)):
-        desk.post(key, lambda number=number: done.append(number))
-    assert desk.new.is_set()
+        ui.post(key, lambda number=number: done.append(number))
+    assert ui.new.is_set()
     assert done == []
-    desk.do_all()
+    ui.do_all()
     assert done == [3, 4, 5]
-    desk.do_all()
+    ui.do_all()
     assert done == [3, 4, 5], "each is done once"
 
 
-def test_what_is_posted_meanwhile_is_done_next_time(desk):
+def test_what_is_posted_meanwhile_is_done_next_time(ui):
     done = []
-    desk.post("a", lambda: desk.post("a", lambda: done.append(2)) or done.append(1))
-    desk.do_all()
+    ui.post("a", lambda: ui.post("a", lambda: done.append(2)) or done.append(1))
+    ui.do_all()
     assert done == [1]
-    desk.do_all()
+    ui.do_all()
     assert done == [1, 2]
 
 
@@ -431,15 +431,15 @@ def fail(error):
     raise error
 
 
-def test_errors_are_told_and_the_rest_is_done(desk, client, caplog):
+def test_errors_are_told_and_the_rest_is_done(ui, client, caplog):
     done = []
-    desk.post("a", lambda: fail(InvalidValueError("The pose has no name.")))
-    desk.post("b", lambda: done.append(2))
-    desk.do_all()
+    ui.post("a", lambda: fail(InvalidValueError("The pose has no name.")))
+    ui.post("b", lambda: done.append(2))
+    ui.do_all()
     assert done == [2]
     client.wait_for(lambda: "The pose has no name." in told(client), "the sentence")
     with caplog.at_level(logging.ERROR):
-        desk.guarded(lambda: fail(ZeroDivisionError("of ours")))
+        ui.guarded(lambda: fail(ZeroDivisionError("of ours")))
     client.wait_for(
         lambda: any("log of the program" in str(text) for text in told(client)),
         "the word",
@@ -447,26 +447,26 @@ def test_errors_are_told_and_the_rest_is_done(desk, client, caplog):
     assert "ZeroDivisionError" in caplog.text
 
 
-def test_the_same_words_are_told_once(server, desk, client):
+def test_the_same_words_are_told_once(server, ui, client):
     for _ in range(50):
-        desk.guarded(lambda: fail(InvalidValueError("Again and again.")))
-    desk.guarded(lambda: fail(InvalidValueError("Something else.")))
+        ui.guarded(lambda: fail(InvalidValueError("Again and again.")))
+    ui.guarded(lambda: fail(InvalidValueError("Something else.")))
     client.wait_for(lambda: "Something else." in told(client), "the last one")
     assert told(client).count("Again and again.") == 1
 
 
-def test_what_waits_is_done_one_after_the_other_and_errors_do_not_end_it(desk, client):
+def test_what_waits_is_done_one_after_the_other_and_errors_do_not_end_it(ui, client):
     gate, done, given_back = threading.Event(), [], []
-    desk.wait_for(lambda: gate.wait(DEADLINE) and done.append("first"))
-    desk.wait_for(lambda: fail(InvalidValueError("Nobody answers.")))
-    desk.wait_for(lambda: fail(ValueError("of ours")))
-    desk.wait_for(lambda: done.append("last") or 7, given_back.append)
-    assert desk.is_busy and done == []
+    ui.wait_for(lambda: gate.wait(DEADLINE) and done.append("first"))
+    ui.wait_for(lambda: fail(InvalidValueError("Nobody answers.")))
+    ui.wait_for(lambda: fail(ValueError("of ours")))
+    ui.wait_for(lambda: done.append("last") or 7, given_back.append)
+    assert ui.is_busy and done == []
     gate.set()
-    wait_for(lambda: not desk.is_busy, "the end")
+    wait_for(lambda: not ui.is_busy, "the end")
     assert done == ["first", "last"]
     assert given_back == [], "that is for the thread that draws"
-    desk.do_all()
+    ui.do_all()
     assert given_back == [7]
     client.wait_for(
         lambda: any("log of the program" in str(text) for text in told(client)),
@@ -474,10 +474,10 @@ def test_what_waits_is_done_one_after_the_other_and_errors_do_not_end_it(desk, c
     )
 
 
-def test_results_are_handed_back_in_order(desk):
+def test_results_are_handed_back_in_order(ui):
     results = []
     for number in range(20):
-        desk.wait_for(lambda number=number: number, results.append)
-    wait_for(lambda: not desk.is_busy, "the end")
-    desk.do_all()
+        ui.wait_for(lambda number=number: number, results.append)
+    wait_for(lambda: not ui.is_busy, "the end")
+    ui.do_all()
     assert results == [*range(20)]

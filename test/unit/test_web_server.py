@@ -25,7 +25,7 @@ from web_clients import (
 from websockets.exceptions import ConnectionClosed
 
 from g1_description.errors import G1DescriptionError, PageServerError
-from g1_description.web.server import front_door
+from g1_description.web.server import gateway
 from g1_description.web.server.address import ServerOptions
 from g1_description.web.server.page_server import PageServer
 
@@ -148,8 +148,8 @@ def test_it_closes_its_port_and_may_close_twice():
 
 def test_a_server_that_cannot_begin_says_why(monkeypatch):
     # As websockets of another version, which does not know an option.
-    strange = partial(front_door.serve, no_such_option=True)
-    monkeypatch.setattr(front_door, "serve", strange)
+    strange = partial(gateway.serve, no_such_option=True)
+    monkeypatch.setattr(gateway, "serve", strange)
     with pytest.raises(PageServerError, match=r"cannot serve the page: .*no_such_opt"):
         PageServer(ServerOptions(port=0))
 

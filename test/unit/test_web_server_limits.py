@@ -22,7 +22,7 @@ from web_clients import (
 )
 from websockets.exceptions import InvalidStatus
 
-from g1_description.web.server import front_door, pipe
+from g1_description.web.server import gateway
 
 pytestmark = pytest.mark.slow
 
@@ -108,13 +108,13 @@ def test_warnings_are_few(caplog):
 
 
 def test_who_says_nothing_is_cut_off(monkeypatch):
-    monkeypatch.setattr(front_door, "OPEN_TIMEOUT", 0.2)
+    monkeypatch.setattr(gateway, "OPEN_TIMEOUT", 0.2)
     with opened() as server, raw(server, HELLO[:60]) as client:
         assert client.recv(99) == b""
 
 
 def test_who_does_not_take_an_answer_is_cut_off(monkeypatch):
-    monkeypatch.setattr(front_door, "PAGE_TIMEOUT", 0.2)
+    monkeypatch.setattr(gateway, "PAGE_TIMEOUT", 0.2)
     texts = {"long": lambda: "x" * 2**24}
     with opened(texts=texts) as server, raw(server) as client:
         client.sendall(b"GET /long HTTP/1.1\r\nHost: localhost\r\n\r\n")
@@ -166,7 +166,7 @@ def test_who_does_not_read_costs_little_and_holds_up_nobody():
 
 
 def test_who_does_not_read_is_cut_off(monkeypatch):
-    monkeypatch.setattr(pipe, "STALL_TIMEOUT", 0.1)
+    monkeypatch.setattr(gateway, "STALL_TIMEOUT", 0.1)
     with opened() as server, with_lazy(server):
         for number in range(40):
             send_points(server, number)

@@ -13,7 +13,7 @@ from g1_description.checks.live import LiveCheck
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 from g1_description.web.robot import ShownRobot, ShownState
-from g1_description.web.ui_loop import Desk
+from g1_description.web.ui_loop import UiLoop
 
 if TYPE_CHECKING:
     from g1_description.checks.verdict import Verdict
@@ -38,18 +38,18 @@ class CheckThread:
 
     def __init__(
         self,
-        desk: Desk,
+        ui: UiLoop,
         make: MakeChecker,
         seen: Callable[[ShownRobot, ShownState, Verdict], object],
     ) -> None:
         """Begin; nothing is prepared before it is needed.
 
         Args:
-            desk: Where results are handed over.
+            ui: Where results are handed over.
             make: Prepares the checks of a robot.
             seen: Given each verdict on a state, by the thread that draws.
         """
-        self._desk, self._make, self._seen = desk, make, seen
+        self._ui, self._make, self._seen = ui, make, seen
         self._checkers: dict[int, Checker] = {}
         self._failed: dict[int, tuple[Exception, float]] = {}
         self._live: dict[ShownRobot, LiveCheck] = {}
@@ -107,21 +107,21 @@ class CheckThread:
         try:
             act()
         except Exception as error:  # raised again where it is told
-            self._desk.post(object(), failed)
-            self._desk.post(("check", str(error)), partial(_raise, error))
+            self._ui.post(object(), failed)
+            self._ui.post(("check", str(error)), partial(_raise, error))
 
     def _motion(
         self, robot: ShownRobot, motion: Motion, then: Callable[[Verdict], object]
     ) -> None:
         verdict = self._checker(robot).check(motion)
         found = replace(verdict, measured=None)  # a long motion's needs much memory
-        self._desk.post(("motion", robot), lambda: then(found))
+        self._ui.post(("motion", robot), lambda: then(found))
 
     def _state(self, robot: ShownRobot, state: ShownState) -> None:
         if robot not in self._live:
             self._live[robot] = LiveCheck(self._checker(robot))
         verdict = self._live[robot].check(state.time, state.positions, state.base)
-        self._desk.post(("seen", robot), lambda: self._seen(robot, state, verdict))
+        self._ui.post(("seen", robot), lambda: self._seen(robot, state, verdict))
 
     def _checker(self, robot: ShownRobot) -> Checker:
         """Prepare the checks of a robot, or of one like it."""

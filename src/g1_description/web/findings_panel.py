@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from g1_description.checks.finding import FAILED, Finding
 from g1_description.checks.marks import short_name
 from g1_description.checks.verdict import Verdict
-from g1_description.web.ui_loop import Desk
+from g1_description.web.ui_loop import UiLoop
 
 if TYPE_CHECKING:
     from viser import GuiApi, GuiButtonHandle
@@ -38,17 +38,17 @@ class FindingList:
     """Shows the findings of the motion of one robot."""
 
     def __init__(
-        self, gui: GuiApi, desk: Desk, jump: Callable[[float], object], read_only: bool
+        self, gui: GuiApi, ui: UiLoop, jump: Callable[[float], object], read_only: bool
     ) -> None:
         """Begin hidden.
 
         Args:
             gui: Where to.
-            desk: Does what a person wants.
+            ui: Does what a person wants.
             jump: Shows a time in [s].
             read_only: Whether there is nothing to click.
         """
-        self._gui, self._desk, self._jump = gui, desk, jump
+        self._gui, self._ui, self._jump = gui, ui, jump
         self._read_only = read_only
         self._buttons: list[GuiButtonHandle] = []
         self._folder = gui.add_folder("Findings", visible=False)
@@ -102,7 +102,7 @@ class FindingList:
             hint=finding.text,
             color="red" if finding.severity == FAILED else "orange",
         )
-        self._desk.on(button, lambda: self._jump(finding.worst_time))
+        self._ui.on(button, lambda: self._jump(finding.worst_time))
         return button
 
 

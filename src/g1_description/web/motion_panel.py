@@ -14,10 +14,10 @@ from g1_description.checks.verdict import Verdict
 from g1_description.errors import InvalidValueError, MotionError
 from g1_description.motion.motion import Motion
 from g1_description.web.check_thread import CheckThread
-from g1_description.web.edit_guard import Held
+from g1_description.web.controls import EditGuard
 from g1_description.web.findings_panel import FindingList, plain
 from g1_description.web.robot import Player, ShownRobot, ShownWorld
-from g1_description.web.ui_loop import Desk
+from g1_description.web.ui_loop import UiLoop
 
 if TYPE_CHECKING:
     from viser import GuiApi
@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 class Scrub:
     """Shows the newest of many times, one after the other."""
 
-    def __init__(self, desk: Desk) -> None:
-        self._desk = desk
+    def __init__(self, ui: UiLoop) -> None:
+        self._ui = ui
         self._lock = threading.Lock()
         self._wanted: tuple[Player, float] | None = None
         self._is_busy = False
@@ -39,7 +39,7 @@ class Scrub:
             if self._is_busy:
                 return
             self._is_busy = True
-        self._desk.wait_for(self._show)
+        self._ui.wait_for(self._show)
 
     def _show(self) -> None:
         while True:
@@ -89,7 +89,7 @@ class MotionPanel:
     def __init__(
         self,
         gui: GuiApi,
-        desk: Desk,
+        ui: UiLoop,
         world: ShownWorld,
         checks: CheckThread,
         read_only: bool,
@@ -98,27 +98,26 @@ class MotionPanel:
 
         Args:
             gui: Where to.
-            desk: Does what a person wants.
+            ui: Does what a person wants.
             world: The robots.
             checks: Checks motions.
             read_only: Whether motions play by themselves, again and again.
         """
-        self._gui, self._desk, self._world, self._checks = gui, desk, world, checks
+        self._gui, self._ui, self._world, self._checks = gui, ui, world, checks
         self._read_only = read_only
         self.player: Player | None = None
         self.motions: dict[ShownRobot, Motion] = {}
         self._titles: dict[ShownRobot, str] = {}
         self.opened: Callable[[], object] = lambda: None
         """Called when there is another motion."""
-        self._scrub = Scrub(desk)
-        self._held = Held(HELD)
+        self._scrub = Scrub(ui)
+        self._guard = EditGuard(HELD)
         self._looked = 0.0
         self._again = math.inf
         """When the motion begins again by itself, on the monotonic clock, in [s]."""
         self._add()
         self._findings = {
-            robot: FindingList(gui, desk, self._jump, read_only)
-            for robot in world.robots
+            robot: FindingList(gui, ui, self._jump, read_only) for robot in world.robots
         }
 
     def _add(self) -> None:
@@ -150,11 +149,11 @@ class MotionPanel:
             "Speed", SPEEDS, initial_value="1", visible=False
         )
         self._loop = gui.add_checkbox("Loop", self._read_only, visible=False)
-        self._desk.on(self._robot, lambda: None)
-        self._desk.on(self._line, self._moved)
-        self._desk.on(self._play, self._toggle)
-        self._desk.on(self._steps, self._step)
-        self._desk.on(self._speed, self._change_speed)
+        self._ui.on(self._robot, lambda: None)
+        self._ui.on(self._line, self._moved)
+        self._ui.on(self._play, self._toggle)
+        self._ui.on(self._steps, self._step)
+        self._ui.on(self._speed, self._change_speed)
 
     # --- opening ---
 
@@ -181,7 +180,7 @@ class MotionPanel:
         except MotionError as error:
             text = str(error).replace(str(path), name).replace(path.name, name)
             raise MotionError(text) from error
-        self._desk.post(("open", robot), lambda: self.open(name, robot, motion))
+        self._ui.post(("open", robot), lambda: self.open(name, robot, motion))
         times = motion.trajectory.times
         return f"{name}: {times[-1] - times[0]:.2f} s, {len(times)} samples."
 
@@ -191,7 +190,7 @@ class MotionPanel:
         player = self.player = self._world.open(robot, motion)
         span = player.end - player.begin
         self._line.min, self._line.max = player.begin, player.begin + max(span, STEP)
-        self._held.show(self._line, player.begin)
+        self._guard.show(self._line, player.begin)
         for element in (self._line, self._play, self._steps, self._speed, self._loop):
             element.visible = not self._read_only
         self._line.visible = True
@@ -232,7 +231,7 @@ class MotionPanel:
         player = self._player
         begin = player.begin if begin >= player.end else begin
         speed, self._again = self._factor, math.inf
-        self._desk.wait_for(lambda: player.play(begin, speed))
+        self._ui.wait_for(lambda: player.play(begin, speed))
 
     @property
     def _player(self) -> Player:
@@ -244,7 +243,7 @@ class MotionPanel:
         """Play, or pause."""
         player = self._player
         if self._play.label == "Pause":  # what was seen when it was pressed
-            self._desk.wait_for(player.pause)
+            self._ui.wait_for(player.pause)
         else:
             self._start(player.time)
 
@@ -276,7 +275,7 @@ class MotionPanel:
         to = min(max(to, player.begin), player.end)
         if to != self._line.value:
             self._line.value = to
-        self._held.hold(self._line)
+        self._guard.hold(self._line)
         self._scrub.to(player, to)
 
     def follow(self) -> None:
@@ -290,14 +289,14 @@ class MotionPanel:
             player.rest()
             is_running = False
             self._again = now + REST if self._loop.value else math.inf
-        if now > self._again and self._loop.value and not self._desk.is_busy:
+        if now > self._again and self._loop.value and not self._ui.is_busy:
             self._start(player.begin)
         label = "Pause" if is_running else "Play"
         if self._play.label != label:
             self._play.label = label
         value = round(min(max(at, player.begin), player.end), 3)
-        if not self._held.is_held(self._line):
-            self._held.show(self._line, value)
+        if not self._guard.is_held(self._line):
+            self._guard.show(self._line, value)
 
 
 def _title(name: str, motion: Motion) -> str:

@@ -11,13 +11,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from g1_description.checks.verdict import Verdict
-from g1_description.web.base_controls import BasePanel
 from g1_description.web.check_thread import CheckThread, MakeChecker
+from g1_description.web.controls import BasePanel, JointPanel, PosePanel
 from g1_description.web.findings_panel import plain
-from g1_description.web.joint_controls import JointPanel
 from g1_description.web.motion_panel import MotionPanel
 from g1_description.web.plots import PlotPanel
-from g1_description.web.pose_controls import PosePanel
 from g1_description.web.robot import ShownRobot, ShownState, ShownWorld
 from g1_description.web.scene.marks import KEYS as POINTED
 from g1_description.web.scene.marks import Pointer
@@ -25,7 +23,7 @@ from g1_description.web.scene.stage import Stage
 from g1_description.web.scene.tree import free_name
 from g1_description.web.shown import Shown
 from g1_description.web.simulator_panel import SimulatorPanel
-from g1_description.web.ui_loop import Desk
+from g1_description.web.ui_loop import UiLoop
 from g1_description.web.view_panel import ViewPanel
 
 if TYPE_CHECKING:
@@ -66,8 +64,8 @@ class Page:
             floor: Height of the floor in the map, in [m].
         """
         self._server, self._world = server, world
-        self.desk = Desk(server, world.changed)
-        self._checks = CheckThread(self.desk, make_checker, self._seen)
+        self.ui = UiLoop(server, world.changed)
+        self._checks = CheckThread(self.ui, make_checker, self._seen)
         self._stage = Stage(server)
         self._pointer = Pointer(server)
         names: set[str] = set()
@@ -95,17 +93,17 @@ class Page:
         self._simulator = None
         if self._world.simulator is not None:
             self._simulator = SimulatorPanel(
-                gui, self.desk, self._world.simulator, self._read_only
+                gui, self.ui, self._world.simulator, self._read_only
             )
         tabs = gui.add_tab_group()
         if not self._read_only and self._world.can_move:
             for shown in self._shown:
                 title = shown.robot.name if len(self._shown) > 1 else "Robot"
                 with tabs.add_tab(title):
-                    self._add_hands(shown)
+                    self._add_controls(shown)
         with tabs.add_tab("Motion" if self._world.can_move else "Checks"):
             self.motion = MotionPanel(
-                gui, self.desk, self._world, self._checks, self._read_only
+                gui, self.ui, self._world, self._checks, self._read_only
             )
             self._now = gui.add_markdown("")
         self._view: ViewPanel | None = None
@@ -122,12 +120,12 @@ class Page:
         with tabs.add_tab("View"):
             bodies = [shown.body for shown in self._shown]
             known = world.has_wanted, world.can_move
-            self._view = ViewPanel(gui, self.desk, self._stage, bodies, *known)
+            self._view = ViewPanel(gui, self.ui, self._stage, bodies, *known)
             if world.can_arrange:
                 self._add_arrangement()
         with tabs.add_tab("Plots"):
             robots = [shown.robot for shown in self._shown]
-            self._plots = PlotPanel(gui, self.desk, robots)
+            self._plots = PlotPanel(gui, self.ui, robots)
 
     def _add_arrangement(self) -> None:
         """Let people choose how robots that are compared are shown."""
@@ -141,18 +139,18 @@ class Page:
             for shown in others:
                 shown.body.fade(bool(box.value))
 
-        self.desk.on(box, arrange)
+        self.ui.on(box, arrange)
 
-    def _add_hands(self, shown: Shown) -> None:
+    def _add_controls(self, shown: Shown) -> None:
         """Add what moves a robot."""
         server, robot = self._server, shown.robot
-        shown.joints = JointPanel(server.gui, self.desk, robot)
-        shown.base = BasePanel(server, self.desk, robot)
-        PosePanel(server.gui, self.desk, self._world, robot, shown.joints)
+        shown.joints = JointPanel(server.gui, self.ui, robot)
+        shown.base = BasePanel(server, self.ui, robot)
+        PosePanel(server.gui, self.ui, self._world, robot, shown.joints)
 
     def _name_on_click(self, shown: Shown) -> None:
         """Show the name of a link that a person clicks or points at."""
-        body, post, point = shown.body, self.desk.post, self._pointer.show
+        body, post, point = shown.body, self.ui.post, self._pointer.show
         body.on_click(lambda link, _: post("name", lambda: body.name(link)))
         body.on_click(
             lambda link, client: post(
@@ -177,9 +175,9 @@ class Page:
             began = time.monotonic()
             self._world.changed.clear()
             with self._server.atomic():  # each message alone would wake viser
-                self.desk.do_all()
+                self.ui.do_all()
                 if self.watched():
-                    self.desk.guarded(self._draw)
+                    self.ui.guarded(self._draw)
             self._server.flush()  # else viser lets messages gather
             spent = time.monotonic() - began
             self._stopped.wait(max(0.0, 1.0 / RATE - spent))
@@ -190,7 +188,7 @@ class Page:
         while not self._stopped.wait(WATCH_PERIOD):
             if bool(self.watched()) != is_watched:
                 is_watched = not is_watched
-                self.desk.guarded(partial(self._world.watch, is_watched))
+                self.ui.guarded(partial(self._world.watch, is_watched))
 
     def stop(self) -> None:
         """End ``run``."""
@@ -206,7 +204,7 @@ class Page:
         self.motion.follow()
         states: dict[ShownRobot, tuple[ShownState, ShownState | None]] = {}
         for shown in self._shown:
-            self.desk.guarded(partial(self._show, shown, states))
+            self.ui.guarded(partial(self._show, shown, states))
         self._tell_lack(states)
         self._follow(states)
         if self._plots is not None:

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from g1_description.motion.motion import Motion
-from g1_description.web.joint_controls import label_of
+from g1_description.web.controls import label_of
 from g1_description.web.robot import Player, ShownRobot, ShownState
-from g1_description.web.ui_loop import Desk
+from g1_description.web.ui_loop import UiLoop
 
 if TYPE_CHECKING:
     from viser import GuiApi, GuiUplotHandle
@@ -40,12 +40,12 @@ COLORS = ("#d64541", "#1f77b4", "#2ca02c", "#ff7f0e", "#9467bd", "#17becf")
 class PlotPanel:
     """One plot, and the joints that are in it."""
 
-    def __init__(self, gui: GuiApi, desk: Desk, robots: list[ShownRobot]) -> None:
+    def __init__(self, gui: GuiApi, ui: UiLoop, robots: list[ShownRobot]) -> None:
         """Add the panel.
 
         Args:
             gui: Where to.
-            desk: Does what a person wants.
+            ui: Does what a person wants.
             robots: Whose joints can be chosen.
         """
         self._gui = gui
@@ -68,9 +68,9 @@ class PlotPanel:
         self._folder = gui.add_folder(None)
         self._plot: GuiUplotHandle | None = None
         self._recorded: dict[str, list[tuple[float, float]]] = {}
-        desk.on(add, self._add)
-        desk.on(clear, self._clear)
-        desk.on(self._span, self._make)
+        ui.on(add, self._add)
+        ui.on(clear, self._clear)
+        ui.on(self._span, self._make)
 
     @staticmethod
     def _choice(robot: ShownRobot, joint: str, with_robot: bool) -> str:

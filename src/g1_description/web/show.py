@@ -11,7 +11,7 @@ from pathlib import Path
 from g1_description.errors import InvalidValueError
 from g1_description.robot.poses import Pose, with_pose
 from g1_description.web.check_thread import MakeChecker
-from g1_description.web.joint_controls import known
+from g1_description.web.controls import known
 from g1_description.web.page import Page
 from g1_description.web.robot import ShownRobot, ShownWorld
 from g1_description.web.server.address import ServerOptions

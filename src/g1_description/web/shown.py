@@ -9,8 +9,7 @@ import numpy as np
 from g1_description.checks.marks import RobotMarks
 from g1_description.checks.verdict import Verdict
 from g1_description.robot.rotation import angle_between
-from g1_description.web.base_controls import BasePanel
-from g1_description.web.joint_controls import JointPanel
+from g1_description.web.controls import BasePanel, JointPanel
 from g1_description.web.robot import ShownRobot, ShownState
 from g1_description.web.scene.marks import SceneMarks
 from g1_description.web.scene.robot import SEE_THROUGH, SceneRobot

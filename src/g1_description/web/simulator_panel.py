@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from g1_description.web.robot import Simulator
-from g1_description.web.ui_loop import Desk
+from g1_description.web.ui_loop import UiLoop
 
 if TYPE_CHECKING:
     from viser import GuiApi
@@ -29,13 +29,13 @@ class SimulatorPanel:
     """Pauses, steps and resets the simulator."""
 
     def __init__(
-        self, gui: GuiApi, desk: Desk, simulator: Simulator, read_only: bool
+        self, gui: GuiApi, ui: UiLoop, simulator: Simulator, read_only: bool
     ) -> None:
         """Add the panel.
 
         Args:
             gui: Where to.
-            desk: Does what a person wants.
+            ui: Does what a person wants.
             simulator: The simulator.
             read_only: Whether to show its state only.
         """
@@ -57,22 +57,20 @@ class SimulatorPanel:
                 "Speed", [*SPEEDS], initial_value="1", hint="of simulated time"
             )
             reset = gui.add_button("Reset", hint="all robots back to where they began")
-        self._desk = desk
-        desk.on(self._pause, self._toggle)
-        desk.on(step, lambda: desk.wait_for(self._step))
-        desk.on(
+        self._ui = ui
+        ui.on(self._pause, self._toggle)
+        ui.on(step, lambda: ui.wait_for(self._step))
+        ui.on(
             self._speed,
-            lambda: desk.wait_for(
-                lambda: simulator.set_speed(SPEEDS[self._speed.value])
-            ),
+            lambda: ui.wait_for(lambda: simulator.set_speed(SPEEDS[self._speed.value])),
         )
-        desk.on(reset, lambda: desk.wait_for(lambda: self._end_steps(simulator.reset)))
+        ui.on(reset, lambda: ui.wait_for(lambda: self._end_steps(simulator.reset)))
 
     def _toggle(self) -> None:
         """Pause, or go on: what the button said when it was pressed."""
         is_pause = self._pause is not None and self._pause.label == "Pause"
         act = self._simulator.pause if is_pause else self._simulator.go_on
-        self._desk.wait_for(lambda: self._end_steps(act))
+        self._ui.wait_for(lambda: self._end_steps(act))
 
     def _end_steps(self, act: Callable[[], object]) -> None:
         """Do no more steps, but something else."""
@@ -97,7 +95,7 @@ class SimulatorPanel:
             self._left = 0
             raise
         self._left -= steps
-        self._desk.wait_for(self._step_on)
+        self._ui.wait_for(self._step_on)
 
     def follow(self) -> None:
         """Show what the simulator says."""

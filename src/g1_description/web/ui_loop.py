@@ -33,7 +33,7 @@ Work = Tuple[Callable[[], object], Callable[[Any], object]]
 """What is to be done, and what its result is given to."""
 
 
-class Desk:
+class UiLoop:
     """Gathers what a person does, and hands it out."""
 
     def __init__(self, server: ViserServer, new: threading.Event) -> None:

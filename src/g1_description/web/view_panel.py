@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from g1_description.web.scene.robot import SceneRobot
 from g1_description.web.scene.stage import Stage
-from g1_description.web.ui_loop import Desk
+from g1_description.web.ui_loop import UiLoop
 
 if TYPE_CHECKING:
     from viser import GuiApi, GuiCheckboxHandle
@@ -36,7 +36,7 @@ class ViewPanel:
     def __init__(
         self,
         gui: GuiApi,
-        desk: Desk,
+        ui: UiLoop,
         stage: Stage,
         robots: Sequence[SceneRobot],
         has_wanted: bool,
@@ -46,13 +46,13 @@ class ViewPanel:
 
         Args:
             gui: Where to.
-            desk: Does what a person wants.
+            ui: Does what a person wants.
             stage: Floor and map.
             robots: All robots.
             has_wanted: Whether it is known where they are wanted.
             can_move: Whether anybody takes commands.
         """
-        self._gui, self._desk = gui, desk
+        self._gui, self._ui = gui, ui
         self._pictured: set[int] = set()
         """Who waits for a picture."""
 
@@ -84,7 +84,7 @@ class ViewPanel:
     ) -> GuiCheckboxHandle:
         """Add a switch."""
         box = self._gui.add_checkbox(label, initial)
-        self._desk.on(box, lambda: show(bool(box.value)))
+        self._ui.on(box, lambda: show(bool(box.value)))
         return box
 
     def _save(self, event: Any) -> None:

@@ -30,7 +30,7 @@ log = logging.getLogger(__name__)
 
 
 class HiddenViser:
-    """A viser server behind the front door."""
+    """A viser server behind the gateway."""
 
     def __init__(self) -> None:
         self._secret = secrets.token_urlsafe()
@@ -63,7 +63,7 @@ class HiddenViser:
         return record.thread != self._connections._server_thread.ident
 
     async def _check(self, client: Any) -> None:
-        """End a connection that is not the front door's, before it is listened to."""
+        """End a connection that is not the gateway's, before it is listened to."""
         connection = self._connections._live_connections[client.client_id]
         brought = connection.request.headers.get_all(SECRET_HEADER)
         if brought != [self._secret]:

@@ -1,4 +1,4 @@
-"""The page's server: viser, and a front door before it."""
+"""The page's server: viser, and a gateway before it."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ MISSING = (
 
 
 class PageServer:
-    """A page in browsers, which viser fills and a front door guards.
+    """A page in browsers, which viser fills and a gateway guards.
 
     Attributes:
         viser: What fills the page.
@@ -53,7 +53,7 @@ class PageServer:
         """
         _check_installed()
         from g1_description.web.server.admission import Admission
-        from g1_description.web.server.front_door import FrontDoor
+        from g1_description.web.server.gateway import Gateway
         from g1_description.web.server.hidden_viser import HiddenViser
         from g1_description.web.server.pages import Pages
         from g1_description.web.server.uploads import Uploads
@@ -65,16 +65,16 @@ class PageServer:
         self.address = f"{base}/?token={token}" if token else f"{base}/"
         self._hidden = HiddenViser()
         self.viser: viser.ViserServer = self._hidden.server
-        self._door = FrontDoor(
+        self._gateway = Gateway(
             options,
             self._hidden,
             Admission(token, base, opened.getsockname()[1]),
             Pages(texts or {}, options.read_only),
             Uploads(on_file, options.max_upload),
         )
-        self.watched: threading.Event = self._door.watched
+        self.watched: threading.Event = self._gateway.watched
         try:
-            self._door.open(opened)
+            self._gateway.open(opened)
         except PageServerError:
             opened.close()
             self._hidden.close()
@@ -84,17 +84,17 @@ class PageServer:
     @property
     def browsers(self) -> int:
         """How many show the page."""
-        return self._door.browsers
+        return self._gateway.browsers
 
     @property
     def bytes_sent(self) -> int:
         """How much has been sent to all browsers so far."""
-        return self._door.bytes_sent
+        return self._gateway.bytes_sent
 
     def close(self) -> None:
         """Close the page; more than once is no mistake."""
         atexit.unregister(self.close)
-        self._door.close()
+        self._gateway.close()
         self._hidden.close()
 
 

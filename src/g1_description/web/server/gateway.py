@@ -7,11 +7,12 @@ import logging
 import socket
 import threading
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from concurrent.futures import Future
 from http import HTTPStatus
 from typing import Any
 
+from websockets.asyncio.client import ClientConnection, connect
 from websockets.asyncio.server import ServerConnection, serve
 from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed
@@ -23,8 +24,112 @@ from g1_description.web.server.address import ServerOptions
 from g1_description.web.server.admission import Admission
 from g1_description.web.server.hidden_viser import HiddenViser
 from g1_description.web.server.pages import Pages, sentence
-from g1_description.web.server.pipe import Pipe, refuse
 from g1_description.web.server.uploads import Uploads
+
+MAX_QUEUE = 2
+"""Most messages read ahead of what the other side has taken."""
+
+STALL_TIMEOUT = 30.0
+"""How long a browser may take nothing while something waits for it, in [s]."""
+
+
+class Pipe:
+    """What connects one browser with viser."""
+
+    def __init__(
+        self,
+        browser: ServerConnection,
+        is_read_only: bool,
+        quiet: logging.Logger,
+    ) -> None:
+        """Prepare it.
+
+        Args:
+            browser: The browser's connection.
+            is_read_only: Whether nothing that it sends goes on to viser.
+            quiet: Where the connection to viser logs.
+        """
+        self._browser = browser
+        self._is_read_only = is_read_only
+        self._quiet = quiet
+        self._loop = asyncio.get_running_loop()
+
+    async def run(self, viser: HiddenViser, on_sent: Callable[[int], None]) -> None:
+        """Pass messages on until either side closes.
+
+        Args:
+            viser: Where they go.
+            on_sent: Told the size of each message that the browser has taken.
+        """
+        async with connect(
+            viser.url,
+            subprotocols=[viser.subprotocol],  # type: ignore[list-item]
+            additional_headers=viser.headers,
+            compression=None,
+            max_size=None,
+            max_queue=MAX_QUEUE,
+            ping_interval=None,  # viser asks
+            close_timeout=1,
+            logger=self._quiet,
+        ) as scene:
+            await _until_one_ends(self._down(scene, on_sent), self._up(scene))
+
+    async def _down(
+        self, scene: ClientConnection, on_sent: Callable[[int], None]
+    ) -> None:
+        """Pass viser's messages on to the browser."""
+        async for message in scene:
+            self._timer = self._loop.call_later(STALL_TIMEOUT, self._end_stalled, 0)
+            try:
+                await self._browser.send(message)
+            finally:
+                self._timer.cancel()
+            on_sent(len(message))
+
+    def _end_stalled(self, before: int) -> None:
+        """End a connection through which nothing goes, else look again later."""
+        waiting = self._browser.transport.get_write_buffer_size()
+        if before and waiting >= before:
+            self._browser.transport.abort()
+        else:
+            self._timer = self._loop.call_later(
+                STALL_TIMEOUT, self._end_stalled, waiting
+            )
+
+    async def _up(self, scene: ClientConnection) -> None:
+        """Pass the browser's messages on to viser, unless the page only shows."""
+        async for message in self._browser:
+            if not self._is_read_only:
+                await scene.send(message)
+
+
+async def _until_one_ends(*ways: Coroutine[Any, Any, None]) -> None:
+    """Run both directions until one ends, and end the other."""
+    tasks = [asyncio.ensure_future(way) for way in ways]
+    try:
+        await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+
+async def refuse(browser: ServerConnection, code: CloseCode, why: str) -> None:
+    """Close a connection; whoever does not take part in that is cut off.
+
+    Args:
+        browser: The connection.
+        code: What kind of reason there is.
+        why: The reason, at most 123 bytes.
+    """
+    timer = asyncio.get_running_loop().call_later(5.0, browser.transport.abort)
+    try:
+        await browser.close(code, why)
+    except ConnectionClosed:
+        pass
+    finally:
+        timer.cancel()
+
 
 MAX_MESSAGE = 16 * 2**20
 """Largest message of a browser, in bytes: a picture of the scene is one."""
@@ -46,7 +151,7 @@ quiet = logging.getLogger(__name__ + ".connections")
 quiet.disabled = True  # websockets logs a traceback for each request it cannot read
 
 
-class FrontDoor:
+class Gateway:
     """Stands before viser, in a thread of its own.
 
     Attributes:
@@ -90,7 +195,7 @@ class FrontDoor:
             PageServerError: If that cannot be.
         """
         self._thread = threading.Thread(
-            target=self._run, args=(listening,), name="front door", daemon=True
+            target=self._run, args=(listening,), name="gateway", daemon=True
         )
         self._thread.start()
         try:
