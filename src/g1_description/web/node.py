@@ -68,7 +68,7 @@ class LiveWorld:
             self.simulator.watch(is_watched)
         for robot in self.robots:
             if is_watched:
-                robot.watch(self._log, self.has_wanted)
+                robot.watch(self._log)
             else:
                 robot.ignore()
 
