@@ -21,14 +21,19 @@ from std_srvs.srv import Empty
 from g1_description.api import JointValues, as_array, as_poses, check_names
 from g1_description.errors import InvalidValueError
 from g1_description.motion.trajectory import Trajectory
-from g1_description.ros.connection import Connection, RefusedError
+from g1_description.ros.connection import Connection
 from g1_description.ros.conversions import (
     model_trajectory,
     pose_from_array,
     pose_to_array,
     twist_to_array,
 )
-from g1_description.ros.waiting import MASTER_PERIOD, NoAnswerError, wait_until
+from g1_description.ros.waiting import (
+    MASTER_PERIOD,
+    NoAnswerError,
+    RefusedError,
+    wait_until,
+)
 from g1_description.srv import SetModelTrajectory, StepModel, StepModelResponse
 
 MOST = (1 << 32) - 1

@@ -9,7 +9,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import rosgraph
 import rospy
 from sensor_msgs.msg import JointState
 
@@ -30,12 +29,10 @@ from g1_description.robot.poses import (
     save_pose,
     user_file,
 )
-from g1_description.ros.conversions import stamp_from_ns
+from g1_description.robot.state import RobotState
 from g1_description.ros.lifecycle import own_arguments, quiet_when_closing, start_node
-from g1_description.ros.motion_client import MotionClient
 from g1_description.ros.robot_view import STANDS_STILL, RobotView
 from g1_description.ros.waiting import NoAnswerError
-from g1_description.srv import PlayMotion
 from g1_description.text import listed
 
 TIMEOUT = 30.0
@@ -73,8 +70,6 @@ class PosedRobot(RobotView):
             queue_size=QUEUE_SIZE,
             tcp_nodelay=True,
         )
-        service = rospy.ServiceProxy(f"{self._prefix}play_motion", PlayMotion)
-        self._motions = MotionClient(service)
         # While the node can still call: afterwards the robot would go on.
         rospy.core.add_preshutdown_hook(lambda _: self._leave())
 
@@ -114,27 +109,23 @@ class PosedRobot(RobotView):
         """
         begin = self._next(None)
         way = minimum_jerk_trajectory(self._names, self._inside(begin), goal, seconds)
-        start_ns, note = self._motions.play(way)
+        start_ns, note = self.motions.play(way)
         if note:
             self._notify(f"{note}.")
-        end = stamp_from_ns(start_ns) + rospy.Duration.from_sec(seconds)
-        self._wait_for_time(begin.header.stamp, end)
-        self._wait_for_goal(goal)
-
-    def _wait_for_time(self, now: rospy.Time, end: rospy.Time) -> None:
-        """Wait until the end of a motion; it need not be stopped afterwards."""
+        now, end = begin.stamp, start_ns + round(1e9 * seconds)
         while now < end:
-            before, now = now, self._next(now, timeout=None).header.stamp
+            before, now = now, self._next(now, timeout=None).stamp
             if now < before:
-                self._motions.may_move = False
+                self.motions.may_move = False
                 raise NoAnswerError("Time went back on the way; the robot was reset.")
-        self._motions.may_move = False
+        self.motions.may_move = False  # it need not be stopped afterwards
+        self._wait_for_goal(goal)
 
     def _leave(self) -> None:
         """Stop the robot where it is, if it is on its way."""
         try:
-            self._motions.leave()
-        except NoAnswerError as error:
+            self.motions.leave()
+        except G1DescriptionError as error:
             self._notify(f"the robot may go on: {error}")
 
     def _publish(self, positions: np.ndarray) -> None:
@@ -172,11 +163,11 @@ class PosedRobot(RobotView):
 
         def is_there():
             meanwhile()
-            return self.newest and not self._away(goal)
+            return self.state and not self._away(goal)
 
         if self.wait_until(is_there, TIMEOUT):
             return
-        if self.newest is None:
+        if self.state is None:
             raise NoAnswerError(f"The command is sent, but {self.silence}")
         reason = f"; {STANDS_STILL}" if self.stands_still else ""
         raise NoAnswerError(
@@ -188,9 +179,9 @@ class PosedRobot(RobotView):
         """List the joints that are not at the goal, and where they are."""
         return self.away(dict(zip(self._names, goal)), TOLERANCE)
 
-    def _inside(self, message: JointState) -> np.ndarray:
-        """Read a message's positions, clamped to the limits."""
-        shown = dict(zip(message.name, message.position))
+    def _inside(self, state: RobotState) -> np.ndarray:
+        """Return a state's positions, clamped to the limits."""
+        shown = state.positions_by_name
         missing = [name for name in self._names if name not in shown]
         if missing:
             raise NoAnswerError(f"{self.topic} has no position of {listed(missing)}.")
@@ -205,20 +196,22 @@ class PosedRobot(RobotView):
             name = self._commands.resolved_name
             raise NoAnswerError(f"Nobody listens to {name}; is the bridge running?")
 
-    def _next(self, after, timeout: float | None = TIMEOUT) -> JointState:
-        """Wait for joint states.
+    def _next(self, after: int | None, timeout: float | None = TIMEOUT) -> RobotState:
+        """Wait for a state.
 
         Args:
-            after: Stamp of a message; the next has another. None: any message will do.
+            after: Stamp of a state in [ns]; the next has another. None: any will do.
             timeout: Longest wait in [s]; None: no limit.
         """
 
-        def is_next():
-            return self.newest and self.newest.header.stamp != after
+        def newer() -> RobotState | None:
+            state = self.state
+            return state if state and state.stamp != after else None
 
-        if not self.wait_until(is_next, timeout):
+        state = self.wait_until(newer, timeout)
+        if state is None:
             raise NoAnswerError(f"The robot's positions are unknown: {self.silence}")
-        return self.newest
+        return state
 
 
 DIGITS = 6
@@ -324,11 +317,8 @@ def _connect(args: argparse.Namespace) -> PosedRobot:
     def notify(line):
         say(f"pose: {line}")
 
-    try:
-        start_node("pose", anonymous=True, disable_rosout=True)
-        return PosedRobot(args.namespace, notify)
-    except (OSError, rosgraph.MasterException) as error:
-        raise NoAnswerError(f"The master is gone: {error}.") from error
+    start_node("pose", anonymous=True, disable_rosout=True)
+    return PosedRobot(args.namespace, notify)
 
 
 def main() -> None:

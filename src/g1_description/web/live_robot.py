@@ -25,7 +25,7 @@ from g1_description.robot.state import RobotState
 from g1_description.ros.conversions import pose_from_array
 from g1_description.ros.lifecycle import quiet_when_closing
 from g1_description.ros.log import ThrottledLog
-from g1_description.ros.motion_client import MotionClient
+from g1_description.ros.playing import MotionClient
 from g1_description.ros.robot_states import RobotStates
 from g1_description.srv import PlayMotion
 from g1_description.web.robot import ShownState
