@@ -141,13 +141,13 @@ class FollowJointTrajectory:
         if goal.is_replaced:
             self._preempt()
             return
-        stamp, seen = self._status.stamp, self._status.observation
-        if seen is None or stamp < goal.following.start_ns:
+        state, stamp = self._status.state, self._status.stamp
+        if state is None or stamp < goal.following.start_ns:
             return
         if stamp < goal.next_feedback and not goal.following.decides_at(stamp):
             return
         try:
-            progress = goal.following.update(stamp, goal.actual(seen))
+            progress = goal.following.update(stamp, goal.actual(state))
         except UnknownNameError as error:
             self._abort(str(error))
             return

@@ -19,11 +19,34 @@ from g1_description.robot.joint_angles import (
     measure,
     measured_joints,
 )
+from g1_description.robot.state import RobotState
 from g1_description.robot.transform import IDENTITY, compose
 
 MAX_CACHED = 64
 """Largest number of sets of links, per robot, whose joints are cached. Links may come
 and go with every message, and finding the joints of a humanoid takes milliseconds."""
+
+
+class LinkProblems(NamedTuple):
+    """What is wrong with the links of one robot; the same object until that changes."""
+
+    is_present: bool
+    """Whether the message has any link of the robot."""
+
+    missing: tuple[str, ...]
+    """Links that are unknown, so that their joints are ignored."""
+
+    invalid: tuple[str, ...]
+    """Links without usable numbers, which count as missing."""
+
+    axis_residual: Mapping[str, float] = {}
+    """Rotation in [rad] off a joint's axis, by joint name, the largest first, where it
+    is larger than ``MAX_RESIDUAL``."""
+
+    @property
+    def are_any(self) -> bool:
+        """Whether anything is wrong."""
+        return self[:3] != (True, (), ()) or bool(self.axis_residual)
 
 
 @dataclass(frozen=True)
@@ -36,8 +59,8 @@ class RobotLayout:
     links: tuple[str, ...]
     """Names of its valid links."""
 
-    invalid: tuple[str, ...]
-    """Names of its links without usable numbers, which count as missing."""
+    problems: LinkProblems
+    """What is wrong with them."""
 
     first_link: int
     """Row of its first link among the valid links of all robots."""
@@ -49,9 +72,6 @@ class RobotLayout:
     """Row of the reference link of its root, or of what floats in the world, among the
     valid links of all robots, and the root's pose in the frame of that link, shape
     (7,). None if it is unknown."""
-
-    is_present: bool
-    """Whether the message has any link of the robot."""
 
 
 class LinkLayout:
@@ -116,11 +136,8 @@ class LinkLayout:
             joints, base = self._structure(robot, links)
             span = slice(first_joint, first_joint + len(joints.names))
             base = base and (first_link + base[0], base[1])
-            layouts.append(
-                RobotLayout(
-                    joints, links, invalid, first_link, span, base, bool(available)
-                )
-            )
+            problems = LinkProblems(bool(available), joints.missing, invalid)
+            layouts.append(RobotLayout(joints, links, problems, first_link, span, base))
             first_link += len(links)
             first_joint = span.stop
         return layouts
@@ -168,44 +185,6 @@ MAX_LATE = 20
 After a longer gap the messages did stop."""
 
 
-class Observation(NamedTuple):
-    """What a message says about one robot. The arrays are views of those of all."""
-
-    names: tuple[str, ...]
-    """Joint names in the order of the description; the same object until the links of
-    the robot change."""
-
-    position: np.ndarray
-    """In [rad] or [m], shape (n_joints,)."""
-
-    velocity: np.ndarray
-    """In [rad/s] or [m/s], shape (n_joints,)."""
-
-    base_pose: np.ndarray | None
-    """Pose in the world of the root link, or of what floats in the world, shape (7,);
-    None if it is unknown."""
-
-    missing: tuple[str, ...]
-    """Links that are unknown, so that their joints are left out."""
-
-    invalid: tuple[str, ...]
-    """Links without usable numbers, which count as missing."""
-
-    axis_residual: Mapping[str, float]
-    """Rotation in [rad] off a joint's axis, by joint name, the largest first, where it
-    is larger than ``MAX_RESIDUAL``."""
-
-    is_present: bool
-    """Whether the message has any link of the robot."""
-
-    changed: bool
-    """Whether its links are others than in the previous message."""
-
-    base_twist: np.ndarray | None = None
-    """Twist of the origin of the base, along the world's axes, shape (6,); None if it
-    is unknown."""
-
-
 class JointStateEstimator:
     """Measures the joints of robots from one message after the other."""
 
@@ -228,7 +207,8 @@ class JointStateEstimator:
         self._names: Sequence[str] | None = None
         self._arranged_for: bytes | None = None
         self._layouts: list[RobotLayout] = []
-        self._changed = [True] * len(robots)
+        self.problems: list[LinkProblems] = []
+        """What was wrong with the links of each robot in the last message."""
         self.reset()
 
     def reset(self) -> None:
@@ -244,8 +224,8 @@ class JointStateEstimator:
         return self._links.duplicates
 
     def update(
-        self, names: Sequence[str], poses: np.ndarray, twists: np.ndarray, time: float
-    ) -> list[Observation]:
+        self, names: Sequence[str], poses: np.ndarray, twists: np.ndarray, stamp: int
+    ) -> list[RobotState]:
         """Measure the joints in one message.
 
         Args:
@@ -255,10 +235,12 @@ class JointStateEstimator:
                 not of unit length within 1e-3, or with a number beyond what a robot can
                 have, counts as missing.
             twists: Twists along the world's axes, shape (n, 6).
-            time: Time of the message in [s].
+            stamp: Time of the message in [ns].
 
         Returns:
-            An observation per robot.
+            The state of each robot, without joints and base where the message has no
+            link of it. The names of the joints are the same object until the links
+            change.
         """
         if names is not self._names:
             self._links.find(names)
@@ -271,57 +253,70 @@ class JointStateEstimator:
             poses, twists, lengths = poses[valid], twists[valid], lengths[valid]
         poses[:, 3:] /= lengths[:, np.newaxis]
         key = b"" if valid is None else valid.tobytes()
-        is_new = key != self._arranged_for
-        if is_new:
+        if key != self._arranged_for:
             self._arrange(valid)
             self._arranged_for = key
-        previous = None
+        time, previous = 1e-9 * stamp, None
         if self._joints.any_needs_unwrapping:
             previous = self._previous(time)
         measured = measure(poses, twists, self._joints, previous)
         if previous:
             self._remember(measured, time)
-        return self._observations(poses, twists, measured, is_new)
-
-    def _observations(
-        self, poses: np.ndarray, twists: np.ndarray, measured: Measured, is_new: bool
-    ) -> list[Observation]:
-        """Cut the common arrays into an observation per robot.
-
-        Args:
-            poses: Poses of the valid links in the world, shape (n_links, 7).
-            twists: Their twists along the world's axes, shape (n_links, 6).
-            measured: Joint states of all robots.
-            is_new: Whether any robot's links changed with this message.
-        """
-        position, velocity, residual = measured
-        is_off = len(residual) > 0 and not residual.max() <= _MAX_SINE
+        self._find_rotated_joints(measured.axis_residual)
         return [
-            Observation(
-                layout.joints.names,
-                position[layout.span],
-                velocity[layout.span],
-                layout.base and _base_pose(poses, layout.base),
-                layout.joints.missing,
-                layout.invalid,
-                _off_axis(residual, layout) if is_off else {},
-                layout.is_present,
-                is_new and changed,
-                layout.base and _base_twist(poses, twists, layout.base),
-            )
-            for layout, changed in zip(self._layouts, self._changed)
+            self._state(stamp, layout, poses, twists, measured)
+            for layout in self._layouts
         ]
+
+    @staticmethod
+    def _state(
+        stamp: int,
+        layout: RobotLayout,
+        poses: np.ndarray,
+        twists: np.ndarray,
+        measured: Measured,
+    ) -> RobotState:
+        """Cut the state of one robot out of the arrays of all."""
+        pose = twist = None
+        if layout.base is not None:
+            row, T_link_root = layout.base
+            pose, twist = poses[row].copy(), twists[row].copy()
+            if T_link_root is not IDENTITY:
+                root = compose(pose, T_link_root)
+                twist[:3] += np.cross(twist[3:], root[:3] - pose[:3])
+                pose = root
+        return RobotState(
+            stamp,
+            layout.joints.names,
+            measured.position[layout.span],
+            measured.velocity[layout.span],
+            pose,
+            twist,
+        )
+
+    def _find_rotated_joints(self, residual: np.ndarray) -> None:
+        """Note the joints of each robot that do not keep to their axes."""
+        is_off = len(residual) > 0 and not residual.max() <= _MAX_SINE
+        for number, layout in enumerate(self._layouts):
+            if is_off or self.problems[number].axis_residual:
+                angles = 2.0 * np.arcsin(
+                    np.sqrt(np.clip(residual[layout.span], 0.0, 1.0))
+                )
+                pairs = zip(layout.joints.names, angles.tolist())
+                found = {name: angle for name, angle in pairs if angle > MAX_RESIDUAL}
+                found = dict(sorted(found.items(), key=lambda item: -item[1]))
+                self.problems[number] = layout.problems._replace(axis_residual=found)
 
     def _arrange(self, valid: np.ndarray | None) -> None:
         """Find what can be measured from the valid links."""
         old, layouts = self._layouts, self._links.arrange(valid)
         self._layouts = layouts
-        self._changed = [True] * len(layouts)
-        if old:
-            self._changed = [
-                (new.links, new.invalid) != (last.links, last.invalid)
-                for new, last in zip(layouts, old)
-            ]
+        self.problems = [
+            last
+            if (new.links, new.problems) == (before.links, before.problems)
+            else new.problems
+            for new, before, last in zip(layouts, old, self.problems)
+        ] or [layout.problems for layout in layouts]
         self._joints = MeasuredJoints.joined(
             [layout.joints for layout in layouts],
             [layout.first_link for layout in layouts],
@@ -334,7 +329,11 @@ class JointStateEstimator:
             ],
             dtype=int,
         )
-        absent = {m for m, new in zip(self._models, layouts) if not new.is_present}
+        absent = {
+            model
+            for model, new in zip(self._models, layouts)
+            if not new.problems.is_present
+        }
         if absent:  # what comes under such a name later is another robot
             gone = [n for (model, _), n in self._number.items() if model in absent]
             self._position[gone] = np.nan
@@ -371,33 +370,3 @@ class JointStateEstimator:
         self._interval += 0.05 * (since - self._interval)
         dt[self._seen == time - since] = self._interval or DEFAULT_INTERVAL
         return dt
-
-
-def _base_pose(poses: np.ndarray, base: tuple[int, np.ndarray]) -> np.ndarray:
-    """Compute a root's pose from that of its reference link, shape (7,)."""
-    row, T_link_root = base
-    return poses[row] if T_link_root is IDENTITY else compose(poses[row], T_link_root)
-
-
-def _base_twist(
-    poses: np.ndarray, twists: np.ndarray, base: tuple[int, np.ndarray]
-) -> np.ndarray:
-    """Compute a root's twist from that of its reference link, shape (6,)."""
-    row, T_link_root = base
-    twist = twists[row]
-    if T_link_root is IDENTITY:
-        return twist
-    lever = compose(poses[row], T_link_root)[:3] - poses[row, :3]
-    return np.concatenate([twist[:3] + np.cross(twist[3:], lever), twist[3:]])
-
-
-def _off_axis(residual: np.ndarray, layout: RobotLayout) -> dict[str, float]:
-    """List the joints of a robot that do not keep to their axes.
-
-    Returns:
-        The rotation off the axis in [rad] by joint name, the largest first.
-    """
-    angles = 2.0 * np.arcsin(np.sqrt(np.clip(residual[layout.span], 0.0, 1.0)))
-    pairs = zip(layout.joints.names, angles.tolist())
-    found = {name: angle for name, angle in pairs if angle > MAX_RESIDUAL}
-    return dict(sorted(found.items(), key=lambda item: -item[1]))

@@ -10,7 +10,6 @@ from control_msgs.msg import FollowJointTrajectoryFeedback, FollowJointTrajector
 from trajectory_msgs.msg import JointTrajectoryPoint
 
 from g1_description.bridge.controllers import Controller
-from g1_description.bridge.estimator import Observation
 from g1_description.errors import MotionError, UnknownNameError
 from g1_description.motion.playlist import Following, Playback, Progress, remaining
 from g1_description.motion.tolerances import (
@@ -19,6 +18,7 @@ from g1_description.motion.tolerances import (
     tolerances_of_goal,
 )
 from g1_description.motion.trajectory import Trajectory
+from g1_description.robot.state import RobotState
 from g1_description.ros.conversions import stamp_from_ns
 from g1_description.ros.motion_messages import trajectory_from_message
 from g1_description.text import listed
@@ -34,7 +34,7 @@ class ActiveGoal:
     """When feedback is due, in [ns]."""
 
     is_seen = False
-    """Whether there was an observation since it began."""
+    """Whether a state came since it began."""
 
     def __init__(
         self, handle: ServerGoalHandle, following: Following, playback: Playback
@@ -56,22 +56,22 @@ class ActiveGoal:
         """Whether another command has taken joints of it."""
         return len(self._playback.rows) < len(self.following.joint_names)
 
-    def actual(self, seen: Observation) -> np.ndarray:
+    def actual(self, state: RobotState) -> np.ndarray:
         """Return the positions and velocities of its joints, shape (2, n_joints).
 
         Raises:
-            UnknownNameError: If the observation has not all of them.
+            UnknownNameError: If the state does not have all of them.
         """
-        if seen.names is not self._names:
+        if state.names is not self._names:
             wanted = self.following.joint_names
-            missing = [name for name in wanted if name not in seen.names]
+            missing = [name for name in wanted if name not in state.names]
             if missing:
                 raise UnknownNameError(
                     f"The simulator does not tell of {listed(missing)} any longer."
                 )
-            self._columns = [seen.names.index(name) for name in wanted]
-            self._names = seen.names
-        return np.stack([seen.position[self._columns], seen.velocity[self._columns]])
+            self._columns = [state.names.index(name) for name in wanted]
+            self._names = state.names
+        return np.stack([state.positions, state.velocities])[:, self._columns]
 
     def publish_feedback(self, stamp: int, progress: Progress) -> None:
         """Publish feedback, if it is due at a time in [ns]."""

@@ -212,24 +212,25 @@ class BridgeHealth:
 
     def _report_joints(self, robot: RobotStatus, status):
         """Report on one robot's joints."""
-        seen = robot.observation
+        state, problems = robot.state, robot.problems
         status.add("listeners to tf_joint_states", robot.tf_listeners)
-        if seen is None or self._is_stale:
+        if state is None or problems is None or self._is_stale:
             status.summary(WARN, "no link states come")
             return status
-        if not seen.is_present:
+        if not problems.is_present:
             reason = f"the simulator has no link of {robot.name}"
             if robot.vanishes:
                 reason = f"nothing is left of {robot.name} without links of no mass"
             status.summary(ERROR, reason)
             return status
-        status.summary(OK, f"{len(seen.names)} joints are measured")
+        status.summary(OK, f"{len(state.names)} joints are measured")
         if robot.other_publishers:
             others = listed(robot.other_publishers)
             status.mergeSummary(WARN, f"joint_states also come from {others}")
-        if seen.axis_residual:
-            status.mergeSummary(WARN, f"off their axes: {listed(seen.axis_residual)}")
-        missing = listed(seen.missing + seen.invalid)
+        if problems.axis_residual:
+            off_axis = listed(problems.axis_residual)
+            status.mergeSummary(WARN, f"off their axes: {off_axis}")
+        missing = listed(problems.missing + problems.invalid)
         if missing:
             status.mergeSummary(ERROR, f"links are missing: {missing}")
         return status

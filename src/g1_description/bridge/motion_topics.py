@@ -180,8 +180,8 @@ class MotionTopics:
     @property
     def _base(self) -> np.ndarray | None:
         """Pose of the robot's base in the last state, shape (7,); None if unknown."""
-        seen = self._status.observation
-        return None if seen is None else seen.base_pose
+        state = self._status.state
+        return None if state is None else state.base_pose
 
 
 def _remark(pose: np.ndarray, now: np.ndarray | None) -> str:

@@ -181,18 +181,20 @@ class BridgeNode:
         rising = self._stamps.next(stamp, rospy.Time.now().to_nsec())
         if rising is None:
             return
-        time_ns, (stamp, went_back) = stamp, rising
+        stamp, went_back = rising
         if went_back:
-            self._reset(time_ns)
-        observations = self._estimator.update(*states, 1e-9 * stamp)
+            self._reset(stamp)
+        found = self._estimator.update(*states, stamp)
         if self._estimator.duplicates:
             names = listed(self._estimator.duplicates)
             text = f"Links are listed more than once, the first one counts: {names}."
             self._log.warn("duplicates", text)
-        pairs = zip(self._robots, observations)
-        edges = [robot.publish(stamp, seen, time_ns) for robot, seen in pairs]
-        if any(edges):
-            self._broadcast(edges)
+        self._broadcast(
+            robot.publish(state, problems)
+            for robot, state, problems in zip(
+                self._robots, found, self._estimator.problems
+            )
+        )
         for action in self._actions:
             action.on_state()
 
@@ -202,7 +204,7 @@ class BridgeNode:
         if found:
             self._tf.publish(TFMessage(found))
 
-    def _reset(self, time_ns: int) -> None:
+    def _reset(self, stamp: int) -> None:
         """Start again, as simulated time did, at a time in [ns]."""
         text = "Time went back: starting over."
         self._log.warn("time", text, SHORT_PERIOD, rospy.loginfo)
@@ -210,7 +212,7 @@ class BridgeNode:
         for robot in self._robots:
             robot.begin_again()
         for action in self._actions:
-            action.reset(time_ns)
+            action.reset(stamp)
 
     def _keep_house(self) -> None:
         """Do what no message triggers, until the node is shut down."""

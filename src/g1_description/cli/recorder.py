@@ -255,12 +255,9 @@ class SimulatorStates:
                 self.problem = error
                 return
             self._estimator = JointStateEstimator({self._model: self._robot})
-        (seen,) = self._estimator.update(*states, 1e-9 * rising[0])
-        if seen.is_present:
-            base = None if seen.base_pose is None else seen.base_pose.copy()
-            self._recorder.take(
-                RobotState(rising[0], seen.names, seen.position, seen.velocity, base)
-            )
+        (state,) = self._estimator.update(*states, rising[0])
+        if self._estimator.problems[0].is_present:
+            self._recorder.take(state)
             return
         self.problem = UnknownNameError(
             f"The simulator has no model '{self._model}' with links of "
