@@ -54,47 +54,8 @@ from g1_description.ros.tcpros import serve_as_roscpp
 from g1_description.ros.wire import LinkStatesArrays
 from g1_description.text import listed
 
-PERIOD = 1.0
-"""Time between two looks in [s] of wall time."""
-
-
-class MasterWatch:
-    """Asks the master for the state of the graph, in a thread of its own.
-
-    The master may take long to answer, or be gone.
-    """
-
-    def __init__(self, robots: Sequence[BridgedRobot], log: ThrottledLog) -> None:
-        """Prepare.
-
-        Args:
-            robots: Robots whose status gets the other publishers.
-            log: Where to log new ones.
-        """
-        self._robots, self._log = robots, log
-
-    def start(self) -> None:
-        """Begin, until the node is shut down."""
-        stay_registered(self._find_other_publishers, PERIOD)
-
-    def _find_other_publishers(self, publishers: Mapping[str, list[str]]) -> None:
-        """Find other nodes that publish the robots' joint states; log new ones."""
-        own = rospy.get_name()
-        clocks = publishers.get("/clock", ())
-        for robot in self._robots:
-            found = publishers.get(robot.topic, ())
-            others = tuple(node for node in found if node != own)
-            new = [node for node in others if node not in robot.status.other_publishers]
-            robot.status.other_publishers = others
-            for node in new:
-                what = f"/clock and {robot.topic}" if node in clocks else robot.topic
-                self._log.warn(
-                    f"publisher {node} {robot.topic}",
-                    f"{node} also publishes {what}: readers get both. To look at a "
-                    "bag, end this launch and use "
-                    "roslaunch g1_description view.launch.",
-                )
-
+MASTER_PERIOD = 1.0
+"""Time between two calls of the master in [s] of wall time."""
 
 TF_QUEUE_SIZE = 100
 """Transforms kept for a slow listener."""
@@ -155,7 +116,13 @@ class BridgeNode:
             bridged.commands.subscribe(topic, player.command)
             MotionTopics(robot, status, player, frame, self._log)
         self._actions = [
-            self._action(robot, bridged, controller)
+            FollowJointTrajectory(
+                topic_of(robot, posixpath.join(controller.name, ACTION)),
+                controller,
+                bridged.status,
+                bridged.player,
+                self._log,
+            )
             for (robot, _), bridged, own in zip(robots, self._robots, controllers)
             for controller in own
         ]
@@ -164,17 +131,27 @@ class BridgeNode:
         self._stopped = threading.Event()
         rospy.on_shutdown(self._stopped.set)
         threading.Thread(target=self._keep_house, daemon=True).start()
-        MasterWatch(self._robots, self._log).start()
+        # In a thread of its own: the master may take long to answer, or be gone.
+        stay_registered(self._find_other_publishers, MASTER_PERIOD)
         BridgeHealth(p.gazebo, self._source, statuses, self._log).start()
 
-    def _action(
-        self, robot: RobotParameters, bridged: BridgedRobot, controller: Controller
-    ) -> FollowJointTrajectory:
-        """Make the action of one controller."""
-        name = topic_of(robot, posixpath.join(controller.name, ACTION))
-        return FollowJointTrajectory(
-            name, controller, bridged.status, bridged.player, self._log
-        )
+    def _find_other_publishers(self, publishers: Mapping[str, list[str]]) -> None:
+        """Find other nodes that publish the robots' joint states; log new ones."""
+        own = rospy.get_name()
+        clocks = publishers.get("/clock", ())
+        for robot in self._robots:
+            found = publishers.get(robot.topic, ())
+            others = tuple(node for node in found if node != own)
+            new = {*others} - {*robot.status.other_publishers}
+            robot.status.other_publishers = others
+            for node in sorted(new):
+                what = f"/clock and {robot.topic}" if node in clocks else robot.topic
+                self._log.warn(
+                    f"publisher {node} {robot.topic}",
+                    f"{node} also publishes {what}: readers get both. To look at a "
+                    "bag, end this launch and use "
+                    "roslaunch g1_description view.launch.",
+                )
 
     def _on_states(self, stamp: int, states: LinkStatesArrays) -> None:
         """Turn one state into joint states and, now and then, TF."""

@@ -18,7 +18,6 @@ from g1_description.robot.description import Description
 from g1_description.robot.kinematics import Kinematics
 from g1_description.robot.state import RobotState
 from g1_description.ros.conversions import stamp_from_ns, transform
-from g1_description.ros.lifecycle import quiet_when_closing
 
 PREFIX = "ghost/"
 """What the names of its frames begin with."""
@@ -113,7 +112,7 @@ class TrailMarkers:
         self._points: deque[np.ndarray] = deque(maxlen=MAX_POINTS)
         self._added = self._published = -PUBLISH_PERIOD
 
-    def add(self, state: RobotState) -> None:
+    def show(self, state: RobotState) -> None:
         """Add a point to each path where one is due.
 
         A state without a base or with missing joints adds nothing.
@@ -148,37 +147,24 @@ class TrailMarkers:
         self._publisher.publish(markers)
 
 
-class Overlays:
-    """The paths of links, and what is commanded; both off by default."""
+def overlays_of(
+    robot: RobotParameters, parameters: BridgeParameters, description: Description
+) -> list[Ghost | TrailMarkers]:
+    """Make what the parameters ask for; nothing by default.
 
-    def __init__(
-        self,
-        robot: RobotParameters,
-        parameters: BridgeParameters,
-        description: Description,
-    ) -> None:
-        """Advertise the topics that the parameters ask for."""
-        p = parameters
-        self._trails = self._ghost = None
-        if p.trails.split():
-            topic, links = topic_of(robot, "trails"), p.trails.split()
-            self._trails = TrailMarkers(topic, links, description, p.map_frame)
-        if p.ghost:
-            root, _ = base_of(description)
-            topic = topic_of(robot, "commanded_joint_states")
-            self._ghost = Ghost(topic, robot.frame_prefix + root, p.map_frame)
-
-    def show(self, state: RobotState) -> None:
-        """Show what belongs to a state of the robot."""
-        if self._trails or self._ghost:
-            with quiet_when_closing():
-                if self._trails:
-                    self._trails.add(state)
-                if self._ghost:
-                    self._ghost.show(state)
-
-    def reset(self) -> None:
-        """Begin again, as time did."""
-        for overlay in (self._trails, self._ghost):
-            if overlay:
-                overlay.reset()
+    Args:
+        robot: The robot's names.
+        parameters: Of the node.
+        description: The robot.
+    """
+    p = parameters
+    found: list[Ghost | TrailMarkers] = []
+    links = p.trails.split()
+    if links:
+        topic = topic_of(robot, "trails")
+        found.append(TrailMarkers(topic, links, description, p.map_frame))
+    if p.ghost:
+        root, _ = base_of(description)
+        topic = topic_of(robot, "commanded_joint_states")
+        found.append(Ghost(topic, robot.frame_prefix + root, p.map_frame))
+    return found

@@ -12,7 +12,7 @@ from sensor_msgs.msg import JointState
 
 from g1_description.bridge.commands import JointCommands
 from g1_description.bridge.estimator import LinkProblems
-from g1_description.bridge.overlays import Overlays
+from g1_description.bridge.overlays import overlays_of
 from g1_description.bridge.parameters import (
     BridgeParameters,
     RobotParameters,
@@ -26,6 +26,7 @@ from g1_description.msg import RobotState as RobotStateMessage
 from g1_description.robot.description import FREE
 from g1_description.robot.state import RobotState
 from g1_description.ros.conversions import stamp_from_ns, transform
+from g1_description.ros.lifecycle import quiet_when_closing
 from g1_description.ros.log import SHORT_PERIOD, ThrottledLog
 from g1_description.ros.publisher import DirectPublisher
 from g1_description.ros.wire import JointStateEncoder, Prepared, write_robot_state
@@ -78,7 +79,7 @@ class BridgedRobot:
                 p.min_interval,
             )
         )
-        self._overlays = Overlays(robot, p, status.description)
+        self._overlays = overlays_of(robot, p, status.description)
         self._encoder = JointStateEncoder()
         self._joint_states, self._robot_states, self._tf_joint_states = self._topics = [
             DirectPublisher(topic_of(robot, name), kind, size, latch=True)
@@ -117,7 +118,10 @@ class BridgedRobot:
                 topic.forget()
             return None
         state = self.player.with_commands(state)
-        self._overlays.show(state)
+        if self._overlays:
+            with quiet_when_closing():
+                for overlay in self._overlays:
+                    overlay.show(state)
         self._joint_states.publish(self._encoder.encode(state))
         if self._base is None:
             state = replace(state, base_pose=None, base_twist=None)
@@ -200,7 +204,8 @@ class BridgedRobot:
         """Forget everything: time began again."""
         self.reset()
         self.player.reset()
-        self._overlays.reset()
+        for overlay in self._overlays:
+            overlay.reset()
 
     def reset(self) -> None:
         """Forget what was sent to TF: time began again, or a listener is new."""

@@ -28,7 +28,7 @@ second."""
 
 
 @dataclass
-class _Fault:
+class _Repeated:
     """The messages on one fault."""
 
     period: float
@@ -78,7 +78,7 @@ class ThrottledLog:
         hang.
         """
         self._lock = threading.Lock()
-        self._faults: dict[str, _Fault] = {}
+        self._faults: dict[str, _Repeated] = {}
         self._changed = threading.Event()
         threading.Thread(target=self._run, daemon=True).start()
 
@@ -102,7 +102,7 @@ class ThrottledLog:
         """
         now = time.monotonic()
         with self._lock:
-            fault = self._faults.setdefault(key, _Fault(period, log, lasts))
+            fault = self._faults.setdefault(key, _Repeated(period, log, lasts))
             if now - fault.time_seen > EXPIRY:
                 fault.last_line = ""
             fault.time_seen = now
