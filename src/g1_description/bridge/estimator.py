@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Optional, Tuple
 
 import numpy as np
 
@@ -49,9 +49,33 @@ class LinkProblems(NamedTuple):
         return self[:3] != (True, (), ()) or bool(self.axis_residual)
 
 
+MAX_RESIDUAL = 0.1
+"""Largest rotation in [rad] off a joint's axis that is not reported. Gazebo's engine
+lets the joints of a robot that lies on the floor come 0.01 to 0.02 rad off their axes,
+and those of one that has just fallen 0.056 rad. With the robot_description of another
+robot a bent joint is off by about its angle."""
+
+_MAX_SINE = np.sin(0.5 * MAX_RESIDUAL) ** 2
+
+MAX_AGE = 1.0
+"""Oldest measurement in [s] that angles are unwrapped from."""
+
+DEFAULT_INTERVAL = 0.001
+"""Time between two messages in [s] while it is unknown."""
+
+MAX_LATE = 20
+"""Largest number of intervals between two messages that a slow clock may explain.
+After a longer gap the messages did stop."""
+
+
+_Structure = Tuple[MeasuredJoints, Optional[Tuple[int, np.ndarray]]]
+"""Joints between links, and the base: its link's row and its pose in that, shape (7,).
+"""
+
+
 @dataclass(frozen=True)
-class RobotLayout:
-    """One robot's share of the links and joints of all robots."""
+class _Layout:
+    """Where the links and joints of one robot are among those of all."""
 
     joints: MeasuredJoints
     """Its joints; they index its own valid links."""
@@ -74,117 +98,6 @@ class RobotLayout:
     (7,). None if it is unknown."""
 
 
-class LinkLayout:
-    """Finds the links of robots by their scoped names."""
-
-    def __init__(self, robots: Mapping[str, Description]) -> None:
-        """Begin without a message.
-
-        Args:
-            robots: The robots as in their files, by the names of their models in the
-                simulated world. The name of a model inside another begins with the
-                other's name and ``::``.
-        """
-        self._robots = list(robots.items())
-        self._cache: dict = {}
-        self._available: list[list[str]] = [[] for _ in robots]
-        self.rows: slice | np.ndarray = slice(0, 0)
-        """Rows of the robots' links in the message, one robot after the other."""
-        self.duplicates: tuple[str, ...] = ()
-        """Scoped names of the robots' links that the message has more than once."""
-
-    def find(self, names: Sequence[str]) -> None:
-        """Find the robots' links among the scoped names of a message.
-
-        Args:
-            names: The names. Of equal names the first counts.
-        """
-        index: dict[str, int] = {}
-        for row, name in enumerate(names):
-            index.setdefault(name, row)
-        self._available = [
-            [link for link in robot.link_names if f"{model}{SCOPE}{link}" in index]
-            for model, robot in self._robots
-        ]
-        scoped = [
-            f"{model}{SCOPE}{link}"
-            for (model, _), links in zip(self._robots, self._available)
-            for link in links
-        ]
-        self.rows = _as_slice(np.array([index[name] for name in scoped], dtype=int))
-        counts = Counter(names) if len(index) < len(names) else {}
-        self.duplicates = tuple(name for name in scoped if counts.get(name, 1) > 1)
-
-    def arrange(self, valid: np.ndarray | None) -> list[RobotLayout]:
-        """Lay out the valid links and the joints between them.
-
-        Args:
-            valid: True for each link found that has usable numbers, shape (n_found,);
-                None where all have.
-
-        Returns:
-            A layout per robot.
-        """
-        layouts = []
-        row = first_link = first_joint = 0
-        for (_, robot), available in zip(self._robots, self._available):
-            end = row + len(available)
-            mask = [True] * len(available) if valid is None else valid[row:end].tolist()
-            row = end
-            links = tuple(link for link, good in zip(available, mask) if good)
-            invalid = tuple(link for link, good in zip(available, mask) if not good)
-            joints, base = self._structure(robot, links)
-            span = slice(first_joint, first_joint + len(joints.names))
-            base = base and (first_link + base[0], base[1])
-            problems = LinkProblems(bool(available), joints.missing, invalid)
-            layouts.append(RobotLayout(joints, links, problems, first_link, span, base))
-            first_link += len(links)
-            first_joint = span.stop
-        return layouts
-
-    def _structure(
-        self, robot: Description, links: tuple[str, ...]
-    ) -> tuple[MeasuredJoints, tuple[int, np.ndarray] | None]:
-        """Find a robot's joints, and its base as index and pose; both are cached."""
-        key = (id(robot), links)
-        if key not in self._cache:
-            if len(self._cache) >= MAX_CACHED * len(self._robots):
-                self._cache.clear()
-            base = None
-            root, _ = base_of(robot)
-            if root in (references := reference_links(robot, links)):
-                link, T_link_root = references[root]
-                base = (links.index(link), T_link_root)
-            self._cache[key] = (measured_joints(robot, links), base)
-        return self._cache[key]
-
-
-def _as_slice(rows: np.ndarray) -> slice | np.ndarray:
-    """Replace rows that follow one another by a slice, which numpy takes faster."""
-    first = int(rows[0]) if len(rows) else 0
-    block = slice(first, first + len(rows))
-    return block if np.array_equal(rows, np.arange(block.start, block.stop)) else rows
-
-
-MAX_RESIDUAL = 0.1
-"""Largest rotation in [rad] off a joint's axis that is not reported. Gazebo's engine
-lets the joints of a robot that lies on the floor come 0.01 to 0.02 rad off their axes,
-and those of one that has just fallen 0.056 rad. With the robot_description of another
-robot a bent joint is off by about its angle."""
-
-_MAX_SINE = np.sin(0.5 * MAX_RESIDUAL) ** 2
-
-MAX_AGE = 1.0
-"""Oldest measurement in [s] that angles are unwrapped from."""
-
-DEFAULT_INTERVAL = 0.001
-"""Time between two messages in [s] while it is unknown."""
-
-MAX_LATE = 20
-"""Largest number of intervals between two messages that a slow clock may explain.
-After a longer gap the messages did stop."""
-
-
 class JointStateEstimator:
     """Measures the joints of robots from one message after the other."""
 
@@ -196,17 +109,23 @@ class JointStateEstimator:
                 simulated world. The name of a model inside another begins with the
                 other's name and ``::``.
         """
+        self._robots = list(robots.items())
         keys = [
             (model, joint.name)
-            for model, robot in robots.items()
+            for model, robot in self._robots
             for joint in robot.movable_joints
         ]
-        self._models = [*robots]
         self._number = {key: number for number, key in enumerate(keys)}
-        self._links = LinkLayout(robots)
+        self._structures: dict[tuple[int, tuple[str, ...]], _Structure] = {}
         self._names: Sequence[str] | None = None
+        self._available: list[list[str]] = []
+        """Links of each robot in the message."""
+        self._rows: slice | np.ndarray = slice(0, 0)
+        """Rows of the robots' links in the message, one robot after the other."""
         self._arranged_for: bytes | None = None
-        self._layouts: list[RobotLayout] = []
+        self._layouts: list[_Layout] = []
+        self.duplicates: tuple[str, ...] = ()
+        """Scoped names of the robots' links that the last message had repeatedly."""
         self.problems: list[LinkProblems] = []
         """What was wrong with the links of each robot in the last message."""
         self.reset()
@@ -217,11 +136,6 @@ class JointStateEstimator:
         self._position, self._velocity, self._seen = np.full(shape, np.nan)
         self._time = np.nan
         self._interval = 0.0
-
-    @property
-    def duplicates(self) -> tuple[str, ...]:
-        """Scoped names of the robots' links that the last message had repeatedly."""
-        return self._links.duplicates
 
     def update(
         self, names: Sequence[str], poses: np.ndarray, twists: np.ndarray, stamp: int
@@ -243,9 +157,9 @@ class JointStateEstimator:
             change.
         """
         if names is not self._names:
-            self._links.find(names)
+            self._find_links(names)
             self._names, self._arranged_for = names, None
-        poses, twists = poses[self._links.rows].copy(), twists[self._links.rows]
+        poses, twists = poses[self._rows].copy(), twists[self._rows]
         lengths = np.sqrt(np.einsum("ij,ij->i", poses[:, 3:], poses[:, 3:]))
         valid = None
         if not all_usable(lengths, poses, twists):
@@ -271,7 +185,7 @@ class JointStateEstimator:
     @staticmethod
     def _state(
         stamp: int,
-        layout: RobotLayout,
+        layout: _Layout,
         poses: np.ndarray,
         twists: np.ndarray,
         measured: Measured,
@@ -307,16 +221,71 @@ class JointStateEstimator:
                 found = dict(sorted(found.items(), key=lambda item: -item[1]))
                 self.problems[number] = layout.problems._replace(axis_residual=found)
 
+    def _find_links(self, names: Sequence[str]) -> None:
+        """Find the robots' links among the scoped names of a message."""
+        index: dict[str, int] = {}
+        for row, name in enumerate(names):
+            index.setdefault(name, row)
+        self._available = [
+            [link for link in robot.link_names if f"{model}{SCOPE}{link}" in index]
+            for model, robot in self._robots
+        ]
+        scoped = [
+            f"{model}{SCOPE}{link}"
+            for (model, _), links in zip(self._robots, self._available)
+            for link in links
+        ]
+        rows = np.array([index[name] for name in scoped], dtype=int)
+        first = int(rows[0]) if len(rows) else 0
+        block = slice(first, first + len(rows))  # numpy takes it faster than an array
+        is_block = np.array_equal(rows, np.arange(block.start, block.stop))
+        self._rows = block if is_block else rows
+        counts = Counter(names) if len(index) < len(names) else {}
+        self.duplicates = tuple(name for name in scoped if counts.get(name, 1) > 1)
+
+    def _structure(self, robot: Description, links: tuple[str, ...]) -> _Structure:
+        """Find a robot's joints, and its base as index and pose; both are cached."""
+        key = (id(robot), links)
+        if key not in self._structures:
+            if len(self._structures) >= MAX_CACHED * len(self._robots):
+                self._structures.clear()
+            base = None
+            root, _ = base_of(robot)
+            if root in (references := reference_links(robot, links)):
+                link, T_link_root = references[root]
+                base = (links.index(link), T_link_root)
+            self._structures[key] = (measured_joints(robot, links), base)
+        return self._structures[key]
+
     def _arrange(self, valid: np.ndarray | None) -> None:
-        """Find what can be measured from the valid links."""
-        old, layouts = self._layouts, self._links.arrange(valid)
-        self._layouts = layouts
+        """Lay out the links with usable numbers, and the joints between them.
+
+        Args:
+            valid: True for each link found that has such, shape (n_found,); None where
+                all have.
+        """
+        layouts: list[_Layout] = []
+        row = first_link = first_joint = 0
+        for (_, robot), available in zip(self._robots, self._available):
+            end = row + len(available)
+            mask = [True] * len(available) if valid is None else valid[row:end].tolist()
+            row = end
+            links = tuple(link for link, good in zip(available, mask) if good)
+            invalid = tuple(link for link, good in zip(available, mask) if not good)
+            joints, base = self._structure(robot, links)
+            span = slice(first_joint, first_joint + len(joints.names))
+            base = base and (first_link + base[0], base[1])
+            problems = LinkProblems(bool(available), joints.missing, invalid)
+            layouts.append(_Layout(joints, links, problems, first_link, span, base))
+            first_link += len(links)
+            first_joint = span.stop
         self.problems = [
             last
             if (new.links, new.problems) == (before.links, before.problems)
             else new.problems
-            for new, before, last in zip(layouts, old, self.problems)
+            for new, before, last in zip(layouts, self._layouts, self.problems)
         ] or [layout.problems for layout in layouts]
+        self._layouts = layouts
         self._joints = MeasuredJoints.joined(
             [layout.joints for layout in layouts],
             [layout.first_link for layout in layouts],
@@ -324,14 +293,14 @@ class JointStateEstimator:
         self._which = np.array(
             [
                 self._number[model, name]
-                for model, layout in zip(self._models, layouts)
+                for (model, _), layout in zip(self._robots, layouts)
                 for name in layout.joints.names
             ],
             dtype=int,
         )
         absent = {
             model
-            for model, new in zip(self._models, layouts)
+            for (model, _), new in zip(self._robots, layouts)
             if not new.problems.is_present
         }
         if absent:  # what comes under such a name later is another robot
