@@ -99,13 +99,6 @@ class ActiveGoal:
     def __init__(
         self, handle: ServerGoalHandle, following: Following, playback: Playback
     ) -> None:
-        """Begin.
-
-        Args:
-            handle: actionlib's handle of the goal.
-            following: The trajectory.
-            playback: What is left of it.
-        """
         self.handle, self.following = handle, following
         self._playback = playback
         self._names: Sequence[str] | None = None
@@ -231,15 +224,6 @@ class FollowJointTrajectory:
         player: MotionPlayer,
         log: ThrottledLog,
     ) -> None:
-        """Advertise the action.
-
-        Args:
-            action: Its name.
-            controller: The joints that it moves, and their tolerances.
-            status: The robot, and its last state.
-            player: What plays trajectories.
-            log: Where to log what is not done exactly as requested.
-        """
         self._action, self._log = action, log
         self._controller, self._status, self._player = controller, status, player
         joints = status.description.movable_joints

@@ -99,16 +99,13 @@ class _Layout:
 
 
 class JointStateEstimator:
-    """Measures the joints of robots from one message after the other."""
+    """Measures the joints of robots from one message after the other.
+
+    The robots are as in their files, by the names of their models in the simulated
+    world. The name of a model inside another begins with the other's name and ``::``.
+    """
 
     def __init__(self, robots: Mapping[str, Description]) -> None:
-        """Begin without a message.
-
-        Args:
-            robots: The robots as in their files, by the names of their models in the
-                simulated world. The name of a model inside another begins with the
-                other's name and ``::``.
-        """
         self._robots = list(robots.items())
         keys = [
             (model, joint.name)

@@ -55,14 +55,6 @@ class BridgeHealth:
         robots: Sequence[RobotStatus],
         log: ThrottledLog,
     ) -> None:
-        """Prepare the diagnostics.
-
-        Args:
-            gazebo: Namespace of the simulator.
-            source: Receives the states.
-            robots: The robots.
-            log: Where to log what stays away.
-        """
         self._source, self._robots, self._log = source, robots, log
         self._stopped = threading.Event()
         self._start = time.monotonic()

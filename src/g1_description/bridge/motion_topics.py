@@ -60,15 +60,6 @@ class MotionTopics:
         frame: MapFrame,
         log: ThrottledLog,
     ) -> None:
-        """Subscribe.
-
-        Args:
-            robot: The robot's names.
-            status: The robot.
-            player: What plays its motions.
-            frame: Transforms poses to the map.
-            log: Where to log what cannot be done.
-        """
         self._status, self._player, self._log = status, player, log
         self._map = frame
         joints = status.description.movable_joints

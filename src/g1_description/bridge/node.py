@@ -84,13 +84,6 @@ class BridgeNode:
         robots: Sequence[tuple[RobotParameters, Description]],
         controllers: Sequence[Sequence[Controller]],
     ) -> None:
-        """Make the topics.
-
-        Args:
-            parameters: The node's parameters.
-            robots: Names and descriptions of the robots.
-            controllers: The controllers of each.
-        """
         p = parameters
         self._log = ThrottledLog()
         statuses = [

@@ -30,13 +30,6 @@ class Ghost:
     """Shows what one robot is commanded."""
 
     def __init__(self, topic: str, root: str, frame: str) -> None:
-        """Advertise the topic.
-
-        Args:
-            topic: Its name.
-            root: Frame of the robot's root link.
-            frame: Name of the map.
-        """
         self._states = rospy.Publisher(topic, JointState, queue_size=10, latch=True)
         self._tf = tf2_ros.TransformBroadcaster()
         self._root, self._frame = PREFIX + root, frame
@@ -84,19 +77,11 @@ COLORS = (
 
 
 class TrailMarkers:
-    """Where links of one robot have been."""
+    """Where links of one robot have been; links that it does not have are ignored."""
 
     def __init__(
         self, topic: str, links: Sequence[str], robot: Description, frame: str
     ) -> None:
-        """Advertise the topic.
-
-        Args:
-            topic: Its name.
-            links: The links; those that the robot does not have are left out.
-            robot: Whose links they are.
-            frame: Name of the map.
-        """
         names = [name for name in robot.link_names if name != WORLD]
         self._links = [link for link in links if link in names]
         self._rows = [names.index(link) for link in self._links]

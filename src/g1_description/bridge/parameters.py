@@ -274,12 +274,6 @@ class StaticFrames:
         parameters: BridgeParameters,
         robots: Sequence[tuple[RobotParameters, Description]],
     ) -> None:
-        """Send the edges around the robots.
-
-        Args:
-            parameters: Names of the frames above.
-            robots: Names and descriptions of the robots.
-        """
         self._broadcaster = tf2_ros.StaticTransformBroadcaster()
         self._static_edges = {
             (parent, child): IDENTITY

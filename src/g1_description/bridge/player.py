@@ -57,6 +57,8 @@ class MotionPlayer:
 
     The stand-in samples a motion itself, at the time of each step. On the real Gazebo
     each state that it publishes is answered with the sample of that time.
+
+    What motions and commands want is kept where that is asked for, for the ghost.
     """
 
     def __init__(
@@ -66,14 +68,6 @@ class MotionPlayer:
         commands: JointCommands,
         keeps_commands: bool = False,
     ) -> None:
-        """Prepare; nothing is sent before the first motion.
-
-        Args:
-            gazebo: Namespace of the simulator.
-            status: The robot, and its last state.
-            commands: Takes samples to the real Gazebo, which plays no motions.
-            keeps_commands: Whether to keep what motions and commands want.
-        """
         self._status = status
         self._name = f"{gazebo}/set_model_trajectory"
         self._was_stand_in, self._asked = False, -math.inf

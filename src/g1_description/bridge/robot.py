@@ -53,14 +53,6 @@ class BridgedRobot:
         status: RobotStatus,
         log: ThrottledLog,
     ) -> None:
-        """Advertise its topics.
-
-        Args:
-            robot: Its names.
-            parameters: The node's parameters.
-            status: Where to keep the last state.
-            log: Where to log what is wrong.
-        """
         p = parameters
         self.status = status
         self.commands = JointCommands(p.gazebo, status.name, status.commands, log)
@@ -217,12 +209,6 @@ class RobotWarnings:
     """Logs what is wrong with the links of one robot."""
 
     def __init__(self, status: RobotStatus, log: ThrottledLog) -> None:
-        """Log which joints have more than one degree of freedom.
-
-        Args:
-            status: The robot.
-            log: Where to log what is wrong.
-        """
         self._status, self._log = status, log
         self._was_present = self._came = False
         joints = status.description.joints

@@ -193,11 +193,6 @@ class TfFilter:
     """
 
     def __init__(self, throttle: PoseThrottle) -> None:
-        """Begin without a state.
-
-        Args:
-            throttle: Decides which poses of the base are worth sending.
-        """
         self._throttle, self._whole_states = throttle, WholeStates()
         self._joints_stamp = -STILL_PERIOD
         self._joints = np.zeros(0)

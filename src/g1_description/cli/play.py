@@ -59,11 +59,6 @@ class Keyboard:
     """Reads keys from a terminal one by one; without a terminal there are none."""
 
     def __init__(self, descriptor: int | None) -> None:
-        """Let the terminal hand on each key at once, without showing it.
-
-        Args:
-            descriptor: Of the terminal; None: there is none.
-        """
         self._descriptor = descriptor
         self._pending = b""
         if descriptor is not None:

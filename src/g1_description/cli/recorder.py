@@ -155,7 +155,6 @@ class BridgeStates:
     """
 
     def __init__(self, topic: str, recorder: Recorder) -> None:
-        """Subscribe."""
         self._recorder = recorder
         # Its publisher is the simulator, which may end before the bridge.
         self._clock = rospy.Subscriber("/clock", Clock)
@@ -202,19 +201,14 @@ class BridgeStates:
 
 
 class SimulatorStates:
-    """The states of a robot, measured from those of all links of a simulator."""
+    """The states of a robot, measured from those of all links of a simulator.
+
+    Without a name of its model, it is the only one with its links.
+    """
 
     def __init__(
         self, robot: Description, model: str, gazebo: str, recorder: Recorder
     ) -> None:
-        """Subscribe.
-
-        Args:
-            robot: The robot.
-            model: Name of its model; empty: the only one with its links.
-            gazebo: Namespace of the simulator.
-            recorder: Takes the states.
-        """
         self._robot, self._model, self._recorder = robot, model, recorder
         self._estimator: JointStateEstimator | None = None
         self._stamps = RisingStamps()

@@ -68,15 +68,11 @@ class _Repeated:
 class ThrottledLog:
     """Logs the first message on a fault at once, the next ones later and counted.
 
-    rospy's own throttles use simulated time, which may stand still or go back.
+    rospy's own throttles use simulated time, which may stand still or go back. A thread
+    of its own logs, because rospy asks the master each time, which may hang.
     """
 
     def __init__(self) -> None:
-        """Begin without any fault.
-
-        A thread of its own logs, because rospy asks the master each time, which may
-        hang.
-        """
         self._lock = threading.Lock()
         self._faults: dict[str, _Repeated] = {}
         self._changed = threading.Event()

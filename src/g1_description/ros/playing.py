@@ -26,11 +26,6 @@ class MotionClient:
     """Asks a robot's bridge for motions, and stops what it has asked for."""
 
     def __init__(self, service: rospy.ServiceProxy) -> None:
-        """Prepare; nothing is called yet.
-
-        Args:
-            service: The robot's service play_motion.
-        """
         self._service = service
         self._lock = threading.Lock()
         self.is_left = False

@@ -48,14 +48,6 @@ class LiveRobot:
         map_frame: str,
         changed: threading.Event,
     ) -> None:
-        """Advertise commands; nothing is subscribed to yet.
-
-        Args:
-            parameters: Its names.
-            description: The robot.
-            map_frame: Frame that is shown.
-            changed: To be set when it has moved.
-        """
         self.name, self.description = parameters.name, description
         self.joint_topic = rospy.resolve_name(topic_of(parameters, "joint_commands"))
         self._map, self._changed = map_frame, changed
