@@ -21,15 +21,21 @@ from std_srvs.srv import Empty
 from g1_description.api import JointValues, as_array, as_poses, check_names
 from g1_description.errors import InvalidValueError
 from g1_description.motion.trajectory import Trajectory
-from g1_description.ros.connection import Connection, RefusedError
+from g1_description.robot.state import RobotState
+from g1_description.ros.connection import Connection
 from g1_description.ros.conversions import (
     model_trajectory,
     pose_from_array,
     pose_to_array,
     twist_to_array,
 )
-from g1_description.ros.waiting import MASTER_PERIOD, NoAnswerError, wait_until
-from g1_description.srv import SetModelTrajectory, StepModel, StepModelResponse
+from g1_description.ros.waiting import (
+    MASTER_PERIOD,
+    NoAnswerError,
+    RefusedError,
+    wait_until,
+)
+from g1_description.srv import SetModelTrajectory, StepModel
 
 MOST = (1 << 32) - 1
 """The largest count that a message holds."""
@@ -81,7 +87,7 @@ def count(what: str, number: Any, least: int) -> int:
     """Check a count.
 
     Raises:
-        InvalidValueError: If it is none.
+        InvalidValueError: If it is not.
     """
     try:
         found = operator.index(number)
@@ -95,25 +101,11 @@ def count(what: str, number: Any, least: int) -> int:
 
 
 @dataclass(frozen=True, eq=False)
-class State:
-    """Where a robot is at an instant, and how it moves."""
+class SteppedState(RobotState):
+    """The state of a robot after steps, and what was not done before them.
 
-    time_ns: int
-    """The stamp, in simulated time, in [ns]."""
-
-    positions: np.ndarray
-    """Of the joints in [rad] or [m], in the order of the client's ``joint_names``,
-    shape (n_joints,)."""
-
-    velocities: np.ndarray
-    """Of the joints in [rad/s] or [m/s], shape (n_joints,)."""
-
-    base: np.ndarray
-    """Pose of the root link in the world, shape (7,)."""
-
-    base_twist: np.ndarray
-    """Linear velocity of the root link's origin and its angular velocity, along the
-    world's axes, in [m/s] and [rad/s], shape (6,)."""
+    Joints are in the order of the client's ``joint_names``. The base is the root link.
+    """
 
     note: str = ""
     """What was not done as requested, such as positions that were clamped."""
@@ -122,40 +114,19 @@ class State:
     """The joints whose positions were clamped to their limits."""
 
     @property
+    def time_ns(self) -> int:
+        """The stamp, in simulated time, in [ns]."""
+        return self.stamp
+
+    @property
     def time(self) -> float:
         """The stamp in [s]."""
-        return 1e-9 * self.time_ns
+        return 1e-9 * self.stamp
 
-
-def state_of(response: StepModelResponse) -> State:
-    """Convert the answer of step_model."""
-    joints = response.joint_states
-    return State(
-        joints.header.stamp.to_nsec(),
-        np.array(joints.position),
-        np.array(joints.velocity),
-        pose_to_array(response.base_pose),
-        twist_to_array(response.base_twist),
-        response.status_message,
-        tuple(response.clamped),
-    )
-
-
-def trajectory_of(states: Sequence[State], joint_names: Sequence[str]) -> Trajectory:
-    """Make a motion of states, whose times count from the first.
-
-    Args:
-        states: At rising times.
-        joint_names: Of their joints.
-    """
-    begin = states[0].time_ns
-    return Trajectory(
-        np.array([1e-9 * (state.time_ns - begin) for state in states]),
-        tuple(joint_names),
-        np.array([state.positions for state in states]),
-        np.array([state.velocities for state in states]),
-        np.array([state.base for state in states]),
-    )
+    @property
+    def base(self) -> np.ndarray | None:
+        """Pose of the root link in the world, shape (7,)."""
+        return self.base_pose
 
 
 TIMEOUT = 10.0
@@ -213,7 +184,7 @@ class Client:
         """Simulated time of a step, in [s]."""
         return self._physics().time_step
 
-    def state(self) -> State:
+    def state(self) -> SteppedState:
         """Return where the robot is.
 
         Raises:
@@ -221,7 +192,9 @@ class Client:
         """
         return self.step(0)
 
-    def set(self, positions: JointValues | None = None, base: Any = None) -> State:
+    def set(
+        self, positions: JointValues | None = None, base: Any = None
+    ) -> SteppedState:
         """Set joints and base at once; no time passes.
 
         Args:
@@ -240,13 +213,13 @@ class Client:
 
     def step(
         self, n: int = 1, positions: JointValues | None = None, base: Any = None
-    ) -> State:
+    ) -> SteppedState:
         """Let physics steps pass.
 
         Args:
             n: How many.
             positions: Set first, as by ``set``.
-            base: Likewise.
+            base: Set first, too.
 
         Returns:
             The state after them.
@@ -258,16 +231,25 @@ class Client:
         fields: dict[str, Any] = {"set_base": base is not None}
         if base is not None:
             fields["base_pose"] = pose_from_array(one_pose(base))
-        return state_of(
-            self._services.checked(
-                "step_model",
-                StepModel,
-                model_name=self._model,
-                joint_names=names,
-                joint_positions=numbers,
-                steps=count("steps", n, 0),
-                **fields,
-            )
+        answer = self._services.checked(
+            "step_model",
+            StepModel,
+            model_name=self._model,
+            joint_names=names,
+            joint_positions=numbers,
+            steps=count("steps", n, 0),
+            **fields,
+        )
+        joints = answer.joint_states
+        return SteppedState(
+            joints.header.stamp.to_nsec(),
+            self.joint_names,
+            np.array(joints.position),
+            np.array(joints.velocity),
+            pose_to_array(answer.base_pose),
+            twist_to_array(answer.base_twist),
+            note=answer.status_message,
+            clamped=tuple(answer.clamped),
         )
 
     def command(self, positions: JointValues) -> str:
@@ -347,9 +329,15 @@ class Client:
         while left:
             states.append(self.step(min(every, left)))
             left -= min(every, left)
-        return trajectory_of(states, self.joint_names)
+        return Trajectory(
+            1e-9 * np.array([state.stamp - states[0].stamp for state in states]),
+            self.joint_names,
+            np.array([state.positions for state in states]),
+            np.array([state.velocities for state in states]),
+            np.array([state.base for state in states]),
+        )
 
-    def reset(self) -> State:
+    def reset(self) -> SteppedState:
         """Begin again: time zero, models as they were spawned.
 
         Returns:

@@ -225,7 +225,7 @@ class TestPoses(unittest.TestCase):
 
         def views():
             _, subscribers, _ = rosgraph.Master(rospy.get_name()).getSystemState()
-            nodes = dict(subscribers)["/joint_states"]
+            nodes = dict(subscribers).get("/robot_state", [])
             return [node for node in nodes if node.startswith("/pose_")]
 
         wait_for(lambda: len(views()) >= len(processes), "all to see the robot")

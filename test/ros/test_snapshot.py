@@ -66,9 +66,9 @@ def start(*arguments):
 
 
 def snapshot_listens():
-    """Tell whether a snapshot hears joint states."""
+    """Tell whether a snapshot hears the robot."""
     _, subscribers, _ = rosgraph.Master("/test").getSystemState()
-    nodes = dict(subscribers).get("/joint_states", [])
+    nodes = dict(subscribers).get("/robot_state", [])
     return any(re.fullmatch(r"/snapshot_\d+_\d+", node) for node in nodes)
 
 
@@ -172,7 +172,7 @@ class TestSnapshot(unittest.TestCase):
         self.assertEqual(len(told), 1)
         self.assertIn("right_knee_joint", told[0])
         self.assertNotIn("left_knee_joint", told[0])
-        self.assertIn("there is no transform from map to half/pelvis", err)
+        self.assertIn("nor TF says where half/pelvis is in map", err)
 
     def test_joints_that_never_come_are_told(self):
         _, err = self.run_snapshot("a.png", "--namespace", "half", expected=1)

@@ -46,8 +46,8 @@ def fallen(world, name):
 def measured(world, text):
     """The positions of a robot's joints as the bridge sees them, by name."""
     estimator = JointStateEstimator({"r": parse_urdf(text)})
-    (seen,) = estimator.update(world.link_names, *world.link_states(), 0.0)
-    return dict(zip(seen.names, seen.position))
+    (seen,) = estimator.update(world.link_names, *world.link_states(), 0)
+    return seen.positions_by_name
 
 
 def test_a_static_robot_does_not_fall_and_is_measured(world):

@@ -102,10 +102,10 @@ def test_joints_are_as_fast_as_pybullet_says(make_world, file, gravity):
     measured, expected = [], []
     for _ in range(100):
         world.step()
-        (seen,) = estimator.update(names, *world.link_states(), 1e-9 * world.time_ns)
+        (seen,) = estimator.update(names, *world.link_states(), world.time_ns)
         position, velocity = robot.joint_states(seen.names)
-        np.testing.assert_allclose(seen.position, position, atol=1e-9)
-        measured.append(seen.velocity)
+        np.testing.assert_allclose(seen.positions, position, atol=1e-9)
+        measured.append(seen.velocities)
         expected.append(velocity)
     assert not world.contacts()
     assert_as_fast(measured, expected, 1e-6)
@@ -127,7 +127,7 @@ def test_the_link_velocities_of_pybullet_give_its_joint_velocities(make_world, f
     measured, expected = [], []
     for _ in range(40):
         world.step()
-        (seen,) = estimator.update(*robot.link_states(), 1e-9 * world.time_ns)
-        measured.append(seen.velocity)
+        (seen,) = estimator.update(*robot.link_states(), world.time_ns)
+        measured.append(seen.velocities)
         expected.append(robot.joint_states(seen.names)[1])
     assert_as_fast(measured, expected, 1e-9)

@@ -44,8 +44,10 @@ class Watched:
         twists = np.zeros((2, 6))
         twists[1, 3:] = turned.apply(AXIS) * speed
         self.time += DT
-        (seen,) = self.estimator.update(("r::a", "r::b"), poses, twists, self.time)
-        return seen.position[0]
+        (seen,) = self.estimator.update(
+            ("r::a", "r::b"), poses, twists, round(1e9 * self.time)
+        )
+        return seen.positions[0]
 
     def through(self, *stations, moving=False, step=0.1):
         """Go from station to station by steps of at most 0.1 rad, or as given.
@@ -171,8 +173,8 @@ def test_a_slide_has_no_turns():
         poses = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]] * 3)
         poses[1, 0] = way
         names = ("r::a", "r::b", "r::c")
-        (seen,) = estimator.update(names, poses, np.zeros((3, 6)), 0.0)
-        assert seen.position[0] == pytest.approx(way, abs=1e-12)
+        (seen,) = estimator.update(names, poses, np.zeros((3, 6)), 0)
+        assert seen.positions[0] == pytest.approx(way, abs=1e-12)
 
 
 def test_a_joint_that_was_not_seen_for_a_while_goes_on_where_its_speed_took_it():
@@ -192,8 +194,9 @@ def test_a_joint_that_was_not_seen_for_a_while_goes_on_where_its_speed_took_it()
         turns = Rotation.from_rotvec([[0, 0, a * speed * step * DT] for a in (0, 1, 1)])
         poses = np.hstack([np.zeros((3, 3)), turns.as_quat()])[:n_links]
         names = ("r::a", "r::b", "r::c")[:n_links]
-        (seen,) = estimator.update(names, poses, twists[:n_links], step * DT)
-    np.testing.assert_allclose(seen.position, speed * 19 * DT)
+        stamp = round(1e9 * step * DT)
+        (seen,) = estimator.update(names, poses, twists[:n_links], stamp)
+    np.testing.assert_allclose(seen.positions, speed * 19 * DT)
 
 
 @pytest.mark.parametrize("limits", [(), (-HALF, HALF)])

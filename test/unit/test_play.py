@@ -19,8 +19,7 @@ from waiting import wait_for
 from g1_description.cli.play import Keyboard
 from g1_description.motion.trajectory import Trajectory
 from g1_description.ros import playing as sessions
-from g1_description.ros.motion_client import MotionClient
-from g1_description.ros.playing import Session
+from g1_description.ros.playing import MotionClient, Session
 
 SOON = 0.05
 """[s] A wait for what does not come."""

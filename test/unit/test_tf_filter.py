@@ -1,5 +1,7 @@
 """States between the two halves of a command are found, and no others."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -11,13 +13,19 @@ from g1_description.bridge.tf_filter import (
     MAX_HOLD,
     STILL_PERIOD,
     PoseThrottle,
-    State,
     TfFilter,
     WholeStates,
 )
+from g1_description.robot.state import RobotState
 
 PERIOD = 0.005
 """Time between two states in [s]."""
+
+
+def state_at(stamp, height, joint, velocity=0.0):
+    pose = np.array([0.0, 0.0, height, 0.0, 0.0, 0.0, 1.0])
+    velocities = np.array([velocity])
+    return RobotState(stamp, ("joint",), np.array([joint]), velocities, pose)
 
 
 class Robot:
@@ -33,12 +41,11 @@ class Robot:
 
     def see(self):
         self.now += PERIOD
-        pose = np.array([0.0, 0.0, self.base, 0.0, 0.0, 0.0, 1.0])
-        joints = np.array([self.joint])
-        state = State(round(1e9 * self.now), pose, joints, None, self.is_moving)
+        stamp = round(1e9 * self.now)
+        state = state_at(stamp, self.base, self.joint, float(self.is_moving))
         whole = self.states.next(state, self.now, self.commands, self.is_under_way)
         if whole is not None:
-            self.passed.append((whole.pose[2], whole.joints[0]))
+            self.passed.append((whole.base_pose[2], whole.positions[0]))
 
     def command(self):
         self.commands += 1
@@ -152,9 +159,9 @@ def test_rounding_is_no_motion():
 def test_joints_that_come_or_go_start_anew():
     robot = Robot()
     robot.see()
-    pose = np.array([0.0, 0.0, 5.0, 0.0, 0.0, 0.0, 1.0])
-    state = State(round(1e9 * robot.now) + 1, pose, np.zeros(2))
-    assert robot.states.next(state, robot.now, 0, False) is not None
+    state = state_at(round(1e9 * robot.now) + 1, 5.0, 0.0)
+    state = replace(state, positions=np.zeros(2))
+    assert robot.states.next(state, robot.now) is not None
 
 
 @pytest.fixture
@@ -164,10 +171,14 @@ def tf_filter():
 
 def taken(tf_filter, number, height, joint=0.0):
     """Give the filter a state each millisecond; return what is shown of the last."""
-    pose = np.array([0.0, 0.0, height, 0.0, 0.0, 0.0, 1.0])
-    state = State(1_000_000 * number, pose, np.array([joint]), number)
-    shown = tf_filter.next(state, 1e-3 * number, 0, False)
-    return shown and (shown.state.message, shown.with_joints, shown.with_base)
+    state = state_at(1_000_000 * number, height, joint)
+    return told(*tf_filter.next(state, 1e-3 * number))
+
+
+def told(joints, base):
+    """Give the number of a state, and whether its joints and its base are shown."""
+    state = joints or base
+    return state and (state.stamp // 1_000_000, joints is not None, base is not None)
 
 
 def test_joints_go_with_each_base(tf_filter):
@@ -234,11 +245,10 @@ def test_tf_never_mixes_the_base_of_two_states(tf_filter, start, steps):
 def test_the_last_state_is_shown_once(tf_filter):
     for number in (1, 2, 3):
         taken(tf_filter, number, 1.0)
-    state, with_joints, with_base = tf_filter.settle()
-    assert (state.message, with_joints, with_base) == (3, True, True)
-    assert tf_filter.settle() is None
+    assert told(*tf_filter.settle()) == (3, True, True)
+    assert tf_filter.settle() == (None, None)
     tf_filter.reset()
-    assert tf_filter.settle() is None
+    assert tf_filter.settle() == (None, None)
 
 
 def test_without_a_base_joints_pass_at_their_rate(tf_filter):

@@ -28,8 +28,8 @@ def seen(root_pose, root_twist, position, velocity):
     """Let the bridge's estimator see the G1; give what it measures by joint."""
     poses, twists = KINEMATICS.link_states(root_pose, position, root_twist, velocity)
     names = [f"g1::{link}" for link in BODIES.link_names]
-    (measured,) = JointStateEstimator({"g1": G1}).update(names, poses, twists, 0.0)
-    pairs = zip(measured.position.tolist(), measured.velocity.tolist())
+    (measured,) = JointStateEstimator({"g1": G1}).update(names, poses, twists, 0)
+    pairs = zip(measured.positions.tolist(), measured.velocities.tolist())
     return dict(zip(measured.names, pairs))
 
 

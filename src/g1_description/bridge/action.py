@@ -11,24 +11,39 @@ import actionlib
 import numpy as np
 import rospy
 from actionlib import ServerGoalHandle
-from control_msgs.msg import FollowJointTrajectoryAction, FollowJointTrajectoryResult
+from control_msgs.msg import (
+    FollowJointTrajectoryAction,
+    FollowJointTrajectoryFeedback,
+    FollowJointTrajectoryGoal,
+    FollowJointTrajectoryResult,
+)
 
 from g1_description.bridge.controllers import Controller
-from g1_description.bridge.goals import (
-    ActiveGoal,
-    OldTrajectoryError,
-    tolerances_in_goal,
-    trajectory_of_goal,
-)
 from g1_description.bridge.player import MotionPlayer, Played
 from g1_description.bridge.status import RobotStatus
-from g1_description.errors import G1DescriptionError, UnknownNameError
-from g1_description.motion.playlist import Following, Outcome, Progress
-from g1_description.motion.tolerances import Tolerances
+from g1_description.errors import G1DescriptionError, MotionError, UnknownNameError
+from g1_description.motion.playlist import (
+    Following,
+    Outcome,
+    Playback,
+    Progress,
+    remaining,
+)
+from g1_description.motion.tolerances import (
+    JointTolerance,
+    Tolerances,
+    tolerances_of_goal,
+)
 from g1_description.motion.trajectory import Trajectory
+from g1_description.robot.state import RobotState
+from g1_description.ros.conversions import stamp_from_ns
 from g1_description.ros.lifecycle import quiet_when_closing
 from g1_description.ros.log import SHORT_PERIOD, ThrottledLog
-from g1_description.ros.motion_messages import check_joint_names
+from g1_description.ros.motion_messages import (
+    check_joint_names,
+    trajectory_from_message,
+)
+from g1_description.text import listed
 
 STATUS_PERIOD = 0.2
 """Time between two publications of the goals' status, in [s] of wall time."""
@@ -68,6 +83,123 @@ class SteadyActionServer(actionlib.ActionServer):
                 )
 
 
+FEEDBACK_PERIOD = 50_000_000
+"""Time between two messages of feedback, in [ns] of simulated time."""
+
+
+class ActiveGoal:
+    """A goal that the robot is going to, and how far it is."""
+
+    next_feedback = 0
+    """When feedback is due, in [ns]."""
+
+    is_seen = False
+    """Whether a state came since it began."""
+
+    def __init__(
+        self, handle: ServerGoalHandle, following: Following, playback: Playback
+    ) -> None:
+        self.handle, self.following = handle, following
+        self._playback = playback
+        self._names: Sequence[str] | None = None
+        self._columns: list[int] = []
+
+    @property
+    def is_replaced(self) -> bool:
+        """Whether another command has taken joints of it."""
+        return len(self._playback.rows) < len(self.following.joint_names)
+
+    def actual(self, state: RobotState) -> np.ndarray:
+        """Return the positions and velocities of its joints, shape (2, n_joints).
+
+        Raises:
+            UnknownNameError: If the state does not have all of them.
+        """
+        if state.names is not self._names:
+            wanted = self.following.joint_names
+            missing = [name for name in wanted if name not in state.names]
+            if missing:
+                raise UnknownNameError(
+                    f"The simulator does not tell of {listed(missing)} any longer."
+                )
+            self._columns = [state.names.index(name) for name in wanted]
+            self._names = state.names
+        return np.stack([state.positions, state.velocities])[:, self._columns]
+
+    def publish_feedback(self, stamp: int, progress: Progress) -> None:
+        """Publish desired and actual joints, if that is due at a time in [ns]."""
+        if stamp < self.next_feedback:
+            return
+        self.next_feedback = stamp + FEEDBACK_PERIOD
+        following = self.following
+        message = FollowJointTrajectoryFeedback(joint_names=list(following.joint_names))
+        message.header.stamp = stamp_from_ns(stamp)
+        elapsed = stamp_from_ns(stamp - following.start_ns) - stamp_from_ns(0)
+        for point, rows in (
+            (message.desired, progress.desired),
+            (message.actual, progress.actual),
+            (message.error, progress.error),
+        ):
+            point.positions, point.velocities = rows.tolist()
+            point.time_from_start = elapsed
+        self.handle.publish_feedback(message)
+
+
+class OldTrajectoryError(MotionError):
+    """All points of a trajectory are in the past."""
+
+
+def trajectory_of_goal(
+    goal: FollowJointTrajectoryGoal, controller: Controller, now_ns: int
+) -> Trajectory:
+    """Read what of a goal's trajectory is still to come.
+
+    Args:
+        goal: The goal, with at least one point.
+        controller: The joints that it may move.
+        now_ns: The time in [ns].
+
+    Raises:
+        UnknownNameError: If it has joints that the controller does not have.
+        OldTrajectoryError: If nothing of it is to come.
+        MotionError: If it is no trajectory.
+    """
+    message = goal.trajectory
+    trajectory = trajectory_from_message(message, controller.joints)
+    start = message.header.stamp.to_nsec()
+    if not start and len(trajectory.times) == 1:
+        return trajectory
+    elapsed = (now_ns - start) / 1e9 if start else 0.0
+    rest = remaining(trajectory, elapsed)
+    if rest is None:
+        late = elapsed - trajectory.duration
+        raise OldTrajectoryError(
+            f"The last point of the trajectory is {late:.3g} s in the past."
+        )
+    return rest
+
+
+def tolerances_in_goal(
+    goal: FollowJointTrajectoryGoal, controller: Controller
+) -> Tolerances:
+    """Read what tolerances a goal asks for.
+
+    Raises:
+        InvalidValueError: If one is NaN.
+    """
+    path, end = (
+        [JointTolerance(one.name, one.position, one.velocity) for one in asked]
+        for asked in (goal.path_tolerance, goal.goal_tolerance)
+    )
+    return tolerances_of_goal(
+        goal.trajectory.joint_names,
+        controller.constraints,
+        path,
+        end,
+        goal.goal_time_tolerance.to_sec(),
+    )
+
+
 ACTION = "follow_joint_trajectory"
 
 TIME_WENT_BACK = "Simulated time went back, which ends all motions."
@@ -92,15 +224,6 @@ class FollowJointTrajectory:
         player: MotionPlayer,
         log: ThrottledLog,
     ) -> None:
-        """Advertise the action.
-
-        Args:
-            action: Its name.
-            controller: The joints that it moves, and their tolerances.
-            status: The robot, and its last state.
-            player: What plays trajectories.
-            log: Where to log what is not done exactly as requested.
-        """
         self._action, self._log = action, log
         self._controller, self._status, self._player = controller, status, player
         joints = status.description.movable_joints
@@ -141,13 +264,13 @@ class FollowJointTrajectory:
         if goal.is_replaced:
             self._preempt()
             return
-        stamp, seen = self._status.stamp, self._status.observation
-        if seen is None or stamp < goal.following.start_ns:
+        state, stamp = self._status.state, self._status.stamp
+        if state is None or stamp < goal.following.start_ns:
             return
         if stamp < goal.next_feedback and not goal.following.decides_at(stamp):
             return
         try:
-            progress = goal.following.update(stamp, goal.actual(seen))
+            progress = goal.following.update(stamp, goal.actual(state))
         except UnknownNameError as error:
             self._abort(str(error))
             return

@@ -37,11 +37,6 @@ class CommandTally:
     """Finds what of one robot's commands can be obeyed, and counts the rest."""
 
     def __init__(self, joints: Iterable[Joint]) -> None:
-        """Begin with zero counts.
-
-        Args:
-            joints: The robot's movable joints.
-        """
         self._joints = {joint.name: joint for joint in joints}
         self.received = 0
         """Commands of which something can be obeyed."""
@@ -169,14 +164,6 @@ class JointCommands:
     def __init__(
         self, gazebo: str, model: str, tally: CommandTally, log: ThrottledLog
     ) -> None:
-        """Prepare; the thread begins with the first command.
-
-        Args:
-            gazebo: Namespace of the simulator.
-            model: Name of the robot in the simulated world.
-            tally: Where to count the commands.
-            log: Where to log what went wrong.
-        """
         self._gazebo, self._model = gazebo, model
         self._tally, self._log = tally, log
         self._connect()

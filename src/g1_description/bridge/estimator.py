@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Optional, Tuple
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from g1_description.robot.joint_angles import (
     measure,
     measured_joints,
 )
+from g1_description.robot.state import RobotState
 from g1_description.robot.transform import IDENTITY, compose
 
 MAX_CACHED = 64
@@ -26,127 +27,26 @@ MAX_CACHED = 64
 and go with every message, and finding the joints of a humanoid takes milliseconds."""
 
 
-@dataclass(frozen=True)
-class RobotLayout:
-    """One robot's share of the links and joints of all robots."""
-
-    joints: MeasuredJoints
-    """Its joints; they index its own valid links."""
-
-    links: tuple[str, ...]
-    """Names of its valid links."""
-
-    invalid: tuple[str, ...]
-    """Names of its links without usable numbers, which count as missing."""
-
-    first_link: int
-    """Row of its first link among the valid links of all robots."""
-
-    span: slice
-    """Rows of its joints among those of all robots."""
-
-    base: tuple[int, np.ndarray] | None
-    """Row of the reference link of its root, or of what floats in the world, among the
-    valid links of all robots, and the root's pose in the frame of that link, shape
-    (7,). None if it is unknown."""
+class LinkProblems(NamedTuple):
+    """What is wrong with the links of one robot; the same object until that changes."""
 
     is_present: bool
     """Whether the message has any link of the robot."""
 
+    missing: tuple[str, ...]
+    """Links that are unknown, so that their joints are ignored."""
 
-class LinkLayout:
-    """Finds the links of robots by their scoped names."""
+    invalid: tuple[str, ...]
+    """Links without usable numbers, which count as missing."""
 
-    def __init__(self, robots: Mapping[str, Description]) -> None:
-        """Begin without a message.
+    axis_residual: Mapping[str, float] = {}
+    """Rotation in [rad] off a joint's axis, by joint name, the largest first, where it
+    is larger than ``MAX_RESIDUAL``."""
 
-        Args:
-            robots: The robots as in their files, by the names of their models in the
-                simulated world. The name of a model inside another begins with the
-                other's name and ``::``.
-        """
-        self._robots = list(robots.items())
-        self._cache: dict = {}
-        self._available: list[list[str]] = [[] for _ in robots]
-        self.rows: slice | np.ndarray = slice(0, 0)
-        """Rows of the robots' links in the message, one robot after the other."""
-        self.duplicates: tuple[str, ...] = ()
-        """Scoped names of the robots' links that the message has more than once."""
-
-    def find(self, names: Sequence[str]) -> None:
-        """Find the robots' links among the scoped names of a message.
-
-        Args:
-            names: The names. Of equal names the first counts.
-        """
-        index: dict[str, int] = {}
-        for row, name in enumerate(names):
-            index.setdefault(name, row)
-        self._available = [
-            [link for link in robot.link_names if f"{model}{SCOPE}{link}" in index]
-            for model, robot in self._robots
-        ]
-        scoped = [
-            f"{model}{SCOPE}{link}"
-            for (model, _), links in zip(self._robots, self._available)
-            for link in links
-        ]
-        self.rows = _as_slice(np.array([index[name] for name in scoped], dtype=int))
-        counts = Counter(names) if len(index) < len(names) else {}
-        self.duplicates = tuple(name for name in scoped if counts.get(name, 1) > 1)
-
-    def arrange(self, valid: np.ndarray | None) -> list[RobotLayout]:
-        """Lay out the valid links and the joints between them.
-
-        Args:
-            valid: True for each link found that has usable numbers, shape (n_found,);
-                None where all have.
-
-        Returns:
-            A layout per robot.
-        """
-        layouts = []
-        row = first_link = first_joint = 0
-        for (_, robot), available in zip(self._robots, self._available):
-            end = row + len(available)
-            mask = [True] * len(available) if valid is None else valid[row:end].tolist()
-            row = end
-            links = tuple(link for link, good in zip(available, mask) if good)
-            invalid = tuple(link for link, good in zip(available, mask) if not good)
-            joints, base = self._structure(robot, links)
-            span = slice(first_joint, first_joint + len(joints.names))
-            base = base and (first_link + base[0], base[1])
-            layouts.append(
-                RobotLayout(
-                    joints, links, invalid, first_link, span, base, bool(available)
-                )
-            )
-            first_link += len(links)
-            first_joint = span.stop
-        return layouts
-
-    def _structure(
-        self, robot: Description, links: tuple[str, ...]
-    ) -> tuple[MeasuredJoints, tuple[int, np.ndarray] | None]:
-        """Find a robot's joints, and its base as index and pose; both are cached."""
-        key = (id(robot), links)
-        if key not in self._cache:
-            if len(self._cache) >= MAX_CACHED * len(self._robots):
-                self._cache.clear()
-            base = None
-            root, _ = base_of(robot)
-            if root in (references := reference_links(robot, links)):
-                link, T_link_root = references[root]
-                base = (links.index(link), T_link_root)
-            self._cache[key] = (measured_joints(robot, links), base)
-        return self._cache[key]
-
-
-def _as_slice(rows: np.ndarray) -> slice | np.ndarray:
-    """Replace rows that follow one another by a slice, which numpy takes faster."""
-    first = int(rows[0]) if len(rows) else 0
-    block = slice(first, first + len(rows))
-    return block if np.array_equal(rows, np.arange(block.start, block.stop)) else rows
+    @property
+    def are_any(self) -> bool:
+        """Whether anything is wrong."""
+        return self[:3] != (True, (), ()) or bool(self.axis_residual)
 
 
 MAX_RESIDUAL = 0.1
@@ -168,67 +68,63 @@ MAX_LATE = 20
 After a longer gap the messages did stop."""
 
 
-class Observation(NamedTuple):
-    """What a message says about one robot. The arrays are views of those of all."""
+_Structure = Tuple[MeasuredJoints, Optional[Tuple[int, np.ndarray]]]
+"""Joints between links, and the base: its link's row and its pose in that, shape (7,).
+"""
 
-    names: tuple[str, ...]
-    """Joint names in the order of the description; the same object until the links of
-    the robot change."""
 
-    position: np.ndarray
-    """In [rad] or [m], shape (n_joints,)."""
+@dataclass(frozen=True)
+class _Layout:
+    """Where the links and joints of one robot are among those of all."""
 
-    velocity: np.ndarray
-    """In [rad/s] or [m/s], shape (n_joints,)."""
+    joints: MeasuredJoints
+    """Its joints; they index its own valid links."""
 
-    base_pose: np.ndarray | None
-    """Pose in the world of the root link, or of what floats in the world, shape (7,);
-    None if it is unknown."""
+    links: tuple[str, ...]
+    """Names of its valid links."""
 
-    missing: tuple[str, ...]
-    """Links that are unknown, so that their joints are left out."""
+    problems: LinkProblems
+    """What is wrong with them."""
 
-    invalid: tuple[str, ...]
-    """Links without usable numbers, which count as missing."""
+    first_link: int
+    """Row of its first link among the valid links of all robots."""
 
-    axis_residual: Mapping[str, float]
-    """Rotation in [rad] off a joint's axis, by joint name, the largest first, where it
-    is larger than ``MAX_RESIDUAL``."""
+    span: slice
+    """Rows of its joints among those of all robots."""
 
-    is_present: bool
-    """Whether the message has any link of the robot."""
-
-    changed: bool
-    """Whether its links are others than in the previous message."""
-
-    base_twist: np.ndarray | None = None
-    """Twist of the origin of the base, along the world's axes, shape (6,); None if it
-    is unknown."""
+    base: tuple[int, np.ndarray] | None
+    """Row of the reference link of its root, or of what floats in the world, among the
+    valid links of all robots, and the root's pose in the frame of that link, shape
+    (7,). None if it is unknown."""
 
 
 class JointStateEstimator:
-    """Measures the joints of robots from one message after the other."""
+    """Measures the joints of robots from one message after the other.
+
+    The robots are as in their files, by the names of their models in the simulated
+    world. The name of a model inside another begins with the other's name and ``::``.
+    """
 
     def __init__(self, robots: Mapping[str, Description]) -> None:
-        """Begin without a message.
-
-        Args:
-            robots: The robots as in their files, by the names of their models in the
-                simulated world. The name of a model inside another begins with the
-                other's name and ``::``.
-        """
+        self._robots = list(robots.items())
         keys = [
             (model, joint.name)
-            for model, robot in robots.items()
+            for model, robot in self._robots
             for joint in robot.movable_joints
         ]
-        self._models = [*robots]
         self._number = {key: number for number, key in enumerate(keys)}
-        self._links = LinkLayout(robots)
+        self._structures: dict[tuple[int, tuple[str, ...]], _Structure] = {}
         self._names: Sequence[str] | None = None
+        self._available: list[list[str]] = []
+        """Links of each robot in the message."""
+        self._rows: slice | np.ndarray = slice(0, 0)
+        """Rows of the robots' links in the message, one robot after the other."""
         self._arranged_for: bytes | None = None
-        self._layouts: list[RobotLayout] = []
-        self._changed = [True] * len(robots)
+        self._layouts: list[_Layout] = []
+        self.duplicates: tuple[str, ...] = ()
+        """Scoped names of the robots' links that the last message had repeatedly."""
+        self.problems: list[LinkProblems] = []
+        """What was wrong with the links of each robot in the last message."""
         self.reset()
 
     def reset(self) -> None:
@@ -238,14 +134,9 @@ class JointStateEstimator:
         self._time = np.nan
         self._interval = 0.0
 
-    @property
-    def duplicates(self) -> tuple[str, ...]:
-        """Scoped names of the robots' links that the last message had repeatedly."""
-        return self._links.duplicates
-
     def update(
-        self, names: Sequence[str], poses: np.ndarray, twists: np.ndarray, time: float
-    ) -> list[Observation]:
+        self, names: Sequence[str], poses: np.ndarray, twists: np.ndarray, stamp: int
+    ) -> list[RobotState]:
         """Measure the joints in one message.
 
         Args:
@@ -255,15 +146,17 @@ class JointStateEstimator:
                 not of unit length within 1e-3, or with a number beyond what a robot can
                 have, counts as missing.
             twists: Twists along the world's axes, shape (n, 6).
-            time: Time of the message in [s].
+            stamp: Time of the message in [ns].
 
         Returns:
-            An observation per robot.
+            The state of each robot, without joints and base where the message has no
+            link of it. The names of the joints are the same object until the links
+            change.
         """
         if names is not self._names:
-            self._links.find(names)
+            self._find_links(names)
             self._names, self._arranged_for = names, None
-        poses, twists = poses[self._links.rows].copy(), twists[self._links.rows]
+        poses, twists = poses[self._rows].copy(), twists[self._rows]
         lengths = np.sqrt(np.einsum("ij,ij->i", poses[:, 3:], poses[:, 3:]))
         valid = None
         if not all_usable(lengths, poses, twists):
@@ -271,57 +164,125 @@ class JointStateEstimator:
             poses, twists, lengths = poses[valid], twists[valid], lengths[valid]
         poses[:, 3:] /= lengths[:, np.newaxis]
         key = b"" if valid is None else valid.tobytes()
-        is_new = key != self._arranged_for
-        if is_new:
+        if key != self._arranged_for:
             self._arrange(valid)
             self._arranged_for = key
-        previous = None
+        time, previous = 1e-9 * stamp, None
         if self._joints.any_needs_unwrapping:
             previous = self._previous(time)
         measured = measure(poses, twists, self._joints, previous)
         if previous:
             self._remember(measured, time)
-        return self._observations(poses, twists, measured, is_new)
-
-    def _observations(
-        self, poses: np.ndarray, twists: np.ndarray, measured: Measured, is_new: bool
-    ) -> list[Observation]:
-        """Cut the common arrays into an observation per robot.
-
-        Args:
-            poses: Poses of the valid links in the world, shape (n_links, 7).
-            twists: Their twists along the world's axes, shape (n_links, 6).
-            measured: Joint states of all robots.
-            is_new: Whether any robot's links changed with this message.
-        """
-        position, velocity, residual = measured
-        is_off = len(residual) > 0 and not residual.max() <= _MAX_SINE
+        self._find_rotated_joints(measured.axis_residual)
         return [
-            Observation(
-                layout.joints.names,
-                position[layout.span],
-                velocity[layout.span],
-                layout.base and _base_pose(poses, layout.base),
-                layout.joints.missing,
-                layout.invalid,
-                _off_axis(residual, layout) if is_off else {},
-                layout.is_present,
-                is_new and changed,
-                layout.base and _base_twist(poses, twists, layout.base),
-            )
-            for layout, changed in zip(self._layouts, self._changed)
+            self._state(stamp, layout, poses, twists, measured)
+            for layout in self._layouts
         ]
 
+    @staticmethod
+    def _state(
+        stamp: int,
+        layout: _Layout,
+        poses: np.ndarray,
+        twists: np.ndarray,
+        measured: Measured,
+    ) -> RobotState:
+        """Cut the state of one robot out of the arrays of all."""
+        pose = twist = None
+        if layout.base is not None:
+            row, T_link_root = layout.base
+            pose, twist = poses[row].copy(), twists[row].copy()
+            if T_link_root is not IDENTITY:
+                root = compose(pose, T_link_root)
+                twist[:3] += np.cross(twist[3:], root[:3] - pose[:3])
+                pose = root
+        return RobotState(
+            stamp,
+            layout.joints.names,
+            measured.position[layout.span],
+            measured.velocity[layout.span],
+            pose,
+            twist,
+        )
+
+    def _find_rotated_joints(self, residual: np.ndarray) -> None:
+        """Note the joints of each robot that do not keep to their axes."""
+        is_off = len(residual) > 0 and not residual.max() <= _MAX_SINE
+        for number, layout in enumerate(self._layouts):
+            if is_off or self.problems[number].axis_residual:
+                angles = 2.0 * np.arcsin(
+                    np.sqrt(np.clip(residual[layout.span], 0.0, 1.0))
+                )
+                pairs = zip(layout.joints.names, angles.tolist())
+                found = {name: angle for name, angle in pairs if angle > MAX_RESIDUAL}
+                found = dict(sorted(found.items(), key=lambda item: -item[1]))
+                self.problems[number] = layout.problems._replace(axis_residual=found)
+
+    def _find_links(self, names: Sequence[str]) -> None:
+        """Find the robots' links among the scoped names of a message."""
+        index: dict[str, int] = {}
+        for row, name in enumerate(names):
+            index.setdefault(name, row)
+        self._available = [
+            [link for link in robot.link_names if f"{model}{SCOPE}{link}" in index]
+            for model, robot in self._robots
+        ]
+        scoped = [
+            f"{model}{SCOPE}{link}"
+            for (model, _), links in zip(self._robots, self._available)
+            for link in links
+        ]
+        rows = np.array([index[name] for name in scoped], dtype=int)
+        first = int(rows[0]) if len(rows) else 0
+        block = slice(first, first + len(rows))  # numpy takes it faster than an array
+        is_block = np.array_equal(rows, np.arange(block.start, block.stop))
+        self._rows = block if is_block else rows
+        counts = Counter(names) if len(index) < len(names) else {}
+        self.duplicates = tuple(name for name in scoped if counts.get(name, 1) > 1)
+
+    def _structure(self, robot: Description, links: tuple[str, ...]) -> _Structure:
+        """Find a robot's joints, and its base as index and pose; both are cached."""
+        key = (id(robot), links)
+        if key not in self._structures:
+            if len(self._structures) >= MAX_CACHED * len(self._robots):
+                self._structures.clear()
+            base = None
+            root, _ = base_of(robot)
+            if root in (references := reference_links(robot, links)):
+                link, T_link_root = references[root]
+                base = (links.index(link), T_link_root)
+            self._structures[key] = (measured_joints(robot, links), base)
+        return self._structures[key]
+
     def _arrange(self, valid: np.ndarray | None) -> None:
-        """Find what can be measured from the valid links."""
-        old, layouts = self._layouts, self._links.arrange(valid)
+        """Lay out the links with usable numbers, and the joints between them.
+
+        Args:
+            valid: True for each link found that has such, shape (n_found,); None where
+                all have.
+        """
+        layouts: list[_Layout] = []
+        row = first_link = first_joint = 0
+        for (_, robot), available in zip(self._robots, self._available):
+            end = row + len(available)
+            mask = [True] * len(available) if valid is None else valid[row:end].tolist()
+            row = end
+            links = tuple(link for link, good in zip(available, mask) if good)
+            invalid = tuple(link for link, good in zip(available, mask) if not good)
+            joints, base = self._structure(robot, links)
+            span = slice(first_joint, first_joint + len(joints.names))
+            base = base and (first_link + base[0], base[1])
+            problems = LinkProblems(bool(available), joints.missing, invalid)
+            layouts.append(_Layout(joints, links, problems, first_link, span, base))
+            first_link += len(links)
+            first_joint = span.stop
+        self.problems = [
+            last
+            if (new.links, new.problems) == (before.links, before.problems)
+            else new.problems
+            for new, before, last in zip(layouts, self._layouts, self.problems)
+        ] or [layout.problems for layout in layouts]
         self._layouts = layouts
-        self._changed = [True] * len(layouts)
-        if old:
-            self._changed = [
-                (new.links, new.invalid) != (last.links, last.invalid)
-                for new, last in zip(layouts, old)
-            ]
         self._joints = MeasuredJoints.joined(
             [layout.joints for layout in layouts],
             [layout.first_link for layout in layouts],
@@ -329,12 +290,16 @@ class JointStateEstimator:
         self._which = np.array(
             [
                 self._number[model, name]
-                for model, layout in zip(self._models, layouts)
+                for (model, _), layout in zip(self._robots, layouts)
                 for name in layout.joints.names
             ],
             dtype=int,
         )
-        absent = {m for m, new in zip(self._models, layouts) if not new.is_present}
+        absent = {
+            model
+            for (model, _), new in zip(self._robots, layouts)
+            if not new.problems.is_present
+        }
         if absent:  # what comes under such a name later is another robot
             gone = [n for (model, _), n in self._number.items() if model in absent]
             self._position[gone] = np.nan
@@ -371,33 +336,3 @@ class JointStateEstimator:
         self._interval += 0.05 * (since - self._interval)
         dt[self._seen == time - since] = self._interval or DEFAULT_INTERVAL
         return dt
-
-
-def _base_pose(poses: np.ndarray, base: tuple[int, np.ndarray]) -> np.ndarray:
-    """Compute a root's pose from that of its reference link, shape (7,)."""
-    row, T_link_root = base
-    return poses[row] if T_link_root is IDENTITY else compose(poses[row], T_link_root)
-
-
-def _base_twist(
-    poses: np.ndarray, twists: np.ndarray, base: tuple[int, np.ndarray]
-) -> np.ndarray:
-    """Compute a root's twist from that of its reference link, shape (6,)."""
-    row, T_link_root = base
-    twist = twists[row]
-    if T_link_root is IDENTITY:
-        return twist
-    lever = compose(poses[row], T_link_root)[:3] - poses[row, :3]
-    return np.concatenate([twist[:3] + np.cross(twist[3:], lever), twist[3:]])
-
-
-def _off_axis(residual: np.ndarray, layout: RobotLayout) -> dict[str, float]:
-    """List the joints of a robot that do not keep to their axes.
-
-    Returns:
-        The rotation off the axis in [rad] by joint name, the largest first.
-    """
-    angles = 2.0 * np.arcsin(np.sqrt(np.clip(residual[layout.span], 0.0, 1.0)))
-    pairs = zip(layout.joints.names, angles.tolist())
-    found = {name: angle for name, angle in pairs if angle > MAX_RESIDUAL}
-    return dict(sorted(found.items(), key=lambda item: -item[1]))

@@ -42,42 +42,6 @@ NAMELESS, OTHERS = "(no name)", "(other names)"
 """In place of names that are empty, or too many."""
 
 
-class PauseWatch:
-    """Asks a simulator that is silent whether it is paused."""
-
-    def __init__(self, gazebo: str) -> None:
-        """Begin without an answer.
-
-        Args:
-            gazebo: Namespace of the simulator.
-        """
-        self._get = rospy.ServiceProxy(
-            f"{gazebo}/get_physics_properties", GetPhysicsProperties
-        )
-        self._requested: float | None = None
-        self.is_paused = False
-        """Its last answer."""
-
-    def ask(self) -> None:
-        """Ask the simulator; its answer may take any time."""
-        paused = False
-        with contextlib.suppress(*SERVICE_ERRORS):
-            paused = self._get().pause
-        self.is_paused, self._requested = paused, time.monotonic()
-
-    def forget(self) -> None:
-        """Assume that time runs, as states arrive."""
-        self.is_paused, self._requested = False, None
-
-    def is_known(self, age: float) -> bool:
-        """Whether it was asked since the last state, or does not answer.
-
-        Args:
-            age: Age of that state in [s].
-        """
-        return self._requested is not None or age > MAX_ANSWER_TIME
-
-
 class BridgeHealth:
     """Reads the state of the bridge and reports it, from two threads.
 
@@ -91,18 +55,16 @@ class BridgeHealth:
         robots: Sequence[RobotStatus],
         log: ThrottledLog,
     ) -> None:
-        """Prepare the diagnostics.
-
-        Args:
-            gazebo: Namespace of the simulator.
-            source: Receives the states.
-            robots: The robots.
-            log: Where to log what stays away.
-        """
         self._source, self._robots, self._log = source, robots, log
         self._stopped = threading.Event()
         self._start = time.monotonic()
-        self._pause = PauseWatch(gazebo)
+        self._physics = rospy.ServiceProxy(
+            f"{gazebo}/get_physics_properties", GetPhysicsProperties
+        )
+        self._is_paused = False
+        """What the simulator last answered; False while states come."""
+        self._was_asked = False
+        """Whether it was asked since the last state."""
         self._updater = Updater()
         self._updater.setHardwareID("none")
         self._updater.add("link states", self._report_link_states)
@@ -130,27 +92,29 @@ class BridgeHealth:
         """Find out whether the simulator is paused, when it is silent."""
         while not self._stopped.wait(PAUSE_PERIOD):
             age = self._source.age
-            if age is not None and age < PAUSE_PERIOD:
-                self._pause.forget()
-            else:
-                self._pause.ask()
+            is_silent, paused = age is None or age >= PAUSE_PERIOD, False
+            if is_silent:  # its answer may take any time
+                with contextlib.suppress(*SERVICE_ERRORS):
+                    paused = self._physics().pause
+            self._is_paused, self._was_asked = paused, is_silent
 
     @property
     def _is_stale(self) -> bool:
         """Whether states stay away though the simulator is not paused."""
         age = self._source.age
-        return age is None or (age > MAX_AGE and not self._pause.is_paused)
+        return age is None or (age > MAX_AGE and not self._is_paused)
 
     def _warn_of_silence(self) -> None:
         """Warn that link states stay away."""
         source, age = self._source, self._source.age
         is_early = time.monotonic() - self._start <= SPAWN_GRACE
-        if age is None and not is_early and not self._pause.is_paused:
+        if age is None and not is_early and not self._is_paused:
             text = f"Nothing usable has arrived on {source.topic} yet."
             if source.timeless:
                 text = f"Nothing is published: {source.topic} has no time on /clock."
             self._log.warn("silence", text)
-        if age is not None and self._is_stale and self._pause.is_known(age):
+        is_known = self._was_asked or (age or 0.0) > MAX_ANSWER_TIME
+        if age is not None and self._is_stale and is_known:
             text = f"Nothing usable on {source.topic} for {age:.0f} s"
             self._log.warn("silence", f"{text}: {self._reason}.")
 
@@ -175,13 +139,13 @@ class BridgeHealth:
         status.add("messages passed over for newer ones", source.skipped)
         if age is not None:
             status.add("age in s", f"{age:.3f}")
-        elif not self._pause.is_paused:
+        elif not self._is_paused:
             status.summary(WARN, f"nothing usable on {source.topic}")
             return status
         if self._is_stale:
             text = f"nothing on {source.topic} for {age:.0f} s: {self._reason}"
             status.summary(WARN, text)
-        elif self._pause.is_paused:
+        elif self._is_paused:
             status.summary(OK, "paused")
         else:
             status.summary(OK, "link states come")
@@ -212,24 +176,25 @@ class BridgeHealth:
 
     def _report_joints(self, robot: RobotStatus, status):
         """Report on one robot's joints."""
-        seen = robot.observation
+        state, problems = robot.state, robot.problems
         status.add("listeners to tf_joint_states", robot.tf_listeners)
-        if seen is None or self._is_stale:
+        if state is None or problems is None or self._is_stale:
             status.summary(WARN, "no link states come")
             return status
-        if not seen.is_present:
+        if not problems.is_present:
             reason = f"the simulator has no link of {robot.name}"
             if robot.vanishes:
                 reason = f"nothing is left of {robot.name} without links of no mass"
             status.summary(ERROR, reason)
             return status
-        status.summary(OK, f"{len(seen.names)} joints are measured")
+        status.summary(OK, f"{len(state.names)} joints are measured")
         if robot.other_publishers:
             others = listed(robot.other_publishers)
             status.mergeSummary(WARN, f"joint_states also come from {others}")
-        if seen.axis_residual:
-            status.mergeSummary(WARN, f"off their axes: {listed(seen.axis_residual)}")
-        missing = listed(seen.missing + seen.invalid)
+        if problems.axis_residual:
+            off_axis = listed(problems.axis_residual)
+            status.mergeSummary(WARN, f"off their axes: {off_axis}")
+        missing = listed(problems.missing + problems.invalid)
         if missing:
             status.mergeSummary(ERROR, f"links are missing: {missing}")
         return status

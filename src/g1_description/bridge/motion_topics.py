@@ -60,15 +60,6 @@ class MotionTopics:
         frame: MapFrame,
         log: ThrottledLog,
     ) -> None:
-        """Subscribe.
-
-        Args:
-            robot: The robot's names.
-            status: The robot.
-            player: What plays its motions.
-            frame: Transforms poses to the map.
-            log: Where to log what cannot be done.
-        """
         self._status, self._player, self._log = status, player, log
         self._map = frame
         joints = status.description.movable_joints
@@ -180,8 +171,8 @@ class MotionTopics:
     @property
     def _base(self) -> np.ndarray | None:
         """Pose of the robot's base in the last state, shape (7,); None if unknown."""
-        seen = self._status.observation
-        return None if seen is None else seen.base_pose
+        state = self._status.state
+        return None if state is None else state.base_pose
 
 
 def _remark(pose: np.ndarray, now: np.ndarray | None) -> str:

@@ -54,47 +54,8 @@ from g1_description.ros.tcpros import serve_as_roscpp
 from g1_description.ros.wire import LinkStatesArrays
 from g1_description.text import listed
 
-PERIOD = 1.0
-"""Time between two looks in [s] of wall time."""
-
-
-class MasterWatch:
-    """Asks the master for the state of the graph, in a thread of its own.
-
-    The master may take long to answer, or be gone.
-    """
-
-    def __init__(self, robots: Sequence[BridgedRobot], log: ThrottledLog) -> None:
-        """Prepare.
-
-        Args:
-            robots: Robots whose status gets the other publishers.
-            log: Where to log new ones.
-        """
-        self._robots, self._log = robots, log
-
-    def start(self) -> None:
-        """Begin, until the node is shut down."""
-        stay_registered(self._find_other_publishers, PERIOD)
-
-    def _find_other_publishers(self, publishers: Mapping[str, list[str]]) -> None:
-        """Find other nodes that publish the robots' joint states; log new ones."""
-        own = rospy.get_name()
-        clocks = publishers.get("/clock", ())
-        for robot in self._robots:
-            found = publishers.get(robot.topic, ())
-            others = tuple(node for node in found if node != own)
-            new = [node for node in others if node not in robot.status.other_publishers]
-            robot.status.other_publishers = others
-            for node in new:
-                what = f"/clock and {robot.topic}" if node in clocks else robot.topic
-                self._log.warn(
-                    f"publisher {node} {robot.topic}",
-                    f"{node} also publishes {what}: readers get both. To look at a "
-                    "bag, end this launch and use "
-                    "roslaunch g1_description view.launch.",
-                )
-
+MASTER_PERIOD = 1.0
+"""Time between two calls of the master in [s] of wall time."""
 
 TF_QUEUE_SIZE = 100
 """Transforms kept for a slow listener."""
@@ -123,13 +84,6 @@ class BridgeNode:
         robots: Sequence[tuple[RobotParameters, Description]],
         controllers: Sequence[Sequence[Controller]],
     ) -> None:
-        """Make the topics.
-
-        Args:
-            parameters: The node's parameters.
-            robots: Names and descriptions of the robots.
-            controllers: The controllers of each.
-        """
         p = parameters
         self._log = ThrottledLog()
         statuses = [
@@ -155,7 +109,13 @@ class BridgeNode:
             bridged.commands.subscribe(topic, player.command)
             MotionTopics(robot, status, player, frame, self._log)
         self._actions = [
-            self._action(robot, bridged, controller)
+            FollowJointTrajectory(
+                topic_of(robot, posixpath.join(controller.name, ACTION)),
+                controller,
+                bridged.status,
+                bridged.player,
+                self._log,
+            )
             for (robot, _), bridged, own in zip(robots, self._robots, controllers)
             for controller in own
         ]
@@ -164,35 +124,47 @@ class BridgeNode:
         self._stopped = threading.Event()
         rospy.on_shutdown(self._stopped.set)
         threading.Thread(target=self._keep_house, daemon=True).start()
-        MasterWatch(self._robots, self._log).start()
+        # In a thread of its own: the master may take long to answer, or be gone.
+        stay_registered(self._find_other_publishers, MASTER_PERIOD)
         BridgeHealth(p.gazebo, self._source, statuses, self._log).start()
 
-    def _action(
-        self, robot: RobotParameters, bridged: BridgedRobot, controller: Controller
-    ) -> FollowJointTrajectory:
-        """Make the action of one controller."""
-        name = topic_of(robot, posixpath.join(controller.name, ACTION))
-        return FollowJointTrajectory(
-            name, controller, bridged.status, bridged.player, self._log
-        )
+    def _find_other_publishers(self, publishers: Mapping[str, list[str]]) -> None:
+        """Find other nodes that publish the robots' joint states; log new ones."""
+        own = rospy.get_name()
+        clocks = publishers.get("/clock", ())
+        for robot in self._robots:
+            found = publishers.get(robot.topic, ())
+            others = tuple(node for node in found if node != own)
+            new = {*others} - {*robot.status.other_publishers}
+            robot.status.other_publishers = others
+            for node in sorted(new):
+                what = f"/clock and {robot.topic}" if node in clocks else robot.topic
+                self._log.warn(
+                    f"publisher {node} {robot.topic}",
+                    f"{node} also publishes {what}: readers get both. To look at a "
+                    "bag, end this launch and use "
+                    "roslaunch g1_description view.launch.",
+                )
 
     def _on_states(self, stamp: int, states: LinkStatesArrays) -> None:
         """Turn one state into joint states and, now and then, TF."""
         rising = self._stamps.next(stamp, rospy.Time.now().to_nsec())
         if rising is None:
             return
-        time_ns, (stamp, went_back) = stamp, rising
+        stamp, went_back = rising
         if went_back:
-            self._reset(time_ns)
-        observations = self._estimator.update(*states, 1e-9 * stamp)
+            self._reset(stamp)
+        found = self._estimator.update(*states, stamp)
         if self._estimator.duplicates:
             names = listed(self._estimator.duplicates)
             text = f"Links are listed more than once, the first one counts: {names}."
             self._log.warn("duplicates", text)
-        pairs = zip(self._robots, observations)
-        edges = [robot.publish(stamp, seen, time_ns) for robot, seen in pairs]
-        if any(edges):
-            self._broadcast(edges)
+        self._broadcast(
+            robot.publish(state, problems)
+            for robot, state, problems in zip(
+                self._robots, found, self._estimator.problems
+            )
+        )
         for action in self._actions:
             action.on_state()
 
@@ -202,7 +174,7 @@ class BridgeNode:
         if found:
             self._tf.publish(TFMessage(found))
 
-    def _reset(self, time_ns: int) -> None:
+    def _reset(self, stamp: int) -> None:
         """Start again, as simulated time did, at a time in [ns]."""
         text = "Time went back: starting over."
         self._log.warn("time", text, SHORT_PERIOD, rospy.loginfo)
@@ -210,7 +182,7 @@ class BridgeNode:
         for robot in self._robots:
             robot.begin_again()
         for action in self._actions:
-            action.reset(time_ns)
+            action.reset(stamp)
 
     def _keep_house(self) -> None:
         """Do what no message triggers, until the node is shut down."""

@@ -6,6 +6,7 @@ import posixpath
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from functools import partial
 
 import numpy as np
 import rospy
@@ -189,22 +190,16 @@ def wait_for_descriptions(
     found = []
     parsed: dict[str, Description] = {}
     for robot in robots:
-        text = _wait_for_description(robot)
-        if text not in parsed:
-            parsed[text] = parse_urdf(text)
-        found.append((robot, parsed[text]))
-    return found
-
-
-def _wait_for_description(robot: RobotParameters) -> str:
-    """Wait for the description of one robot; return its text."""
-
-    def log():
         where = f"{robot.description}, from /{robot.namespace} upward"
-        rospy.loginfo("Waiting for %s on the parameter %s.", robot.name, where)
-
-    parameter = wait_for_parameter(robot.description, robot.namespace, log)
-    return str(rospy.get_param(parameter))
+        text = f"Waiting for {robot.name} on the parameter {where}."
+        parameter = wait_for_parameter(
+            robot.description, robot.namespace, partial(rospy.loginfo, "%s", text)
+        )
+        urdf = str(rospy.get_param(parameter))
+        if urdf not in parsed:
+            parsed[urdf] = parse_urdf(urdf)
+        found.append((robot, parsed[urdf]))
+    return found
 
 
 def controllers_of(
@@ -244,25 +239,6 @@ def base_child(parameters: BridgeParameters, description: Description) -> str | 
     return root if below else p.base_frame
 
 
-def fixed_edges(
-    description: Description, prefix: str = ""
-) -> list[tuple[str, str, np.ndarray]]:
-    """List the fixed joints of a robot.
-
-    Args:
-        description: The robot.
-        prefix: Prefix of the names of the robot's own frames.
-
-    Returns:
-        Parent, child and the child's pose in the parent's frame, shape (7,).
-    """
-    return [
-        (prefix + joint.parent, prefix + joint.child, joint.pose)
-        for joint in description.joints
-        if joint.kind == "fixed"
-    ]
-
-
 def static_edges(
     parameters: BridgeParameters, description: Description, prefix: str = ""
 ) -> list[tuple[str, str]]:
@@ -298,12 +274,6 @@ class StaticFrames:
         parameters: BridgeParameters,
         robots: Sequence[tuple[RobotParameters, Description]],
     ) -> None:
-        """Send the edges around the robots.
-
-        Args:
-            parameters: Names of the frames above.
-            robots: Names and descriptions of the robots.
-        """
         self._broadcaster = tf2_ros.StaticTransformBroadcaster()
         self._static_edges = {
             (parent, child): IDENTITY
@@ -313,9 +283,12 @@ class StaticFrames:
             )
         }
         self._fixed_edges = {
-            (parent, child): pose
+            (robot.frame_prefix + joint.parent, robot.frame_prefix + joint.child): (
+                joint.pose
+            )
             for robot, description in robots
-            for parent, child, pose in fixed_edges(description, robot.frame_prefix)
+            for joint in description.joints
+            if joint.kind == "fixed"
         }
         self._send(self._static_edges)
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
+from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
@@ -15,46 +16,15 @@ import rospy
 from gazebo_msgs.msg import ModelState
 
 from g1_description.bridge.commands import JointCommands
-from g1_description.bridge.estimator import Observation
 from g1_description.bridge.status import RobotStatus
 from g1_description.motion.playlist import Playback, Playlist, Setpoint
 from g1_description.motion.trajectory import Trajectory
 from g1_description.msg import ModelTrajectory
+from g1_description.robot.state import RobotState
 from g1_description.ros.conversions import model_trajectory, pose_from_array
 from g1_description.ros.master import SERVICE_ERRORS, SLAVE_API_ERRORS
 from g1_description.ros.publisher import DirectPublisher
 from g1_description.srv import SetModelTrajectory
-
-
-class Wanted:
-    """The last commanded joints and base of a robot; NaN where there is no command."""
-
-    def __init__(self, joint_names: Sequence[str]) -> None:
-        """Begin without commands.
-
-        Args:
-            joint_names: The robot's movable joints.
-        """
-        self._row_of = {name: row for row, name in enumerate(joint_names)}
-        self.positions = np.full(len(joint_names), np.nan)
-        """In [rad] or [m], shape (n_joints,)."""
-        self.base_pose = np.full(7, np.nan)
-        """Of the root link in the map, shape (7,)."""
-
-    def put(self, setpoint: Setpoint) -> None:
-        """Take over what a motion wants."""
-        self.positions[setpoint.rows] = setpoint.positions
-        if setpoint.base_pose is not None:
-            self.base_pose[:] = setpoint.base_pose
-
-    def put_joint(self, name: str, position: float) -> None:
-        """Take over a command for one joint, in [rad] or [m]."""
-        self.positions[self._row_of[name]] = position
-
-    def put_base(self, pose: np.ndarray | float) -> None:
-        """Take over the commanded pose of the root link, shape (7,); NaN: none."""
-        self.base_pose[:] = pose
-
 
 QUEUE_SIZE = 100
 """Samples kept for a busy simulator: a tenth of a second of them at 1 kHz."""
@@ -87,18 +57,17 @@ class MotionPlayer:
 
     The stand-in samples a motion itself, at the time of each step. On the real Gazebo
     each state that it publishes is answered with the sample of that time.
+
+    What motions and commands want is kept where that is asked for, for the ghost.
     """
 
     def __init__(
-        self, gazebo: str, status: RobotStatus, commands: JointCommands
+        self,
+        gazebo: str,
+        status: RobotStatus,
+        commands: JointCommands,
+        keeps_commands: bool = False,
     ) -> None:
-        """Prepare; nothing is sent before the first motion.
-
-        Args:
-            gazebo: Namespace of the simulator.
-            status: The robot, and its last state.
-            commands: Takes samples to the real Gazebo, which plays no motions.
-        """
         self._status = status
         self._name = f"{gazebo}/set_model_trajectory"
         self._was_stand_in, self._asked = False, -math.inf
@@ -114,10 +83,9 @@ class MotionPlayer:
         self._telling = threading.Lock()
         self._lock = threading.Condition()
         self._is_awaited = False
-        self._seen_before_base: Observation | None = None
+        self._before_base: RobotState | None = None
         self._joints = [joint.name for joint in status.description.movable_joints]
-        self.keeps_commands = False
-        """Whether what motions and commands want is kept, for the ghost."""
+        self._keeps_commands = keeps_commands
         self.reset()
 
     def reset(self) -> None:
@@ -127,8 +95,8 @@ class MotionPlayer:
         with self._lock:
             count = partial(self._status.count, "motions superseded before shown")
             self._playlist = Playlist(self._joints, count)
-            self.wanted = Wanted(self._joints)
-            """What was last wanted of the robot; nothing unless it is kept."""
+            self._commanded: dict[str, float] = {}
+            self._commanded_base: np.ndarray | None = None
             self._plays_here = False
             self.is_idle = True
             """Whether no motion was sent since then; then nothing is to be observed."""
@@ -185,18 +153,18 @@ class MotionPlayer:
             return Played(False, f"nobody listens to {self._states.name}")
         message = ModelState(model_name=self._status.name, pose=pose_from_array(pose))
         with self._telling:
-            if self.keeps_commands:
+            if self._keeps_commands:
                 self.is_idle = False
             self._release((), base=True)
             if self._plays_here:
                 self._commands.release((), base=True)
             with self._lock:
-                seen, before = self._status.observation, self._seen_before_base
-                if seen is not None and seen is before:
+                state = self._status.state
+                if state is not None and state is self._before_base:
                     self._status.count("base commands superseded before shown")
-                self._seen_before_base = seen
-                if self.keeps_commands:
-                    self.wanted.put_base(pose)
+                self._before_base = state
+                if self._keeps_commands:
+                    self._commanded_base = pose
             self._states.publish(message)
         return Played(True, "")
 
@@ -231,19 +199,12 @@ class MotionPlayer:
             positions: In [rad] or [m] by joint name.
         """
         with self._telling:
-            if self.keeps_commands:
+            if self._keeps_commands:
                 self.is_idle = False
             self._release(positions)  # the command replaces what is queued of them
-            if not self.keeps_commands:
-                return
-            with self._lock:
-                for name, position in positions.items():
-                    self.wanted.put_joint(name, position)
-
-    @property
-    def joint_names(self) -> list[str]:
-        """Names of the robot's movable joints."""
-        return self._joints
+            if self._keeps_commands:
+                with self._lock:
+                    self._commanded.update(positions)
 
     def _release(self, joints: Collection[str], base: bool = False) -> None:
         """Leave joints, and perhaps the base, to another command."""
@@ -253,58 +214,70 @@ class MotionPlayer:
             rows = [row for row, name in enumerate(self._joints) if name in joints]
             self._playlist.release(rows, base)
             if base:
-                self.wanted.put_base(np.nan)
+                self._commanded_base = None
 
-    def observe(self, stamp: int, seen: Observation) -> bool:
-        """Go on with the motions; return whether they reach a sample.
-
-        Args:
-            stamp: Time of the state in [ns].
-            seen: The state.
-        """
+    def observe(self, state: RobotState) -> bool:
+        """Go on with the motions; return whether they reach a sample."""
+        if self.is_idle:
+            return False
         with self._lock:
             # The first states of a motion come before the answer.
             if self._is_awaited:
                 self._lock.wait_for(lambda: not self._is_awaited, ANSWER_TIMEOUT)
                 self._is_awaited = False
-            return bool(self._playlist) and self._advance(stamp, seen)
+            return bool(self._playlist) and self._advance(state)
 
-    def _advance(self, stamp: int, seen: Observation) -> bool:
+    def with_commands(self, state: RobotState) -> RobotState:
+        """Return a state with what motions and commands want, where that is kept."""
+        if not self._keeps_commands:
+            return state
+        with self._lock:
+            return replace(
+                state,
+                commanded=self._commanded.copy(),
+                commanded_base=self._commanded_base,
+            )
+
+    def _advance(self, state: RobotState) -> bool:
         """Go on with the motions; return whether they reach a sample."""
+        stamp = state.stamp
         if self._playlist.is_waiting:
-            self._playlist.begin(stamp, self._present(seen))
+            self._playlist.begin(stamp, self._present(state))
         is_sample = False
         for playback in self._playlist.moving():
             is_sample = playback.reaches_sample(stamp) or is_sample
-            if self.keeps_commands:
-                self.wanted.put(playback.setpoint(stamp))
-            if self._plays_here:
-                self._send(playback.setpoint(stamp))
+            if self._keeps_commands or self._plays_here:
+                self._obey(playback.setpoint(stamp))
         self._playlist.drop_over(stamp)
         return is_sample
 
-    def _send(self, wanted: Setpoint) -> None:
-        """Send a sample to a simulator that cannot play."""
-        names = [self._joints[row] for row in wanted.rows]
-        positions = dict(zip(names, wanted.positions.tolist()))
-        self._commands.put(positions, wanted.base_pose)
+    def _obey(self, setpoint: Setpoint) -> None:
+        """Keep a sample, or send it to a simulator that cannot play."""
+        names = [self._joints[row] for row in setpoint.rows]
+        positions = dict(zip(names, setpoint.positions.tolist()))
+        if self._keeps_commands:
+            self._commanded.update(positions)
+            if setpoint.base_pose is not None:
+                self._commanded_base = setpoint.base_pose
+        if self._plays_here:
+            self._commands.put(positions, setpoint.base_pose)
 
-    def _present(self, seen: Observation) -> Setpoint:
+    def _present(self, state: RobotState) -> Setpoint:
         """Return where the robot is; joints that are not measured are at zero."""
         n = len(self._joints)
         position, velocity = np.zeros(n), np.zeros(n)
-        own = [self._joints.index(name) for name in seen.names]
-        position[own], velocity[own] = seen.position, seen.velocity
-        return Setpoint(np.arange(n), position, velocity, seen.base_pose)
+        own = [self._joints.index(name) for name in state.names]
+        position[own], velocity[own] = state.positions, state.velocities
+        return Setpoint(np.arange(n), position, velocity, state.base_pose)
 
     def _play_here(self, trajectory: Trajectory, start_ns: int | None) -> Played:
         """Play a motion on a simulator that cannot do so itself."""
         now = self._status.stamp
         if not now:
             return Played(False, "the simulator has published no state of the robot")
-        seen = self._status.observation
+        state = self._status.state
         if trajectory.base_poses is not None and (
-            seen is None or seen.base_pose is None
+            state is None or state.base_pose is None
         ):
             return Played(False, f"{self._status.name} has no base that moves")
         self._plays_here = True

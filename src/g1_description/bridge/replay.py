@@ -85,13 +85,6 @@ class Replay:
     def __init__(
         self, motion: Motion, robot: Description, parameters: ReplayParameters
     ) -> None:
-        """Advertise the topics, and send the frames that do not move.
-
-        Args:
-            motion: What is shown.
-            robot: Whose motion it is.
-            parameters: How it is shown.
-        """
         self._trajectory = motion.trajectory
         self._parameters = parameters
         self._frames = BridgeParameters()

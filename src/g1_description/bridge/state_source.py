@@ -31,36 +31,6 @@ messages on in batches with a millisecond between them, so a single pause does n
 that a backlog has ended."""
 
 
-class Backlog:
-    """Recognises messages that piled up, by the time between them.
-
-    A node that stood still finds seconds of messages in the system's buffers. Taken
-    one by one they would make old states look new, and at the rate at which new ones
-    arrive the backlog might never shrink.
-    """
-
-    def __init__(self, most: int) -> None:
-        """Begin without a backlog.
-
-        Args:
-            most: Largest number of messages in a row that are no backlog.
-        """
-        self._most = most
-        self._in_a_row = 0.0
-        self.ended = 0.0
-        """When the last message had been handled, on the monotonic clock in [s]."""
-        self.skipped = 0
-        """Number of messages that were skipped."""
-
-    def is_old(self) -> bool:
-        """Whether to skip the message that has just arrived."""
-        waited = time.monotonic() - self.ended
-        self._in_a_row = 1.0 + self._in_a_row * math.exp(-waited / BACKLOG_DECAY)
-        old = self._in_a_row > self._most
-        self.skipped += old
-        return old
-
-
 class StateSource:
     """Subscribes to a simulator's world_state, or to link_states where it has none.
 
@@ -100,7 +70,10 @@ class StateSource:
         """Held while a state is handled."""
         self._min_interval = 1e9 / max_rate if max_rate else 1.0
         self._stamp = 0
-        self._backlog = Backlog(MAX_IN_A_ROW)
+        self._in_a_row, self._handled = 0.0, 0.0
+        """Messages without a pause, and when the last had been handled: monotonic."""
+        self.skipped = 0
+        """Number of messages that were skipped because newer ones had arrived."""
         self._kept: tuple[bytes, float] | None = None
         self._has_stamps: dict[str, bool] = {}
         self._stamped: rospy.Subscriber | None = None
@@ -151,11 +124,6 @@ class StateSource:
         )
 
     @property
-    def skipped(self) -> int:
-        """Number of messages that were skipped because newer ones had arrived."""
-        return self._backlog.skipped
-
-    @property
     def age(self) -> float | None:
         """Age of the last good message in [s]; None before the first."""
         last = self._last_message
@@ -179,14 +147,25 @@ class StateSource:
             stamp = rospy.Time.now().to_nsec()
             if not stamp:  # simulated time has not come yet, and is not invented
                 self.timeless += 1
-            elif self._backlog.is_old() or (
-                0 <= stamp - self._stamp < self._min_interval
-            ):
+            elif self._is_old() or 0 <= stamp - self._stamp < self._min_interval:
                 since = self._kept[1] if self._kept else time.monotonic()
                 self._kept = message._buff, since
             else:
                 self._decode(message._buff, stamp)
-            self._backlog.ended = time.monotonic()
+            self._handled = time.monotonic()
+
+    def _is_old(self) -> bool:
+        """Whether the message that has just arrived is one of many that piled up.
+
+        A node that stood still finds seconds of messages in the system's buffers. Taken
+        one by one they would make old states look new, and at the rate at which new
+        ones arrive the backlog might never shrink.
+        """
+        waited = time.monotonic() - self._handled
+        self._in_a_row = 1.0 + self._in_a_row * math.exp(-waited / BACKLOG_DECAY)
+        is_old = self._in_a_row > MAX_IN_A_ROW
+        self.skipped += is_old
+        return is_old
 
     def _has_world_state(self, node: str) -> bool:
         """Ask the master once whether a node publishes world_state, too."""

@@ -9,10 +9,11 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from g1_description.bridge.commands import CommandTally
-from g1_description.bridge.estimator import Observation
+from g1_description.bridge.estimator import LinkProblems
 from g1_description.errors import DescriptionError
 from g1_description.robot.description import Description
 from g1_description.robot.lumping import lump_fixed_joints
+from g1_description.robot.state import RobotState
 
 SPAWN_GRACE = 5.0
 """Time in [s] after the start of the bridge in which a robot may still be spawned."""
@@ -34,11 +35,11 @@ class RobotStatus:
     motions: Counter[str] = field(default_factory=Counter)
     """What became of its motions and base commands, by the keys of /diagnostics."""
 
-    observation: Observation | None = None
-    """What the last message says about it."""
+    state: RobotState | None = None
+    """Its last state, without joints and base where the simulator does not have it."""
 
-    stamp: int = 0
-    """Time of that message in [ns]; 0 before the first."""
+    problems: LinkProblems | None = None
+    """What was wrong with its links then."""
 
     other_publishers: tuple[str, ...] = ()
     """Other nodes that publish its joint states."""
@@ -53,6 +54,11 @@ class RobotStatus:
         """Begin to count its commands."""
         self._counting = threading.Lock()
         self.commands = CommandTally(self.description.movable_joints)
+
+    @property
+    def stamp(self) -> int:
+        """Time of its last state in [ns]; 0 before the first."""
+        return 0 if self.state is None else self.state.stamp
 
     def count(self, what: str) -> None:
         """Count one more of its motions or base commands, in whichever thread."""

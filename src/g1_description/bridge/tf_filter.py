@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Optional, Tuple
 
 import numpy as np
+
+from g1_description.robot.state import RobotState
 
 MIN_MOTION = 1e-9
 """Smallest change that is a motion, in [m], [rad] or parts of a quaternion; less is
@@ -28,36 +30,6 @@ robot_state_publisher itself."""
 STILL_PERIOD = 50_000_000
 """The same in [ns] while no joint moves: each message makes robot_state_publisher ask
 the master three times for ``tf_prefix``, which costs as much as the message does."""
-
-
-class State(NamedTuple):
-    """A robot at some time."""
-
-    stamp: int
-    """In [ns]."""
-
-    pose: np.ndarray
-    """Pose of the root link, shape (7,)."""
-
-    joints: np.ndarray
-    """Positions in [rad] or [m], shape (n_joints,)."""
-
-    message: Any = None
-    """The message with the joints."""
-
-    is_moving: bool = False
-    """Whether it moves by itself, and is not just set: then each state is whole."""
-
-    is_sample: bool = False
-    """Whether a sample of a motion has just come: TF gets each of them."""
-
-
-class Shown(NamedTuple):
-    """A state that goes to TF."""
-
-    state: State
-    with_joints: bool
-    with_base: bool
 
 
 @dataclass
@@ -144,7 +116,7 @@ class WholeStates:
     the joints takes longer: through the bridge. A state between the two has a new base
     and old joints, and a foot that should stand still is off by a step of the motion.
     So a state whose base has moved does not pass while a command for the joints is on
-    its way.
+    its way. States that move by themselves, and samples of a motion, are whole.
     """
 
     def __init__(self) -> None:
@@ -152,8 +124,10 @@ class WholeStates:
 
     def reset(self) -> None:
         """Forget the state that is held."""
-        self.held: State | None = None
+        self.held: RobotState | None = None
         """The last state."""
+        self.is_sample = False
+        """Whether a sample of a motion came with it: TF gets each of them."""
         self._is_torn = False
         self._base_moved = False
         self._shown: np.ndarray | None = None
@@ -161,38 +135,50 @@ class WholeStates:
         self._commands = 0
 
     def next(
-        self, state: State, now: float, commands: int, is_under_way: bool
-    ) -> State | None:
+        self,
+        state: RobotState,
+        now: float,
+        commands: int = 0,
+        is_under_way: bool = False,
+        is_sample: bool = False,
+    ) -> RobotState | None:
         """Hold a state.
 
         Args:
-            state: The state.
+            state: The state, which has a base.
             now: Wall time, from any beginning, in [s].
             commands: Number of commands for the joints until now.
             is_under_way: Whether one of them has not been answered.
+            is_sample: Whether a sample of a motion came with the state.
 
         Returns:
             The state before, if that was whole or was held for too long.
         """
         held, self.held = self.held, state
+        was_sample, self.is_sample = self.is_sample, is_sample
         has_news, self._commands = commands != self._commands, commands
-        if held is None or len(state.joints) != len(held.joints):
+        if held is None or len(state.positions) != len(held.positions):
             return held
         was_torn = self._is_torn or (self._base_moved and has_news)
-        self._base_moved = bool(np.abs(state.pose - held.pose).max() > MIN_MOTION)
-        joints_moved = _differ(state.joints, held.joints)
+        self._base_moved = _differ(state.base_pose, held.base_pose)
+        joints_moved = _differ(state.positions, held.positions)
         if is_under_way or (has_news and not joints_moved):
             self._is_torn, self._answered = True, now
         elif joints_moved or now - self._answered > ANSWER_DELAY:
             self._is_torn = False
-        is_still = self._shown is not None and (
-            np.abs(held.pose - self._shown).max() <= MIN_MOTION
-        )
-        is_early = now - self._passed < MAX_HOLD
-        if was_torn and is_early and not (is_still or held.is_moving or held.is_sample):
-            return None
-        self._shown, self._passed = held.pose, now
+        if was_torn and now - self._passed < MAX_HOLD:
+            is_still = self._shown is not None and not _differ(
+                held.base_pose, self._shown
+            )
+            is_moving = held.velocities is not None and held.velocities.any()
+            if not (is_still or is_moving or was_sample):
+                return None
+        self._shown, self._passed = held.base_pose, now
         return held
+
+
+Shown = Tuple[Optional[RobotState], Optional[RobotState]]
+"""A state whose joints go to TF, and one whose base does; None: nothing does."""
 
 
 class TfFilter:
@@ -207,38 +193,39 @@ class TfFilter:
     """
 
     def __init__(self, throttle: PoseThrottle) -> None:
-        """Begin without a state.
-
-        Args:
-            throttle: Decides which poses of the base are worth sending.
-        """
         self._throttle, self._whole_states = throttle, WholeStates()
         self._joints_stamp = -STILL_PERIOD
         self._joints = np.zeros(0)
         self._is_base_old = False
 
     def next(
-        self, state: State, now: float, commands: int, is_under_way: bool
-    ) -> Shown | None:
+        self,
+        state: RobotState,
+        now: float,
+        commands: int = 0,
+        is_under_way: bool = False,
+        is_sample: bool = False,
+    ) -> Shown:
         """Take a state; the arguments are those of ``WholeStates.next``.
 
         Returns:
             What to send of the state before it.
         """
-        whole = self._whole_states.next(state, now, commands, is_under_way)
+        was_sample = self._whole_states.is_sample
+        whole = self._whole_states.next(state, now, commands, is_under_way, is_sample)
         if whole is None:
-            return None
-        pose = whole.pose.tolist()
+            return None, None
+        pose = whole.base_pose.tolist()
         is_due = self._is_due(whole, state) and self._throttle.is_near(pose)
         leaves = (is_due or self._is_base_old) and not self._throttle.is_near(
-            state.pose.tolist()
+            state.base_pose.tolist()
         )
         with_base = self._throttle.passes(
-            1e-9 * whole.stamp, pose, whole.is_sample or leaves
+            1e-9 * whole.stamp, pose, was_sample or leaves
         )
         return self._shown(whole, with_base or (is_due and not leaves), with_base)
 
-    def settle(self) -> Shown | None:
+    def settle(self) -> Shown:
         """Decide on the last state, which no other follows.
 
         Returns:
@@ -246,26 +233,24 @@ class TfFilter:
         """
         held = self._whole_states.held
         if held is None:
-            return None
-        with_base = self._throttle.settles(1e-9 * held.stamp, held.pose.tolist())
+            return None, None
+        with_base = self._throttle.settles(1e-9 * held.stamp, held.base_pose.tolist())
         return self._shown(held, True, with_base)
 
-    def _shown(self, state: State, wants_joints: bool, with_base: bool) -> Shown | None:
+    def _shown(self, state: RobotState, wants_joints: bool, with_base: bool) -> Shown:
         """Note what is sent of a state; joints go out once."""
         with_joints = wants_joints and state.stamp > self._joints_stamp
         if with_joints:
-            self._joints_stamp, self._joints = state.stamp, state.joints
+            self._joints_stamp, self._joints = state.stamp, state.positions
             self._is_base_old = not with_base
-        return (
-            Shown(state, with_joints, with_base) if with_joints or with_base else None
-        )
+        return state if with_joints else None, state if with_base else None
 
-    def _is_due(self, state: State, newer: State) -> bool:
+    def _is_due(self, state: RobotState, newer: RobotState) -> bool:
         """Decide whether a state's joints are due by themselves."""
         age = state.stamp - self._joints_stamp
         if age < JOINTS_PERIOD:
             return False
-        moved = (_differ(one.joints, self._joints) for one in (state, newer))
+        moved = (_differ(one.positions, self._joints) for one in (state, newer))
         return age >= STILL_PERIOD or any(moved)
 
     def passes_without_base(self, stamp: int) -> bool:
@@ -287,8 +272,8 @@ class TfFilter:
         self._is_base_old = False
 
 
-def _differ(joints: np.ndarray, others: np.ndarray) -> bool:
-    """Whether positions of joints differ, in number or by a motion."""
-    if len(joints) != len(others):
+def _differ(numbers: np.ndarray, others: np.ndarray) -> bool:
+    """Whether positions or poses differ, in number or by a motion."""
+    if len(numbers) != len(others):
         return True
-    return bool(np.abs(joints - others).max(initial=0.0) > MIN_MOTION)
+    return bool(np.abs(numbers - others).max(initial=0.0) > MIN_MOTION)

@@ -911,8 +911,8 @@ def difference(
             return f"{joint.name} is {1e3 * distance:.0f} mm off its origin"
 
     estimator = JointStateEstimator({model: description})
-    (state,) = estimator.update(list(names), poses, np.zeros((len(names), 6)), 0.0)
-    joints = listed(state.axis_residual)
+    estimator.update(list(names), poses, np.zeros((len(names), 6)), 0)
+    joints = listed(estimator.problems[0].axis_residual)
     return f"the axes of {joints} differ" if joints else ""
 
 

@@ -10,20 +10,22 @@ import sys
 import tempfile
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any, Callable, Iterator
+from typing import Any, Callable, Dict, Iterator, Optional, Tuple
 
 import imageio_ffmpeg
 import numpy as np
 import rospy
 from PIL import Image
 
-from g1_description.cli.watched_robot import Moment, RobotWatch
 from g1_description.errors import InvalidValueError
 from g1_description.files.atomic import write_whole
 from g1_description.motion.files.read_any import read_motion_file
 from g1_description.motion.motion import Motion
 from g1_description.motion.trajectory import sample
+from g1_description.robot.assembly import root_in_base
 from g1_description.robot.description import Description
+from g1_description.robot.transform import compose
+from g1_description.ros.robot_view import RobotView
 from g1_description.ros.waiting import NoAnswerError, wait_until
 
 COLORS = 255
@@ -190,28 +192,49 @@ def check_length(seconds: float, fps: float, size: tuple[int, int]) -> None:
         )
 
 
+Placed = Tuple[Optional[np.ndarray], Dict[str, float]]
+"""A robot in a picture: pose of its root link in the map, shape (7,), None where it is
+unknown; and positions of its joints in [rad] or [m] by name."""
+
+
+def placed(
+    robot: Description, base: np.ndarray | None, positions: dict[str, float]
+) -> Placed:
+    """Place a robot by the pose of its base, shape (7,)."""
+    return None if base is None else compose(base, root_in_base(robot)), positions
+
+
 def record(
-    watches: Sequence[RobotWatch], seconds: float, fps: float
-) -> list[list[Moment]]:
+    views: Sequence[RobotView], seconds: float, fps: float
+) -> list[list[Placed]]:
     """Watch robots for a while.
 
     Args:
-        watches: The robots.
+        views: The robots.
         seconds: How long, in [s] of ROS' clock.
-        fps: Moments per second of ROS' clock.
+        fps: Pictures per second of ROS' clock.
 
     Returns:
-        What all robots did at each moment.
+        Where all robots are in each picture.
 
     Raises:
         NoAnswerError: If the clock stands still.
         ROSInterruptException: If the node is shut down.
     """
-    clock, moments = _Stopwatch(), []
+    clock, found = _Stopwatch(), []
     for n in range(count(seconds, fps)):
         clock.wait(n / fps)
-        moments.append([watch.now() for watch in watches])
-    return moments
+        found.append(now(views))
+    return found
+
+
+def now(views: Sequence[RobotView]) -> list[Placed]:
+    """Return where robots are."""
+    states = [(view, view.state) for view in views]
+    return [
+        placed(view.description, state and state.base_pose, view.positions)
+        for view, state in states
+    ]
 
 
 class _Stopwatch:
@@ -339,17 +362,17 @@ SHEET = 6
 """Pictures of a contact sheet whose times are not given."""
 
 
-def read_moments(
+def read_motion(
     args: Any, description: Description
-) -> tuple[list[list[Moment]], tuple[str, ...]]:
-    """Read the moments of a motion that are to be drawn.
+) -> tuple[list[list[Placed]], tuple[str, ...]]:
+    """Read a motion of which pictures are to be drawn.
 
     Args:
         args: The command's SnapshotOptions.
         description: The robot.
 
     Returns:
-        What the robot does at each moment, and messages on what does not fit.
+        Where the robot is in each picture, and messages on what does not fit.
 
     Raises:
         MotionError: If the file holds no motion of this robot.
@@ -359,8 +382,16 @@ def read_moments(
         Path(args.motion), description, args.motion_fps, args.motion_topic
     )
     begin = float(motion.trajectory.times[0])
-    moments = _moments(motion, _times(args, begin, motion))
-    return [[now.with_joints(args.joints)] for now in moments], motion.notes
+    found = sample(motion.trajectory, _times(args, begin, motion))
+    bases = found.base_poses
+    rows = [
+        dict(zip(motion.trajectory.joint_names, row))
+        for row in found.positions.tolist()
+    ]
+    return [
+        [placed(description, None if bases is None else bases[number], row)]
+        for number, row in enumerate(rows)
+    ], motion.notes
 
 
 def _times(args: Any, begin: float, motion: Motion) -> np.ndarray:
@@ -380,16 +411,3 @@ def _times(args: Any, begin: float, motion: Motion) -> np.ndarray:
             f"{end:g} s."
         )
     return np.array(args.times)
-
-
-def _moments(motion: Motion, times: np.ndarray) -> list[Moment]:
-    """Sample a motion."""
-    found = sample(motion.trajectory, times)
-    names = motion.trajectory.joint_names
-    return [
-        Moment(
-            dict(zip(names, positions.tolist())),
-            None if found.base_poses is None else found.base_poses[number],
-        )
-        for number, positions in enumerate(found.positions)
-    ]

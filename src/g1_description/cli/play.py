@@ -13,18 +13,25 @@ from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import rospy
 
 from g1_description.cli import options
 from g1_description.command_line import argument, number, option, parse, say, within
-from g1_description.errors import G1DescriptionError, InvalidValueError
+from g1_description.errors import (
+    G1DescriptionError,
+    InvalidValueError,
+    MotionError,
+)
 from g1_description.motion.edit import cut, moved, to_start_at
 from g1_description.motion.files.read_any import read_motion_file
 from g1_description.motion.trajectory import Trajectory
 from g1_description.robot.transform import IDENTITY
 from g1_description.ros.lifecycle import own_arguments, start_node
-from g1_description.ros.playing import TIMEOUT, PlayedRobot, Session
-from g1_description.ros.waiting import NoAnswerError
+from g1_description.ros.map_frame import MapFrame
+from g1_description.ros.playing import Session
+from g1_description.ros.robot_view import RobotView
+from g1_description.ros.waiting import NoAnswerError, wait_until
 from g1_description.sim.floor import lowest_height
 from g1_description.text import listed
 
@@ -52,11 +59,6 @@ class Keyboard:
     """Reads keys from a terminal one by one; without a terminal there are none."""
 
     def __init__(self, descriptor: int | None) -> None:
-        """Let the terminal hand on each key at once, without showing it.
-
-        Args:
-            descriptor: Of the terminal; None: there is none.
-        """
         self._descriptor = descriptor
         self._pending = b""
         if descriptor is not None:
@@ -126,6 +128,12 @@ def _is_in_background(descriptor: int) -> bool:
     except OSError:  # it does not start programs for this session, or is gone
         return False
 
+
+TIMEOUT = 30.0
+"""Longest wait for the bridge, in [s]: machines may be busy."""
+
+BASE_TIMEOUT = 2.0
+"""Longest wait for the robot's base, in [s]."""
 
 REFRESH_PERIOD = 0.05
 """Time between two looks at the progress, in [s]."""
@@ -201,7 +209,7 @@ def notify(text: str) -> None:
     say(f"{begin}play: {text}")
 
 
-def prepare(args: PlayOptions, robot: PlayedRobot) -> Trajectory:
+def prepare(args: PlayOptions, robot: RobotView) -> Trajectory:
     """Read the motion and move it where it is wanted.
 
     Raises:
@@ -218,7 +226,7 @@ def prepare(args: PlayOptions, robot: PlayedRobot) -> Trajectory:
         names = " and ".join(filter(None, wanted))
         raise InvalidValueError(f"{args.file.name} does not move the base: no {names}.")
     if args.start_here:
-        trajectory = to_start_at(trajectory, robot.base_pose(args.base_frame))
+        trajectory = to_start_at(trajectory, base_pose(robot, args.base_frame))
     if args.on_floor:
         lowest = lowest_height(robot.description, trajectory)
         T_map_motion = IDENTITY.copy()
@@ -226,6 +234,27 @@ def prepare(args: PlayOptions, robot: PlayedRobot) -> Trajectory:
         trajectory = moved(trajectory, T_map_motion)
         notify(f"moved by {-lowest:+.4f} m in height.")
     return trajectory
+
+
+def base_pose(robot: RobotView, frame: str | None) -> np.ndarray:
+    """Return where the robot's base is in the map, shape (7,).
+
+    Args:
+        robot: The robot.
+        frame: Another base on TF; None: that of the robot's state.
+
+    Raises:
+        MotionError: If that is not known.
+    """
+    if frame:
+        return MapFrame().pose_in_map(IDENTITY, frame, rospy.Time())
+
+    def has_base() -> bool:
+        return robot.state is not None and robot.state.base_pose is not None
+
+    if not wait_until(has_base, BASE_TIMEOUT):
+        raise MotionError(f"{robot.no_base}; --base-frame names its base on TF.")
+    return robot.state.base_pose
 
 
 def progress(session: Session, speed: float) -> str:
@@ -286,7 +315,9 @@ def play(args: PlayOptions) -> None:
     if not args.file.exists():
         raise InvalidValueError(f"There is no file {args.file}.")
     start_node("play", anonymous=True, disable_rosout=True)
-    robot = PlayedRobot(args.namespace, notify)
+    robot = RobotView(args.namespace, notify)
+    if not robot.wait_until(lambda: robot.state, TIMEOUT):
+        raise NoAnswerError(f"The robot's state is unknown: {robot.silence}")
     trajectory = prepare(args, robot)
     session = Session(robot, trajectory, args.speed, notify, args.lead_in)
     with closing(Keyboard(terminal())) as keyboard:
@@ -298,17 +329,18 @@ def play(args: PlayOptions) -> None:
         notify(f"{args.file.name}: {session.end - session.begin:.2f} s played.")
 
 
-def _check_end(robot: PlayedRobot, trajectory: Trajectory, name: str) -> None:
+def _check_end(robot: RobotView, trajectory: Trajectory, name: str) -> None:
     """Check that the robot ends where the motion does.
 
     Raises:
         NoAnswerError: If it does not.
     """
     last = dict(zip(trajectory.joint_names, trajectory.positions[-1].tolist()))
+    known = robot.positions
     goal = {
         joint.name: min(max(last[joint.name], joint.lower), joint.upper)
         for joint in robot.description.movable_joints
-        if joint.name in last and joint.name in robot.positions
+        if joint.name in last and joint.name in known
     }
     end_ns = robot.now_ns + END_TIME
 
@@ -324,7 +356,7 @@ def _check_end(robot: PlayedRobot, trajectory: Trajectory, name: str) -> None:
         )
 
 
-def _leave(robot: PlayedRobot, keyboard: Keyboard) -> None:
+def _leave(robot: RobotView, keyboard: Keyboard) -> None:
     """Stop the robot where it is when a signal ends the node."""
     keyboard.close()  # first: a bridge that does not answer ends the program here
     try:

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import rosgraph
 import rospy
 from sensor_msgs.msg import JointState
 
@@ -30,12 +29,10 @@ from g1_description.robot.poses import (
     save_pose,
     user_file,
 )
-from g1_description.ros.conversions import stamp_from_ns
+from g1_description.robot.state import RobotState
 from g1_description.ros.lifecycle import own_arguments, quiet_when_closing, start_node
-from g1_description.ros.motion_client import MotionClient
 from g1_description.ros.robot_view import STANDS_STILL, RobotView
 from g1_description.ros.waiting import NoAnswerError
-from g1_description.srv import PlayMotion
 from g1_description.text import listed
 
 TIMEOUT = 30.0
@@ -55,16 +52,6 @@ class PosedRobot(RobotView):
     """The robot behind joint_states and the topics of commands of a namespace."""
 
     def __init__(self, namespace: str, notify: Callable[[str], None]) -> None:
-        """Connect.
-
-        Args:
-            namespace: Of the robot's topics, without slashes around; empty: the
-                node's.
-            notify: Takes messages about what is waited for.
-
-        Raises:
-            DescriptionError: If there is no description, or it is not one.
-        """
         super().__init__(namespace, notify)
         self._names = [joint.name for joint in self.description.movable_joints]
         self._commands = rospy.Publisher(
@@ -73,10 +60,58 @@ class PosedRobot(RobotView):
             queue_size=QUEUE_SIZE,
             tcp_nodelay=True,
         )
-        service = rospy.ServiceProxy(f"{self._prefix}play_motion", PlayMotion)
-        self._motions = MotionClient(service)
         # While the node can still call: afterwards the robot would go on.
         rospy.core.add_preshutdown_hook(lambda _: self._leave())
+
+    def teleport(self, goal: np.ndarray) -> None:
+        """Set all joints, once a second, until the robot's state shows it.
+
+        Args:
+            goal: Positions in [rad] or [m], shape (n_joints,).
+
+        Raises:
+            NoAnswerError: If nobody listens, or it does not happen.
+        """
+        if not self.wait_until(self._commands.get_num_connections, TIMEOUT):
+            name = self._commands.resolved_name
+            raise NoAnswerError(f"Nobody listens to {name}; is the bridge running?")
+        sent = -np.inf
+
+        def send_again():
+            nonlocal sent
+            if time.monotonic() >= sent + RESEND_PERIOD:
+                message = JointState(name=self._names, position=goal.tolist())
+                message.header.stamp = rospy.Time.now()
+                with quiet_when_closing():
+                    self._commands.publish(message)
+                sent = time.monotonic()
+
+        self._wait_for_goal(goal, send_again)
+
+    def move(self, goal: np.ndarray, seconds: float) -> None:
+        """Move all joints from where they are, beginning and ending at rest.
+
+        Args:
+            goal: Positions in [rad] or [m], shape (n_joints,).
+            seconds: How long, in [s] of the robot's time.
+
+        Raises:
+            G1DescriptionError: If that is refused, time goes back, or it does not
+                happen.
+        """
+        positions, now = self.measured_positions(), self.now_ns
+        way = minimum_jerk_trajectory(self._names, positions, goal, seconds)
+        start_ns, note = self.motions.play(way)
+        if note:
+            self._notify(f"{note}.")
+        end = start_ns + round(1e9 * seconds)
+        while now < end:
+            before, now = now, self._next(now, timeout=None).stamp
+            if now < before:
+                self.motions.may_move = False
+                raise NoAnswerError("Time went back on the way; the robot was reset.")
+        self.motions.may_move = False  # it need not be stopped afterwards
+        self._wait_for_goal(goal)
 
     def measured_positions(self) -> np.ndarray:
         """Return where the joints are now.
@@ -88,73 +123,14 @@ class PosedRobot(RobotView):
         Raises:
             NoAnswerError: If joints are not measured.
         """
-        return self._inside(self._next(None))
-
-    def teleport(self, goal: np.ndarray) -> None:
-        """Set all joints, and wait until joint_states shows it.
-
-        Args:
-            goal: Positions in [rad] or [m], shape (n_joints,).
-
-        Raises:
-            NoAnswerError: If nobody listens, or it does not happen.
-        """
-        self._wait_for_listener()
-        self._arrive(goal)
-
-    def move(self, goal: np.ndarray, seconds: float) -> None:
-        """Move all joints from where they are, beginning and ending at rest.
-
-        Args:
-            goal: Positions in [rad] or [m], shape (n_joints,).
-            seconds: How long, in [s] of the robot's time.
-
-        Raises:
-            NoAnswerError: If that is refused, time goes back, or it does not happen.
-        """
-        begin = self._next(None)
-        way = minimum_jerk_trajectory(self._names, self._inside(begin), goal, seconds)
-        start_ns, note = self._motions.play(way)
-        if note:
-            self._notify(f"{note}.")
-        end = stamp_from_ns(start_ns) + rospy.Duration.from_sec(seconds)
-        self._wait_for_time(begin.header.stamp, end)
-        self._wait_for_goal(goal)
-
-    def _wait_for_time(self, now: rospy.Time, end: rospy.Time) -> None:
-        """Wait until the end of a motion; it need not be stopped afterwards."""
-        while now < end:
-            before, now = now, self._next(now, timeout=None).header.stamp
-            if now < before:
-                self._motions.may_move = False
-                raise NoAnswerError("Time went back on the way; the robot was reset.")
-        self._motions.may_move = False
-
-    def _leave(self) -> None:
-        """Stop the robot where it is, if it is on its way."""
-        try:
-            self._motions.leave()
-        except NoAnswerError as error:
-            self._notify(f"the robot may go on: {error}")
-
-    def _publish(self, positions: np.ndarray) -> None:
-        """Send a command."""
-        message = JointState(name=self._names, position=positions.tolist())
-        message.header.stamp = rospy.Time.now()
-        with quiet_when_closing():
-            self._commands.publish(message)
-
-    def _arrive(self, goal: np.ndarray) -> None:
-        """Send the goal, once a second, until the joints are there."""
-        sent = -np.inf
-
-        def send_again():
-            nonlocal sent
-            if time.monotonic() >= sent + RESEND_PERIOD:
-                self._publish(goal)
-                sent = time.monotonic()
-
-        self._wait_for_goal(goal, send_again)
+        shown = self._next(None).positions_by_name
+        missing = [name for name in self._names if name not in shown]
+        if missing:
+            raise NoAnswerError(f"{self.topic} has no position of {listed(missing)}.")
+        joints = self.description.movable_joints
+        return np.array(
+            [min(max(shown[j.name], j.lower), j.upper) for j in joints], dtype=float
+        )
 
     def _wait_for_goal(
         self, goal: np.ndarray, meanwhile: Callable[[], None] = lambda: None
@@ -169,56 +145,45 @@ class PosedRobot(RobotView):
             NoAnswerError: If they do not get there.
         """
         self.forget_newest()
+        positions = dict(zip(self._names, goal))
 
         def is_there():
             meanwhile()
-            return self.newest and not self._away(goal)
+            return self.state and not self.away(positions, TOLERANCE)
 
         if self.wait_until(is_there, TIMEOUT):
             return
-        if self.newest is None:
+        if self.state is None:
             raise NoAnswerError(f"The command is sent, but {self.silence}")
         reason = f"; {STANDS_STILL}" if self.stands_still else ""
         raise NoAnswerError(
             f"After {TIMEOUT:g} s {self.topic} still has "
-            f"{listed(self._away(goal))}{reason}."
+            f"{listed(self.away(positions, TOLERANCE))}{reason}."
         )
 
-    def _away(self, goal: np.ndarray) -> list[str]:
-        """List the joints that are not at the goal, and where they are."""
-        return self.away(dict(zip(self._names, goal)), TOLERANCE)
-
-    def _inside(self, message: JointState) -> np.ndarray:
-        """Read a message's positions, clamped to the limits."""
-        shown = dict(zip(message.name, message.position))
-        missing = [name for name in self._names if name not in shown]
-        if missing:
-            raise NoAnswerError(f"{self.topic} has no position of {listed(missing)}.")
-        joints = self.description.movable_joints
-        return np.array(
-            [min(max(shown[j.name], j.lower), j.upper) for j in joints], dtype=float
-        )
-
-    def _wait_for_listener(self) -> None:
-        """Wait until the bridge hears commands."""
-        if not self.wait_until(self._commands.get_num_connections, TIMEOUT):
-            name = self._commands.resolved_name
-            raise NoAnswerError(f"Nobody listens to {name}; is the bridge running?")
-
-    def _next(self, after, timeout: float | None = TIMEOUT) -> JointState:
-        """Wait for joint states.
+    def _next(self, after: int | None, timeout: float | None = TIMEOUT) -> RobotState:
+        """Wait for a state.
 
         Args:
-            after: Stamp of a message; the next has another. None: any message will do.
+            after: Stamp of a state in [ns]; the next has another. None: any will do.
             timeout: Longest wait in [s]; None: no limit.
         """
 
-        def is_next():
-            return self.newest and self.newest.header.stamp != after
+        def newer() -> RobotState | None:
+            state = self.state
+            return state if state and state.stamp != after else None
 
-        if not self.wait_until(is_next, timeout):
+        state = self.wait_until(newer, timeout)
+        if state is None:
             raise NoAnswerError(f"The robot's positions are unknown: {self.silence}")
-        return self.newest
+        return state
+
+    def _leave(self) -> None:
+        """Stop the robot where it is, if it is on its way."""
+        try:
+            self.motions.leave()
+        except G1DescriptionError as error:
+            self._notify(f"the robot may go on: {error}")
 
 
 USER_FILE = "~/.ros/g1_description/poses.yaml"
@@ -319,11 +284,8 @@ def _connect(args: PoseOptions) -> PosedRobot:
     def notify(line):
         say(f"pose: {line}")
 
-    try:
-        start_node("pose", anonymous=True, disable_rosout=True)
-        return PosedRobot(args.namespace, notify)
-    except (OSError, rosgraph.MasterException) as error:
-        raise NoAnswerError(f"The master is gone: {error}.") from error
+    start_node("pose", anonymous=True, disable_rosout=True)
+    return PosedRobot(args.namespace, notify)
 
 
 def main() -> None:

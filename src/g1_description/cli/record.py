@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import posixpath
 import signal
 import sys
 import time
@@ -11,13 +12,14 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Union
 
 import rosgraph
 import rospy
 
 from g1_description.cli.options import namespace
 from g1_description.cli.recorded_file import ENDINGS, room_of, write_motion_file
-from g1_description.cli.recorder import Recorder
+from g1_description.cli.recorder import BridgeStates, Recorder, SimulatorStates
 from g1_description.command_line import (
     MAX_FPS,
     argument,
@@ -46,8 +48,7 @@ be started again."""
 QUIET = 2.0
 """Time without states after which it is told, in [s]."""
 
-LAST_TIMEOUT = 1.0
-"""Longest wait for the last joint states, in [s]: the bridge may be busy."""
+GAZEBO = "/gazebo"
 
 POLL_PERIOD = 0.05
 """Time between two looks, in [s]."""
@@ -115,16 +116,32 @@ def record(args: RecordOptions) -> None:
     """
     start_node("record", anonymous=True, disable_rosout=True)
     robot = wait_for_description(args.namespace, notify)
-    names = args.gazebo, args.model, args.namespace
-    find_room = partial(room_of, args.out)
-    recorder = Recorder(robot, names, args.rate, args.seconds, find_room)
-    _wait_for_first(recorder, args.namespace)
+    recorder = Recorder(args.rate, args.seconds, partial(room_of, args.out))
+    states = states_of(robot, recorder, args)
+    _wait_for_first(recorder, states)
     stop = _Stop()
     seconds = "" if args.seconds is None else f" {args.seconds:g} s, or"
     notify(f"recording{seconds} until Ctrl-C.")
-    _follow(recorder, stop)
-    recorder.close()
+    _follow(recorder, states, stop)
+    recorder.is_over = True
+    states.close()
     save(recorder, robot, args)
+
+
+States = Union[BridgeStates, SimulatorStates]
+
+
+def states_of(robot: Description, recorder: Recorder, args: RecordOptions) -> States:
+    """Subscribe to the bridge of a robot, or to a simulator if there is no bridge.
+
+    A model or a simulator that is named may not be the one of the bridge.
+    """
+    topic = rospy.resolve_name(posixpath.join(f"/{args.namespace}", "robot_state"))
+    if not args.model and args.gazebo == GAZEBO:
+        published = {name for name, _ in rospy.get_published_topics()}
+        if args.namespace or topic in published:
+            return BridgeStates(topic, recorder)
+    return SimulatorStates(robot, args.model, args.gazebo, recorder)
 
 
 class _Stop:
@@ -141,8 +158,8 @@ class _Stop:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
-def _wait_for_first(recorder: Recorder, namespace: str) -> None:
-    """Wait for the first sample, and in a namespace for its joint states.
+def _wait_for_first(recorder: Recorder, states: States) -> None:
+    """Wait for the first sample.
 
     Raises:
         NoAnswerError: If there is none.
@@ -153,50 +170,43 @@ def _wait_for_first(recorder: Recorder, namespace: str) -> None:
 
     def is_known() -> bool:
         nonlocal missed
-        recorder.keep_up()
-        is_there = recorder.n_samples and (recorder.hears_bridge or not namespace)
-        is_missing = recorder.n_samples or recorder.problem
-        if is_missing:
+        states.keep_up()
+        if states.problem:
             missed = min(missed, time.monotonic())
         is_late = time.monotonic() > missed + SPAWN_TIMEOUT
-        return bool(recorder.refusal or is_there or (is_missing and is_late))
+        return bool(recorder.refusal or recorder.states or is_late)
 
     wait_until(is_known, TIMEOUT, period=POLL_PERIOD)
     if recorder.refusal:
         raise recorder.refusal
-    if not recorder.n_samples:
-        raise recorder.problem or NoAnswerError(
-            f"No state of the robot came on {recorder.topic} in {TIMEOUT:g} s; "
+    if not recorder.states:
+        raise states.problem or NoAnswerError(
+            f"No state of the robot came on {states.topic} in {TIMEOUT:g} s; "
             "does a simulator run, and does time? 'rosbag record /joint_states "
             "/tf' records a robot without one."
         )
-    if namespace and not recorder.hears_bridge:
-        raise NoAnswerError(
-            f"Nobody publishes /{namespace}/joint_states; is the namespace right?"
-        )
 
 
-def _follow(recorder: Recorder, stop: _Stop) -> None:
+def _follow(recorder: Recorder, states: States, stop: _Stop) -> None:
     """Wait for the end of the recording."""
     told = False
     connected = time.monotonic()
 
     def is_over() -> bool:
         nonlocal told, connected
-        recorder.keep_up()
-        if recorder.is_connected:
+        states.keep_up()
+        if states.is_connected:
             connected = time.monotonic()
         elif time.monotonic() > connected + GONE:
             recorder.end("the simulator ended")
         is_quiet = time.monotonic() - recorder.heard > QUIET
         if is_quiet and not told:
-            notify(f"nothing comes on {recorder.topic}; is time paused?")
+            notify(f"nothing comes on {states.topic}; is time paused?")
         told = is_quiet
         return recorder.is_over or stop.is_wanted
 
     with suppress(rospy.ROSInterruptException):  # what was recorded is saved
         wait_until(is_over, period=POLL_PERIOD)
-        wait_until(lambda: not recorder.lacks_joints, LAST_TIMEOUT, period=POLL_PERIOD)
 
 
 def save(recorder: Recorder, robot: Description, args: RecordOptions) -> None:

@@ -1,46 +1,274 @@
-"""What a robot does, state by state.
+"""What a robot does, state by state: base and joints of one time.
 
-Base and joints of one sample are of one state: the base of the simulator's message, the
-joints of the bridge's with the same stamp. Neither joint_states and TF, which is
-throttled, nor two topics at their newest would do.
+A bridge publishes each as ``robot_state``. Without a bridge they are measured here from
+the simulator's states. Joint states and TF would not do: TF has few of the bases.
 """
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import rospy
-from sensor_msgs.msg import JointState
+from rosgraph_msgs.msg import Clock
 
-from g1_description.bridge.estimator import JointStateEstimator, Observation
+from g1_description.bridge.estimator import JointStateEstimator
 from g1_description.bridge.state_source import RisingStamps, StateSource
 from g1_description.cli.recorded_file import Room
-from g1_description.errors import G1DescriptionError, MotionError, UnknownNameError
+from g1_description.errors import (
+    G1DescriptionError,
+    InvalidValueError,
+    MotionError,
+    UnknownNameError,
+)
 from g1_description.motion.trajectory import Trajectory
+from g1_description.msg import RobotState as RobotStateMessage
 from g1_description.robot.assembly import SCOPE
 from g1_description.robot.description import Description
+from g1_description.robot.state import RobotState
+from g1_description.ros.conversions import robot_state_from_message
 from g1_description.ros.log import ThrottledLog
-from g1_description.ros.waiting import BUFFER
+from g1_description.ros.waiting import BUFFER, NoAnswerError
 from g1_description.ros.wire import LinkStatesArrays
 from g1_description.text import listed
+
+EARLY = 1000
+"""A state this much before it is due counts, in [ns]: periods are rounded."""
+
+
+class Recorder:
+    """Keeps the states of a robot that are due, the first one first."""
+
+    def __init__(
+        self,
+        rate: float,
+        seconds: float | None,
+        find_room: Callable[[Sequence[str], bool], Room],
+    ) -> None:
+        """Begin without states.
+
+        Args:
+            rate: Samples per second of simulated time; 0: every state.
+            seconds: How long, in [s] of simulated time; None: until it is ended.
+            find_room: Finds how much can be saved, by the names of the joints and
+                whether there is a base.
+        """
+        self._rate, self._seconds = rate, seconds
+        self._find_room, self._room = find_room, Room(0, False)
+        self._due = 0
+        self._ignored = 0
+        self.states: list[RobotState] = []
+        self.heard = time.monotonic()
+        """When the last state came, on the monotonic clock."""
+        self.refusal: G1DescriptionError | None = None
+        """Why no state will be of use."""
+        self.notes: list[str] = []
+        self.is_over = False
+
+    def take(self, state: RobotState) -> None:
+        """Take a state; from one thread at a time. Its arrays stay as they are."""
+        self.heard = time.monotonic()
+        if self.is_over:
+            return
+        if not self.states:
+            try:
+                has_base = state.base_pose is not None
+                self._room = self._find_room(state.names, has_base)
+            except MotionError as error:
+                self.refuse(error)
+                return
+        elif state.stamp < self.states[-1].stamp:
+            self.end("time went back")
+            return
+        elif state.stamp == self.states[-1].stamp:  # it is latched
+            return
+        if state.stamp < self._due - EARLY:
+            return
+        if self.states and not _are_alike(state, self.states[0]):
+            self._ignored += 1
+        elif self._is_full(state.stamp):
+            self.end("the file can hold no more")
+        else:
+            self.states.append(state)
+            self._plan_next(state.stamp)
+
+    def end(self, why: str) -> None:
+        """End the recording early, and note why."""
+        seconds = (self.states[-1].stamp - self.states[0].stamp) / 1e9
+        self.notes.append(f"{why} after {seconds:.3f} s: it ends there.")
+        self.is_over = True
+
+    def refuse(self, error: G1DescriptionError) -> None:
+        """Record nothing."""
+        self.refusal = error
+        self.is_over = True
+
+    def _is_full(self, stamp: int) -> bool:
+        """Return whether another sample is more than can be saved."""
+        count = len(self.states) + 1
+        if self.states and self._rate and self._room.is_even:
+            count = int((stamp - self.states[0].stamp) * self._rate / 1e9) + 2
+        return count > self._room.samples
+
+    def _plan_next(self, stamp: int) -> None:
+        """Find when the next sample is due."""
+        begin = self.states[0].stamp
+        elapsed = stamp - begin + EARLY
+        if self._rate:
+            number = int(elapsed * self._rate / 1e9) + 1
+            self._due = begin + round(number * 1e9 / self._rate)
+        if self._seconds is not None and elapsed >= self._seconds * 1e9:
+            self.is_over = True
+
+    def trajectory(self) -> tuple[Trajectory, int]:
+        """Return what was recorded, from zero on, and the first stamp in [ns]."""
+        if self._ignored:
+            self.notes.append(f"{self._ignored} states without all links are ignored.")
+        states = self.states
+        begin = states[0].stamp
+        bases = [state.base_pose for state in states if state.base_pose is not None]
+        velocities = [s.velocities for s in states if s.velocities is not None]
+        return Trajectory(
+            np.array([state.stamp - begin for state in states]) / 1e9,
+            states[0].names,
+            np.array([state.positions for state in states]),
+            np.array(velocities) if velocities else None,
+            np.array(bases) if bases else None,
+        ), begin
+
+
+def _are_alike(state: RobotState, first: RobotState) -> bool:
+    """Return whether a state has the same joints as the first one, and a base if it."""
+    return (state.names, state.base_pose is None, state.velocities is None) == (
+        first.names,
+        first.base_pose is None,
+        first.velocities is None,
+    )
+
+
+class BridgeStates:
+    """The states of a robot that a bridge publishes.
+
+    Subscribes: robot_state (g1_description/RobotState), /clock
+        (rosgraph_msgs/Clock)
+    """
+
+    def __init__(self, topic: str, recorder: Recorder) -> None:
+        self._recorder = recorder
+        # Its publisher is the simulator, which may end before the bridge.
+        self._clock = rospy.Subscriber("/clock", Clock)
+        self._subscriber = rospy.Subscriber(
+            topic,
+            RobotStateMessage,
+            self._on_state,
+            queue_size=None,
+            buff_size=BUFFER,
+            tcp_nodelay=True,
+        )
+        self.topic = self._subscriber.resolved_name
+        """Name of the topic that the states are from."""
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether there are a bridge and a simulator."""
+        has_clock = self._clock.get_num_connections() > 0
+        return self._subscriber.get_num_connections() > 0 and (
+            has_clock or rospy.rostime.is_wallclock()
+        )
+
+    @property
+    def problem(self) -> G1DescriptionError | None:
+        """Why no state has come."""
+        if self._subscriber.get_num_connections():
+            return None
+        return NoAnswerError(f"Nobody publishes {self.topic}; is the namespace right?")
+
+    def keep_up(self) -> None:
+        """Do nothing: each message triggers all there is to do."""
+
+    def close(self) -> None:
+        """Unsubscribe."""
+        self._subscriber.unregister()
+        self._clock.unregister()
+
+    def _on_state(self, message: RobotStateMessage) -> None:
+        """Record a state."""
+        try:
+            self._recorder.take(robot_state_from_message(message))
+        except InvalidValueError as error:
+            self._recorder.refuse(error)
+
+
+class SimulatorStates:
+    """The states of a robot, measured from those of all links of a simulator.
+
+    Without a name of its model, it is the only one with its links.
+    """
+
+    def __init__(
+        self, robot: Description, model: str, gazebo: str, recorder: Recorder
+    ) -> None:
+        self._robot, self._model, self._recorder = robot, model, recorder
+        self._estimator: JointStateEstimator | None = None
+        self._stamps = RisingStamps()
+        self.problem: G1DescriptionError | None = None
+        """Why the last state was of no use."""
+        self._source = StateSource(gazebo, 0.0, self._on_states, ThrottledLog())
+        self._source.start()
+
+    @property
+    def topic(self) -> str:
+        """Name of the topic that the states are from."""
+        return self._source.topic
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether there is a simulator."""
+        return self._source.is_connected
+
+    def keep_up(self) -> None:
+        """Do what no message triggers; to be called several times a second."""
+        self._source.keep_up()
+
+    def close(self) -> None:
+        """Do nothing: a recorder that is over takes no more."""
+
+    def _on_states(self, stamp: int, states: LinkStatesArrays) -> None:
+        """Record a state."""
+        rising = self._stamps.next(stamp, rospy.Time.now().to_nsec())
+        if rising is None:
+            return
+        if self._estimator is None:
+            try:
+                self._model = self._model or find_model(states.names, self._robot)
+            except SeveralModelsError as error:
+                self._recorder.refuse(error)
+                return
+            except UnknownNameError as error:
+                self.problem = error
+                return
+            self._estimator = JointStateEstimator({self._model: self._robot})
+        (state,) = self._estimator.update(*states, rising[0])
+        if self._estimator.problems[0].is_present:
+            self._recorder.take(state)
+            return
+        self.problem = UnknownNameError(
+            f"The simulator has no model '{self._model}' with links of "
+            f"'{self._robot.name}'."
+        )
 
 
 class SeveralModelsError(UnknownNameError):
     """Several models may be meant."""
 
 
-def find_model(links: Sequence[str], robot: Description, namespace: str) -> str:
+def find_model(links: Sequence[str], robot: Description) -> str:
     """Find the model whose links are the robot's.
 
     Args:
         links: Scoped names of all links of the simulator.
         robot: The robot.
-        namespace: Namespace of its topics; of several models the one of that name is
-            taken.
 
     Returns:
         The model's name.
@@ -55,8 +283,6 @@ def find_model(links: Sequence[str], robot: Description, namespace: str) -> str:
         counts[model] = counts.get(model, 0) + (link in own)
     most = max(counts.values(), default=0)
     found = [model for model, count in counts.items() if count == most and most]
-    if namespace in found:
-        return namespace
     if len(found) == 1:
         return found[0]
     error, what = UnknownNameError, f"only {listed(counts) or 'nothing'}"
@@ -66,268 +292,3 @@ def find_model(links: Sequence[str], robot: Description, namespace: str) -> str:
     raise error(
         f"The simulator has no single model with links of '{robot.name}' but {what}."
     )
-
-
-EARLY = 1000
-"""A state this much before it is due counts, in [ns]: periods are rounded."""
-
-SAME_JOINTS = 1e-6
-"""Largest difference in [rad] or [m], but for whole turns, between the same joints
-measured here and by the bridge; joints that are farther apart are another robot's."""
-
-MAX_CONNECT_TIME = 2_000_000_000
-"""Simulated time in [ns] in which a bridge that runs is connected to; what is recorded
-before a bridge that comes later counts."""
-
-MAX_RECENT = 5000
-"""Joint states kept until the simulator's state with their stamp comes."""
-
-
-@dataclass
-class _Sample:
-    """A state that was recorded."""
-
-    stamp: int
-    """In [ns]."""
-
-    positions: np.ndarray
-    velocities: np.ndarray
-    base_pose: np.ndarray | None
-
-
-class Recorder:
-    """Follows a robot of the simulator.
-
-    Subscribes: <gazebo>/world_state or <gazebo>/link_states, joint_states
-        (sensor_msgs/JointState)
-    """
-
-    def __init__(
-        self,
-        robot: Description,
-        names: tuple[str, str, str],
-        rate: float,
-        seconds: float | None,
-        find_room: Callable[[Sequence[str], bool], Room],
-    ) -> None:
-        """Subscribe; the first state that comes is the first sample.
-
-        Args:
-            robot: The robot.
-            names: Namespace of the simulator; name of the robot's model, empty where it
-                is to be found; namespace of its topics.
-            rate: Samples per second of simulated time; 0: every state.
-            seconds: How long, in [s] of simulated time; None: until it is closed.
-            find_room: Finds how much can be saved, by the names of the joints and
-                whether there is a base.
-        """
-        gazebo, self._model, self._namespace = names
-        self._robot, self._rate, self._seconds = robot, rate, seconds
-        self._find_room, self._room = find_room, Room(0, False)
-        self._estimator: JointStateEstimator | None = None
-        self._stamps = RisingStamps()
-        self._due = 0
-        self._names: tuple[str, ...] = ()
-        self._samples: list[_Sample] = []
-        self._waiting: dict[int, _Sample] = {}
-        self._recent: dict[int, JointState] = {}
-        self._is_matched = False
-        self._lock = threading.Lock()
-        self.heard = time.monotonic()
-        """When the last state came, on the monotonic clock."""
-        self.problem: UnknownNameError | None = None
-        """Why the last state was of no use before the first sample."""
-        self.refusal: G1DescriptionError | None = None
-        """Why no state will be of use."""
-        self.notes: list[str] = []
-        self.is_over = False
-        self._left_out = 0
-        prefix = f"/{self._namespace}/" if self._namespace else ""
-        self._joint_states = rospy.Subscriber(
-            f"{prefix}joint_states",
-            JointState,
-            self._on_joint_states,
-            queue_size=None,
-            buff_size=BUFFER,
-            tcp_nodelay=True,
-        )
-        self._source = StateSource(gazebo, 0.0, self._on_states, ThrottledLog())
-        self._source.start()
-
-    @property
-    def n_samples(self) -> int:
-        """Number of samples until now."""
-        return len(self._samples)
-
-    @property
-    def lacks_joints(self) -> bool:
-        """Whether joint states of some samples may still come."""
-        return bool(self._waiting and self._joint_states.get_num_connections())
-
-    @property
-    def is_connected(self) -> bool:
-        """Whether there is a simulator."""
-        return self._source.is_connected
-
-    @property
-    def hears_bridge(self) -> bool:
-        """Whether someone publishes joint states in the robot's namespace."""
-        return self._joint_states.get_num_connections() > 0
-
-    @property
-    def topic(self) -> str:
-        """Name of the topic that the states are from."""
-        return self._source.topic
-
-    def keep_up(self) -> None:
-        """Do what no message triggers; to be called several times a second."""
-        self._source.keep_up()
-
-    def close(self) -> None:
-        """End the recording."""
-        self.is_over = True
-        self._joint_states.unregister()
-
-    def _on_states(self, stamp: int, states: LinkStatesArrays) -> None:
-        """Take a state."""
-        self.heard = time.monotonic()
-        rising = self._stamps.next(stamp, rospy.Time.now().to_nsec())
-        if self.is_over or rising is None:
-            return
-        stamp, went_back = rising
-        if went_back and self._samples:
-            self.end("time went back")
-            return
-        if self._estimator is None:
-            try:
-                self._model = self._model or find_model(
-                    states.names, self._robot, self._namespace
-                )
-            except SeveralModelsError as error:
-                self._refuse(error)
-                return
-            except UnknownNameError as error:
-                self.problem = error
-                return
-            self._estimator = JointStateEstimator({self._model: self._robot})
-        (seen,) = self._estimator.update(*states, 1e-9 * stamp)
-        if stamp >= self._due - EARLY:
-            self._keep(stamp, seen)
-
-    def end(self, why: str) -> None:
-        """End the recording early, and note why."""
-        seconds = (self._samples[-1].stamp - self._samples[0].stamp) / 1e9
-        self.notes.append(f"{why} after {seconds:.3f} s: it ends there.")
-        self.is_over = True
-
-    def _refuse(self, error: G1DescriptionError) -> None:
-        """Record nothing."""
-        self.refusal = error
-        self.is_over = True
-
-    def _keep(self, stamp: int, seen: Observation) -> None:
-        """Record a state."""
-        if not seen.is_present:
-            self.problem = UnknownNameError(
-                f"The simulator has no model '{self._model}' with links of "
-                f"'{self._robot.name}'."
-            )
-            return
-        with self._lock:
-            if not self._samples:
-                try:
-                    self._room = self._find_room(seen.names, seen.base_pose is not None)
-                except MotionError as error:
-                    self._refuse(error)
-                    return
-                self._names = seen.names
-            elif seen.names != self._names or (
-                (seen.base_pose is None) != (self._samples[0].base_pose is None)
-            ):
-                self._left_out += 1
-                return
-            if self._is_full(stamp):
-                self.end("the file can hold no more")
-                return
-            base = None if seen.base_pose is None else seen.base_pose.copy()
-            sample = _Sample(stamp, seen.position.copy(), seen.velocity.copy(), base)
-            self._samples.append(sample)
-            self._waiting[stamp] = sample
-            published = self._recent.pop(stamp, None)
-            if published is not None:
-                self._match(published)
-            self._plan_next(stamp)
-
-    def _is_full(self, stamp: int) -> bool:
-        """Return whether another sample is more than can be saved."""
-        count = len(self._samples) + 1
-        if self._samples and self._rate and self._room.is_even:
-            count = int((stamp - self._samples[0].stamp) * self._rate / 1e9) + 2
-        return count > self._room.samples
-
-    def _plan_next(self, stamp: int) -> None:
-        """Find when the next sample is due."""
-        elapsed = stamp - self._samples[0].stamp
-        if self._rate:
-            number = int((elapsed + EARLY) * self._rate / 1e9) + 1
-            self._due = self._samples[0].stamp + round(number * 1e9 / self._rate)
-        if self._seconds is not None and elapsed + EARLY >= self._seconds * 1e9:
-            self.is_over = True
-
-    def _on_joint_states(self, message: JointState) -> None:
-        """Take what the bridge publishes of a state."""
-        with self._lock:
-            if not self._match(message):
-                self._recent[message.header.stamp.to_nsec()] = message
-                while len(self._recent) > MAX_RECENT:
-                    del self._recent[next(iter(self._recent))]
-
-    def _match(self, message: JointState) -> bool:
-        """Put the joints that were published into the sample with their stamp.
-
-        They are those that were measured, with the turns that the bridge has counted;
-        others are of another robot, and left out.
-        """
-        sample = self._waiting.pop(message.header.stamp.to_nsec(), None)
-        if sample is None:
-            return False
-        if tuple(message.name) == self._names:
-            positions = np.array(message.position)
-            # The bridge may have counted turns before.
-            apart = positions - sample.positions
-            apart -= 2.0 * np.pi * np.round(apart / (2.0 * np.pi))
-            if np.abs(apart).max(initial=0.0) < SAME_JOINTS:
-                sample.positions = positions
-                sample.velocities = np.array(message.velocity)
-                self._begin_at(sample)
-        return True
-
-    def _begin_at(self, sample: _Sample) -> None:
-        """Leave out the first instants, in which the bridge was not heard yet.
-
-        Their joints may be whole turns from those that follow.
-        """
-        early = sample.stamp - self._samples[0].stamp
-        is_connecting = early < MAX_CONNECT_TIME and not self.is_over
-        if is_connecting and not self._is_matched:
-            while self._samples[0] is not sample:
-                self._waiting.pop(self._samples.pop(0).stamp, None)
-        self._is_matched = True
-
-    def trajectory(self) -> tuple[Trajectory, int]:
-        """Return what was recorded, from zero on, and the first stamp in [ns]."""
-        with self._lock:
-            if self._left_out:
-                self.notes.append(
-                    f"{self._left_out} states without all links are left out."
-                )
-            samples = self._samples
-            begin = samples[0].stamp
-            bases = [s.base_pose for s in samples if s.base_pose is not None]
-            return Trajectory(
-                np.array([sample.stamp - begin for sample in samples]) / 1e9,
-                self._names,
-                np.array([sample.positions for sample in samples]),
-                np.array([sample.velocities for sample in samples]),
-                np.array(bases) if bases else None,
-            ), begin

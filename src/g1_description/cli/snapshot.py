@@ -20,11 +20,13 @@ import rospy
 from g1_description.cli import options
 from g1_description.cli.film import (
     FILMS,
+    Placed,
     check_length,
     check_place,
     drawn,
     film,
-    read_moments,
+    now,
+    read_motion,
     record,
     side_by_side,
     write_film,
@@ -32,7 +34,6 @@ from g1_description.cli.film import (
     write_video,
 )
 from g1_description.cli.options import MODEL
-from g1_description.cli.watched_robot import MAP, Moment, RobotWatch, Transforms
 from g1_description.command_line import argument, number, option, parse
 from g1_description.errors import (
     G1DescriptionError,
@@ -48,11 +49,18 @@ from g1_description.robot.poses import check_limits
 from g1_description.robot.transform import IDENTITY
 from g1_description.robot.urdf import parse_urdf
 from g1_description.ros.lifecycle import own_arguments, start_node
-from g1_description.ros.waiting import NoAnswerError
+from g1_description.ros.robot_view import RobotView
+from g1_description.ros.waiting import NoAnswerError, wait_until
 from g1_description.text import listed, similar_first
 
 SIDES = (16, 4096)
 """Smallest and largest width and height of a picture, in pixels."""
+
+JOINTS_TIMEOUT = 10.0
+"""Longest wait for the positions of all joints, in [s]."""
+
+BASE_TIMEOUT = 2.0
+"""Longest wait for the base once the joints are known, in [s]."""
 
 MAX_TIMES = 60
 """Most pictures of a contact sheet."""
@@ -244,7 +252,7 @@ def load(scene: Scene, description: Description) -> None:
 
 def frame(
     scene: Scene,
-    moments: Sequence[Sequence[Moment]],
+    moments: Sequence[Sequence[Placed]],
     view: str,
     size: tuple[int, int],
 ) -> tuple[Camera, float]:
@@ -273,20 +281,19 @@ def frame(
             "Nothing can be drawn: the robot has no visual shapes, or none that can be "
             "read."
         )
-    is_placed = any(robot.T_map_root is not None for robot in moments[0])
+    is_placed = any(root is not None for root, _ in moments[0])
     floor = 0.0 if is_placed else float(points[:, 2].min())
     return framing(points, *VIEWS[view], size[0] / size[1]), floor
 
 
-def place(scene: Scene, moment: Sequence[Moment]) -> None:
+def place(scene: Scene, moment: Sequence[Placed]) -> None:
     """Put all robots where they are, or else their root at the origin."""
-    for robot, now in enumerate(moment):
-        pose = IDENTITY if now.T_map_root is None else now.T_map_root
-        scene.place(robot, pose, now.positions)
+    for robot, (root, positions) in enumerate(moment):
+        scene.place(robot, IDENTITY if root is None else root, positions)
 
 
 def write(
-    scene: Scene, moments: Sequence[Sequence[Moment]], args: SnapshotOptions
+    scene: Scene, moments: Sequence[Sequence[Placed]], args: SnapshotOptions
 ) -> None:
     """Draw and write what was requested.
 
@@ -316,7 +323,7 @@ def write(
 
 
 def sheet(
-    scene: Scene, moments: Sequence[Sequence[Moment]], args: SnapshotOptions
+    scene: Scene, moments: Sequence[Sequence[Placed]], args: SnapshotOptions
 ) -> np.ndarray:
     """Draw moments side by side, each where the robot then is, all at one scale."""
     n, (width, height) = len(moments), args.size
@@ -355,14 +362,12 @@ def draw_file(args: SnapshotOptions) -> None:
     """Draw a URDF file: a motion, or its zero pose with the joints requested."""
     description = parse_urdf(absolute_urdf(args.model or G1))
     check_joints(args.joints, description)
-    moments = [[Moment(args.joints, None)]]
+    moments: list[list[Placed]] = [[(None, {})]]
     if args.motion:
-        moments, notes = read_moments(args, description)
+        moments, notes = read_motion(args, description)
         for note in notes:
             notify(note)
-    with Scene() as scene:
-        load(scene, description)
-        write(scene, moments, args)
+    draw_all([description], moments, args)
 
 
 def draw_now(args: SnapshotOptions) -> None:
@@ -377,23 +382,36 @@ def draw_now(args: SnapshotOptions) -> None:
         raise
     except (OSError, rospy.ROSException, rosgraph.MasterException) as error:
         raise NoAnswerError(f"the master is gone: {error}.") from error
+    draw_all(descriptions, moments, args)
+
+
+def draw_all(
+    robots: Sequence[Description],
+    moments: Sequence[Sequence[Placed]],
+    args: argparse.Namespace,
+) -> None:
+    """Draw robots, with the joints requested."""
+    moments = [
+        [(root, {**positions, **args.joints}) for root, positions in moment]
+        for moment in moments
+    ]
     with Scene() as scene:
-        for description in descriptions:
-            load(scene, description)
+        for robot in robots:
+            load(scene, robot)
         write(scene, moments, args)
 
 
 def watch_now(
     args: SnapshotOptions,
-) -> tuple[list[Description], list[list[Moment]]]:
+) -> tuple[list[Description], list[list[Placed]]]:
     """Watch the robots that run, as long as was requested.
 
     Returns:
-        The robots, and what all of them did at each moment.
+        The robots, and where all of them are in each picture.
 
     Raises:
         NoAnswerError: If there is no master, or nothing comes from a robot.
-        OSError: If the master goes meanwhile; likewise the errors of ROS.
+        OSError: If the master goes meanwhile; also the errors of ROS.
     """
     if not rosgraph.is_master_online():
         raise NoAnswerError(
@@ -401,34 +419,48 @@ def watch_now(
             "draw a file with --model FILE."
         )
     start_node("snapshot", anonymous=True)
-    transforms = Transforms()
     namespaces = args.namespace or [rospy.get_namespace()]
-    watches = [RobotWatch(name.strip("/"), notify, transforms) for name in namespaces]
-    for watch in watches:
-        check_joints(args.joints, watch.description)
-        watch.wait()
-        report_unknown(watch, args.joints)
-    if args.is_film:
-        moments = record(watches, args.seconds, args.fps)
-    else:
-        moments = [[watch.now() for watch in watches]]
-    for listener in (transforms, *watches):  # drawing needs the processor
-        listener.close()
-    wanted = [[now.with_joints(args.joints) for now in moment] for moment in moments]
-    return [watch.description for watch in watches], wanted
+    views = [RobotView(name.strip("/"), notify) for name in namespaces]
+    for view in views:
+        check_joints(args.joints, view.description)
+        wait_for(view)
+        report_unknown(view, args.joints)
+    moments = record(views, args.seconds, args.fps) if args.is_film else [now(views)]
+    for view in views:  # drawing needs the processor
+        view.close()
+    return [view.description for view in views], moments
 
 
-def report_unknown(watch: RobotWatch, wanted: dict[str, float]) -> None:
+def wait_for(view: RobotView) -> None:
+    """Wait for all joints, or at least some, and for the pose of the base.
+
+    Raises:
+        NoAnswerError: If no position of any joint comes.
+        ROSInterruptException: If the node is shut down.
+    """
+    wait_until(lambda: not view.missing, JOINTS_TIMEOUT)
+    if view.missing and not view.positions:
+        raise NoAnswerError(
+            f"No joint states of '{view.description.name}' came on {view.topic} "
+            f"within {JOINTS_TIMEOUT:g} s: does the bridge run, and is time not paused?"
+        )
+    wait_until(lambda: has_base(view), BASE_TIMEOUT)
+
+
+def has_base(view: RobotView) -> bool:
+    """Tell whether the pose of a robot's base is known."""
+    state = view.state
+    return state is not None and state.base_pose is not None
+
+
+def report_unknown(view: RobotView, wanted: dict[str, float]) -> None:
     """Report joints and poses that are unknown."""
-    name = watch.description.name
-    missing = [joint for joint in watch.missing if joint not in wanted]
+    name = view.description.name
+    missing = [joint for joint in view.missing if joint not in wanted]
     if missing:
         notify(f"unknown positions of '{name}', drawn at 0: {', '.join(missing)}.")
-    if watch.now().T_map_root is None:
-        notify(
-            f"there is no transform from {MAP} to {watch.frame}: "
-            f"'{name}' is drawn with its root at the origin."
-        )
+    if not has_base(view):
+        notify(f"{view.no_base}: '{name}' is drawn with its root at the origin.")
 
 
 def main() -> None:

@@ -15,12 +15,7 @@ from g1_description.gazebo.parameters import GazeboParameters
 from g1_description.msg import TrackingReport
 from g1_description.ros.conversions import stamp_from_ns
 from g1_description.ros.publisher import DirectPublisher
-from g1_description.ros.wire import (
-    LinkStatesEncoder,
-    PreparedLinkStates,
-    PreparedModelStates,
-    PreparedWorldState,
-)
+from g1_description.ros.wire import LinkStatesEncoder, Prepared, ready
 from g1_description.sim.motions import TrackedMotion
 from g1_description.sim.world import World
 
@@ -208,29 +203,24 @@ class StateTopics:
         period_ns = max(1, every) * properties.step_ns
         return self._world.time_ns % period_ns < properties.step_ns
 
-    def _link_states(self) -> PreparedLinkStates:
+    def _link_states(self) -> Prepared:
         """Make a message of the states of all links."""
-        message = PreparedLinkStates()
-        message.data = self._encoded_links()
-        return message
+        return ready(self._encoded_links())
 
-    def _model_states(self) -> PreparedModelStates:
+    def _model_states(self) -> Prepared:
         """Make a message of the states of all models."""
-        message = PreparedModelStates()
         names = self._world.model_names
-        message.data = self._models.encode(names, *self._world.model_states())
-        return message
+        return ready(self._models.encode(names, *self._world.model_states()))
 
-    def _world_state(self) -> PreparedWorldState:
+    def _world_state(self) -> Prepared:
         """Make a message of all links' states and their time; forces are unknown."""
-        message = PreparedWorldState()
         self._seq += 1
-        message.header.seq = self._seq
-        message.header.stamp = stamp_from_ns(self._world.time_ns)
-        message.header.frame_id = "world"
-        message.data = self._encoded_links() + struct.pack("<I", 0)
-        self._shown = self._world.time_ns, message.data
-        return message
+        time_ns, frame = self._world.time_ns, b"world"
+        stamp = divmod(time_ns, 1_000_000_000)
+        header = struct.pack("<4I", self._seq, *stamp, len(frame)) + frame
+        content = self._encoded_links() + struct.pack("<I", 0)
+        self._shown = time_ns, content
+        return ready(header + content)
 
     def _encoded_links(self) -> bytes:
         """Write the states of all links."""

@@ -14,13 +14,13 @@ from urllib.parse import urlparse
 import rosgraph
 import rospy
 
-from g1_description.errors import G1DescriptionError
 from g1_description.ros.master import SLAVE_API_ERRORS
-from g1_description.ros.waiting import MASTER_PERIOD, NoAnswerError, wait_until
-
-
-class RefusedError(G1DescriptionError):
-    """The stand-in does not do what was requested."""
+from g1_description.ros.waiting import (
+    MASTER_PERIOD,
+    NoAnswerError,
+    RefusedError,
+    wait_until,
+)
 
 
 class Connection:

@@ -28,7 +28,7 @@ second."""
 
 
 @dataclass
-class _Fault:
+class _Repeated:
     """The messages on one fault."""
 
     period: float
@@ -68,17 +68,13 @@ class _Fault:
 class ThrottledLog:
     """Logs the first message on a fault at once, the next ones later and counted.
 
-    rospy's own throttles use simulated time, which may stand still or go back.
+    rospy's own throttles use simulated time, which may stand still or go back. A thread
+    of its own logs, because rospy asks the master each time, which may hang.
     """
 
     def __init__(self) -> None:
-        """Begin without any fault.
-
-        A thread of its own logs, because rospy asks the master each time, which may
-        hang.
-        """
         self._lock = threading.Lock()
-        self._faults: dict[str, _Fault] = {}
+        self._faults: dict[str, _Repeated] = {}
         self._changed = threading.Event()
         threading.Thread(target=self._run, daemon=True).start()
 
@@ -102,7 +98,7 @@ class ThrottledLog:
         """
         now = time.monotonic()
         with self._lock:
-            fault = self._faults.setdefault(key, _Fault(period, log, lasts))
+            fault = self._faults.setdefault(key, _Repeated(period, log, lasts))
             if now - fault.time_seen > EXPIRY:
                 fault.last_line = ""
             fault.time_seen = now

@@ -31,47 +31,14 @@ POLL_PERIOD = 0.005
 """Wait before TF is asked again, in [s]."""
 
 
-class _Listener:
-    """Fills a buffer as tf2's own listener does, from the bytes of messages.
-
-    In a node, rospy gives all subscribers of a topic what the first one asked for, and
-    the node that judges takes the bytes of TF.
-    """
-
-    def __init__(self, buffer: tf2_ros.Buffer) -> None:
-        self._buffer = buffer
-        self._newest = rospy.Time()
-        self._lock = threading.Lock()
-        keepers = {
-            "/tf": buffer.set_transform,
-            "/tf_static": buffer.set_transform_static,
-        }
-        for topic, keep in keepers.items():
-            rospy.Subscriber(
-                topic,
-                rospy.AnyMsg,
-                partial(self._take, keep),
-                queue_size=100,
-                buff_size=BUFFER,
-            )
-
-    def _take(self, keep: Callable, message: rospy.AnyMsg) -> None:
-        """Keep what a message tells."""
-        try:
-            edges = read_edges(message._buff)
-        except WireFormatError:
-            return
-        with self._lock:
-            now = rospy.Time.now()
-            if now < self._newest:  # time began again
-                self._buffer.clear()
-            self._newest = now
-            for stamp, parent, child, pose in edges:
-                keep(transform(stamp_from_ns(stamp), parent, child, pose), "tf")
-
-
 class MapFrame:
-    """Listens to TF as soon as somebody needs it: a listener costs processor time."""
+    """Listens to TF as soon as somebody needs it: a listener costs processor time.
+
+    It takes bytes, and no tf2_ros.TransformListener: in a node, rospy gives all
+    subscribers of a topic what the first one asked for, and RobotStates takes bytes.
+
+    Subscribes: /tf, /tf_static (tf2_msgs/TFMessage)
+    """
 
     def __init__(self, names: Sequence[str] = ("map", "world")) -> None:
         """Begin without listening.
@@ -82,6 +49,7 @@ class MapFrame:
         self._names = names
         self._lock = threading.Lock()
         self._buffer: tf2_ros.Buffer | None = None
+        self._newest = rospy.Time()
 
     def pose_in_map(
         self, poses: np.ndarray, frame: str, stamp: rospy.Time
@@ -108,7 +76,8 @@ class MapFrame:
         with self._lock:
             if self._buffer is None:
                 self._buffer = tf2_ros.Buffer(debug=False)
-                _Listener(self._buffer)
+                self._listen("/tf", self._buffer.set_transform)
+                self._listen("/tf_static", self._buffer.set_transform_static)
                 deadline += FIRST_TIMEOUT
         while True:
             try:
@@ -136,3 +105,28 @@ class MapFrame:
         q = found.transform.rotation
         turn = np.array([q.x, q.y, q.z, q.w])
         return np.concatenate([vector_to_array(found.transform.translation), turn])
+
+    def _listen(self, topic: str, keep: Callable) -> None:
+        """Subscribe, and keep the edges of all messages."""
+        rospy.Subscriber(
+            topic,
+            rospy.AnyMsg,
+            partial(self._take, keep),
+            queue_size=100,
+            buff_size=BUFFER,
+        )
+
+    def _take(self, keep: Callable, message: rospy.AnyMsg) -> None:
+        """Keep the edges of a message."""
+        assert self._buffer is not None
+        try:
+            edges = read_edges(message._buff)
+        except WireFormatError:
+            return
+        with self._lock:
+            now = rospy.Time.now()
+            if now < self._newest:  # time began again
+                self._buffer.clear()
+            self._newest = now
+            for stamp, parent, child, pose in edges:
+                keep(transform(stamp_from_ns(stamp), parent, child, pose), "tf")

@@ -1,112 +1,136 @@
-"""A motion that is played, paused and stepped through by a person."""
+"""Motions of a robot that runs: asked of its bridge, paused and stepped by a person.
+
+Calls: play_motion (g1_description/PlayMotion)
+"""
 
 from __future__ import annotations
 
+import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from typing import Protocol
 
 import numpy as np
-import rosgraph
 import rospy
+from trajectory_msgs.msg import MultiDOFJointTrajectoryPoint
 
-from g1_description.errors import MotionError
 from g1_description.motion.edit import at_speed, cut, later
 from g1_description.motion.trajectory import SNAP, Trajectory
-from g1_description.robot.transform import IDENTITY
-from g1_description.ros.map_frame import MapFrame
-from g1_description.ros.motion_client import MotionClient
-from g1_description.ros.robot_view import RobotView
-from g1_description.ros.waiting import NoAnswerError
-from g1_description.srv import PlayMotion
-
-TIMEOUT = 30.0
-"""Longest wait for the bridge, in [s]: machines may be busy."""
-
-GONE = 5.0
-"""Time without a publisher of joint states after which the robot is given up, in [s]:
-a bridge that failed is started again."""
+from g1_description.msg import RobotTrajectory
+from g1_description.ros.conversions import to_transform
+from g1_description.ros.motion_messages import durations_of, message_of_joints
+from g1_description.ros.waiting import NoAnswerError, RefusedError
 
 
-class PlayedRobot(RobotView):
-    """The robot behind play_motion of a namespace."""
+class MotionClient:
+    """Asks a robot's bridge for motions, and stops what it has asked for."""
 
-    def __init__(self, namespace: str, notify: Callable[[str], None]) -> None:
-        """Connect.
+    def __init__(self, service: rospy.ServiceProxy) -> None:
+        self._service = service
+        self._lock = threading.Lock()
+        self.is_left = False
+        """Whether no motion may begin any more."""
+        self.may_move = False
+        """Whether the robot may be on its way."""
 
-        Args:
-            namespace: Of the robot's topics, without slashes around; empty: the
-                node's.
-            notify: Takes messages about what is waited for.
+    def play(self, trajectory: Trajectory) -> tuple[int, str]:
+        """Let the robot go through a motion, at once.
+
+        Returns:
+            When its times count from, in [ns], and what was not done as requested.
 
         Raises:
-            DescriptionError: If there is no description, or it is not one.
-            NoAnswerError: If there is no bridge, or no master.
+            G1DescriptionError: If that is refused, or nobody answers.
+            ROSInterruptException: If the robot was left.
         """
-        with _told_without_master():
-            super().__init__(namespace, notify)
-        self._told = ""
-        self._alone: float | None = None
-        """Since when nobody publishes its state, on the monotonic clock."""
-        service = rospy.ServiceProxy(f"{self._prefix}play_motion", PlayMotion)
-        self.motions = MotionClient(service)
-        """What lets it move."""
-        if not self.wait_until(lambda: self.newest is not None, TIMEOUT):
-            raise NoAnswerError(f"The robot's state is unknown: {self.silence}")
+        with self._lock:
+            # Before the question: who leaves sets is_left before it looks at may_move.
+            self.may_move = len(trajectory.times) > 1 or trajectory.times[0] > 0.0
+            if self.is_left:
+                self.may_move = False
+                raise rospy.ROSInterruptException("interrupted")
+            try:
+                return self._call(_message(trajectory))
+            except RefusedError:
+                self.may_move = False
+                raise
+
+    def stop(self) -> None:
+        """Stop the robot where it is.
+
+        Raises:
+            G1DescriptionError: If that is refused, or nobody answers.
+        """
+        with self._lock:
+            self._call(RobotTrajectory())
+            self.may_move = False
+
+    def leave(self) -> bool:
+        """Begin no motion any more, and stop the robot if it may be on its way.
+
+        It may be called from any thread. A motion that the bridge has been asked for is
+        stopped as soon as it has answered.
+
+        Returns:
+            Whether the robot was stopped.
+
+        Raises:
+            G1DescriptionError: If that is refused, or nobody answers.
+        """
+        self.is_left = True
+        if not self.may_move:
+            return False
+        self.stop()
+        return True
+
+    def _call(self, message: RobotTrajectory) -> tuple[int, str]:
+        """Call the bridge."""
+        try:
+            answer = self._service(message)
+        except (rospy.ServiceException, OSError) as error:
+            name = self._service.resolved_name
+            raise NoAnswerError(
+                f"{name} does not answer, is the bridge running? {error}"
+            ) from error
+        if not answer.success:
+            raise RefusedError(f"The motion is refused: {answer.status_message}")
+        return answer.start.to_nsec(), answer.status_message
+
+
+def _message(trajectory: Trajectory) -> RobotTrajectory:
+    """Write a motion as a message."""
+    message = RobotTrajectory()
+    if trajectory.joint_names:
+        message.joint_trajectory = message_of_joints(trajectory)
+    if trajectory.base_poses is not None:
+        base = message.multi_dof_joint_trajectory
+        base.joint_names = ["base"]
+        base.points = [
+            MultiDOFJointTrajectoryPoint(
+                transforms=[to_transform(pose)], time_from_start=time
+            )
+            for pose, time in zip(
+                trajectory.base_poses.tolist(), durations_of(trajectory)
+            )
+        ]
+    return message
+
+
+class PlayedRobot(Protocol):
+    """A robot whose bridge plays motions: a ``RobotView``, or one of the page."""
+
+    motions: MotionClient
 
     @property
     def now_ns(self) -> int:
         """Time of its newest state, in [ns]."""
-        return self.newest.header.stamp.to_nsec() if self.newest else 0
 
     def look_after_time(self) -> None:
-        """Tell what keeps its time from going on; to be called again and again.
+        """Report what keeps its time from going on.
 
         Raises:
             NoAnswerError: If nobody publishes its state any more.
         """
-        obstacle = self.obstacle()
-        if obstacle not in ("", self._told):
-            self._notify(f"waiting: {obstacle}")
-        self._told = obstacle
-        if self._subscriber.get_num_connections():
-            self._alone = None
-            return
-        now = time.monotonic()
-        self._alone = self._alone or now
-        if now > self._alone + GONE:
-            raise NoAnswerError(
-                f"Nobody publishes {self.topic} any more; the bridge is gone."
-            )
-
-    def base_pose(self, frame: str | None) -> np.ndarray:
-        """Return where its base is in the map, shape (7,).
-
-        Args:
-            frame: The base on TF; None: base_link with the namespace before it.
-
-        Raises:
-            MotionError: If TF does not have it.
-            NoAnswerError: If there is no master.
-        """
-        frame = frame or f"{self._prefix.lstrip('/')}base_link"
-        try:
-            with _told_without_master():
-                return MapFrame().pose_in_map(IDENTITY, frame, rospy.Time())
-        except MotionError as error:
-            raise MotionError(
-                f"TF does not know where the robot is: {error}. --base-frame names "
-                "its base."
-            ) from error
-
-
-@contextmanager
-def _told_without_master() -> Iterator[None]:
-    """Raise NoAnswerError where the master does not answer."""
-    try:
-        yield
-    except (OSError, rosgraph.MasterException) as error:
-        raise NoAnswerError(f"The master is gone: {error}.") from error
 
 
 REST = 1.0

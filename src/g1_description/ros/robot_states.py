@@ -12,7 +12,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import genpy
 import numpy as np
@@ -83,14 +83,20 @@ _STAMP_AT = 4
 
 
 class RobotStates:
-    """The newest state of one robot.
+    """The newest state of one robot, from its bridge where there is one.
 
     Subscribes: robot_state (g1_description/RobotState); those of ``JoinedStates`` while
         nobody publishes that.
     """
 
     def __init__(
-        self, map_frame: str, base_frame: str, period: float, log: ThrottledLog
+        self,
+        map_frame: str,
+        base_frame: str,
+        period: float,
+        log: ThrottledLog,
+        joint_states: str = "joint_states",
+        changed: threading.Event | None = None,
     ) -> None:
         """Subscribe.
 
@@ -99,30 +105,56 @@ class RobotStates:
             base_frame: Frame of the robot's base; the map where that is the world.
             period: How long messages may gather before they are read, in [s].
             log: Where to log messages that cannot be read.
+            joint_states: Topic of the joint states; ``robot_state`` is next to it.
+            changed: What is set when a state has come; by default one of its own.
         """
-        self.changed, self.began_again = threading.Event(), threading.Event()
-        """Set when a state has come, and when time went back; cleared by the reader."""
-        self._map, self._base_frame = map_frame, base_frame
-        self._period, self._log = period, log
+        self.changed = changed or threading.Event()
+        """Set when a state has come; cleared by the reader."""
+        self.began_again = threading.Event()
+        """Set when time went back; cleared by the reader."""
+        self._map, self._base_frame, self._log = map_frame, base_frame, log
         self._lock = threading.Lock()
         self._newest: bytes | None = None
         self._stamp = 0
+        self._join = lambda: JoinedStates(
+            map_frame,
+            base_frame,
+            period,
+            log,
+            joint_states,
+            self.changed,
+            self.began_again,
+        )
         # Next to joint_states, also where those are remapped.
-        namespace = posixpath.dirname(rospy.resolve_name("joint_states"))
+        namespace = posixpath.dirname(rospy.resolve_name(joint_states))
         self._subscriber = _subscribe(
             posixpath.join(namespace, "robot_state"),
             gathered(self._on_robot_state, period),
             1,
         )
-        self._joined: JoinedStates | None = None
-        self._join()
+        self._joined: JoinedStates | None = self._join()
 
-    def _join(self) -> None:
-        """Put states together of joint states and TF."""
-        self._joined = JoinedStates(
-            self._map, self._base_frame, self._period, self._log
+    def close(self) -> None:
+        """Unsubscribe."""
+        self._subscriber.unregister()
+        with self._lock:
+            if self._joined is not None:
+                self._joined.close()
+
+    @property
+    def is_published(self) -> bool:
+        """Whether anybody publishes the robot's state."""
+        joined = self._joined
+        return bool(
+            self._subscriber.get_num_connections()
+            or (joined is not None and joined.is_published)
         )
-        self._joined.changed, self._joined.began_again = self.changed, self.began_again
+
+    @property
+    def stamp(self) -> int:
+        """Time of the newest state that has come, in [ns]; 0 before the first."""
+        joined = self._joined
+        return self._stamp if joined is None else joined.stamp
 
     def _on_robot_state(self, data: bytes) -> None:
         """Keep a message."""
@@ -145,16 +177,15 @@ class RobotStates:
         """
         with self._lock:
             data, self._newest = self._newest, None
-        if data is not None:
-            state = self._read(data)
+            state = None if data is None else self._read(data)
             if state is not None:
                 if self._joined is not None:
                     self._joined.close()
                     self._joined = None
                 return state
-        if self._joined is None and not self._subscriber.get_num_connections():
-            self._join()
-        return None if self._joined is None else self._joined.newest()
+            if self._joined is None and not self._subscriber.get_num_connections():
+                self._joined = self._join()
+            return None if self._joined is None else self._joined.newest()
 
     def _read(self, data: bytes) -> RobotState | None:
         """Read a message; None if it is damaged or its poses are in another frame."""
@@ -173,22 +204,17 @@ class RobotStates:
     @property
     def no_base(self) -> str:
         """Why a state has no base."""
-        return f"TF does not tell where {self._base_frame} is in {self._map}"
-
-
-@dataclass(frozen=True)
-class _Received:
-    """Joint states that came, and how many came before."""
-
-    stamp: int
-    data: bytes
-    number: int
+        return (
+            f"neither robot_state nor TF says where {self._base_frame} is in "
+            f"{self._map}"
+        )
 
 
 class JoinedStates:
     """States of joint states and of the edges of TF between the map and the robot.
 
-    Messages are kept as they came: only those of states that are checked are decoded.
+    For a bag or a real robot. Messages are kept as they came: only those of states that
+    are read are decoded.
 
     Subscribes: joint_states (sensor_msgs/JointState), /tf, /tf_static
         (tf2_msgs/TFMessage)
@@ -200,33 +226,28 @@ class JoinedStates:
         base_frame: str,
         period: float,
         log: ThrottledLog,
-        joint_states: str = "joint_states",
+        joint_states: str,
+        changed: threading.Event,
+        began_again: threading.Event,
     ) -> None:
-        """Subscribe.
-
-        Args:
-            map_frame: Frame whose floor the robot stands on.
-            base_frame: Frame of the robot's base.
-            period: How long messages may gather before they are read, in [s].
-            log: Where to log messages that cannot be read.
-            joint_states: Topic of the joint states.
-        """
-        self.changed = threading.Event()
-        """Set when something new has come; whoever waits for it clears it."""
-        self.began_again = threading.Event()
-        """Set when time went back; whoever reads it clears it."""
+        """Subscribe; the arguments are those of ``RobotStates``."""
+        self._changed, self._began_again = changed, began_again
         self._map, self._base_frame, self._log = map_frame, base_frame, log
         self._lock = threading.Lock()
-        self._states: deque[_Received] = deque(maxlen=MAX_STATES)
-        self._count = 0
-        self._taken: tuple[int, bool] | None = None
+        self._states: deque[tuple[int, bytes]] = deque(maxlen=MAX_STATES)
+        """Stamps in [ns] and messages."""
+        self._taken: tuple[object, bool] | None = None
+        """The last one that was returned, and whether it had a base."""
         self._parents: dict[str, str] = {}
         self._wanted = {base_frame.encode()}
         self._newest: dict[str, int] = {}
         self._times: deque[int] = deque(maxlen=MAX_STATES)
         self._tf = tf2_ros.Buffer(debug=False)
+        self._joint_states = _subscribe(
+            joint_states, gathered(self._on_joint_states, period), 100
+        )
         self._subscribers = [
-            _subscribe(joint_states, gathered(self._on_joint_states, period), 100),
+            self._joint_states,
             _subscribe("/tf", gathered(self._on_tf, period), 100),
             _subscribe("/tf_static", self._on_static_tf, None),
         ]
@@ -236,15 +257,19 @@ class JoinedStates:
         for subscriber in self._subscribers:
             subscriber.unregister()
 
+    @property
+    def is_published(self) -> bool:
+        """Whether anybody publishes joint states."""
+        return self._joint_states.get_num_connections() > 0
+
     def _on_joint_states(self, data: bytes) -> None:
         """Keep joint states."""
         if len(data) < _STAMP_AT + _STAMP.size:
             return
         stamp = _nanoseconds(data, _STAMP_AT)
         with self._lock:
-            self._count += 1
-            self._states.append(_Received(stamp, data, self._count))
-        self.changed.set()
+            self._states.append((stamp, data))
+        self._changed.set()
 
     def _begin_again(self) -> None:
         """Forget all that moves: time went back."""
@@ -253,7 +278,7 @@ class JoinedStates:
         self._newest.clear()
         self._times.clear()
         self._taken = None
-        self.began_again.set()
+        self._began_again.set()
 
     def _on_tf(self, data: bytes) -> None:
         """Keep edges between the map and the robot."""
@@ -266,14 +291,14 @@ class JoinedStates:
                     self._newest[child] = stamp
                     self._times.append(stamp)
                 self._keep(edges, self._tf.set_transform)
-            self.changed.set()
+            self._changed.set()
 
     def _on_static_tf(self, data: bytes) -> None:
         """Keep edges that do not move."""
         edges = self._read(data, None)
         with self._lock:
             self._keep(edges, self._tf.set_transform_static)
-        self.changed.set()
+        self._changed.set()
 
     def _read(self, data: bytes, children: set[bytes] | None) -> list[Edge]:
         """Read some edges of a message, all by default."""
@@ -305,7 +330,7 @@ class JoinedStates:
     def stamp(self) -> int:
         """Time of the newest joint states, in [ns]; 0 before the first ones."""
         with self._lock:
-            return self._states[-1].stamp if self._states else 0
+            return self._states[-1][0] if self._states else 0
 
     def newest(self) -> RobotState | None:
         """Find the newest joint states whose base is known, too.
@@ -322,20 +347,21 @@ class JoinedStates:
             found = self._pair()
             if found is None:
                 return None
-            received, base = found
-            if self._taken == (received.number, base is not None):
+            chosen, base = found
+            last = self._taken
+            if last and last[0] is chosen and last[1] == (base is not None):
                 return None
-            self._taken = received.number, base is not None
+            self._taken = chosen, base is not None
+        stamp, data = chosen
         message = JointState()
         try:
-            message.deserialize(received.data)
+            message.deserialize(data)
         except genpy.DeserializationError as error:
-            self._log.warn("joints", f"A message is no joint states: {error}.")
+            self._log.warn("joints", f"A message is not joint states: {error}.")
             return None
-        names, positions, velocities = joint_states_to_arrays(message)
-        return RobotState(received.stamp, names, positions, velocities, base)
+        return RobotState(stamp, *joint_states_to_arrays(message), base)
 
-    def _pair(self) -> tuple[_Received, np.ndarray | None] | None:
+    def _pair(self) -> tuple[tuple[int, bytes], np.ndarray | None] | None:
         """Choose joint states, and the base of their time."""
         if not self._states:
             return None
@@ -346,14 +372,14 @@ class JoinedStates:
             ).to_nsec()
             if time == 0:  # nothing moves between map and robot
                 return newest, self._base(0)
-            if newest.stamp - time > MAX_BASE_AGE:
+            if newest[0] - time > MAX_BASE_AGE:
                 return newest, None
             chosen = self._chosen(time)
-            return chosen and (chosen, self._base(chosen.stamp))
+            return chosen and (chosen, self._base(chosen[0]))
         except tf2_ros.TransformException:
             return newest, None
 
-    def _chosen(self, time: int) -> _Received | None:
+    def _chosen(self, time: int) -> tuple[int, bytes] | None:
         """Choose the newest joint states up to a time in [ns].
 
         Between two bases is a place where a robot that jumps has never been, so the
@@ -361,9 +387,9 @@ class JoinedStates:
         """
         times, newest = set(self._times), None
         for state in reversed(self._states):
-            if state.stamp <= time:
+            if state[0] <= time:
                 newest = newest or state
-                if state.stamp in times:
+                if state[0] in times:
                     return state
         return newest
 

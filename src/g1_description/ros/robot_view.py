@@ -1,29 +1,43 @@
-"""A robot as any other node sees it: its description and its joint states."""
+"""A robot as any other node sees it: its description, its state, and its motions."""
 
 from __future__ import annotations
 
 import math
-import threading
 import time
 from collections.abc import Callable, Mapping
 
+import rosgraph
 import rospy
-from sensor_msgs.msg import JointState
 
-from g1_description.errors import DescriptionError
+from g1_description.errors import DescriptionError, InvalidValueError
+from g1_description.robot.assembly import WORLD, base_of
 from g1_description.robot.description import Description
+from g1_description.robot.state import RobotState
 from g1_description.robot.urdf import parse_urdf
+from g1_description.ros.log import ThrottledLog
 from g1_description.ros.parameters import wait_for_parameter
-from g1_description.ros.waiting import NEWEST, wait_until
+from g1_description.ros.playing import MotionClient
+from g1_description.ros.robot_states import RobotStates
+from g1_description.ros.waiting import NoAnswerError, wait_until
+from g1_description.srv import PlayMotion
+
+MAP = "map"
 
 DESCRIPTION = "robot_description"
 
 DESCRIPTION_TIMEOUT = 10.0
 """Longest wait for a description, in [s]: it may be launched at the same time."""
 
+PERIOD = 0.01
+"""How long messages may gather before they are read, in [s]."""
+
 QUIET = 2.0
-"""Time without joint states, or without newer stamps, after which a wait reports it,
-in [s]."""
+"""Time without states, or without newer stamps, after which a wait reports it, in
+[s]."""
+
+GONE = 5.0
+"""Time without a publisher of its state after which a robot is given up, in [s]: a
+bridge that failed is started again."""
 
 STANDS_STILL = "simulated time stands still"
 
@@ -31,7 +45,8 @@ STANDS_STILL = "simulated time stands still"
 class RobotView:
     """Follows one robot.
 
-    Subscribes: joint_states (sensor_msgs/JointState).
+    Subscribes: robot_state, or joint_states and TF, as ``RobotStates`` does.
+    Calls: play_motion (g1_description/PlayMotion)
     Reads: robot_description, searched for upward from the robot's namespace.
     """
 
@@ -40,49 +55,82 @@ class RobotView:
 
         Args:
             namespace: Of the robot's topics, without slashes around; empty: the
-                node's.
+                node's. The bridge prefixes the robot's frames with it.
             notify: Takes messages about what is waited for.
 
         Raises:
             DescriptionError: If there is no description, or it is not one.
+            NoAnswerError: If there is no master.
             ROSInterruptException: If the node is shut down.
         """
-        self.description = wait_for_description(namespace, notify)
-        self.positions: dict[str, float] = {}
-        """Last finite positions in [rad] or [m] of the movable joints heard of."""
-        self.newest: JointState | None = None
-        """The last message; None: there is none yet."""
+        try:
+            self.description = wait_for_description(namespace, notify)
+            self._prefix = f"/{namespace}/" if namespace else ""
+            self.topic = rospy.resolve_name(f"{self._prefix}joint_states")
+            base, _ = base_of(self.description)
+            frame = MAP if base == WORLD else self._prefix.lstrip("/") + base
+            self._states = RobotStates(MAP, frame, PERIOD, ThrottledLog(), self.topic)
+        except (OSError, rosgraph.MasterException) as error:
+            raise NoAnswerError(f"The master is gone: {error}.") from error
+        service = rospy.ServiceProxy(f"{self._prefix}play_motion", PlayMotion)
+        self.motions = MotionClient(service)
+        """What lets it go through motions."""
         self._joints = {joint.name for joint in self.description.movable_joints}
         self._notify = notify
-        self._changed = threading.Condition()
+        self._state: RobotState | None = None
+        self._positions: dict[str, float] = {}
         self._heard = self._advanced = 0.0
-        """When the last message, and the last with a new stamp, came: monotonic."""
-        self._stamp = rospy.Time()
-        self._prefix = f"/{namespace}/" if namespace else ""
-        self._subscriber = rospy.Subscriber(
-            f"{self._prefix}joint_states", JointState, self._on_joint_states, **NEWEST
-        )
-        self.topic = self._subscriber.resolved_name
+        """When the last state, and the last with a new stamp, came: monotonic."""
+        self._stamp = 0
+        self._reported = ""
+        self._alone: float | None = None
+        """Since when nobody publishes its state, on the monotonic clock."""
 
-    def _on_joint_states(self, message: JointState) -> None:
-        """Keep a message; positions in a new dictionary, for other threads."""
-        finite = {
-            name: position
-            for name, position in zip(message.name, message.position)
-            if name in self._joints and math.isfinite(position)
-        }
-        with self._changed:
-            self.positions = {**self.positions, **finite}
-            self.newest, self._heard = message, time.monotonic()
-            if message.header.stamp != self._stamp:
-                self._stamp, self._advanced = message.header.stamp, self._heard
-            self._changed.notify()
+    def _poll(self) -> None:
+        """Take the newest state, if there is one."""
+        try:
+            state = self._states.newest()
+        except InvalidValueError as error:
+            self._notify(str(error))
+            return
+        if state is None:
+            return
+        self._state, self._heard = state, time.monotonic()
+        if state.stamp != self._stamp:
+            self._stamp, self._advanced = state.stamp, self._heard
+        for name, position in state.positions_by_name.items():
+            if name in self._joints and math.isfinite(position):
+                self._positions[name] = position
+
+    @property
+    def state(self) -> RobotState | None:
+        """The newest state; None: there is none yet."""
+        self._poll()
+        return self._state
+
+    @property
+    def now_ns(self) -> int:
+        """Time of its newest state, in [ns]."""
+        state = self.state
+        return state.stamp if state else 0
+
+    @property
+    def positions(self) -> dict[str, float]:
+        """Last finite positions in [rad] or [m] of the movable joints heard of."""
+        self._poll()
+        return self._positions.copy()
 
     @property
     def missing(self) -> list[str]:
         """Names of the movable joints without a known position."""
+        known = self.positions
         joints = self.description.movable_joints
-        return [joint.name for joint in joints if joint.name not in self.positions]
+        return [joint.name for joint in joints if joint.name not in known]
+
+    @property
+    def no_base(self) -> str:
+        """Why a state has no base."""
+        return self._states.no_base
 
     def away(self, goal: Mapping[str, float], tolerance: float) -> list[str]:
         """List the joints that were last not at a goal, and where they were.
@@ -91,8 +139,8 @@ class RobotView:
             goal: Positions in [rad] or [m] by joint name.
             tolerance: Largest distance that does not count, in [rad] or [m].
         """
-        newest = self.newest
-        shown = dict(zip(newest.name, newest.position)) if newest else {}
+        state = self.state
+        shown = state.positions_by_name if state else {}
         return [
             f"{name} at {shown[name]:g} instead of {position:g}"
             if name in shown
@@ -102,12 +150,12 @@ class RobotView:
         ]
 
     def forget_newest(self) -> None:
-        """Count only joint states that come from now on."""
-        with self._changed:
-            self.newest = None
+        """Count only states that come from now on."""
+        self._poll()
+        self._state = None
 
     def wait_until(self, condition: Callable, timeout: float | None):
-        """Wait until a condition on the joint states holds; report what delays it.
+        """Wait until a condition on the states holds; report what delays it.
 
         Returns:
             What the condition returned last.
@@ -115,18 +163,40 @@ class RobotView:
         Raises:
             ROSInterruptException: If the node is shut down.
         """
-        begin, reported = time.monotonic(), ""
+        begin, self._reported = time.monotonic(), ""
 
         def holds():
-            nonlocal reported
             result = condition()
-            obstacle = "" if result else self.obstacle(begin)
-            if obstacle not in ("", reported):
-                self._notify(f"waiting: {obstacle}")
-                reported = obstacle
+            if not result:
+                self._report(self.obstacle(begin))
             return result
 
-        return wait_until(holds, timeout, self._changed)
+        return wait_until(holds, timeout)
+
+    def _report(self, obstacle: str) -> None:
+        """Report what keeps a wait from ending, once."""
+        if obstacle not in ("", self._reported):
+            self._notify(f"waiting: {obstacle}")
+        self._reported = obstacle or self._reported
+
+    def look_after_time(self) -> None:
+        """Report what keeps its time from going on; to be called again and again.
+
+        Raises:
+            NoAnswerError: If nobody publishes its state any more.
+        """
+        obstacle = self.obstacle()
+        self._report(obstacle)
+        self._reported = obstacle
+        if self._states.is_published:
+            self._alone = None
+            return
+        now = time.monotonic()
+        self._alone = self._alone or now
+        if now > self._alone + GONE:
+            raise NoAnswerError(
+                f"Nobody publishes {self.topic} any more; the bridge is gone."
+            )
 
     def obstacle(self, begin: float = 0.0) -> str:
         """Return what keeps a wait from ending; empty if nothing is known to.
@@ -134,10 +204,11 @@ class RobotView:
         Args:
             begin: When the wait began, on the monotonic clock.
         """
+        self._poll()
         if max(begin, self._heard) < time.monotonic() - QUIET:
             return self.silence
         if max(begin, self._advanced) < time.monotonic() - QUIET:
-            return f"{STANDS_STILL} at {self._stamp.to_sec():g} s."
+            return f"{STANDS_STILL} at {1e-9 * self._stamp:g} s."
         return ""
 
     @property
@@ -147,15 +218,15 @@ class RobotView:
 
     @property
     def silence(self) -> str:
-        """A message that there are no joint states, and why that may be."""
+        """A message that there are no states, and why that may be."""
         if self._heard:
-            last = self._stamp.to_sec()
+            last = 1e-9 * self._stamp
             return f"nothing comes on {self.topic} after {last:g} s; is time paused?"
         return f"nothing comes on {self.topic}; does a simulator run, and does time?"
 
     def close(self) -> None:
         """Unsubscribe."""
-        self._subscriber.unregister()
+        self._states.close()
 
 
 def wait_for_description(namespace: str, notify: Callable[[str], None]) -> Description:

@@ -24,6 +24,10 @@ class NoAnswerError(G1DescriptionError):
     """A robot, its clock, a simulator or the master does not answer in time."""
 
 
+class RefusedError(G1DescriptionError):
+    """A bridge or a simulator does not do what was requested."""
+
+
 def wait_until(
     condition: Callable[[], Result],
     timeout: float | None = None,

@@ -10,15 +10,12 @@ float64; uint32 n, n twists of six float64. WorldState has a header before that
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from typing import BinaryIO, NamedTuple
 
 import numpy as np
-from gazebo_msgs.msg import LinkStates, ModelStates, WorldState
-from sensor_msgs.msg import JointState
 
 from g1_description.errors import WireFormatError
-from g1_description.msg import RobotState as RobotStateMessage
 from g1_description.robot.state import RobotState
 from g1_description.ros.conversions import robot_state_to_message
 
@@ -191,19 +188,24 @@ def _end_of_numbers(data: bytes, offset: int, width: int, n: int | None = None) 
     return end
 
 
-_LENGTH = struct.Struct("<I")
-_STAMP = struct.Struct("<III")
-
-
-class PreparedJointState(JointState):
-    """A JointState message whose bytes are ready."""
+class Prepared:
+    """A message that writes itself, for ``DirectPublisher``."""
 
     _has_header = False  # rospy would put its own count and time into it
-    data = b""
 
-    def serialize(self, buff):
-        """Write the prepared bytes, as rospy asks of a message."""
-        buff.write(self.data)
+    def __init__(self, write: Callable[[BinaryIO], object]) -> None:
+        """Take what writes it, once for each subscriber."""
+        self.serialize = write
+
+
+def ready(data: bytes) -> Prepared:
+    """Make a message of its bytes."""
+    return Prepared(lambda buff: buff.write(data))
+
+
+def write_robot_state(state: RobotState, frame: str, buff: BinaryIO) -> None:
+    """Write a robot's state whose poses are in a frame."""
+    robot_state_to_message(state, frame).serialize(buff)
 
 
 class JointStateEncoder:
@@ -216,83 +218,29 @@ class JointStateEncoder:
         self._names: Sequence[str] | None = None
         self._seq = 0
 
-    def encode(
-        self,
-        stamp: int,
-        names: Sequence[str],
-        position: np.ndarray,
-        velocity: np.ndarray,
-    ) -> PreparedJointState:
-        """Write one message.
+    def encode(self, state: RobotState) -> Prepared:
+        """Write the joints of a state, whose velocities are known.
 
-        Args:
-            stamp: Time of the state in [ns].
-            names: Joint names. The same object as last time costs nothing.
-            position: In [rad] or [m], shape (n_joints,).
-            velocity: In [rad/s] or [m/s], shape (n_joints,).
+        The same names as last time, as an object, cost nothing.
         """
+        names = state.names
         if names is not self._names:
             encoded = [name.encode("utf-8") for name in names]
-            self._count = _LENGTH.pack(len(encoded))
-            strings = b"".join(_LENGTH.pack(len(name)) + name for name in encoded)
+            self._count = _COUNT.pack(len(encoded))
+            strings = b"".join(_COUNT.pack(len(name)) + name for name in encoded)
             # Between stamp and names stands the empty frame_id.
-            self._head = _LENGTH.pack(0) + self._count + strings + self._count
+            self._head = _COUNT.pack(0) + self._count + strings + self._count
             self._names = names
         self._seq += 1
-        message = PreparedJointState()
-        message.data = b"".join(
-            (
-                _STAMP.pack(self._seq, *divmod(stamp, 1_000_000_000)),
-                self._head,
-                np.asarray(position, dtype="<f8").tobytes(),
-                self._count,
-                np.asarray(velocity, dtype="<f8").tobytes(),
-                _LENGTH.pack(0),
+        return ready(
+            b"".join(
+                (
+                    _SEQ_AND_STAMP.pack(self._seq, *divmod(state.stamp, 1_000_000_000)),
+                    self._head,
+                    np.asarray(state.positions, dtype=_FLOAT).tobytes(),
+                    self._count,
+                    np.asarray(state.velocities, dtype=_FLOAT).tobytes(),
+                    _COUNT.pack(0),
+                )
             )
         )
-        return message
-
-
-class PreparedRobotState(RobotStateMessage):
-    """A RobotState message that is filled when a subscriber gets it."""
-
-    _has_header = False  # rospy would read a header before there is one
-
-    def __init__(self, state: RobotState, frame: str) -> None:
-        self._content = state, frame
-
-    def serialize(self, buff):
-        """Write the message, as rospy asks of it."""
-        robot_state_to_message(*self._content).serialize(buff)
-
-
-class PreparedLinkStates(LinkStates):
-    """A LinkStates message whose bytes are ready."""
-
-    data = b""
-
-    def serialize(self, buff):
-        """Write the prepared bytes, as rospy asks of a message."""
-        buff.write(self.data)
-
-
-class PreparedModelStates(ModelStates):
-    """A ModelStates message whose bytes are ready."""
-
-    data = b""
-
-    def serialize(self, buff):
-        """Write the prepared bytes, as rospy asks of a message."""
-        buff.write(self.data)
-
-
-class PreparedWorldState(WorldState):
-    """A WorldState message whose bytes after the header are ready."""
-
-    _has_header = False  # rospy would put its own count and time into it
-    data = b""
-
-    def serialize(self, buff):
-        """Write header and prepared bytes, as rospy asks of a message."""
-        self.header.serialize(buff)
-        buff.write(self.data)

@@ -33,11 +33,6 @@ class LiveSimulator:
     """A simulator that answers as Gazebo does."""
 
     def __init__(self, gazebo: str) -> None:
-        """Begin to ask how it is, while somebody looks.
-
-        Args:
-            gazebo: Its namespace.
-        """
         self._name = "/" + gazebo.strip("/")
         self._connection = Connection(gazebo, TIMEOUT)
         self._lock = threading.Lock()

@@ -42,15 +42,6 @@ class LiveWorld:
         with_ghost: bool,
         can_move: bool,
     ) -> None:
-        """Begin without listening.
-
-        Args:
-            robots: All robots.
-            simulator: The simulator; None: there is none.
-            changed: What robots set when they have moved.
-            with_ghost: Whether it is published where robots are wanted.
-            can_move: Whether anybody takes commands.
-        """
         self.robots, self.simulator, self.changed = robots, simulator, changed
         self.can_move = can_move
         self.has_wanted = with_ghost
@@ -68,7 +59,7 @@ class LiveWorld:
             self.simulator.watch(is_watched)
         for robot in self.robots:
             if is_watched:
-                robot.watch(self._log, self.has_wanted)
+                robot.watch(self._log)
             else:
                 robot.ignore()
 
