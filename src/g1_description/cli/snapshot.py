@@ -388,7 +388,7 @@ def draw_now(args: SnapshotOptions) -> None:
 def draw_all(
     robots: Sequence[Description],
     moments: Sequence[Sequence[Placed]],
-    args: argparse.Namespace,
+    args: SnapshotOptions,
 ) -> None:
     """Draw robots, with the joints requested."""
     moments = [
