@@ -10,11 +10,9 @@ from collections.abc import Collection
 from contextlib import closing
 
 from g1_description.api import MODEL, Robot
-from g1_description.checks.batch import FileChecker, Here, check_files
+from g1_description.checks.batch import FileChecker, Here, Processes, check_files
 from g1_description.checks.checker import collisions_of
 from g1_description.checks.cluster import Cluster
-from g1_description.checks.finding import FAILED
-from g1_description.checks.processes import Processes
 from g1_description.checks.report import (
     NO_MOTION,
     NOT_CHECKED,
@@ -22,6 +20,7 @@ from g1_description.checks.report import (
     Outcome,
     summary_text,
 )
+from g1_description.checks.verdict import FAILED
 from g1_description.cli.check_options import MISUSE, STDOUT, CheckOptions
 from g1_description.cli.check_reports import Reports, Results
 from g1_description.cli.motion_paths import MotionFiles, motion_files

@@ -6,8 +6,7 @@ import argparse
 from dataclasses import dataclass
 from pathlib import Path
 
-from g1_description.checks.checker import NAMES
-from g1_description.checks.physics import CHECKS
+from g1_description.checks.rules import RULES
 from g1_description.cli import options
 from g1_description.command_line import argument, option, within
 from g1_description.errors import InvalidValueError
@@ -24,7 +23,7 @@ ENDINGS = {"json": ".json", "csv": ".csv", "html": ".html"}
 
 def checks(text: str) -> tuple[str, ...]:
     """Read names of checks."""
-    known = (*NAMES, *CHECKS)
+    known = [rule.name for rule in RULES]
     names = tuple(name.strip() for name in text.split(","))
     for name in names:
         if name not in known:
@@ -115,7 +114,8 @@ class CheckOptions:
         """
         if self.dask is not None and self.jobs > 1:
             raise InvalidValueError("--jobs and --dask cannot be combined")
-        physics = [name for name in self.only if name in CHECKS]
+        played = [rule.name for rule in RULES if rule.needs_physics]
+        physics = [name for name in self.only if name in played]
         if physics and not self.physics:
             raise InvalidValueError(f"--only {listed(physics)} needs --physics")
         for name, ending in ENDINGS.items():

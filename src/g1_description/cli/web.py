@@ -15,7 +15,7 @@ from pathlib import Path
 
 from g1_description.bounds import MAX_PORT
 from g1_description.checks.checker import Checker
-from g1_description.checks.thresholds import read_thresholds
+from g1_description.checks.thresholds_file import read_thresholds
 from g1_description.cli import options
 from g1_description.command_line import option, parse, say, within
 from g1_description.errors import G1DescriptionError, InvalidValueError

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from g1_description.bounds import MAX_VALUE
-from g1_description.checks.limits import units
+from g1_description.checks.rule import units
 from g1_description.errors import G1DescriptionError, InvalidValueError
 from g1_description.robot.description import Joint, by_limb
 from g1_description.robot.poses import (
