@@ -25,7 +25,7 @@ from g1_description.robot.transform import IDENTITY
 from g1_description.ros.lifecycle import own_arguments, start_node
 from g1_description.ros.playing import TIMEOUT, PlayedRobot, Session
 from g1_description.ros.waiting import NoAnswerError
-from g1_description.sim.floor import lowest_height
+from g1_description.sim.standing import lowest_height
 from g1_description.text import listed
 
 KEYS = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from g1_description.ros.parameters import NAMESPACE, check_range
-from g1_description.sim.physics import PhysicsProperties
+from g1_description.sim.engine import PhysicsProperties
 
 INITIAL = "initial/"
 """Namespace of initial values; dynamic_reconfigure owns the bare names."""

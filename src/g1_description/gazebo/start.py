@@ -23,7 +23,7 @@ from g1_description.robot.assembly import Assembly
 from g1_description.ros.master import SLAVE_API_ERRORS, slave_api_of
 from g1_description.ros.parameters import private_parameters
 from g1_description.sdf.world import EMPTY_WORLD, Sdf, read_sdf
-from g1_description.sim.physics import GRAVITY, PhysicsProperties
+from g1_description.sim.engine import GRAVITY, PhysicsProperties
 from g1_description.sim.world import World
 
 LAUNCH_TIME = 1.0

@@ -98,7 +98,8 @@ class ModelServices(Services):
             for shape in link.collisions
             if assembly.holder(link.name) == nested
         ]
-        response.joint_names = _held_by(nested, model.listed_joints, assembly)
+        joints = [j.name for j in assembly.description.joints if j.listed]
+        response.joint_names = _held_by(nested, joints, assembly)
         response.child_model_names = _held_by(nested, assembly.nested, assembly)
         if nested:
             outer = assembly.holder(nested)

@@ -32,7 +32,7 @@ from g1_description.gazebo.services.base import (
     checked_pose,
 )
 from g1_description.ros.conversions import vector_to_array
-from g1_description.sim.physics import GRAVITY, PhysicsProperties
+from g1_description.sim.engine import GRAVITY, PhysicsProperties
 from g1_description.srv import SetRealTimeFactor, SetRealTimeFactorResponse
 
 UNSETTABLE = ("auto_disable_bodies", "sor_pgs_rms_error_tol")
