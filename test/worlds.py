@@ -62,7 +62,7 @@ class Bench(World):
         self.set_model_state(model, pose, twist, self.entities.frame(frame))
 
     def model_state(self, name, frame=""):
-        return seen_from(self.entities.frame(frame), self.entities.model(name))
+        return seen_from(self.entities.frame(frame), self.model(name))
 
     def link_state(self, name, frame=""):
         return seen_from(self.entities.frame(frame), self.entities.link(name))

@@ -15,8 +15,7 @@ import rospy
 from g1_description.errors import DescriptionError, InvalidValueError
 from g1_description.files.model_files import find_model
 from g1_description.files.xml import decoded
-from g1_description.gazebo.parameters import INITIAL, GazeboParameters
-from g1_description.gazebo.placement import place_robot
+from g1_description.gazebo.parameters import INITIAL, GazeboParameters, place_robot
 from g1_description.gazebo.services.spawn import log_hulls
 from g1_description.motion.motors import Motors, g1_motors, read_motors
 from g1_description.robot.assembly import Assembly

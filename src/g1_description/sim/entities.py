@@ -194,17 +194,17 @@ class Entities:
         return UnknownNameError(f"There is no {kind} '{name}'{note}.")
 
 
-def seen_from(frame: Frame, entity: Frame) -> tuple[np.ndarray, np.ndarray]:
-    """Compute the pose and the twist of an entity relative to a frame.
+def seen_from(frame: Frame, thing: Frame | Model) -> tuple[np.ndarray, np.ndarray]:
+    """Compute the pose and the twist of a thing relative to a frame.
 
     Returns:
         Pose in the frame, shape (7,), and the difference of the two twists along
         the frame's axes, shape (6,).
     """
     T_world_frame = frame.pose
-    difference = (entity.twist - frame.twist).reshape(2, 3)
+    difference = (thing.twist - frame.twist).reshape(2, 3)
     twist = rotate(conjugate(T_world_frame[3:]), difference).reshape(6)
-    return compose(inverse(T_world_frame), entity.pose), twist
+    return compose(inverse(T_world_frame), thing.pose), twist
 
 
 def in_world(
