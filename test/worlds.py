@@ -6,8 +6,8 @@ from dataclasses import replace
 
 from g1_description.robot.lumping import lump_fixed_joints
 from g1_description.robot.urdf import parse_urdf
-from g1_description.sim.entities import ModelEntity, seen_from
-from g1_description.sim.physics import PhysicsProperties
+from g1_description.sim.engine import PhysicsProperties
+from g1_description.sim.entities import seen_from
 from g1_description.sim.world import World
 
 
@@ -29,11 +29,11 @@ class Bench(World):
 
     @property
     def client(self):
-        self._engine._write_moved()
-        return self._engine._client
+        self.engine._write_moved()
+        return self.engine._client
 
     def bodies(self, name):
-        return self._engine.bodies(self.model(name))
+        return self.engine._woken(self.model(name))
 
     def body(self, name):
         (body,) = self.bodies(name)
@@ -48,10 +48,10 @@ class Bench(World):
 
     def read_back(self):
         """Give the models the state that PyBullet has, as a step does."""
-        self._engine._write_moved()
-        self._engine._sort()
-        self._engine._moving.read()
-        self._engine._moving.update_models()
+        self.engine._write_moved()
+        self.engine._sort()
+        self.engine._moving.read()
+        self.engine._moving.update_models()
 
     def spawn_urdf(self, name, text, pose, fixed_base=False):
         assembly = lump_fixed_joints(parse_urdf(text), self.is_dynamic)
@@ -62,8 +62,7 @@ class Bench(World):
         self.set_model_state(model, pose, twist, self.entities.frame(frame))
 
     def model_state(self, name, frame=""):
-        entity = ModelEntity(self.model(name))
-        return seen_from(self.entities.frame(frame), entity)
+        return seen_from(self.entities.frame(frame), self.model(name))
 
     def link_state(self, name, frame=""):
         return seen_from(self.entities.frame(frame), self.entities.link(name))

@@ -22,7 +22,7 @@ from g1_description.motion.trajectory import Trajectory
 from g1_description.robot.load import absolute_urdf
 from g1_description.robot.rotation import from_axis_angle, multiply
 from g1_description.robot.urdf import parse_urdf
-from g1_description.sim.floor import lowest_height
+from g1_description.sim.standing import lowest_height
 
 MODEL = Path(__file__).parents[2] / "urdf" / "g1_29dof.urdf"
 ROBOT = parse_urdf(absolute_urdf(str(MODEL)))

@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from g1_description.motion.trajectory import Trajectory
 from g1_description.robot.urdf import parse_urdf
-from g1_description.sim.floor import lowest_height
+from g1_description.sim.standing import lowest_height
 
 SHAPES = """<robot name="r"><link name="a">
 <collision><origin xyz="0.1 0 0.2" rpy="0.3 0.2 0.1"/><geometry>

@@ -151,7 +151,7 @@ def test_a_mass_that_cannot_be_loaded_changes_nothing(make_world, monkeypatch):
     def spoiled(*arguments):
         raise DescriptionError("too late")
 
-    monkeypatch.setattr("g1_description.sim.bullet.create_body._check_count", spoiled)
+    monkeypatch.setattr("g1_description.sim.bullet.create_body._set_dynamics", spoiled)
     inertial = Inertial(20.0, np.zeros(3), np.eye(3))
     with pytest.raises(DescriptionError, match="too late"):
         world.set_link_properties(world.entities.link("body::body"), inertial, True)

@@ -12,12 +12,12 @@ USE_ALL = f"""
 import numpy as np
 from g1_description.robot.urdf import parse_urdf
 from g1_description.robot.lumping import lump_fixed_joints
-from g1_description.sim.bullet.engine import Engine
-from g1_description.sim.physics import PhysicsProperties
+from g1_description.sim.bullet.engine import BulletEngine
+from g1_description.sim.engine import PhysicsProperties
 from g1_description.render.scene import Scene
 from g1_description.sim.standing import standing_height
 robot = parse_urdf('{ROBOT}')
-Engine("hold", PhysicsProperties()).close()
+BulletEngine("hold", PhysicsProperties()).close()
 standing_height(lump_fixed_joints(robot), np.array([0.0, 0.0, 0.0, 1.0]))
 with Scene() as scene:
     scene.add(robot)

@@ -22,8 +22,8 @@ from g1_description.motion.trajectory import Trajectory
 from g1_description.robot.lumping import lump_fixed_joints
 from g1_description.robot.urdf import parse_urdf
 from g1_description.sim import rollout as rollouts
+from g1_description.sim.engine import PhysicsProperties
 from g1_description.sim.motions import WATCH_TIME
-from g1_description.sim.physics import PhysicsProperties
 from g1_description.sim.rollout import Conditions, rollout
 
 pytestmark = pytest.mark.slow

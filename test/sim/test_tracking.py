@@ -107,7 +107,7 @@ def test_the_report_is_what_the_joints_did(hanging):
     assert world.motions.take_tracked() == []  # the base is still watched
     world.run(0.1 * WATCH)
     (tracked,) = world.motions.take_tracked()
-    assert (tracked.model_name, tracked.start_ns) == ("g1", start)
+    assert (tracked.model.name, tracked.start_ns) == ("g1", start)
     report = tracked.report
     assert report.joint_names == (ELBOW,)
     np.testing.assert_allclose(report.rms_errors, rms(errors), rtol=1e-9)
@@ -154,7 +154,7 @@ def test_no_motor_is_stronger_than_the_robots_file_says(g1):
     model = spawned(world, g1, fixed=True)
     joints = model.assembly.description.movable_joints
     wanted = [joint.effort for joint in joints]
-    np.testing.assert_array_equal(world.body("g1").joints.efforts, wanted)
+    np.testing.assert_array_equal(world.body("g1").efforts, wanted)
     world.close()
 
 
@@ -181,7 +181,7 @@ def knee(motors, name, effort):
 def test_motors_of_the_g1_drive_no_other_robot(name):
     """Whatever its joints are called; one line says so."""
     world, model, notes = knee(g1_motors(), name, 300.0)
-    limit = world.motions.effort_limits(model)
+    limit = world.engine.effort_limits(model)
     if name == "g1_29dof":
         np.testing.assert_array_equal(limit, 139.0)
         assert notes == ""
@@ -196,7 +196,7 @@ def test_motors_of_the_g1_drive_no_other_robot(name):
 
 def test_motors_that_are_given_drive_any_robot():
     world, model, notes = knee(Motors({".*": Motor(effort=20.0)}), "h1", 300.0)
-    np.testing.assert_array_equal(world.motions.effort_limits(model), 20.0)
+    np.testing.assert_array_equal(world.engine.effort_limits(model), 20.0)
     assert notes == ""
     world.close()
 
@@ -205,7 +205,7 @@ def test_motors_that_are_given_drive_any_robot():
 def test_an_effort_of_zero_is_unknown_and_the_motor_holds(given):
     """Exporters write 0 where they know none; a file of motors may know more."""
     world, model, notes = knee(Motors({".*": Motor(effort=given)}), "h1", 0.0)
-    np.testing.assert_array_equal(world.motions.effort_limits(model), given)
+    np.testing.assert_array_equal(world.engine.effort_limits(model), given)
     play(world, model, elbow(joint="left_knee_joint"), WATCH)
     (tracked,) = world.motions.take_tracked()
     assert tracked.report.largest_errors[0] < 0.01
@@ -276,7 +276,7 @@ def test_from_where_on_a_robot_has_fallen_may_be_set(make_world, g1):
     world.motions.play(model, with_base(model, model.pose, above), world.time_ns)
     world.run(0.6)
     assert world.motions.tracker(model).has_fallen
-    assert world.motions.tracker(model).tracked().report.fall_time < 0.52
+    assert world.motions.tracker(model).report.fall_time < 0.52
 
 
 @pytest.mark.parametrize("how", ["replaced", "stopped", "reset", "gone", "limbs"])

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from worlds import Bench
 
 from g1_description.errors import DescriptionError, InvalidValueError, UnknownNameError
-from g1_description.sim.bullet.engine import PHYSICS
+from g1_description.robot.launch_arguments import PHYSICS
 
 UPRIGHT = np.array([0.0, 0.0, 0.793, 0.0, 0.0, 0.0, 1.0])
 TILTED = np.concatenate(
@@ -466,7 +466,7 @@ def test_a_spawn_that_fails_late_leaves_no_body_behind(make_world, monkeypatch):
     def spoiled(*arguments):
         raise DescriptionError("too late")
 
-    monkeypatch.setattr("g1_description.sim.bullet.create_body._check_count", spoiled)
+    monkeypatch.setattr("g1_description.sim.bullet.create_body._set_dynamics", spoiled)
     with pytest.raises(DescriptionError, match="too late"):
         world.spawn_urdf("arm", ARM.replace(heavier, 'mass value="6"'), UPRIGHT)
     assert world.client.getNumBodies() == 1

@@ -14,7 +14,7 @@ from g1_description.bridge.parameters import (  # noqa: E402
 from g1_description.errors import InvalidValueError  # noqa: E402
 from g1_description.gazebo.parameters import GazeboParameters  # noqa: E402
 from g1_description.robot.urdf import parse_urdf  # noqa: E402
-from g1_description.sim.physics import PhysicsProperties  # noqa: E402
+from g1_description.sim.engine import PhysicsProperties  # noqa: E402
 
 
 @pytest.mark.parametrize(

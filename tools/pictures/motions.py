@@ -6,7 +6,7 @@ import numpy as np
 
 from g1_description import Robot
 from g1_description.motion.trajectory import Trajectory
-from g1_description.sim.floor import lowest_height
+from g1_description.sim.standing import lowest_height
 
 SECONDS = 4.0
 RATE = 30

@@ -32,7 +32,7 @@ from g1_description.ros.map_frame import MapFrame
 from g1_description.ros.playing import Session
 from g1_description.ros.robot_view import RobotView
 from g1_description.ros.waiting import NoAnswerError, wait_until
-from g1_description.sim.floor import lowest_height
+from g1_description.sim.standing import lowest_height
 from g1_description.text import listed
 
 KEYS = {

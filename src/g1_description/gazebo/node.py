@@ -22,30 +22,26 @@ from functools import partial
 import rospy
 from gazebo_msgs.msg import LinkState, ModelState
 
-from g1_description.errors import G1DescriptionError, InvalidValueError
+from g1_description.errors import G1DescriptionError
 from g1_description.gazebo.parameters import GazeboParameters
 from g1_description.gazebo.reconfigure import offer_physics
-from g1_description.gazebo.services.base import StatusMessages, Stepper
-from g1_description.gazebo.services.joints import JointServices, TrajectoryServices
-from g1_description.gazebo.services.links import LinkServices
-from g1_description.gazebo.services.models import ModelServices
-from g1_description.gazebo.services.spawn import SpawnServices
-from g1_description.gazebo.services.time import StepServices, TimeServices
-from g1_description.gazebo.services.world import (
-    UNSETTABLE,
-    LightServices,
-    PhysicsServices,
-)
+from g1_description.gazebo.services import joints, links, models, spawn
+from g1_description.gazebo.services import time as times
+from g1_description.gazebo.services import world as worlds
+from g1_description.gazebo.services.base import RefusalError, Simulator, callback
 from g1_description.gazebo.start import find_listeners, make_world, spawn_robot
-from g1_description.gazebo.topics import StateTopics, TrackingTopic
-from g1_description.msg import ModelTrajectory
+from g1_description.gazebo.topics import StateTopics, tracking_message
+from g1_description.msg import ModelTrajectory, TrackingReport
 from g1_description.ros.gazebo_log import answer_as_roscpp, publish_log
 from g1_description.ros.lifecycle import quiet_when_closing, start_node
-from g1_description.ros.log import SHORT_PERIOD, ThrottledLog
+from g1_description.ros.log import SHORT_PERIOD
 from g1_description.ros.master import stay_registered
 from g1_description.ros.parameters import read_parameters
 from g1_description.ros.tcpros import serve_as_roscpp
 from g1_description.sim.world import World
+
+TRACKING_QUEUE_SIZE = 100
+"""Reports kept for a slow subscriber: as many robots may end a motion together."""
 
 MAX_PENDING = 100
 """Pending calls above which a subscriber's thread waits for its message's turn."""
@@ -206,82 +202,62 @@ class GazeboNode:
             parameters: The node's parameters.
         """
         self._world = world
-        messages = StatusMessages(parameters.strict_messages)
-        self._stepper = Stepper(parameters.paused)
-        self._physics = PhysicsServices(world, messages, self._stepper)
+        self._simulator = Simulator(
+            world, parameters.paused, parameters.strict_messages
+        )
+        self._stepper = self._simulator.stepper
         self._calls = Calls(world.lock)
         network = parameters.enable_ros_network
         listeners = find_listeners() if network else ()
         self._topics = StateTopics(world, parameters, listeners)
-        self._tracking = TrackingTopic(world) if network else None
+        self._tracking = None
         if not network:
             return
-        self._log = ThrottledLog()
-        models = ModelServices(world, messages)
-        links = LinkServices(world, messages, self._log)
-        trajectories = TrajectoryServices(world, messages, self._stepper)
+        self._tracking = rospy.Publisher(
+            "~tracking", TrackingReport, queue_size=TRACKING_QUEUE_SIZE, latch=True
+        )
         for topic, kind, act in (
-            ("~set_model_state", ModelState, models.apply_state),
-            ("~set_link_state", LinkState, links.apply_state),
-            ("~set_model_trajectory", ModelTrajectory, self._warn(trajectories.apply)),
+            ("~set_model_state", ModelState, models.put_model),
+            ("~set_link_state", LinkState, links.put_link),
+            ("~set_model_trajectory", ModelTrajectory, joints.play),
         ):
             # Each message counts: they may be of different models.
             rospy.Subscriber(
                 topic,
                 kind,
-                self._calls.later_in_the_loop(self._warn_if_refused(topic, act)),
+                self._calls.later_in_the_loop(partial(self._obey, topic, act)),
                 queue_size=None,
                 tcp_nodelay=True,
             )
-        for services in (
-            models,
-            links,
-            JointServices(world, messages),
-            LightServices(world, messages),
-            SpawnServices(world, messages),
-            trajectories,
-            self._physics,
-            TimeServices(world, messages, self._stepper),
-            StepServices(world, messages, self._stepper),
-        ):
-            for name, kind, *handlers in services.table():
-                handler = self._calls.serve(name, *handlers)
+        for module in (models, links, joints, worlds, spawn, times):
+            for name, kind, answer, *parse in module.SERVICES:
+                answer = callback(self._simulator, kind, answer)
+                prepare = (partial(one, world.is_dynamic) for one in parse)
+                handler = self._calls.serve(name, answer, *prepare)
                 rospy.Service(f"~{name}", kind, handler)
         offer_physics(world.properties, self._calls.in_the_loop(self._reconfigure))
+
+    def _obey(self, topic: str, act, message) -> None:
+        """Act on a message, and log why it is refused, unless that was done."""
+        try:
+            act(self._simulator, message)
+        except RefusalError:
+            pass
+        except G1DescriptionError as error:
+            warning = f"{topic[1:]}: refused, {error}"
+            self._simulator.log.warn(topic, warning, SHORT_PERIOD)
 
     def _reconfigure(self, numbers: dict) -> dict:
         """Change the physics' numbers; return them as they are if that is refused."""
         try:
-            self._physics.change_physics(numbers)
-        except InvalidValueError as error:
+            worlds.change_physics(self._simulator, numbers)
+        except G1DescriptionError as error:
             rospy.logerr("set_parameters: refused, %s", error)
-            properties = self._world.properties
-            return {n: getattr(properties, n) for n in numbers if n not in UNSETTABLE}
+            properties, kept = self._world.properties, {*worlds.UNSETTABLE}
+            return {n: getattr(properties, n) for n in numbers if n not in kept}
         rospy.loginfo("physics dynamics reconfigure update complete")
         rospy.loginfo("physics dynamics reconfigure complete")
         return {}
-
-    def _warn_if_refused(self, topic: str, act):
-        """Make a callback that logs a warning where a message is refused."""
-
-        def callback(message):
-            try:
-                act(message)
-            except InvalidValueError as error:
-                self._log.warn(topic, f"{topic[1:]}: refused, {error}", SHORT_PERIOD)
-
-        return callback
-
-    def _warn(self, act):
-        """Make a callback that logs what of a message is not done as it says."""
-
-        def callback(message):
-            details = act(message)
-            if details:
-                key = f"{message.model_name} set_model_trajectory"
-                self._log.warn(key, f"{message.model_name}: {details}", SHORT_PERIOD)
-
-        return callback
 
     def run(self) -> None:
         """Step, publish and answer until the node is shut down."""
@@ -300,7 +276,8 @@ class GazeboNode:
                 self._answer_all()
                 self._step()
                 due = max(due + self._world.properties.period, now - MAX_WAIT)
-        self._refuse()
+        self._stepper.cancel()
+        self._calls.cancel()
 
     def _stand_still(self) -> float:
         """Show what changes while time stands still.
@@ -351,14 +328,14 @@ class GazeboNode:
         self._world.step()
         with quiet_when_closing():
             self._topics.publish(self._stepper.is_last_step)
-            if self._tracking:
-                self._tracking.publish()
+            self._publish_tracking()
         self._stepper.count()
 
-    def _refuse(self) -> None:
-        """Cancel the calls that nobody will answer any more."""
-        self._stepper.cancel()
-        self._calls.cancel()
+    def _publish_tracking(self) -> None:
+        """Publish and log the reports of motions that ended in this step."""
+        for tracker in self._world.motions.take_tracked() if self._tracking else ():
+            rospy.loginfo("%s: %s", tracker.model.name, tracker.report)
+            self._tracking.publish(tracking_message(tracker))
 
 
 def main(given=None, on_start=lambda: None) -> None:

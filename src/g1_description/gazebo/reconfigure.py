@@ -5,7 +5,7 @@ from __future__ import annotations
 from dynamic_reconfigure.encoding import encode_config
 from dynamic_reconfigure.server import Server
 
-from g1_description.sim.physics import PhysicsProperties
+from g1_description.sim.engine import PhysicsProperties
 
 RANGES = {
     "time_step": (0.0, 10.0),

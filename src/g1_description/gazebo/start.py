@@ -15,15 +15,14 @@ import rospy
 from g1_description.errors import DescriptionError, InvalidValueError
 from g1_description.files.model_files import find_model
 from g1_description.files.xml import decoded
-from g1_description.gazebo.parameters import INITIAL, GazeboParameters
-from g1_description.gazebo.placement import place_robot
+from g1_description.gazebo.parameters import INITIAL, GazeboParameters, place_robot
 from g1_description.gazebo.services.spawn import log_hulls
 from g1_description.motion.motors import Motors, g1_motors, read_motors
 from g1_description.robot.assembly import Assembly
 from g1_description.ros.master import SLAVE_API_ERRORS, slave_api_of
 from g1_description.ros.parameters import private_parameters
 from g1_description.sdf.world import EMPTY_WORLD, Sdf, read_sdf
-from g1_description.sim.physics import GRAVITY, PhysicsProperties
+from g1_description.sim.engine import GRAVITY, PhysicsProperties
 from g1_description.sim.world import World
 
 LAUNCH_TIME = 1.0

@@ -1,4 +1,4 @@
-"""What the stand-in publishes after each step."""
+"""The topics that the simulator publishes after each step."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import struct
 import time
 from collections.abc import Collection
 
-import rospy
 from gazebo_msgs.msg import LinkStates, ModelStates, WorldState
 from rosgraph_msgs.msg import Clock
 
@@ -16,7 +15,7 @@ from g1_description.msg import TrackingReport
 from g1_description.ros.conversions import stamp_from_ns
 from g1_description.ros.publisher import DirectPublisher
 from g1_description.ros.wire import LinkStatesEncoder, Prepared, ready
-from g1_description.sim.motions import TrackedMotion
+from g1_description.sim.motions import MotionTracker
 from g1_description.sim.world import World
 
 QUEUE_SIZE = 100
@@ -43,7 +42,7 @@ STALL_TIMEOUT = 0.5
 
 
 class StateTopics:
-    """First the time, then the states of that time, to whom listens."""
+    """First the time, then the states of that time, where there are subscribers."""
 
     def __init__(
         self,
@@ -228,37 +227,12 @@ class StateTopics:
         return self._links.encode(names, *self._world.link_states())
 
 
-TRACKING_QUEUE_SIZE = 100
-"""Reports kept for a slow subscriber: as many robots may end a motion together."""
-
-
-class TrackingTopic:
-    """Publishes and logs what became of each motion that motors followed."""
-
-    def __init__(self, world: World) -> None:
-        """Advertise the topic.
-
-        Args:
-            world: Whose motions are told.
-        """
-        self._world = world
-        self._publisher = rospy.Publisher(
-            "~tracking", TrackingReport, queue_size=TRACKING_QUEUE_SIZE, latch=True
-        )
-
-    def publish(self) -> None:
-        """Publish and log what ended since the last time."""
-        for tracked in self._world.motions.take_tracked():
-            rospy.loginfo("%s: %s", tracked.model_name, tracked.report)
-            self._publisher.publish(_message(tracked))
-
-
-def _message(tracked: TrackedMotion) -> TrackingReport:
-    """Write a report as a message."""
-    report = tracked.report
+def tracking_message(tracker: MotionTracker) -> TrackingReport:
+    """Write how well motors followed a motion as a message."""
+    report = tracker.report
     return TrackingReport(
-        model_name=tracked.model_name,
-        start=stamp_from_ns(tracked.start_ns),
+        model_name=tracker.model.name,
+        start=stamp_from_ns(tracker.start_ns),
         duration=report.duration,
         joint_names=list(report.joint_names),
         rms_errors=report.rms_errors.tolist(),

@@ -1,259 +1,210 @@
-"""What has a name in the world: models, links, collisions, joints and lights."""
+"""Things in the world by name, as Gazebo finds them, and link poses set by a joint."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from collections.abc import Collection, Iterable, Iterator
+from dataclasses import dataclass, field
+from itertools import chain
+from typing import ClassVar, NamedTuple, Union
 
 import numpy as np
 
-from g1_description.robot.assembly import SCOPE
-from g1_description.robot.description import Joint, Link, Shape
-from g1_description.robot.rotation import conjugate, rotate
+from g1_description.errors import InvalidValueError, UnknownNameError
+from g1_description.robot.assembly import SCOPE, WORLD
+from g1_description.robot.description import MOVABLE, Joint, Link, Shape
+from g1_description.robot.joint_angles import measure, measured_joints
+from g1_description.robot.rotation import angle_between, conjugate, cross, rotate
 from g1_description.robot.transform import IDENTITY, compose, inverse
 from g1_description.sdf.world import Light
 from g1_description.sim.model import Model
 
+WORLD_FRAMES = ("", "world", "map", "/map")
+"""Names of the world's own frame, where no entity has one of them."""
 
-class Entity(Protocol):
-    """A thing in the world."""
-
-    kind: ClassVar[str]
-    """What messages call it."""
-
-    @property
-    def name(self) -> str:
-        """Its own name."""
-
-    @property
-    def scoped(self) -> str:
-        """Its name with those of what holds it: model::link::collision."""
-
-
-class Frame(Protocol):
-    """A thing that has a pose."""
-
-    @property
-    def pose(self) -> np.ndarray:
-        """Pose in the world, shape (7,)."""
-
-    @property
-    def twist(self) -> np.ndarray:
-        """Twist along the world's axes, shape (6,)."""
-
-
-class WorldFrame:
-    """The world's own frame."""
-
-    pose = IDENTITY
-    twist = np.zeros(6)
-
-
-WORLD_ENTITY = WorldFrame()
-
-
-@dataclass(frozen=True, eq=False)
-class LightEntity:
-    """A light; none moves."""
-
-    light: Light
-    kind: ClassVar[str] = "light"
-    twist: ClassVar[np.ndarray] = np.zeros(6)
-
-    @property
-    def name(self) -> str:
-        """Its name."""
-        return self.light.name
-
-    @property
-    def scoped(self) -> str:
-        """Its name; the world has no scope."""
-        return self.name
-
-    @property
-    def pose(self) -> np.ndarray:
-        """Pose in the world, shape (7,)."""
-        return self.light.pose
+FRAMES = ("model", "link", "collision", "light")
+"""Kinds of entities that have a pose."""
 
 
 @dataclass(frozen=True)
-class ModelEntity:
-    """A model of the world."""
+class Entity:
+    """A model or a part of one."""
 
-    model: Model
-    kind: ClassVar[str] = "model"
-
-    @property
-    def name(self) -> str:
-        """Its name."""
-        return self.model.name
-
-    @property
-    def scoped(self) -> str:
-        """Its name; the world has no scope."""
-        return self.name
-
-    @property
-    def pose(self) -> np.ndarray:
-        """Pose in the world, shape (7,)."""
-        return self.model.pose
-
-    @property
-    def twist(self) -> np.ndarray:
-        """Twist of its canonical link along the world's axes, shape (6,)."""
-        return self.model.twist
-
-
-@dataclass(frozen=True)
-class NestedModelEntity:
-    """A model inside another one."""
+    kind: str
+    """model, nested model, link, collision or joint."""
 
     model: Model
     """The outermost model."""
 
-    inner: str
-    """Its name with those of what holds it inside the outermost model."""
+    name: str
+    """Its own name; of a collision, empty where the file gives none."""
 
-    kind: ClassVar[str] = "nested model"
+    scoped: str
+    """Its name after those of all that hold it: model::link::collision."""
 
-    @property
-    def name(self) -> str:
-        """Its own name."""
-        return self.inner.rpartition(SCOPE)[-1]
+    row: int = 0
+    """Of a link or a collision: the row of the link in the model."""
 
-    @property
-    def scoped(self) -> str:
-        """Its name with those of all models around it."""
-        return f"{self.model.name}{SCOPE}{self.inner}"
-
-
-@dataclass(frozen=True)
-class LinkEntity:
-    """A link of a model."""
-
-    model: Model
-    row: int
-    """Which of the model's links it is."""
-
-    kind: ClassVar[str] = "link"
-
-    @property
-    def name(self) -> str:
-        """Its name in the model."""
-        return self.model.link_names[self.row]
-
-    @property
-    def scoped(self) -> str:
-        """Its name as ``model::link``."""
-        return f"{self.model.name}{SCOPE}{self.name}"
+    shape: Shape | None = field(default=None, compare=False)
+    """Of a collision."""
 
     @property
     def link(self) -> Link:
-        """The link of the model as it is now."""
-        return self.model.links[self.name]
+        """The link in that row, as it is now."""
+        return self.model.links[self.model.link_names[self.row]]
+
+    @property
+    def joint(self) -> Joint:
+        """The joint of that name, which may be a fixed one."""
+        joints = self.model.assembly.description.joints
+        return next(joint for joint in joints if joint.name == self.name)
 
     @property
     def pose(self) -> np.ndarray:
-        """Pose in the world, shape (7,)."""
-        return self.model.poses[self.row]
+        """Pose in the world of a thing of ``FRAMES``, shape (7,)."""
+        if self.kind == "model":
+            return self.model.pose
+        pose = self.model.poses[self.row]
+        return compose(pose, self.shape.pose) if self.shape else pose
 
     @property
     def twist(self) -> np.ndarray:
-        """Twist of its frame along the world's axes, shape (6,)."""
+        """Twist of its link's frame along the world's axes, shape (6,).
+
+        Of a model that of its canonical link.
+        """
+        if self.kind == "model":
+            return self.model.twist
         return self.model.twists[self.row]
 
 
 @dataclass(frozen=True, eq=False)
-class CollisionEntity:
-    """A collision shape of a link."""
+class StillFrame:
+    """A frame that does not move: the world's own, or a light."""
 
-    link: LinkEntity
-    shape: Shape
-    kind: ClassVar[str] = "collision"
+    kind: str
+    name: str
+    pose: np.ndarray
+    """Pose in the world, shape (7,)."""
 
-    @property
-    def name(self) -> str:
-        """Its own name, empty where the file gives none."""
-        return self.shape.name
+    twist: ClassVar[np.ndarray] = np.zeros(6)
 
     @property
     def scoped(self) -> str:
-        """Its name as ``model::link::collision``."""
-        return f"{self.link.scoped}{SCOPE}{self.name}"
-
-    @property
-    def pose(self) -> np.ndarray:
-        """Pose in the world, shape (7,)."""
-        return compose(self.link.pose, self.shape.pose)
-
-    @property
-    def twist(self) -> np.ndarray:
-        """Twist of its link along the world's axes, shape (6,)."""
-        return self.link.twist
+        """Its name; the world has no scope."""
+        return self.name
 
 
-@dataclass(frozen=True)
-class JointEntity:
-    """A joint of a model, also a fixed one."""
+Frame = Union[Entity, StillFrame]
 
-    model: Model
-    number: int
-    """Which of all joints of the model's file it is."""
-
-    kind: ClassVar[str] = "joint"
-
-    @property
-    def joint(self) -> Joint:
-        """The joint of the description."""
-        return self.model.assembly.description.joints[self.number]
-
-    @property
-    def name(self) -> str:
-        """Its name in the model."""
-        return self.joint.name
-
-    @property
-    def scoped(self) -> str:
-        """Its name as ``model::joint``."""
-        return f"{self.model.name}{SCOPE}{self.name}"
-
-    @property
-    def row(self) -> int | None:
-        """Which of the model's movable joints it is, None for a fixed one."""
-        return self.model.joint_row(self.name)
+WORLD_FRAME = StillFrame("world", "world", IDENTITY)
 
 
-def entities_of(model: Model) -> Iterator[Entity]:
-    """Walk through a model as Gazebo does, each thing before what it holds."""
-    yield ModelEntity(model)
+def _entities_of(model: Model) -> Iterator[Entity]:
+    """List the entities of a model in Gazebo's order: each before its parts."""
+    scope = model.name + SCOPE
+    yield Entity("model", model, model.name, model.name)
     for row, name in enumerate(model.link_names):
-        link = LinkEntity(model, row)
-        yield link
+        yield Entity("link", model, name, scope + name, row)
         for shape in model.links[name].collisions:
-            yield CollisionEntity(link, shape)
+            scoped = f"{scope}{name}{SCOPE}{shape.name}"
+            yield Entity("collision", model, shape.name, scoped, row, shape)
     for name in model.assembly.nested:
-        yield NestedModelEntity(model, name)
-    for number, joint in enumerate(model.assembly.description.joints):
+        own = name.rpartition(SCOPE)[-1]
+        yield Entity("nested model", model, own, scope + name)
+    for joint in model.assembly.description.joints:
         if joint.listed:
-            yield JointEntity(model, number)
+            yield Entity("joint", model, joint.name, scope + joint.name)
 
 
-def seen_from(frame: Frame, entity: Frame) -> tuple[np.ndarray, np.ndarray]:
-    """Compute where a thing is and how it moves, seen from a frame.
+class Entities:
+    """All things by name, found as in Gazebo; rebuilt when a model comes or goes.
 
-    Args:
-        frame: The reference frame.
-        entity: What is looked at.
+    Gazebo walks its tree from the root, each thing before its parts, and takes
+    the first whose name or scoped name, ``model::link``, is the requested one. That one
+    may be of the wrong kind: a model hides a later link of its name.
+    """
+
+    def __init__(self, models: Iterable[Model], lights: Iterable[Light]) -> None:
+        self._first: dict[str, Frame] = {}
+        self._joints: dict[str, Entity] = {}
+        self._models: dict[str, Entity] = {}
+        still = (StillFrame("light", light.name, light.pose) for light in lights)
+        entities: Iterable[Frame] = chain(still, *map(_entities_of, models))
+        for entity in entities:
+            for name in filter(None, (entity.scoped, entity.name)):
+                self._first.setdefault(name, entity)
+                if isinstance(entity, StillFrame):
+                    continue
+                if entity.kind == "joint":
+                    self._joints.setdefault(name, entity)
+                elif entity.kind in ("model", "nested model"):
+                    self._models.setdefault(name, entity)
+
+    def model(self, name: str) -> Entity:
+        """Find a model or nested model by its plain or scoped name; nothing hides one.
+
+        Raises:
+            UnknownNameError: If there is none.
+        """
+        if name not in self._models:
+            raise self._unknown("model", name)
+        return self._models[name]
+
+    def link(self, name: str) -> Entity:
+        """Find a link by its plain or scoped name.
+
+        Raises:
+            UnknownNameError: If there is none.
+        """
+        entity = self._first.get(name)
+        if not isinstance(entity, Entity) or entity.kind != "link":
+            raise self._unknown("link", name)
+        return entity
+
+    def joint(self, name: str) -> Entity:
+        """Find a joint by its plain or scoped name, also a fixed one; nothing hides it.
+
+        Raises:
+            UnknownNameError: If there is none.
+        """
+        if name not in self._joints:
+            raise self._unknown("joint", name)
+        return self._joints[name]
+
+    def frame(self, name: str, kinds: Collection[str] = FRAMES) -> Frame:
+        """Find a reference frame: the world, or an entity that has a pose.
+
+        Args:
+            name: Plain or scoped.
+            kinds: Kinds of entities that count.
+
+        Raises:
+            UnknownNameError: If there is none.
+        """
+        entity = self._first.get(name)
+        if entity is None and name in WORLD_FRAMES:
+            return WORLD_FRAME
+        if entity is None or entity.kind not in kinds:
+            raise self._unknown("frame", name)
+        return entity
+
+    def _unknown(self, kind: str, name: str) -> UnknownNameError:
+        other = self._first.get(name)
+        note = f", '{name}' is a {other.kind}" if other else ""
+        return UnknownNameError(f"There is no {kind} '{name}'{note}.")
+
+
+def seen_from(frame: Frame, thing: Frame | Model) -> tuple[np.ndarray, np.ndarray]:
+    """Compute the pose and the twist of a thing relative to a frame.
 
     Returns:
         Pose in the frame, shape (7,), and the difference of the two twists along
         the frame's axes, shape (6,).
     """
     T_world_frame = frame.pose
-    difference = (entity.twist - frame.twist).reshape(2, 3)
+    difference = (thing.twist - frame.twist).reshape(2, 3)
     twist = rotate(conjugate(T_world_frame[3:]), difference).reshape(6)
-    return compose(inverse(T_world_frame), entity.pose), twist
+    return compose(inverse(T_world_frame), thing.pose), twist
 
 
 def in_world(
@@ -269,3 +220,75 @@ def in_world(
     T_world_frame = frame.pose
     turned = rotate(T_world_frame[3:], twist.reshape(2, 3)).reshape(6)
     return compose(T_world_frame, pose), turned
+
+
+class PlacedLink(NamedTuple):
+    """How near a joint brought a link to its desired pose."""
+
+    joint: str
+    """The joint that was set."""
+
+    distance: float
+    """Between the origins of the link's frame and of the desired one, in [m]."""
+
+    angle: float
+    """Between the link's orientation and the desired one, in [rad]."""
+
+
+def joint_above(link: Entity) -> Joint | None:
+    """Find the joint between a link and its parent; None for one that moves its tree.
+
+    A link that is fixed to the world carries its tree as a root does, if it is the
+    first.
+    """
+    for joint in link.model.assembly.description.joints:
+        if joint.child == link.name:
+            is_first = link.row in [tree.root_row for tree in link.model.trees]
+            return None if is_first and joint.kind not in MOVABLE else joint
+    return None
+
+
+def place_link(
+    link: Entity, joint: Joint, pose: np.ndarray, twist: np.ndarray
+) -> PlacedLink:
+    """Set the joint above a link so that the link comes nearest to a pose.
+
+    A revolute joint takes the rotation about its axis from the orientation, a
+    prismatic one the distance along its axis from the position. The links below move
+    rigidly.
+
+    Args:
+        link: The link; its model is changed.
+        joint: The joint between the link and its parent.
+        pose: Desired pose of the link in the world, shape (7,).
+        twist: Desired velocity of its center of mass and angular velocity, along the
+            world's axes, shape (6,). The joint takes the part along its axis.
+
+    Raises:
+        InvalidValueError: If the joint cannot move; nothing is changed.
+    """
+    model = link.model
+    row = model.joint_row(joint.name)
+    if row is None:
+        raise InvalidValueError(
+            f"{joint.child} of {model.name} is fixed to {joint.parent} by {joint.name}"
+        )
+    names = (*model.link_names, WORLD)
+    poses = np.vstack([model.poses, model.root_poses[0]])
+    twists = np.vstack([model.twists, np.zeros(6)])
+    poses[link.row], twists[link.row] = pose, twist
+    lever = rotate(pose[3:], model.centers[link.row])
+    twists[link.row, :3] -= cross(twist[3:], lever)
+    trees = model.assembly.description.trees
+    tree = next(tree for tree in trees if joint.child in tree.link_names)
+    joints = measured_joints(tree, names)
+    measured = measure(poses, twists, joints)
+    index = joints.names.index(joint.name)
+    position, velocity = measured.position[index], measured.velocity[index]
+    model.set_joint(row, float(position), float(velocity))
+    T_reached_desired = compose(inverse(link.pose), pose)
+    return PlacedLink(
+        joint.name,
+        float(np.linalg.norm(T_reached_desired[:3])),
+        float(angle_between(link.pose[3:], pose[3:])),
+    )

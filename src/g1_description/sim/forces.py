@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from g1_description.sim.bullet.body import MAX_EFFORT
-from g1_description.sim.bullet.engine import Engine
-from g1_description.sim.entities import JointEntity, LinkEntity
+from g1_description.sim.engine import MAX_EFFORT, Engine
+from g1_description.sim.entities import Entity
 from g1_description.sim.model import Model
 
 
@@ -34,48 +33,19 @@ class Span:
         return outlasts and self.start <= max(other.start, now)
 
 
-@dataclass(frozen=True)
-class Wrench:
-    """A wrench on a link, along the world's axes, at its center of mass."""
-
-    link: LinkEntity
-    span: Span
-    force: np.ndarray
-    """In [N], shape (3,)."""
-
-    torque: np.ndarray
-    """In [N m], shape (3,)."""
-
-
-@dataclass(frozen=True)
-class Effort:
-    """An effort of a movable joint."""
-
-    joint: JointEntity
-    span: Span
-    effort: float
-    """In [N m] or [N]."""
-
-
 class ForceSchedule:
-    """What acts and will act, in the order in which it was requested."""
+    """Present and future wrenches and efforts, in the order of their requests."""
 
     def __init__(self, is_dynamic: bool) -> None:
-        """Begin with nothing.
-
-        Args:
-            is_dynamic: Whether things move; where not, nothing is scheduled.
-        """
-        self._is_dynamic = is_dynamic
-        self._wrenches: list[Wrench] = []
-        self._efforts: list[Effort] = []
+        self._is_dynamic = is_dynamic  # else nothing moves, and nothing is scheduled
+        self._wrenches: list[tuple[Entity, Span, np.ndarray]] = []
+        self._efforts: dict[tuple[Entity, Span], float] = {}
 
     def __len__(self) -> int:
-        """Count what acts and will act."""
         return len(self._wrenches) + len(self._efforts)
 
     def apply_wrench(
-        self, link: LinkEntity, span: Span, wrench: np.ndarray, now: int
+        self, link: Entity, span: Span, wrench: np.ndarray, now: int
     ) -> None:
         """Schedule a wrench on a link. Of several on one link only the newest acts.
 
@@ -94,60 +64,55 @@ class ForceSchedule:
         self._wrenches = [
             old
             for old in self._wrenches
-            if old.link != link or not span.covers(old.span, now)
+            if old[0] != link or not span.covers(old[1], now)
         ]
-        self._wrenches.append(Wrench(link, span, *wrench.reshape(2, 3)))
+        self._wrenches.append((link, span, wrench))
 
-    def apply_effort(self, joint: JointEntity, span: Span, effort: float) -> None:
+    def apply_effort(self, joint: Entity, span: Span, effort: float) -> None:
         """Schedule an effort of a joint, within its limit. Several of one add up.
 
         Args:
-            joint: The joint; a fixed one bears any effort.
+            joint: The joint; a fixed one takes no effort.
             span: From when to when.
             effort: In [N m] or [N].
         """
-        if not self._is_dynamic or joint.row is None:
+        if not self._is_dynamic or joint.model.joint_row(joint.name) is None:
             return
         limit = min(joint.joint.effort, MAX_EFFORT)
-        new = Effort(joint, span, min(max(effort, -limit), limit))
-        for old in self._efforts:
-            if (old.joint, old.span) == (joint, span):
-                self._efforts.remove(old)
-                new = replace(new, effort=new.effort + old.effort)
-                break
-        self._efforts.append(new)
+        key = joint, span
+        before = self._efforts.get(key, 0.0)
+        self._efforts[key] = before + min(max(effort, -limit), limit)
 
     def clear_wrenches(self, scoped_link: str) -> None:
         """Remove the wrenches on a link, by its scoped name."""
-        self._wrenches = [w for w in self._wrenches if w.link.scoped != scoped_link]
+        self._wrenches = [w for w in self._wrenches if w[0].scoped != scoped_link]
 
     def clear_efforts(self, joint: str) -> None:
         """Remove the efforts of all joints of this plain name."""
-        self._efforts = [e for e in self._efforts if e.joint.name != joint]
+        self._efforts = {k: e for k, e in self._efforts.items() if k[0].name != joint}
 
     def forget(self, model: Model) -> None:
-        """Remove what acts on a model."""
-        self._wrenches = [w for w in self._wrenches if w.link.model is not model]
-        self._efforts = [e for e in self._efforts if e.joint.model is not model]
+        """Remove the wrenches and efforts of a model."""
+        self._wrenches = [w for w in self._wrenches if w[0].model is not model]
+        kept = {k: e for k, e in self._efforts.items() if k[0].model is not model}
+        self._efforts = kept
 
     def apply(self, engine: Engine, time_ns: int) -> None:
-        """Apply what acts during the next step, and remove what is over then.
+        """Apply the forces of the next step, and remove those that end with it.
 
         Args:
-            engine: What moves the models.
+            engine: The engine of the models.
             time_ns: The time at which the step ends, in [ns].
         """
-        active = [w for w in self._wrenches if w.span.holds(time_ns)]
-        for wrench in {w.link: w for w in active}.values():
-            for body in engine.bodies(wrench.link.model):
-                if body.has_link(wrench.link.name):
-                    body.apply_wrench(wrench.link.name, wrench.force, wrench.torque)
-        for effort in self._efforts:
-            if effort.span.holds(time_ns):
-                for body in engine.bodies(effort.joint.model):
-                    if effort.joint.name in body.joints:
-                        body.joints.apply_effort(effort.joint.name, effort.effort)
-        if any(w.span.is_over(time_ns) for w in self._wrenches):
-            self._wrenches = [w for w in self._wrenches if not w.span.is_over(time_ns)]
-        if any(e.span.is_over(time_ns) for e in self._efforts):
-            self._efforts = [e for e in self._efforts if not e.span.is_over(time_ns)]
+        active = {link: w for link, span, w in self._wrenches if span.holds(time_ns)}
+        for link, wrench in active.items():
+            engine.apply_wrench(link.model, link.name, wrench)
+        for (joint, span), effort in self._efforts.items():
+            row = joint.model.joint_row(joint.name)
+            if row is not None and span.holds(time_ns):
+                engine.apply_effort(joint.model, row, effort)
+        if any(span.is_over(time_ns) for _, span, _ in self._wrenches):
+            self._wrenches = [w for w in self._wrenches if not w[1].is_over(time_ns)]
+        if any(span.is_over(time_ns) for _, span in self._efforts):
+            kept = {k: e for k, e in self._efforts.items() if not k[1].is_over(time_ns)}
+            self._efforts = kept

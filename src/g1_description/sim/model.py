@@ -1,4 +1,4 @@
-"""One model in the world: its state as arrays."""
+"""One model in the world: its description and its state as arrays."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from g1_description.robot.transform import compose, inverse
 
 @dataclass(frozen=True, eq=False)
 class Tree:
-    """Links of a model that joints hold together."""
+    """Links of a model that joints connect."""
 
     links: np.ndarray
     """Rows of its links in the model, shape (n_links,)."""
@@ -38,35 +38,84 @@ class Tree:
     """Whether its root is the world itself."""
 
 
-class Structure:
-    """Names, limits and rows of a model's links and joints; the state is elsewhere.
+States = Tuple[np.ndarray, np.ndarray]
+"""Poses and twists, or positions and velocities, as the arrays of ``Model``."""
 
-    Links and movable joints keep the order of the file.
+
+@dataclass
+class Report:
+    """The outcome of a command: nothing is ignored or changed in silence."""
+
+    unknown: list[str] = field(default_factory=list)
+    """Names that are not a movable joint of the model."""
+
+    clamped: dict[str, tuple[float, float]] = field(default_factory=dict)
+    """Joints whose position was outside the limits: the position requested, and the one
+    set."""
+
+    changed: list[int] = field(default_factory=list)
+    """Rows of the movable joints that were not at rest at that position already."""
+
+
+class Model:
+    """A robot or thing in the world: its description and its state.
+
+    Links and movable joints keep the order of the file. The roots' states and the joint
+    positions are what the engine knows exactly; the links' are computed from them.
     """
 
-    def __init__(self, assembly: Assembly, fixed: bool = False) -> None:
-        """Prepare names and rows.
+    def __init__(
+        self, name: str, assembly: Assembly, pose: np.ndarray, fixed: bool = False
+    ) -> None:
+        """Make a model that no engine has yet.
 
         Args:
-            assembly: What the model is made of.
+            name: Name in the world.
+            assembly: What it is made of.
+            pose: Pose of the model frame in the world, shape (7,).
             fixed: Whether the root of its first tree does not move by itself.
         """
         description = assembly.description
         joints = description.movable_joints
+        self.name = name
+        self.initial_pose = np.array(pose)
         self.link_names = assembly.link_names
         self.joint_names = tuple(joint.name for joint in joints)
         self.lower = np.array([joint.lower for joint in joints])
         self.upper = np.array([joint.upper for joint in joints])
-        self._link_rows = _rows(self.link_names)
-        self._joint_rows = _rows(self.joint_names)
+        self._link_rows = {name: row for row, name in enumerate(self.link_names)}
+        self._joint_rows = {name: row for row, name in enumerate(self.joint_names)}
         self.kinematics = Kinematics(description) if self.link_names else None
         """None where no link is left."""
-        self._set_links(assembly)
+        self._set_assembly(assembly)
         is_fixed = fixed or assembly.static or description.root == WORLD
         self.trees = self._find_trees(is_fixed)
         """The trees of its links, in the order of ``Description.roots``."""
+        rows = [tree.links for tree in self.trees if not tree.fixed]
+        self._moving = np.concatenate([np.zeros(0, dtype=int), *rows])
         self.T_carrier_model = self._find_model_frame()
         """Pose of the model frame in what carries it, shape (7,)."""
+        self.robot_namespace = ""
+        """Namespace that its spawner gave it; kept as data."""
+        self.ode_joints: dict[str, dict[str, float]] = {}
+        """Properties of set_joint_properties, in Gazebo's words, by joint name."""
+        self.hull_deviations: dict[str, float] = {}
+        """Of its meshes whose hulls are thinned: the largest distance in [m] from the
+        hull in use, by the names of their files."""
+        self.reset()
+
+    def _set_assembly(self, assembly: Assembly) -> None:
+        """Set what the model is made of, and look up its links' masses."""
+        self.assembly = assembly
+        self.links = {link.name: link for link in assembly.description.links}
+        """What each link is made of, by name; also the world, where it is the root."""
+        self.centers = np.zeros((len(self.link_names), 3))
+        """Centers of mass in the link frames, in [m], shape (n_links, 3); zero for
+        links without mass."""
+        for row, name in enumerate(self.link_names):
+            inertial = self.links[name].inertial
+            if inertial is not None:
+                self.centers[row] = inertial.center_of_mass
 
     def _find_trees(self, fixed: bool) -> tuple[Tree, ...]:
         """Find the trees; only the first one can be fixed."""
@@ -87,19 +136,6 @@ class Structure:
             )
         return tuple(trees)
 
-    def _set_links(self, assembly: Assembly) -> None:
-        """Set what the model is made of, and look up its links' masses."""
-        self.assembly = assembly
-        self.links = {link.name: link for link in assembly.description.links}
-        """What each link is made of, by name; also the world, where it is the root."""
-        self.centers = np.zeros((len(self.link_names), 3))
-        """Centers of mass in the link frames, in [m], shape (n_links, 3); zero for
-        links without mass."""
-        for row, name in enumerate(self.link_names):
-            inertial = self.links[name].inertial
-            if inertial is not None:
-                self.centers[row] = inertial.center_of_mass
-
     def _find_model_frame(self) -> np.ndarray:
         """Find the model frame in what carries it, joints at zero, shape (7,)."""
         if self.kinematics is None or not self.assembly.canonical:
@@ -109,26 +145,10 @@ class Structure:
         return inverse(poses[self.canonical_row])
 
     @property
-    def listed_joints(self) -> tuple[str, ...]:
-        """Names of all joints of the file that are there, fixed ones too."""
-        joints = self.assembly.description.joints
-        return tuple(joint.name for joint in joints if joint.listed)
-
-    @property
     def canonical_row(self) -> int:
         """Row of the link whose pose and twist are the model's."""
         canonical = self.assembly.canonical
-        return self._link_rows[canonical] if canonical else self.root_row
-
-    @property
-    def root_row(self) -> int:
-        """Row of the root link; of the first link where that is the world."""
-        return self.trees[0].root_row
-
-    def tree_below(self, row: int) -> int | None:
-        """Return the number of the tree that a link is the root of, None if of none."""
-        rows = [tree.root_row for tree in self.trees]
-        return rows.index(row) if row in rows else None
+        return self._link_rows[canonical] if canonical else self.trees[0].root_row
 
     def joint_row(self, name: str) -> int | None:
         """Return the row of a movable joint, None for any other name."""
@@ -136,73 +156,11 @@ class Structure:
 
     def joint_rows(self, names: Iterable[str]) -> list[int]:
         """Return the rows of those names that are movable joints."""
-        rows = map(self._joint_rows.get, names)
-        return [row for row in rows if row is not None]
+        return [self._joint_rows[name] for name in names if name in self._joint_rows]
 
     def replace_link(self, link: Link) -> None:
-        """Replace a link by one of another mass; joints and shapes are the same.
-
-        Args:
-            link: The link as it is from now on; one of its name is there.
-        """
-        self._set_links(self.assembly.with_link(link))
-
-
-def _rows(names: tuple[str, ...]) -> dict[str, int]:
-    """Number names in their order."""
-    return {name: row for row, name in enumerate(names)}
-
-
-States = Tuple[np.ndarray, np.ndarray]
-"""Where things are, and how they move: as the arrays of ``Model``."""
-
-
-@dataclass
-class Report:
-    """What became of a command: nothing is ignored or changed in silence."""
-
-    unknown: list[str] = field(default_factory=list)
-    """Names that are no movable joint of the model."""
-
-    clamped: dict[str, tuple[float, float]] = field(default_factory=dict)
-    """Joints whose position was outside the limits: the position requested, and the one
-    set."""
-
-    changed: list[int] = field(default_factory=list)
-    """Rows of the movable joints that were not at rest at that position already."""
-
-
-class Model(Structure):
-    """A robot or thing in the world: what it is made of, and its state.
-
-    The roots' states and the joint positions are what PyBullet knows exactly; the
-    links' are computed from them.
-    """
-
-    def __init__(
-        self, name: str, assembly: Assembly, pose: np.ndarray, fixed: bool = False
-    ) -> None:
-        """Make a model that has no body yet.
-
-        Args:
-            name: Name in the world.
-            assembly: What it is made of.
-            pose: Pose of the model frame in the world, shape (7,).
-            fixed: Whether the root of its first tree does not move by itself.
-        """
-        super().__init__(assembly, fixed)
-        self.name = name
-        self.initial_pose = np.array(pose)
-        rows = [tree.links for tree in self.trees if not tree.fixed]
-        self._moving = np.concatenate([np.zeros(0, dtype=int), *rows])
-        self.robot_namespace = ""
-        """Namespace that its spawner gave it; kept as data."""
-        self.ode_joints: dict[str, dict[str, float]] = {}
-        """What set_joint_properties gave, in Gazebo's words, by joint name."""
-        self.hull_deviations: dict[str, float] = {}
-        """Of its meshes whose hulls are thinned: the largest distance in [m] from the
-        hull in use, by the names of their files."""
-        self.reset()
+        """Replace the link of that name by one that differs in mass only."""
+        self._set_assembly(self.assembly.with_link(link))
 
     def reset(self) -> None:
         """Return to where roots and joints began, at rest."""
@@ -217,7 +175,7 @@ class Model(Structure):
         self.velocity = np.zeros(len(self.joint_names))
         """Velocities of the movable joints in [rad/s] or [m/s], shape (n_joints,)."""
         self.target = np.array(self.position)
-        """Where the joints were last set: what motors hold, shape (n_joints,)."""
+        """Positions commanded last, which motors hold, shape (n_joints,)."""
         n_links = len(self.link_names)
         self._links: States | Callable[[], States]
         self._links = np.zeros((n_links, 7)), np.zeros((n_links, 6))
@@ -265,19 +223,19 @@ class Model(Structure):
     def set_measured_state(
         self, roots: States, joints: States, links: Callable[[], States]
     ) -> None:
-        """Set what physics has computed; targets stay.
+        """Set the state that physics has computed; targets stay.
 
         Args:
-            roots: Poses and twists.
-            joints: Positions and velocities.
-            links: Computes poses and twists, when somebody looks.
+            roots: Poses, shape (n_trees, 7), and twists, shape (n_trees, 6).
+            joints: Positions and velocities, shape (n_joints,) each.
+            links: Computes poses and twists when they are read.
         """
         self.root_poses, self.root_twists = roots
         self.position, self.velocity = joints
         self._links = links
 
     def _link_states(self) -> States:
-        """Compute the links' poses and twists, if that was not done yet."""
+        """Compute the links' poses and twists if they are not known yet."""
         links = self._links
         if callable(links):
             links = self._links = links()
@@ -296,20 +254,20 @@ class Model(Structure):
             self._links = poses, np.zeros((len(self.link_names), 6))
 
     def set_positions(self, positions: Mapping[str, float]) -> Report:
-        """Teleport joints: what hangs below moves rigidly and stands still.
+        """Teleport joints: the links below move rigidly and stand still.
 
         Args:
             positions: Positions in [rad] or [m] by joint name; values beyond the
                 limits are clamped to them.
 
         Returns:
-            What was not obeyed to the letter, and which joints were changed.
+            The joints that were ignored, clamped and changed.
 
         Raises:
             InvalidValueError: If a position is NaN or infinite; nothing is changed.
         """
         report = Report()
-        wanted: dict[int, float] = {}
+        desired: dict[int, float] = {}
         for name, position in positions.items():
             row = self.joint_row(name)
             if row is None:
@@ -321,12 +279,12 @@ class Model(Structure):
                     f"within +-{MAX_VALUE:g}"
                 )
             lower, upper = float(self.lower[row]), float(self.upper[row])
-            wanted[row] = min(max(float(position), lower), upper)
-            if wanted[row] != position:
-                report.clamped[name] = float(position), wanted[row]
-        report.changed = [row for row in wanted if not self._is_at(row, wanted[row])]
-        if wanted:
-            self._place_joints(np.array(list(wanted)), np.array(list(wanted.values())))
+            desired[row] = min(max(float(position), lower), upper)
+            if desired[row] != position:
+                report.clamped[name] = float(position), desired[row]
+        report.changed = [row for row in desired if not self._is_at(row, desired[row])]
+        if desired:
+            self._place_joints(np.array([*desired]), np.array([*desired.values()]))
         return report
 
     def _is_at(self, row: int, position: float) -> bool:
@@ -339,8 +297,8 @@ class Model(Structure):
     def _place_joints(self, rows: np.ndarray, positions: np.ndarray) -> None:
         """Set joints, given by their rows, and stop the links below them.
 
-        The links are placed when somebody looks: while a robot moves, the next step is
-        there first.
+        The links are placed when they are read: while a robot moves, the next step
+        comes first.
         """
         kinematics = self.kinematics
         if kinematics is None:
@@ -362,13 +320,13 @@ class Model(Structure):
 
         self._links = self._placed = placed
 
-    def set_moving(self, wanted: Setpoint) -> None:
-        """Set joints and base while they are on their way."""
-        self.position[wanted.rows] = self.target[wanted.rows] = wanted.positions
-        self.velocity[wanted.rows] = wanted.velocities
-        if wanted.base_pose is not None:
-            self.root_poses[0] = wanted.base_pose
-            self.root_twists[0] = wanted.base_twist
+    def set_moving(self, desired: Setpoint) -> None:
+        """Set joints and base with their velocities, as a motion has them."""
+        self.position[desired.rows] = self.target[desired.rows] = desired.positions
+        self.velocity[desired.rows] = desired.velocities
+        if desired.base_pose is not None:
+            self.root_poses[0] = desired.base_pose
+            self.root_twists[0] = desired.base_twist
         self._update_links()
 
     def set_joint(self, row: int, position: float, velocity: float) -> None:
@@ -391,7 +349,7 @@ class Model(Structure):
             pose: Pose of the model frame in the world, shape (7,).
             twist: Linear velocity given to each link's center of mass and angular
                 velocity given to each link, along the world's axes, shape (6,).
-                What is fixed takes none.
+                Fixed trees ignore it.
         """
         T_model_roots = self.assembly.root_poses
         if self.assembly.canonical or len(self.trees) > 1:
@@ -415,9 +373,8 @@ class Model(Structure):
         Args:
             pose: Pose of the root link in the world, shape (7,).
             twist: Velocity of the root link's center of mass and its angular
-                velocity, along the world's axes, shape (6,). What is fixed takes
-                none.
-            number: Which tree.
+                velocity, along the world's axes, shape (6,). A fixed tree ignores it.
+            number: Index of the tree.
         """
         tree = self.trees[number]
         if tree.is_on_world:
@@ -447,5 +404,5 @@ class Model(Structure):
         self.root_twists[number] = 0.0
 
     def _levers(self) -> np.ndarray:
-        """Find the way from each link's origin to its center of mass, (n_links, 3)."""
+        """Turn ``centers`` to the world's axes, shape (n_links, 3)."""
         return rotate(self.poses[:, 3:], self.centers)

@@ -1,7 +1,7 @@
-"""A motion played in ``hold`` physics from beginning to end, and what happened.
+"""A motion played in ``hold`` physics from beginning to end, and its outcome.
 
 Nothing here knows ROS or a clock: steps follow each other as fast as they are computed.
-The steps, the floor, the motors and the report are those of the stand-in, in a world
+The steps, the floor, the motors and the report are those of the simulator, in a world
 that nothing else uses, so that the same motion gives the same bits each time.
 """
 
@@ -10,20 +10,22 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from g1_description.errors import InvalidValueError
 from g1_description.motion.motors import Motors
 from g1_description.motion.tracking import FallLimits, TrackingReport
-from g1_description.motion.trajectory import Trajectory, sample
+from g1_description.motion.trajectory import SINGLE_TIME, Trajectory, sample
+from g1_description.robot.assembly import Assembly
 from g1_description.robot.description import Description
 from g1_description.robot.lumping import lump_fixed_joints
+from g1_description.robot.transform import IDENTITY, compose, inverse
+from g1_description.sim.engine import PhysicsProperties
 from g1_description.sim.model import Model
 from g1_description.sim.motions import WATCH_TIME, MotionTracker
-from g1_description.sim.physics import PhysicsProperties
-from g1_description.sim.standing import at_beginning, complete, place
+from g1_description.sim.standing import hanging_height, standing_height
 from g1_description.sim.world import World
 
 MAX_ROWS = 30_000
@@ -32,11 +34,11 @@ MAX_ROWS = 30_000
 
 @dataclass(frozen=True)
 class Conditions:
-    """What a motion is played under, by default what the stand-in has."""
+    """The conditions of a rollout, by default the simulator's."""
 
     motors: Motors | None = None
-    """What drives the joints; None: motors as strong as the robot's file says. The
-    stand-in has those of ``config/motors.yaml`` for the G1."""
+    """Motors of the joints; None: motors as strong as the robot's file says. The
+    simulator has those of ``config/motors.yaml`` for the G1."""
 
     properties: PhysicsProperties = field(default_factory=PhysicsProperties)
     fall_limits: FallLimits = field(default_factory=FallLimits)
@@ -48,11 +50,10 @@ class Conditions:
     on the floor. A motion without a base always begins there."""
 
     stops_at_fall: bool = False
-    """Whether it ends with a fall: what a robot does on the floor says nothing of the
-    motion."""
+    """Whether it ends with a fall: a robot on the floor says nothing of the motion."""
 
     rate: float = 200.0
-    """Rows that are recorded per second of simulated time, at most, in [Hz]."""
+    """Largest number of recorded rows per second of simulated time, in [Hz]."""
 
     def __post_init__(self) -> None:
         """Check the numbers.
@@ -68,29 +69,28 @@ class Conditions:
 
 @dataclass(frozen=True, eq=False)
 class Rollout:
-    """What happened when motors followed a motion.
+    """The outcome of a motion that motors followed.
 
-    Each row of an array is the state after a step, and what the motors did in it. The
-    last rows are those after the motion, in which the robot only has to stay upright.
+    Each row of an array is the state after a step, and the efforts in it. The last rows
+    are those after the motion, in which the robot only has to stay upright.
     """
 
     report: TrackingReport
     """Errors, efforts at their limits and the fall, from every step of the motion."""
 
     joint_names: tuple[str, ...]
-    """All movable joints of the robot; those that the motion does not have are held
-    where they begin."""
+    """All movable joints of the robot; those that the motion does not have are held."""
 
     effort_limits: np.ndarray
-    """What the motors can give at most, in [N m] or [N], shape (n_joints,); infinite
-    where no limit is known."""
+    """Largest efforts of the motors, in [N m] or [N], shape (n_joints,); infinite where
+    no limit is known."""
 
     times: np.ndarray
     """Times of the motion in [s], shape (n,)."""
 
     wanted: np.ndarray
-    """What the motors were to reach, in [rad] or [m], shape (n, n_joints): the motion
-    inside the limits."""
+    """Targets of the motors, the motion inside the limits, in [rad] or [m], shape
+    (n, n_joints)."""
 
     positions: np.ndarray
     """In [rad] or [m], shape (n, n_joints)."""
@@ -99,7 +99,7 @@ class Rollout:
     """In [rad/s] or [m/s], shape (n, n_joints)."""
 
     efforts: np.ndarray
-    """What the motors applied, in [N m] or [N], shape (n, n_joints)."""
+    """Of the motors, in [N m] or [N], shape (n, n_joints)."""
 
     base_poses: np.ndarray
     """T_world_base of the root link, shape (n, 7)."""
@@ -134,8 +134,8 @@ def rollout(
     Args:
         robot: The robot, as in its file.
         motion: The motion; joints that the robot does not have are ignored.
-        conditions: What it is played under; by default the stand-in's.
-        on_progress: Called for each row with the share that is done, from 0 to 1.
+        conditions: By default the simulator's.
+        on_progress: Called for each row with the fraction that is done, from 0 to 1.
 
     Raises:
         InvalidValueError: If the robot cannot do any of the motion, or the motion
@@ -148,103 +148,143 @@ def rollout(
             "from 0 s on."
         )
     under = conditions or Conditions()
-    assembly = at_beginning(lump_fixed_joints(robot), motion)
-    pose, lift = place(assembly, motion, under.on_floor, under.fixed_base)
+    assembly = _at_beginning(lump_fixed_joints(robot), motion)
+    pose, lift = _place(assembly, motion, under.on_floor, under.fixed_base)
     with closing(World("hold", under.properties, motors=under.motors)) as world:
         world.motions.fall_limits = under.fall_limits
         left_out = world.spawn(robot.name, assembly, pose, under.fixed_base)
-        player = _Player(world, world.model(robot.name), motion, under)
-        report = player.run(under.stops_at_fall, on_progress)
-        return player.rollout(report, lift, left_out)
-
-
-class _Player:
-    """Lets a model go through a motion, and records rows of its state."""
-
-    def __init__(
-        self, world: World, model: Model, motion: Trajectory, conditions: Conditions
-    ) -> None:
-        self._world, self._model = world, model
-        self._motion = complete(model, motion)
-        self._start_ns = world.time_ns - round(1e9 * float(self._motion.times[0]))
-        world.motions.play(model, self._motion, self._start_ns)
-        step_ns = conditions.properties.step_ns
-        end_ns = self._start_ns + round(1e9 * self._motion.duration)
-        motion_steps = -((world.time_ns - end_ns) // step_ns)
-        self._n_steps = max(motion_steps, 1) + -(-WATCH_TIME // step_ns)
-        stride = round(1e9 / (conditions.rate * step_ns))
-        stride = max(stride, 1, -(-self._n_steps // MAX_ROWS))
-        self._stride = min(stride, self._n_steps)
-        n_numbers = 1 + 4 * len(model.joint_names) + 7
-        self._rows = np.zeros((self._n_steps // self._stride + 1, n_numbers))
-        self._n_rows = 0
-
-    def run(
-        self, stops_at_fall: bool, on_progress: Callable[[float], None] | None
-    ) -> TrackingReport:
-        """Go through the motion; return how well the motors followed."""
-        tracker = self._step()
-        for number in range(1, self._n_steps + 1):
-            is_over = stops_at_fall and tracker.has_fallen
-            if is_over or number % self._stride == 0:
-                self._record()
+        model = world.model(robot.name)
+        played = _complete(model, motion)
+        start_ns = world.time_ns - round(1e9 * float(played.times[0]))
+        world.motions.play(model, played, start_ns)
+        end_ns = start_ns + round(1e9 * played.duration)
+        n_steps, stride = _steps(end_ns - world.time_ns, under)
+        rows: list[np.ndarray] = []
+        tracker: MotionTracker | None = None
+        for number in range(1, n_steps + 1):
+            world.step()
+            tracker = tracker or world.motions.tracker(model)
+            assert tracker is not None, "a motion in hold is tracked"
+            is_over = under.stops_at_fall and tracker.has_fallen
+            if is_over or number % stride == 0:
+                time = 1e-9 * (world.time_ns - start_ns)
+                joints = model.target, model.position, model.velocity
+                efforts = world.engine.efforts(model)
+                rows.append(
+                    np.concatenate([[time], *joints, efforts, model.root_poses[0]])
+                )
                 if on_progress:
-                    on_progress(number / self._n_steps)
-            if is_over or number == self._n_steps:
+                    on_progress(number / n_steps)
+            if is_over:
                 break
-            self._world.step()
-        return tracker.tracked().report
-
-    def _step(self) -> MotionTracker:
-        """Compute the first step; return what watches the motion from then on."""
-        self._world.step()
-        tracker = self._world.motions.tracker(self._model)
-        assert tracker is not None, "a motion in hold is watched"
-        return tracker
-
-    def _record(self) -> None:
-        """Add a row: time, targets, positions, velocities, efforts, base."""
-        model = self._model
-        self._rows[self._n_rows] = np.concatenate(
-            [
-                [1e-9 * (self._world.time_ns - self._start_ns)],
-                model.target,
-                model.position,
-                model.velocity,
-                self._world.motions.efforts(model),
-                model.root_poses[0],
-            ]
-        )
-        self._n_rows += 1
-
-    def rollout(
-        self, report: TrackingReport, lift: float, left_out: tuple[str, ...]
-    ) -> Rollout:
-        """Return what happened.
-
-        Args:
-            report: How well the motors followed.
-            lift: By how much the motion was lifted, in [m].
-            left_out: What of the robot is not simulated as it is.
-        """
-        model, rows = self._model, self._rows[: self._n_rows]
+        assert tracker is not None  # there is at least one step
         widths = [1, *4 * [len(model.joint_names)], 7]
-        columns = np.split(rows, np.cumsum(widths)[:-1], axis=1)
-        times, wanted, positions, velocities, efforts, bases = map(np.array, columns)
-        wanted_bases = sample(self._motion, times[:, 0]).base_poses
-        if wanted_bases is not None:
-            wanted_bases = wanted_bases + lift * np.eye(7)[2]
+        columns = np.split(np.array(rows), np.cumsum(widths)[:-1], axis=1)
+        times, desired, positions, velocities, efforts, bases = map(np.array, columns)
+        desired_bases = sample(played, times[:, 0]).base_poses
+        if desired_bases is not None:
+            desired_bases = desired_bases + lift * np.eye(7)[2]
         return Rollout(
-            report=report,
+            report=tracker.report,
             joint_names=model.joint_names,
-            effort_limits=self._world.motions.effort_limits(model),
+            effort_limits=world.engine.effort_limits(model),
             times=times[:, 0],
-            wanted=wanted,
+            wanted=desired,
             positions=positions,
             velocities=velocities,
             efforts=efforts,
             base_poses=bases,
-            wanted_base_poses=wanted_bases,
+            wanted_base_poses=desired_bases,
             lift=lift,
             left_out=left_out,
         )
+
+
+def _steps(duration_ns: int, conditions: Conditions) -> tuple[int, int]:
+    """Count the steps of a motion and the time after it, and those from row to row."""
+    step_ns = conditions.properties.step_ns
+    n_steps = max(-(-duration_ns // step_ns), 1) - (-WATCH_TIME // step_ns)
+    stride = max(round(1e9 / (conditions.rate * step_ns)), 1, -(-n_steps // MAX_ROWS))
+    return n_steps, min(stride, n_steps)
+
+
+def _at_beginning(assembly: Assembly, motion: Trajectory) -> Assembly:
+    """Put joints where a motion begins; the others at zero, all inside their limits.
+
+    Raises:
+        InvalidValueError: If the robot has none of the motion's joints.
+    """
+    first = dict(zip(motion.joint_names, motion.positions[0].tolist()))
+    joints = assembly.description.movable_joints
+    if not any(joint.name in first for joint in joints):
+        name = assembly.description.name
+        raise InvalidValueError(f"there is nothing of {name} that the motion can move")
+    begin = {
+        joint.name: float(np.clip(first.get(joint.name, 0.0), joint.lower, joint.upper))
+        for joint in joints
+    }
+    return replace(assembly, positions=begin)
+
+
+def _place(
+    assembly: Assembly, motion: Trajectory, on_floor: bool, hangs: bool
+) -> tuple[np.ndarray, float]:
+    """Place a robot where a motion begins; without a base in it, upright on the floor.
+
+    Args:
+        assembly: The robot, its joints where the motion begins.
+        motion: The motion.
+        on_floor: Whether it stands on the floor, however high the motion has it.
+        hangs: Whether it hangs clear of the floor instead.
+
+    Returns:
+        Pose of the model frame in the world, shape (7,), and by how much that is above
+        where the motion has it, in [m]; 0 where the motion has no base.
+    """
+    pose = np.array(IDENTITY)
+    if motion.base_poses is not None:
+        pose = compose(motion.base_poses[0], inverse(assembly.root_pose))
+    wanted = float(pose[2])
+    if hangs:
+        pose[2] = hanging_height(assembly, pose[3:])
+    elif on_floor or motion.base_poses is None:
+        pose[2] = standing_height(assembly, pose[3:])
+    return pose, 0.0 if motion.base_poses is None else float(pose[2]) - wanted
+
+
+def _complete(model: Model, motion: Trajectory) -> Trajectory:
+    """Let a motion hold the joints that it does not have, and a single sample of it.
+
+    Args:
+        model: The robot, where the motion begins.
+        motion: The motion; joints that the robot does not have are left out.
+
+    Returns:
+        A motion of all joints of the robot, of at least two samples.
+    """
+    columns = {name: column for column, name in enumerate(motion.joint_names)}
+    known = [row for row, name in enumerate(model.joint_names) if name in columns]
+    own = [columns[model.joint_names[row]] for row in known]
+    positions = np.tile(model.position, (len(motion.times), 1))
+    positions[:, known] = motion.positions[:, own]
+    if len(motion.times) == 1:
+        return _held(motion, model.joint_names, positions)
+    velocities = None
+    if motion.velocities is not None:
+        velocities = np.zeros_like(positions)
+        velocities[:, known] = motion.velocities[:, own]
+    names, bases = model.joint_names, motion.base_poses
+    return Trajectory(motion.times, names, positions, velocities, bases)
+
+
+def _held(
+    motion: Trajectory, names: tuple[str, ...], positions: np.ndarray
+) -> Trajectory:
+    """Hold a single configuration: motors that follow none are not watched."""
+    bases = motion.base_poses
+    return Trajectory(
+        motion.times[0] + np.array([0.0, SINGLE_TIME]),
+        names,
+        np.repeat(positions, 2, axis=0),
+        base_poses=None if bases is None else np.repeat(bases, 2, axis=0),
+    )

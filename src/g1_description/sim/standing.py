@@ -1,4 +1,4 @@
-"""How high a robot stands, and how high it hangs clear of the floor."""
+"""Heights of a robot: standing, hanging clear of the floor, lowest in a motion."""
 
 from __future__ import annotations
 
@@ -8,12 +8,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from g1_description.errors import DescriptionError, InvalidValueError
-from g1_description.motion.trajectory import SINGLE_TIME, Trajectory
-from g1_description.robot.assembly import Assembly
-from g1_description.robot.description import Shape, origin_reaches
-from g1_description.robot.rotation import rotate
-from g1_description.robot.transform import IDENTITY, compose, inverse
+from g1_description.errors import DescriptionError
+from g1_description.motion.trajectory import Trajectory
+from g1_description.robot.assembly import WORLD, Assembly
+from g1_description.robot.description import Description, Link, Shape, origin_reaches
+from g1_description.robot.kinematics import Kinematics
+from g1_description.robot.rotation import conjugate, rotate
+from g1_description.robot.transform import IDENTITY, compose
 from g1_description.sim.meshes.hulls import outline
 from g1_description.sim.meshes.shapes import Mesh, find_meshes, is_there
 from g1_description.sim.model import Model
@@ -23,6 +24,9 @@ GAP = 0.0005
 
 HULL_MARGIN = 0.001
 """How thick PyBullet makes a hull on all sides, in [m]."""
+
+MAX_PRODUCTS = 1_000_000
+"""Points times samples that are computed at once: 8 MB."""
 
 
 def standing_height(assembly: Assembly, rotation: np.ndarray) -> float:
@@ -114,83 +118,69 @@ def _box(shape: Shape, pose: np.ndarray, meshes: Mapping[str, Mesh]) -> np.ndarr
     return np.array([turned.min(axis=0) - margin, turned.max(axis=0) + margin])
 
 
-def at_beginning(assembly: Assembly, motion: Trajectory) -> Assembly:
-    """Put joints where a motion begins; the others at zero, all inside their limits.
+def lowest_height(robot: Description, trajectory: Trajectory) -> float:
+    """Find the lowest point of a robot in the samples of a motion.
 
-    Raises:
-        InvalidValueError: If the robot has none of the motion's joints.
-    """
-    first = dict(zip(motion.joint_names, motion.positions[0].tolist()))
-    joints = assembly.description.movable_joints
-    if not any(joint.name in first for joint in joints):
-        name = assembly.description.name
-        raise InvalidValueError(f"there is nothing of {name} that the motion can move")
-    begin = {
-        joint.name: float(np.clip(first.get(joint.name, 0.0), joint.lower, joint.upper))
-        for joint in joints
-    }
-    return replace(assembly, positions=begin)
-
-
-def place(
-    assembly: Assembly, motion: Trajectory, on_floor: bool, hangs: bool
-) -> tuple[np.ndarray, float]:
-    """Place a robot where a motion begins; without a base in it, upright on the floor.
+    Links without collision shapes count with their visual ones; planes do not count.
 
     Args:
-        assembly: The robot, its joints where the motion begins.
-        motion: The motion.
-        on_floor: Whether it stands on the floor, however high the motion has it.
-        hangs: Whether it hangs clear of the floor instead.
+        robot: The robot, as in its file.
+        trajectory: The motion; joints that it does not move are at zero.
 
     Returns:
-        Pose of the model frame in the world, shape (7,), and by how much that is above
-        where the motion has it, in [m]; 0 where the motion has no base.
+        Height in the map, in [m]; of the links' origins where there are no shapes.
     """
-    pose = np.array(IDENTITY)
-    if motion.base_poses is not None:
-        pose = compose(motion.base_poses[0], inverse(assembly.root_pose))
-    wanted = float(pose[2])
-    if hangs:
-        pose[2] = hanging_height(assembly, pose[3:])
-    elif on_floor or motion.base_poses is None:
-        pose[2] = standing_height(assembly, pose[3:])
-    return pose, 0.0 if motion.base_poses is None else float(pose[2]) - wanted
+    poses = _link_poses(robot, trajectory)
+    names = [name for name in robot.link_names if name != WORLD]
+    links = {link.name: link for link in robot.links}
+    lowest = [
+        _lowest(poses[:, row], points, radius)
+        for row, name in enumerate(names)
+        for points, radius in _points(links[name])
+    ]
+    return float(min(lowest)) if lowest else float(poses[..., 2].min())
 
 
-def complete(model: Model, motion: Trajectory) -> Trajectory:
-    """Let a motion hold the joints that it does not have, and a single sample of it.
-
-    Args:
-        model: The robot, where the motion begins.
-        motion: The motion; joints that the robot does not have are left out.
-
-    Returns:
-        A motion of all joints of the robot, of at least two samples.
-    """
-    columns = {name: column for column, name in enumerate(motion.joint_names)}
-    known = [row for row, name in enumerate(model.joint_names) if name in columns]
-    own = [columns[model.joint_names[row]] for row in known]
-    positions = np.tile(model.position, (len(motion.times), 1))
-    positions[:, known] = motion.positions[:, own]
-    if len(motion.times) == 1:
-        return _held(motion, model.joint_names, positions)
-    velocities = None
-    if motion.velocities is not None:
-        velocities = np.zeros_like(positions)
-        velocities[:, known] = motion.velocities[:, own]
-    names, bases = model.joint_names, motion.base_poses
-    return Trajectory(motion.times, names, positions, velocities, bases)
-
-
-def _held(
-    motion: Trajectory, names: tuple[str, ...], positions: np.ndarray
-) -> Trajectory:
-    """Hold a single configuration: motors that follow none are not watched."""
-    bases = motion.base_poses
-    return Trajectory(
-        motion.times[0] + np.array([0.0, SINGLE_TIME]),
-        names,
-        np.repeat(positions, 2, axis=0),
-        base_poses=None if bases is None else np.repeat(bases, 2, axis=0),
+def _link_poses(robot: Description, trajectory: Trajectory) -> np.ndarray:
+    """Place all links in each sample, shape (n_samples, n_links, 7)."""
+    kinematics = Kinematics(robot)
+    names = [joint.name for joint in robot.movable_joints]
+    own = [n for n, name in enumerate(trajectory.joint_names) if name in names]
+    columns = [names.index(trajectory.joint_names[n]) for n in own]
+    positions = np.zeros((len(trajectory.times), len(names)))
+    positions[:, columns] = trajectory.positions[:, own]
+    bases = trajectory.base_poses
+    if bases is None:
+        bases = np.broadcast_to(IDENTITY, (len(positions), 7))
+    return np.array(
+        [kinematics.link_poses(base, row) for base, row in zip(bases, positions)]
     )
+
+
+def _points(link: Link) -> list[tuple[np.ndarray, float]]:
+    """Return points of a link's shapes, in its frame, and a radius about them."""
+    shapes = link.collisions or link.visuals
+    meshes, _ = find_meshes(shapes)
+    found = []
+    for shape in shapes:
+        if shape.kind != "plane" and is_there(shape, meshes):
+            points, radius = outline(shape, meshes)
+            found.append((shape.pose[:3] + rotate(shape.pose[3:], points), radius))
+    return found
+
+
+def _lowest(poses: np.ndarray, points: np.ndarray, radius: float) -> float:
+    """Find the lowest of some points of a link.
+
+    Args:
+        poses: Of the link in each sample, shape (n_samples, 7).
+        points: In the link's frame, in [m], shape (n, 3).
+        radius: About the points, in [m].
+    """
+    up = rotate(conjugate(poses[:, 3:]), np.array([0.0, 0.0, 1.0]))
+    n_at_once = max(1, MAX_PRODUCTS // len(points))
+    lowest = [
+        (up[first : first + n_at_once] @ points.T).min(axis=1)
+        for first in range(0, len(up), n_at_once)
+    ]
+    return float((poses[:, 2] + np.concatenate(lowest)).min()) - radius

@@ -1,4 +1,4 @@
-"""The simulated world: models, lights, time, and what may be done to them.
+"""The simulated world: models, lights, time, and the commands that change it.
 
 One thread changes it; nothing here knows ROS. Calls between two steps take
 effect at once, and the same calls at the same steps give the same bits.
@@ -6,34 +6,50 @@ effect at once, and the same calls at the same steps give the same bits.
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 
-from g1_description.errors import DescriptionError
+from g1_description.errors import DescriptionError, UnknownNameError
 from g1_description.motion.motors import Motors
-from g1_description.robot.assembly import Assembly
-from g1_description.robot.description import Inertial
+from g1_description.robot.assembly import SCOPE, Assembly
+from g1_description.robot.description import Description, Inertial
 from g1_description.robot.lumping import impossible_inertias
-from g1_description.sdf.world import EMPTY_WORLD, Sdf, read_sdf
-from g1_description.sim.bullet.create_body import check_size
-from g1_description.sim.bullet.engine import Engine
-from g1_description.sim.contents import Contents
-from g1_description.sim.entities import Frame, JointEntity, LinkEntity, in_world
+from g1_description.robot.transform import compose
+from g1_description.sdf.world import EMPTY_WORLD, Light, Sdf, read_sdf
+from g1_description.sim.engine import PhysicsProperties, make_engine
+from g1_description.sim.entities import (
+    Entities,
+    Entity,
+    Frame,
+    PlacedLink,
+    in_world,
+    joint_above,
+    place_link,
+)
 from g1_description.sim.forces import ForceSchedule
-from g1_description.sim.link_placing import Placed, joint_above, place_link
 from g1_description.sim.model import Model, Report
 from g1_description.sim.motions import Motions
-from g1_description.sim.physics import PhysicsProperties
+
+MAX_LINKS = 1000
+"""Links of one model: more could not be published a thousand times a second."""
+
+MAX_SHAPES = 1000
+"""Collision shapes of one model: a step with ten thousand takes minutes."""
+
+_Named = TypeVar("_Named")
 
 
-class World(Contents):
-    """Models and lights under gravity, while time passes.
+class World:
+    """Models and lights under gravity, each in the order of their coming.
 
-    Physics ``kinematic``: what is set stays set, to the last bit; time runs, nothing
-    falls, contacts are still found. ``hold``: full dynamics, motors hold the joints
-    where they were last set. ``limp``: full dynamics, no motors.
+    Physics ``kinematic``: models stay where they are set, to the last bit; time runs,
+    nothing falls, contacts are still found. ``hold``: full dynamics, motors hold the
+    joints at their last positions. ``limp``: full dynamics, no motors.
     """
 
     def __init__(
@@ -46,21 +62,26 @@ class World(Contents):
         """Make a world.
 
         Args:
-            physics: One of ``engine.PHYSICS``.
+            physics: One of ``PHYSICS``.
             properties: The physics' numbers; Gazebo's where none are given.
             content: Models and lights; by default a ground plane and a sun. A model
                 that cannot be loaded is left out.
-            motors: What drives joints in ``hold``; the robots' files bound it anyway.
+            motors: Motors of the joints in ``hold``, bounded by the robots' files.
 
         Raises:
             UnknownNameError: If there is no such physics.
         """
-        super().__init__()
-        self._engine = Engine(physics, properties or PhysicsProperties(), motors)
+        self.models: dict[str, Model] = {}
+        self.lights: dict[str, Light] = {}
+        self.lock = threading.Lock()
+        """For threads that read while another one steps and changes the world. A step
+        holds it only while it changes what they read; other changes are made by whoever
+        holds it, and not during a step."""
+        self.engine = make_engine(physics, properties or PhysicsProperties(), motors)
         self.forces = ForceSchedule(self.is_dynamic)
-        """Wrenches and efforts that act or will act."""
-        self.motions = Motions(self._engine)
-        """Motions that models go through or will go through."""
+        """Present and future wrenches and efforts."""
+        self.motions = Motions(self.engine)
+        """Present and future motions."""
         content = content or read_sdf(EMPTY_WORLD)
         self.time_ns = round(content.time * 1e9)
         """Simulated time in [ns]."""
@@ -80,23 +101,103 @@ class World(Contents):
                 left_out.append(f"model {model.name} is left out: {error}".rstrip("."))
         return left_out
 
+    @cached_property
+    def entities(self) -> Entities:
+        """All things by name."""
+        return Entities(self.models.values(), self.lights.values())
+
+    @cached_property
+    def link_names(self) -> tuple[str, ...]:
+        """All links as ``model::link``, in the order of ``link_states``."""
+        return tuple(
+            f"{model.name}{SCOPE}{link}"
+            for model in self.models.values()
+            for link in model.link_names
+        )
+
+    @cached_property
+    def model_names(self) -> tuple[str, ...]:
+        """All models, in the order of ``model_states``."""
+        return tuple(self.models)
+
+    def _forget_names(self) -> None:
+        """Make what is made of names again, when it is next needed."""
+        for name in ("entities", "link_names", "model_names"):
+            self.__dict__.pop(name, None)
+
+    def model(self, name: str) -> Model:
+        """Find a model.
+
+        Raises:
+            UnknownNameError: If there is none of this name.
+        """
+        return _named("model", self.models, name)
+
+    def light(self, name: str) -> Light:
+        """Find a light.
+
+        Raises:
+            UnknownNameError: If there is none of this name.
+        """
+        return _named("light", self.lights, name)
+
+    def add_light(self, light: Light) -> None:
+        """Add a light, or replace the one of its name."""
+        self.lights[light.name] = light
+        self._forget_names()
+
+    def delete_light(self, name: str) -> None:
+        """Remove a light.
+
+        Raises:
+            UnknownNameError: If there is no such light.
+        """
+        del self.lights[self.light(name).name]
+        self._forget_names()
+
+    def link_states(self) -> tuple[np.ndarray, np.ndarray]:
+        """Collect the states of all links.
+
+        Returns:
+            Poses of the link frames in the world, shape (n_links, 7), and twists
+            of their origins along the world's axes, shape (n_links, 6).
+        """
+        models = self.models.values()
+        poses = [np.zeros((0, 7)), *(model.poses for model in models)]
+        twists = [np.zeros((0, 6)), *(model.twists for model in models)]
+        return np.concatenate(poses), np.concatenate(twists)
+
+    def model_states(self) -> tuple[np.ndarray, np.ndarray]:
+        """Compute the states of all models.
+
+        Returns:
+            Poses of the model frames in the world, shape (n_models, 7), and twists of
+            their canonical links' origins along the world's axes, shape (n_models, 6).
+        """
+        models = self.models.values()
+        carriers = np.array([model.carrier_pose for model in models])
+        offsets = np.array([model.T_carrier_model for model in models])
+        twists = np.array([model.twist for model in models])
+        poses = compose(carriers.reshape(-1, 7), offsets.reshape(-1, 7))
+        return poses, twists.reshape(-1, 6)
+
     def close(self) -> None:
-        """Disconnect from PyBullet."""
-        self._engine.close()
+        """Free the engine's memory."""
+        self.engine.close()
 
     @property
     def is_dynamic(self) -> bool:
         """Whether things move by themselves."""
-        return self._engine.is_dynamic
+        return self.engine.is_dynamic
 
     @property
     def properties(self) -> PhysicsProperties:
         """The physics' numbers."""
-        return self._engine.properties
+        return self.engine.properties
 
     def set_properties(self, properties: PhysicsProperties) -> None:
         """Compute with other numbers from now on."""
-        self._engine.set_properties(properties)
+        self.engine.set_properties(properties)
 
     def spawn(
         self, name: str, assembly: Assembly, pose: np.ndarray, fixed_base: bool = False
@@ -117,11 +218,11 @@ class World(Contents):
         """
         if name in self.models:
             raise DescriptionError(f"A model called '{name}' is already there.")
-        check_size(assembly.description, self.is_dynamic)
+        _check_size(assembly.description)
         if not self.is_dynamic:
             assembly = assembly.inside_limits()
         model = Model(name, assembly, pose, fixed_base and self.is_dynamic)
-        left_out = self._engine.add(model)
+        left_out = self.engine.add(model)
         self.models[name] = model
         self._forget_names()
         if assembly.left_out and not model.link_names:
@@ -139,7 +240,7 @@ class World(Contents):
         model = self.model(name)
         self.forces.forget(model)
         self.motions.forget(model)
-        self._engine.remove(name)
+        self.engine.remove(name)
         del self.models[name]
         self._forget_names()
 
@@ -148,12 +249,12 @@ class World(Contents):
         time_ns = self.time_ns + self.properties.step_ns
         if self.is_dynamic:
             self.motions.step(time_ns)
-            self.forces.apply(self._engine, time_ns)
-            self._engine.step()
+            self.forces.apply(self.engine, time_ns)
+            self.engine.step()
         with self.lock:
             self.time_ns = time_ns
             if self.is_dynamic:
-                self._engine.update_models()
+                self.engine.update_models()
             else:
                 self.motions.step(time_ns)
         self.motions.measure(time_ns)
@@ -166,7 +267,7 @@ class World(Contents):
             positions: In [rad] or [m], by joint name.
 
         Returns:
-            What was not obeyed to the letter.
+            The joints that were ignored, clamped and changed.
 
         Raises:
             UnknownNameError: If there is no such model.
@@ -174,7 +275,7 @@ class World(Contents):
         """
         model = self.model(name)
         report = model.set_positions(positions)
-        self._engine.write_joints(model, report.changed)
+        self.engine.write_joints(model, report.changed)
         self.motions.release(model, model.joint_rows(positions))
         return report
 
@@ -187,14 +288,13 @@ class World(Contents):
             model: The model.
             pose: Pose in the frame, shape (7,).
             twist: Velocity for the centers of mass and angular velocity, along the
-                frame's axes, shape (6,). Ignored in ``kinematic``, where nothing moves
-                by itself.
+                frame's axes, shape (6,). Ignored in ``kinematic``.
             frame: The reference frame.
         """
         pose, twist = in_world(frame, pose, twist)
         model.set_state(pose, twist * self.is_dynamic)
         self.motions.release(model, base=True)
-        self._engine.write(model)
+        self.engine.write(model)
 
     def set_root_state(
         self, model: Model, pose: np.ndarray, twist: np.ndarray, tree: int = 0
@@ -210,11 +310,11 @@ class World(Contents):
         """
         model.set_root_state(pose, twist * self.is_dynamic, tree)
         self.motions.release(model, base=tree == 0)
-        self._engine.write(model)
+        self.engine.write(model)
 
     def set_link_state(
-        self, entity: LinkEntity, pose: np.ndarray, twist: np.ndarray
-    ) -> Placed | None:
+        self, entity: Entity, pose: np.ndarray, twist: np.ndarray
+    ) -> PlacedLink | None:
         """Set pose and velocity of a link: a root with its model, others by a joint.
 
         Args:
@@ -231,16 +331,18 @@ class World(Contents):
         """
         model, joint = entity.model, joint_above(entity)
         if joint is None:
-            self.set_root_state(model, pose, twist, model.tree_below(entity.row) or 0)
+            roots = [tree.root_row for tree in model.trees]
+            tree = roots.index(entity.row) if entity.row in roots else 0
+            self.set_root_state(model, pose, twist, tree)
             return None
         placed = place_link(entity, joint, pose, twist * self.is_dynamic)
         rows = model.joint_rows([placed.joint])
         self.motions.release(model, rows)
-        self._engine.write_joints(model, rows)
+        self.engine.write_joints(model, rows)
         return placed
 
     def set_link_properties(
-        self, entity: LinkEntity, inertial: Inertial, has_gravity: bool
+        self, entity: Entity, inertial: Inertial, has_gravity: bool
     ) -> None:
         """Set mass and gravity of a link; the model's state stays as it is.
 
@@ -250,21 +352,21 @@ class World(Contents):
             has_gravity: Whether gravity pulls it.
 
         Raises:
-            DescriptionError: If PyBullet refuses it; nothing is changed.
+            DescriptionError: If the engine refuses it; nothing is changed.
         """
         model, old = entity.model, entity.link
         model.replace_link(replace(old, inertial=inertial, gravity=has_gravity))
         if inertial == old.inertial:
-            self._engine.update_gravity(model)
+            self.engine.update_gravity(model)
             return
         try:
-            self._engine.replace(model)
+            self.engine.replace(model)
         except DescriptionError:
             model.replace_link(old)
             raise
 
     def set_joint_properties(
-        self, entity: JointEntity, numbers: Mapping[str, float]
+        self, entity: Entity, numbers: Mapping[str, float]
     ) -> None:
         """Set properties of a joint, by the names that Gazebo has for them.
 
@@ -275,28 +377,60 @@ class World(Contents):
             numbers: Values by the names of ``gazebo_msgs/ODEJointProperties``.
         """
         entity.model.ode_joints.setdefault(entity.name, {}).update(numbers)
-        for body in self._engine.bodies(entity.model):
-            body.joints.set_properties(entity.name)
+        self.engine.update_joint(entity.model, entity.name)
 
     def reset_models(self) -> None:
         """Return all models to where they were spawned, at rest; joints stay."""
         for model in self.models.values():
             self.motions.forget(model)
             model.return_home()
-            self._engine.write(model)
+            self.engine.write(model)
 
     def reset(self) -> None:
         """Return to time zero, with models and joints as spawned and no forces.
 
-        PyBullet begins afresh, so that a second run equals the first to the last bit.
+        The engine begins afresh, so that a second run equals the first to the last bit.
         """
         self.time_ns = 0
         self.forces = ForceSchedule(self.is_dynamic)
-        self.motions = Motions(self._engine, self.motions.fall_limits)
+        self.motions = Motions(self.engine, self.motions.fall_limits)
         for model in self.models.values():
             model.reset()
-        self._engine.rebuild(self.models.values())
+        self.engine.rebuild(self.models.values())
 
     def contacts(self) -> set[tuple[str, str]]:
-        """Find which links touch or overlap now, as ``contacts.find_contacts``."""
-        return self._engine.contacts()
+        """Find which links touch or overlap now, as ``Engine.contacts``."""
+        return self.engine.contacts()
+
+
+def _named(kind: str, things: Mapping[str, _Named], name: str) -> _Named:
+    """Find a thing by its name.
+
+    Raises:
+        UnknownNameError: If there is none.
+    """
+    if name not in things:
+        raise UnknownNameError(
+            f"There is no {kind} '{name}'; there are {', '.join(things) or 'none'}."
+        )
+    return things[name]
+
+
+def _check_size(description: Description) -> None:
+    """Refuse a model that takes too long.
+
+    Raises:
+        DescriptionError: If it has too many links or shapes.
+    """
+    links = len(description.links)
+    if links > MAX_LINKS:
+        raise DescriptionError(
+            f"Robot '{description.name}' has {links} links that are not fixed to "
+            f"others; there is room for {MAX_LINKS}."
+        )
+    shapes = sum(len(link.collisions) for link in description.links)
+    if shapes > MAX_SHAPES:
+        raise DescriptionError(
+            f"Robot '{description.name}' has {shapes} collision shapes; there is room "
+            f"for {MAX_SHAPES}."
+        )

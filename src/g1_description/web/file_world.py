@@ -15,7 +15,7 @@ from g1_description.motion.motion import Motion
 from g1_description.motion.trajectory import Trajectory, sample
 from g1_description.robot.description import Description
 from g1_description.robot.transform import IDENTITY
-from g1_description.sim.floor import lowest_height
+from g1_description.sim.standing import lowest_height
 from g1_description.web.robot import ShownRobot, ShownState
 
 DISTANCE = 1.2

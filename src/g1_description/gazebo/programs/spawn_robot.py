@@ -20,8 +20,11 @@ from gazebo_msgs.srv import GetPhysicsProperties, SetModelConfiguration, SpawnMo
 from std_srvs.srv import Empty
 
 from g1_description.errors import G1DescriptionError
-from g1_description.gazebo.parameters import SpawnerParameters, SpawnParameters
-from g1_description.gazebo.placement import place_robot
+from g1_description.gazebo.parameters import (
+    SpawnerParameters,
+    SpawnParameters,
+    place_robot,
+)
 from g1_description.gazebo.programs.spawn_model import GazeboServices
 from g1_description.ros.conversions import pose_from_array
 from g1_description.ros.lifecycle import start_node

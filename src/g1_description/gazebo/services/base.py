@@ -1,48 +1,77 @@
-"""What all services share: status messages, and checks of the numbers they take."""
+"""What all services share: the simulator, refusals, and checks of numbers.
+
+A service is a function that takes the simulator and the request. It gives the response,
+or the status message of a success, and raises the reason of a failure.
+"""
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable, Iterable
+from collections import Counter, deque
+from collections.abc import Callable
 from concurrent.futures import Future
-from dataclasses import dataclass
 
 import numpy as np
+import rospy
 
 from g1_description.bounds import MAX_VALUE
-from g1_description.errors import InvalidValueError
+from g1_description.errors import (
+    G1DescriptionError,
+    InvalidValueError,
+    UnknownNameError,
+)
 from g1_description.robot.description import clamped_to_limits
 from g1_description.robot.rotation import normalized
 from g1_description.ros.conversions import pose_to_array, twist_to_array
+from g1_description.ros.log import ThrottledLog
 from g1_description.sim.forces import Span
 from g1_description.sim.model import Model, Report
 from g1_description.sim.world import World
 from g1_description.text import listed
 
+_SCOPE = "did you forget to scope the link by model name?"
+LINK_NOT_FOUND = f"link not found, {_SCOPE}"
+FRAME_NOT_FOUND = f"reference reference_frame not found, {_SCOPE}"
 
-@dataclass
-class _Waiting:
-    """Somebody who waits for steps to pass."""
 
-    answer: Future
-    steps: int
-    respond: Callable
-    """Makes the response: takes success and a sentence."""
+class RefusalError(G1DescriptionError):
+    """Gazebo's status message of a request that fails, and details of ours."""
 
-    done: int = 0
+
+class Simulator:
+    """A world, the steps that were requested of it, and how its services speak."""
+
+    def __init__(self, world: World, paused: bool = False, strict: bool = False):
+        """Take a world.
+
+        Args:
+            world: The world.
+            paused: Whether time stands still at first.
+            strict: Whether status messages are Gazebo's alone.
+        """
+        self.world = world
+        self.stepper = Stepper(paused)
+        self.log = ThrottledLog()
+        self.state_calls: Counter = Counter()
+        """Calls of get_model_state by model."""
+        self._strict = strict
+
+    def message(self, message: str, *details: str) -> str:
+        """Append details to Gazebo's message, each after "; "."""
+        added = [] if self._strict else filter(None, details)
+        return "; ".join([*filter(None, [message]), *added])
+
+    def no_effect(self, detail: str) -> str:
+        """Say that something has no effect where nothing moves by itself."""
+        return "" if self.world.is_dynamic else f"{detail}, physics is kinematic"
 
 
 class Stepper:
     """Requests for steps, served one after the other."""
 
     def __init__(self, paused: bool) -> None:
-        """Begin.
-
-        Args:
-            paused: Whether time stands still at first.
-        """
         self.paused = paused
-        self._waiting: deque[_Waiting] = deque()
+        self._done = 0  # of the first request
+        self._waiting: deque[tuple[Future, int, Callable]] = deque()
 
     @property
     def is_stepping(self) -> bool:
@@ -52,9 +81,7 @@ class Stepper:
     @property
     def is_last_step(self) -> bool:
         """Whether the next step is the last of a request."""
-        return bool(self._waiting) and self._waiting[0].steps == (
-            self._waiting[0].done + 1
-        )
+        return bool(self._waiting) and self._waiting[0][1] == self._done + 1
 
     def request(self, steps: int, respond: Callable) -> Future:
         """Request steps.
@@ -68,87 +95,78 @@ class Stepper:
             The response to come.
         """
         answer: Future = Future()
-        self._waiting.append(_Waiting(answer, steps, respond))
+        self._waiting.append((answer, steps, respond))
         return answer
 
     def count(self) -> None:
-        """Note that a step has passed, and answer who has waited for it."""
+        """Note that a step has passed, and answer the request that it completes."""
         if not self._waiting:
             return
-        first = self._waiting[0]
-        first.done += 1
-        if first.done == first.steps:
+        self._done += 1
+        answer, steps, respond = self._waiting[0]
+        if self._done == steps:
             self._waiting.popleft()
-            first.answer.set_result(first.respond(True, f"{first.steps} steps done"))
+            self._done = 0
+            answer.set_result(respond(True, f"{steps} steps done"))
 
     def end(self, reason: str) -> None:
-        """Answer those who wait for steps that will not pass."""
+        """Answer all requests, whose steps will not pass."""
         while self._waiting:
-            one = self._waiting.popleft()
-            outcome = f"ended by {reason} after {one.done} of {one.steps} steps"
-            one.answer.set_result(one.respond(False, outcome))
+            answer, steps, respond = self._waiting.popleft()
+            outcome = f"ended by {reason} after {self._done} of {steps} steps"
+            self._done = 0
+            answer.set_result(respond(False, outcome))
 
     def cancel(self) -> None:
-        """Let nobody wait any more, without a response."""
+        """Cancel all requests, without a response."""
         while self._waiting:
-            self._waiting.popleft().answer.cancel()
+            self._waiting.popleft()[0].cancel()
 
 
-_SCOPE = "did you forget to scope the link by model name?"
-LINK_NOT_FOUND = f"link not found, {_SCOPE}"
-FRAME_NOT_FOUND = f"reference reference_frame not found, {_SCOPE}"
+def callback(simulator: Simulator, kind, answer):
+    """Make the callback of a service.
+
+    Args:
+        simulator: The simulator.
+        kind: The service's type.
+        answer: The function that answers.
+    """
+    response = kind._response_class
+
+    def respond(request):
+        try:
+            result = answer(simulator, request)
+        except RefusalError as refusal:
+            message = simulator.message(*refusal.args)
+        except G1DescriptionError as error:
+            message = f"{kind.__name__}: refused, {error}"
+        else:
+            if isinstance(result, str):
+                return response(success=True, status_message=result)
+            return response() if result is None else result
+        return response(success=False, status_message=message)
+
+    return respond
 
 
-class StatusMessages:
-    """Composes Gazebo's status messages, with details that Gazebo does not give."""
+def found(find: Callable, name: str, message: str, log: str = ""):
+    """Find a thing by its name.
 
-    def __init__(self, strict: bool = False) -> None:
-        """Choose how much detail is given.
+    Args:
+        find: The function that finds it.
+        name: The name.
+        message: Status message where there is none.
+        log: What is logged then.
 
-        Args:
-            strict: Whether to give Gazebo's messages alone.
-        """
-        self._strict = strict
-
-    def compose(self, message: str, details: Iterable[str] = ()) -> str:
-        """Append details to Gazebo's message, each after "; "."""
-        added = [] if self._strict else [detail for detail in details if detail]
-        return "; ".join([message, *added]) if message else "; ".join(added)
-
-
-class Services:
-    """Some of the services of a world."""
-
-    def __init__(self, world: World, messages: StatusMessages) -> None:
-        """Serve a world.
-
-        Args:
-            world: What the services act on.
-            messages: Composes their status messages.
-        """
-        self._world = world
-        self._messages = messages
-
-    def _no_effect(self, detail: str) -> str:
-        """Say that something has no effect where nothing moves by itself."""
-        return "" if self._world.is_dynamic else f"{detail}, physics is kinematic"
-
-
-class SteppedServices(Services):
-    """Services that depend on whether time runs, or on steps."""
-
-    def __init__(
-        self, world: World, messages: StatusMessages, stepper: Stepper
-    ) -> None:
-        """Serve a world.
-
-        Args:
-            world: What the services act on.
-            messages: Composes their status messages.
-            stepper: Whether time runs, and the steps that were requested.
-        """
-        super().__init__(world, messages)
-        self._stepper = stepper
+    Raises:
+        RefusalError: If there is none.
+    """
+    try:
+        return find(name)
+    except UnknownNameError:
+        if log:
+            rospy.logerr("%s", log)
+        raise RefusalError(message) from None
 
 
 def checked_pose(message) -> np.ndarray:
@@ -187,7 +205,7 @@ def checked(what: str, numbers) -> np.ndarray:
 
 
 def remarks(model: Model, report: Report) -> list[str]:
-    """Say which joints a model does not have, and which positions were clamped."""
+    """Say which joints of a command were ignored, and which were clamped."""
     details = []
     if report.unknown:
         names = listed(report.unknown)
@@ -202,12 +220,9 @@ def time_span(start_time, duration, now_ns: int) -> Span:
     """Compute from when to when something acts, as Gazebo does.
 
     Args:
-        start_time: When it shall begin; the past means now.
-        duration: How long it shall act; negative means for ever.
+        start_time: When it begins; the past means now.
+        duration: How long it acts; negative means for ever.
         now_ns: The time now, in [ns].
-
-    Returns:
-        The span.
     """
     start = max(start_time.to_nsec(), now_ns)
     lasting = duration.to_nsec()

@@ -7,22 +7,27 @@ the simulator's loop, between two steps.
 from __future__ import annotations
 
 import posixpath
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import replace
+from typing import NamedTuple
 
 import rospy
-from gazebo_msgs.srv import SpawnModel, SpawnModelResponse
+from gazebo_msgs.srv import SpawnModel
 
-from g1_description.errors import DescriptionError, G1DescriptionError, UnknownNameError
+from g1_description.errors import DescriptionError, G1DescriptionError
 from g1_description.files.model_files import find_model
 from g1_description.files.xml import check_size, parse_xml
-from g1_description.gazebo.services.base import FRAME_NOT_FOUND, Services, checked_pose
+from g1_description.gazebo.services.base import (
+    FRAME_NOT_FOUND,
+    RefusalError,
+    Simulator,
+    checked_pose,
+    found,
+)
 from g1_description.robot.assembly import Assembly
 from g1_description.robot.lumping import lump_fixed_joints
 from g1_description.robot.transform import IDENTITY, compose
 from g1_description.robot.urdf import parse_urdf
 from g1_description.sdf.world import Light, Sdf, SdfModel, read_sdf
-from g1_description.sim.entities import Frame
 from g1_description.sim.model import Model
 
 NOT_A_MODEL = (
@@ -31,122 +36,90 @@ NOT_A_MODEL = (
 )
 
 
-@dataclass(frozen=True)
-class ParsedRequest:
+class ParsedRequest(NamedTuple):
     """A request to spawn whose file is parsed."""
 
     request: object
-    content: SdfModel | Light | None = None
-    refusal: tuple[str, ...] = ()
-    """Gazebo's message and our details for why there is no content."""
+    content: SdfModel | Light | RefusalError
+    """Of the file; else the reason why there is none."""
 
     left_out: tuple[str, ...] = ()
-    """A sentence for each thing in the file that is left out."""
+    """A message for each thing in the file that is ignored."""
 
 
-class SpawnServices(Services):
-    """Spawn models and lights."""
-
-    def table(self):
-        """List the services: name, type, what answers, and what parses the file."""
-        dynamic = self._world.is_dynamic
-        urdf, sdf = (
-            partial(parse_urdf_request, dynamic),
-            partial(parse_sdf_request, dynamic),
-        )
-        return (
-            ("spawn_urdf_model", SpawnModel, self.spawn, urdf),
-            ("spawn_sdf_model", SpawnModel, self.spawn, sdf),
-        )
-
-    def spawn(self, parsed: ParsedRequest):
-        """Add a model or a light; it can be commanded when this answers."""
-        try:
-            frame = self._world.entities.frame(parsed.request.reference_frame)
-        except UnknownNameError:
-            return SpawnModelResponse(False, f"SpawnModel: {FRAME_NOT_FOUND}")
-        refusal = self._refusal(parsed)
-        if refusal:
-            return SpawnModelResponse(False, refusal)
-        try:
-            details = self._add(parsed, frame)
-        except G1DescriptionError as error:
-            return SpawnModelResponse(False, f"SpawnModel: Failure - {error}")
-        message = "SpawnModel: Successfully spawned entity"
-        return SpawnModelResponse(True, self._messages.compose(message, details))
-
-    def _refusal(self, parsed: ParsedRequest) -> str:
-        """Say why nothing can be spawned; empty if it can."""
-        name = parsed.request.model_name
-        if parsed.content is None:
-            message, *details = parsed.refusal
-            if message == NOT_A_MODEL:
-                rospy.logerr(
-                    "GazeboRosApiPlugin SpawnModel Failure: input xml format not "
-                    "recognized"
-                )
-            return self._messages.compose(message, details)
-        is_light = isinstance(parsed.content, Light)
-        if name in self._world.models or (is_light and name in self._world.lights):
-            rospy.logerr("SpawnModel: Failure - model name %s already exist.", name)
-            return "SpawnModel: Failure - entity already exists."
-        if not name:
-            message = (
-                "SpawnModel: Entity pushed to spawn queue, but spawn service timed out "
-                "waiting for entity to appear in simulation under the name "
-            )
-            return self._messages.compose(message, ["a model needs a name"])
-        return ""
-
-    def _add(self, parsed: ParsedRequest, frame: Frame) -> tuple[str, ...]:
-        """Add the content under the requested name; return what was left out."""
-        request, content = parsed.request, parsed.content
+def spawn(simulator: Simulator, parsed: ParsedRequest):
+    """Add a model or a light; it can be commanded when this answers."""
+    request, content, left_out = parsed
+    world, name = simulator.world, request.model_name
+    missing = f"SpawnModel: {FRAME_NOT_FOUND}"
+    frame = found(world.entities.frame, request.reference_frame, missing)
+    _check(simulator, name, content)
+    try:
         pose = compose(frame.pose, checked_pose(request.initial_pose))
         pose = compose(pose, content.pose)
         if isinstance(content, Light):
-            light = replace(content, name=request.model_name, pose=pose)
-            self._world.add_light(light)
-            return parsed.left_out
-        left_out = self._world.spawn(request.model_name, content.assembly, pose)
-        model = self._world.models[request.model_name]
-        model.robot_namespace = request.robot_namespace
-        log_hulls(model)
-        return parsed.left_out + left_out
+            world.add_light(replace(content, name=name, pose=pose))
+        else:
+            left_out += world.spawn(name, content.assembly, pose)
+            world.models[name].robot_namespace = request.robot_namespace
+            log_hulls(world.models[name])
+    except G1DescriptionError as error:
+        raise RefusalError(f"SpawnModel: Failure - {error}") from error
+    return simulator.message("SpawnModel: Successfully spawned entity", *left_out)
+
+
+def _check(simulator: Simulator, name: str, content) -> None:
+    """Check that the content of a request can be spawned.
+
+    Raises:
+        RefusalError: If it cannot.
+    """
+    world = simulator.world
+    if isinstance(content, RefusalError):
+        if content.args[0] == NOT_A_MODEL:
+            rospy.logerr(
+                "GazeboRosApiPlugin SpawnModel Failure: input xml format not recognized"
+            )
+        raise content
+    is_light = isinstance(content, Light)
+    if name in world.models or (is_light and name in world.lights):
+        rospy.logerr("SpawnModel: Failure - model name %s already exist.", name)
+        raise RefusalError("SpawnModel: Failure - entity already exists.")
+    if not name:
+        raise RefusalError(
+            "SpawnModel: Entity pushed to spawn queue, but spawn service timed out "
+            "waiting for entity to appear in simulation under the name ",
+            "a model needs a name",
+        )
 
 
 def parse_urdf_request(is_dynamic: bool, request) -> ParsedRequest:
-    """Read a robot; in the caller's thread, time runs on meanwhile."""
+    """Read a robot as if it had come as SDF; in the caller's thread."""
     try:
-        return ParsedRequest(request, _read_urdf(request.model_xml, is_dynamic))
+        robot = parse_urdf(request.model_xml)
+        assembly: Assembly = lump_fixed_joints(robot, is_dynamic)
     except DescriptionError as error:
-        return ParsedRequest(request, refusal=(f"SpawnModel: Failure - {error}",))
+        return ParsedRequest(request, RefusalError(f"SpawnModel: Failure - {error}"))
+    name = assembly.description.name
+    return ParsedRequest(request, SdfModel(name, IDENTITY, assembly))
 
 
 def parse_sdf_request(is_dynamic: bool, request) -> ParsedRequest:
     """Read a model, a light or a robot; in the caller's thread."""
     try:
         check_size("The model", len(request.model_xml))
-    except DescriptionError as error:
-        return ParsedRequest(request, refusal=(f"SpawnModel: Failure - {error}",))
-    try:
-        tag = parse_xml("model", request.model_xml).tag
-    except DescriptionError as error:
-        return ParsedRequest(request, refusal=(NOT_A_MODEL, str(error)))
-    if tag == "robot":
-        return parse_urdf_request(is_dynamic, request)
-    if tag != "sdf":
-        return ParsedRequest(request, refusal=(NOT_A_MODEL, f"it is a <{tag}>"))
-    try:
+        try:
+            tag = parse_xml("model", request.model_xml).tag
+        except DescriptionError as error:
+            return ParsedRequest(request, RefusalError(NOT_A_MODEL, str(error)))
+        if tag == "robot":
+            return parse_urdf_request(is_dynamic, request)
+        if tag != "sdf":
+            return ParsedRequest(request, RefusalError(NOT_A_MODEL, f"it is a <{tag}>"))
         sdf = read_sdf(request.model_xml, find_model)
-        return ParsedRequest(request, _only_content(sdf), left_out=sdf.left_out)
+        return ParsedRequest(request, _only_content(sdf), sdf.left_out)
     except DescriptionError as error:
-        return ParsedRequest(request, refusal=(f"SpawnModel: Failure - {error}",))
-
-
-def _read_urdf(text: str, is_dynamic: bool) -> SdfModel:
-    """Read a robot as if it had come as SDF."""
-    assembly: Assembly = lump_fixed_joints(parse_urdf(text), is_dynamic)
-    return SdfModel(assembly.description.name, IDENTITY, assembly)
+        return ParsedRequest(request, RefusalError(f"SpawnModel: Failure - {error}"))
 
 
 def _only_content(sdf: Sdf) -> SdfModel | Light:
@@ -187,3 +160,10 @@ def log_hulls(model: Model) -> None:
         1000.0 * found[worst],
         posixpath.basename(worst),
     )
+
+
+SERVICES = (
+    ("spawn_urdf_model", SpawnModel, spawn, parse_urdf_request),
+    ("spawn_sdf_model", SpawnModel, spawn, parse_sdf_request),
+)
+"""Name under the node, type, and the functions that answer and that parse the file."""

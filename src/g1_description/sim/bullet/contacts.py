@@ -1,4 +1,4 @@
-"""Contacts: which links touch, and how fast links that overlap are pushed apart."""
+"""Contacts: the links that touch, and the speed at which overlapping links part."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from g1_description.robot.assembly import SCOPE
 from g1_description.sim.bullet.body import Body
 from g1_description.sim.bullet.client import BulletClient
-from g1_description.sim.physics import PhysicsProperties
+from g1_description.sim.engine import PhysicsProperties
 
 MAX_DEPENETRATION_SPEED = 0.3
 """Greatest speed at which links that overlap part, in [m/s]. ODE has such a bound for
@@ -22,17 +22,11 @@ so great that their contacts are as hard as others."""
 def find_contacts(
     client: BulletClient, bodies: Mapping[int, Body]
 ) -> set[tuple[str, str]]:
-    """Find the pairs of links that touch or overlap now.
-
-    Links of the same model don't collide, as in Gazebo; things that are fixed to
-    the world don't collide with each other.
+    """Find the pairs of links that touch or overlap now, as ``Engine.contacts``.
 
     Args:
         client: PyBullet.
         bodies: All bodies by their numbers in PyBullet.
-
-    Returns:
-        Pairs of ``model::link``, each pair once, in alphabetical order.
     """
     client.performCollisionDetection()
     pairs = set()
@@ -56,11 +50,6 @@ class DepenetrationLimiter:
     """
 
     def __init__(self, client: BulletClient) -> None:
-        """Begin without a link that is deep in something.
-
-        Args:
-            client: PyBullet.
-        """
         self._client = client
         self._given: dict[tuple[int, int], tuple[float, float]] = {}
         self._may_overlap = False
@@ -71,9 +60,7 @@ class DepenetrationLimiter:
 
     def forget(self, body: int) -> None:
         """Note that a body is gone, by its number in PyBullet."""
-        self._given = {
-            key: share for key, share in self._given.items() if key[0] != body
-        }
+        self._given = {key: part for key, part in self._given.items() if key[0] != body}
 
     def apply(self, bodies: Mapping[int, Body], properties: PhysicsProperties) -> None:
         """Set each link's part of ``erp`` for the next step.
@@ -85,23 +72,18 @@ class DepenetrationLimiter:
         if not (self._may_overlap and properties.step_ns):
             return
         time_step = properties.time_step
-        way = MAX_DEPENETRATION_SPEED * time_step
-        deepest = self._deep_links(bodies, properties.erp, way)
+        distance = MAX_DEPENETRATION_SPEED * time_step
+        deepest = self._deep_links(bodies, properties.erp, distance)
         for key in {**self._given, **deepest}:
-            share = way / deepest[key] if key in deepest else properties.erp
-            if self._given.get(key) != (share, time_step):
-                self._set_share(key, share, time_step)
+            part = distance / deepest[key] if key in deepest else properties.erp
+            if self._given.get(key) != (part, time_step):
+                self._set_part(key, part, time_step)
         self._may_overlap = bool(deepest)
 
     def _deep_links(
-        self, bodies: Mapping[int, Body], erp: float, way: float
+        self, bodies: Mapping[int, Body], erp: float, distance: float
     ) -> dict[tuple[int, int], float]:
-        """Find the links that PyBullet would push too far in a step.
-
-        Args:
-            bodies: All bodies by their numbers in PyBullet.
-            erp: Part of an overlap that PyBullet takes back in a step.
-            way: As far as a link may be pushed in a step, in [m].
+        """Find the links that PyBullet would push by more than a distance in a step.
 
         Returns:
             The greatest depth in [m] by PyBullet's numbers of body and link; of each
@@ -111,7 +93,7 @@ class DepenetrationLimiter:
         deepest: dict[tuple[int, int], float] = {}
         for point in self._client.getContactPoints() or ():
             depth = -point[8]
-            if erp * depth <= way:
+            if erp * depth <= distance:
                 continue
             for body, link in ((point[1], point[3]), (point[2], point[4])):
                 if bodies[body].can_move(link):
@@ -119,13 +101,13 @@ class DepenetrationLimiter:
                     break
         return deepest
 
-    def _set_share(self, key: tuple[int, int], share: float, time_step: float) -> None:
+    def _set_part(self, key: tuple[int, int], part: float, time_step: float) -> None:
         """Set the part of their depth that a link's contacts take back in each step."""
         body, link = key
         self._client.changeDynamics(
             body,
             link,
-            contactStiffness=share * CONTACT_HARDNESS / time_step,
-            contactDamping=(1.0 - share) * CONTACT_HARDNESS,
+            contactStiffness=part * CONTACT_HARDNESS / time_step,
+            contactDamping=(1.0 - part) * CONTACT_HARDNESS,
         )
-        self._given[key] = share, time_step
+        self._given[key] = part, time_step

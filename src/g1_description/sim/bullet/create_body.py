@@ -1,7 +1,7 @@
 """A robot made in PyBullet from our arrays: the one place that knows its form there.
 
-PyBullet's links sit where their joint's axis is; a joint whose axis misses its child's
-origin moves the child's content instead. It needs no visuals: ``scene`` draws them.
+PyBullet's links sit on their joint's axis; a joint whose axis misses its child's
+origin moves the child's content instead. There are no visuals.
 """
 
 from __future__ import annotations
@@ -10,20 +10,22 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any, Dict
 
 import numpy as np
 
 from g1_description.bounds import MAX_VALUE
 from g1_description.errors import DescriptionError
 from g1_description.robot.assembly import WORLD
-from g1_description.robot.description import Description, Inertial, Joint, Link
+from g1_description.robot.description import Description, Inertial, Joint, Link, Shape
 from g1_description.robot.lumping import is_positive
 from g1_description.robot.rotation import axes_to_rpy, from_rpy, rotate
 from g1_description.robot.transform import IDENTITY
 from g1_description.robot.tree import depth_first
 from g1_description.sim.bullet.client import BulletClient, pybullet
-from g1_description.sim.bullet.collision import MAX_TOGETHER, Form, Forms, create_shapes
-from g1_description.sim.meshes.shapes import Mesh
+from g1_description.sim.meshes.hulls import cylinder_points, thinned_hulls
+from g1_description.sim.meshes.shapes import Mesh, is_there
+from g1_description.sim.meshes.stl import write_stl
 from g1_description.sim.model import Model
 
 ROOT = -1
@@ -32,17 +34,32 @@ ROOT = -1
 MAX_JOINTS = 127
 """Links of one body in PyBullet, without its root: it leaves out more in silence."""
 
-MAX_LINKS = 1000
-"""Links of one model: more could not be published a thousand times a second."""
-
-MAX_SHAPES = 1000
-"""Collision shapes of one model: a step with ten thousand takes minutes."""
-
 UNKNOWN = Inertial(1.0, np.zeros(3), np.eye(3))
 """In the place of mass properties that a file does not give. Nothing moves by itself
 where there are such links; without a mass PyBullet finds no contacts."""
 
 NO_MASS = Inertial(0.0, np.zeros(3), np.zeros((3, 3)))
+
+MAX_TOGETHER = 16
+"""Collision shapes that PyBullet takes in one call: of one more its process dies."""
+
+TOLERANCE = 1e-3
+"""Largest distance in [m] of a mesh from the hull that stands for it: fewer points make
+steps with contacts, and loading, faster."""
+
+Form = Dict[str, Any]
+"""A collision shape in the words of ``createCollisionShapeArray``."""
+
+MIN_RADIUS = 1e-9
+"""Smallest radius of a sphere in [m]: PyBullet refuses zero."""
+
+KINDS = {
+    "box": pybullet.GEOM_BOX,
+    "sphere": pybullet.GEOM_SPHERE,
+    "cylinder": pybullet.GEOM_MESH,
+    "mesh": pybullet.GEOM_MESH,
+    "plane": pybullet.GEOM_PLANE,
+}
 
 JOINTS = {
     "revolute": pybullet.JOINT_REVOLUTE,
@@ -54,21 +71,6 @@ JOINTS = {
 
 class TooManyLinksError(DescriptionError):
     """PyBullet has no room for the links of a tree."""
-
-
-@dataclass(frozen=True)
-class Loaded:
-    """A body in PyBullet."""
-
-    number: int
-    """PyBullet's number for it."""
-
-    links: tuple[str, ...]
-    """Names by PyBullet's numbers for its links from ``ROOT`` on. Where one has more
-    shapes than PyBullet takes together, the next ones are of the same name."""
-
-    deviations: Mapping[str, float]
-    """As ``Forms.deviations``."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +96,7 @@ class _Row:
 
 def create_body(
     client: BulletClient, model: Model, meshes: Mapping[str, Mesh], tree: int = 0
-) -> Loaded:
+) -> tuple[int, list[str]]:
     """Make a tree of a model where it is.
 
     Args:
@@ -105,7 +107,9 @@ def create_body(
         tree: Which of the model's trees.
 
     Returns:
-        The body.
+        PyBullet's number for the body, and names by PyBullet's numbers for its links
+        from ``ROOT`` on. Where one has more shapes than PyBullet takes together, the
+        next ones are of the same name.
 
     Raises:
         TooManyLinksError: If PyBullet has no room for all links.
@@ -113,18 +117,29 @@ def create_body(
     """
     description, fixed = model.assembly.description.trees[tree], model.trees[tree].fixed
     with tempfile.TemporaryDirectory(dir=_temporary_folder()) as folder:
-        forms = Forms(meshes, Path(folder), model.assembly.static)
+        forms = _Forms(meshes, Path(folder), model.assembly.static)
         rows = _rows(description, forms)
-        _check_room(description.name, rows)
+        if len(rows) > MAX_JOINTS + 1:
+            raise TooManyLinksError(
+                f"Robot '{description.name}' needs {len(rows)} links, at least one for "
+                f"each {MAX_TOGETHER} collision shapes of a link; hold and limp have "
+                f"room for {MAX_JOINTS + 1}."
+            )
         try:
             number = _create(client, rows, model.root_poses[tree], fixed)
         except client.error as error:
             raise DescriptionError(
                 f"PyBullet cannot load the robot: {error}."
             ) from error
-    _check_count(client, number, description.name, rows)
-    _set_moments_and_limits(client, number, rows)
-    return Loaded(number, tuple(row.name for row in rows), forms.deviations)
+    made = client.getNumJoints(number) + 1
+    if made != len(rows):
+        raise DescriptionError(
+            f"Robot '{description.name}' has {len(rows)} links, but PyBullet made "
+            f"{made} of them."
+        )
+    _set_dynamics(client, number, rows)
+    model.hull_deviations.update(forms.deviations)
+    return number, [row.name for row in rows]
 
 
 def _temporary_folder() -> str:
@@ -133,7 +148,7 @@ def _temporary_folder() -> str:
     return usual if usual.isascii() else "/tmp"
 
 
-def _rows(description: Description, forms: Forms) -> list[_Row]:
+def _rows(description: Description, forms: _Forms) -> list[_Row]:
     """List the links of a tree as PyBullet numbers them: depth first.
 
     A link with too many shapes is followed by others without mass that are fixed to it.
@@ -182,7 +197,7 @@ def _create(
 ) -> int:
     """Make a body with its root link at a pose; return PyBullet's number for it."""
     centers = [_center(row) for row in rows]
-    shapes = [create_shapes(client, row.forms) for row in rows]
+    shapes = [_create_shapes(client, row.forms) for row in rows]
     root, *below = rows
     poses = [row.joint.pose if row.joint else IDENTITY for row in below]
     number = client.createMultiBody(
@@ -232,9 +247,7 @@ def principal_axes(inertia: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return moments, axes
 
 
-def _set_moments_and_limits(
-    client: BulletClient, number: int, rows: Sequence[_Row]
-) -> None:
+def _set_dynamics(client: BulletClient, number: int, rows: Sequence[_Row]) -> None:
     """Set what ``createMultiBody`` does not take: moments of inertia and limits."""
     for index, row in enumerate(rows, ROOT):
         moments, _ = principal_axes(row.inertial.inertia)
@@ -250,56 +263,145 @@ def _set_moments_and_limits(
             )
 
 
-def _check_room(name: str, rows: Sequence[_Row]) -> None:
-    """Check that PyBullet has room for the links of a tree.
+class _Forms:
+    """Writes collision shapes in PyBullet's words, and their meshes into files.
 
-    Raises:
-        TooManyLinksError: If it has not.
+    PyBullet takes the points of a hull directly only for a link that has no other
+    shape, so they go through files.
     """
-    if len(rows) > MAX_JOINTS + 1:
-        raise TooManyLinksError(
-            f"Robot '{name}' needs {len(rows)} links, at least one for each "
-            f"{MAX_TOGETHER} collision shapes of a link; hold and limp have room for "
-            f"{MAX_JOINTS + 1}."
-        )
+
+    def __init__(
+        self, meshes: Mapping[str, Mesh], folder: Path, is_static: bool
+    ) -> None:
+        self._meshes = meshes
+        self._folder = folder
+        self._is_static = is_static  # then its meshes are hollow where their files are
+        self._files: dict[tuple[str, float], str] = {}
+        self.deviations: dict[str, float] = {}
+        """By meshes with thinned hulls: the largest distance of an ignored point from
+        the hull in use, in [m]."""
+        self._n_files = 0
+
+    def of(self, shapes: Sequence[Shape], anchor: np.ndarray) -> list[Form]:
+        """Return the forms of a link's shapes, without meshes that were not found.
+
+        Args:
+            shapes: Collision shapes of the link.
+            anchor: Where PyBullet has the link's frame, in the link frame, in [m],
+                shape (3,).
+        """
+        return [
+            self._form(shape, anchor, self._file_of(shape))
+            for shape in shapes
+            if is_there(shape, self._meshes)
+        ]
+
+    def _form(self, shape: Shape, anchor: np.ndarray, file: str) -> Form:
+        """Write a shape, whose mesh is in a file."""
+        form: Form = {
+            "shapeTypes": KINDS[shape.kind],
+            "halfExtents": [1.0, 1.0, 1.0],
+            "radii": 1.0,
+            "fileNames": file,
+            "meshScales": [1.0, 1.0, 1.0],
+            "planeNormals": [0.0, 0.0, 1.0],
+            "flags": 0,
+            "collisionFramePositions": (shape.pose[:3] - anchor).tolist(),
+            "collisionFrameOrientations": shape.pose[3:].tolist(),
+        }
+        if shape.kind == "box":
+            form["halfExtents"] = [size / 2.0 for size in shape.size]
+        elif shape.kind == "sphere":
+            form["radii"] = max(shape.size[0], MIN_RADIUS)
+        elif shape.kind == "plane":
+            form["planeNormals"] = list(shape.size)
+        elif shape.kind == "mesh":
+            form["meshScales"] = list(shape.size)
+            if self._is_static:
+                form["flags"] = pybullet.GEOM_FORCE_CONCAVE_TRIMESH
+        return form
+
+    def _file_of(self, shape: Shape) -> str:
+        """Return the file of a shape; an empty name where it needs none."""
+        if shape.kind == "cylinder":
+            return self._write([cylinder_points(*shape.size)])
+        if shape.kind != "mesh":
+            return ""
+        scale = max(map(abs, shape.size))
+        key = shape.filename, scale
+        if key not in self._files:
+            self._files[key] = self._mesh_file(shape.filename, scale)
+        return self._files[key]
+
+    def _mesh_file(self, name: str, scale: float) -> str:
+        """Write a mesh, whose largest scale is given, to a file; return its name."""
+        mesh = self._meshes[name]
+        if not self._is_static:
+            hulls = thinned_hulls(mesh, TOLERANCE / scale if scale else 0.0)
+            deviation = max(deviation for _, deviation in hulls) * scale
+            if deviation:
+                known = self.deviations.get(name, 0.0)
+                self.deviations[name] = max(known, deviation)
+            return self._write([points for points, _ in hulls])
+        if mesh.parts:
+            corners = [part.corners.reshape(-1, 3) for part in mesh.parts]
+            return self._write([np.concatenate(corners)])
+        path = self._new_path(".stl")
+        path.symlink_to(mesh.path.resolve())
+        return str(path)
+
+    def _write(self, hulls: Sequence[np.ndarray]) -> str:
+        """Write the points of hulls, each with shape (n, 3); return the file's name."""
+        triangles = [_triples(points) for points in hulls]
+        if len(hulls) == 1:
+            path = self._new_path(".stl")
+            path.write_bytes(write_stl(triangles[0]))
+        else:
+            path = self._new_path(".obj")
+            path.write_text(_obj_text(triangles))
+        return str(path)
+
+    def _new_path(self, suffix: str) -> Path:
+        """Name a new file; PyBullet dies of names beyond ASCII."""
+        self._n_files += 1
+        return self._folder / f"{self._n_files}{suffix}"
 
 
-def _check_count(
-    client: BulletClient, number: int, name: str, rows: Sequence[_Row]
-) -> None:
-    """Check that PyBullet made all links.
+def _obj_text(objects: Sequence[np.ndarray]) -> str:
+    """Write an OBJ file; PyBullet makes a hull of each object.
 
-    Raises:
-        DescriptionError: If there are fewer.
+    Args:
+        objects: Triangles of each, shape (n, 3, 3).
     """
-    made = client.getNumJoints(number) + 1
-    if made != len(rows):
-        raise DescriptionError(
-            f"Robot '{name}' has {len(rows)} links, but PyBullet made {made} of them."
-        )
+    lines = []
+    count = 0
+    for number, triangles in enumerate(objects):
+        lines.append(f"o {number}")
+        corners = triangles.reshape(-1, 3).tolist()
+        lines += [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in corners]
+        begins = range(count + 1, count + len(corners) + 1, 3)
+        lines += [f"f {first} {first + 1} {first + 2}" for first in begins]
+        count += len(corners)
+    return "\n".join(lines) + "\n"
 
 
-def check_size(description: Description, is_dynamic: bool) -> None:
-    """Refuse what PyBullet has no room for, or takes too long for.
+def _triples(points: np.ndarray) -> np.ndarray:
+    """Write points, shape (n, 3), as triangles, the last point as often as it takes."""
+    padding = np.repeat(points[-1:], -len(points) % 3, axis=0)
+    return np.concatenate([points, padding]).reshape(-1, 3, 3)
 
-    Raises:
-        DescriptionError: If the model has too many links, joints or shapes.
+
+def _create_shapes(client: BulletClient, forms: Sequence[Form]) -> int:
+    """Create the collision shapes of a link.
+
+    Args:
+        client: PyBullet.
+        forms: At most ``MAX_TOGETHER``.
+
+    Returns:
+        PyBullet's number for all of them; -1 if there are none.
     """
-    links = len(description.links)
-    joints = max(len(tree.movable_joints) for tree in description.trees)
-    if links > MAX_LINKS:
-        raise DescriptionError(
-            f"Robot '{description.name}' has {links} links that are not fixed to "
-            f"others; there is room for {MAX_LINKS}."
-        )
-    if is_dynamic and joints > MAX_JOINTS:
-        raise DescriptionError(
-            f"Robot '{description.name}' has {joints} movable joints; only kinematic "
-            f"physics has room for more than {MAX_JOINTS}."
-        )
-    shapes = sum(len(link.collisions) for link in description.links)
-    if shapes > MAX_SHAPES:
-        raise DescriptionError(
-            f"Robot '{description.name}' has {shapes} collision shapes; there is room "
-            f"for {MAX_SHAPES}."
-        )
+    if not forms:
+        return -1
+    columns = {name: [form[name] for form in forms] for name in forms[0]}
+    return int(client.createCollisionShapeArray(**columns))

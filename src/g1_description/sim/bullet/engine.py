@@ -1,4 +1,4 @@
-"""PyBullet behind the world: a body for each tree of the models that have links."""
+"""PyBullet as an engine: a body for each tree of the models that have links."""
 
 from __future__ import annotations
 
@@ -7,17 +7,20 @@ from itertools import chain, combinations
 
 import numpy as np
 
-from g1_description.errors import UnknownNameError
+from g1_description.errors import DescriptionError
 from g1_description.motion.motors import G1_MOTORS, Motor, Motors
-from g1_description.robot.launch_arguments import PHYSICS
-from g1_description.sim.bullet.body import MAX_EFFORT, Body
-from g1_description.sim.bullet.client import BulletClient, connect
+from g1_description.sim.bullet.body import Body
+from g1_description.sim.bullet.client import connect
 from g1_description.sim.bullet.contacts import DepenetrationLimiter, find_contacts
-from g1_description.sim.bullet.create_body import TooManyLinksError, create_body
+from g1_description.sim.bullet.create_body import (
+    MAX_JOINTS,
+    TooManyLinksError,
+    create_body,
+)
 from g1_description.sim.bullet.moving_models import MovingModels
+from g1_description.sim.engine import MAX_EFFORT, Engine, PhysicsProperties
 from g1_description.sim.meshes.shapes import find_meshes
 from g1_description.sim.model import Model
-from g1_description.sim.physics import PhysicsProperties
 from g1_description.text import listed
 
 REST_SPEED = 1e-5
@@ -65,12 +68,12 @@ class RestDetector:
             self.wake()
 
 
-class Engine:
-    """Steps the bodies, and gives their models the new states.
+class BulletEngine(Engine):
+    """PyBullet behind a world.
 
-    In ``kinematic`` physics nothing moves by itself: the bodies are there for
-    contacts only. In the others, a world in which all stands still rests: steps
-    change nothing and cost nothing until something is written.
+    A world in which all stands still rests: steps change nothing and cost nothing until
+    something is written. In ``kinematic`` physics bodies follow their models only when
+    contacts are requested.
     """
 
     def __init__(
@@ -79,23 +82,7 @@ class Engine:
         properties: PhysicsProperties,
         motors: Motors | None = None,
     ) -> None:
-        """Start without bodies.
-
-        Args:
-            physics: One of ``PHYSICS``.
-            properties: The physics' numbers.
-            motors: What drives joints in ``hold`` physics; None: motors as strong as
-                the robots' files say.
-
-        Raises:
-            UnknownNameError: If there is no such physics.
-        """
-        if physics not in PHYSICS:
-            raise UnknownNameError(
-                f"There is no physics '{physics}'; there are {', '.join(PHYSICS)}."
-            )
-        self.physics = physics
-        self.properties = properties
+        super().__init__(physics, properties)
         self._motors = (motors or Motors()) if physics == "hold" else None
         self._client = connect()
         self._bodies: dict[str, tuple[Body, ...]] = {}
@@ -106,71 +93,100 @@ class Engine:
     def _begin(self) -> None:
         """Prepare PyBullet while it has no bodies."""
         self._bodies.clear()
+        self._moved.clear()
         self._depenetration = DepenetrationLimiter(self._client)
-        _write_properties(self._client, self.properties)
+        self._write_properties()
         self._is_sorted = False
 
     def close(self) -> None:
         """Disconnect from PyBullet."""
         self._client.disconnect()
 
-    @property
-    def is_dynamic(self) -> bool:
-        """Whether things move by themselves."""
-        return self.physics != "kinematic"
-
     def set_properties(self, properties: PhysicsProperties) -> None:
-        """Compute with other numbers from now on."""
+        """Compute with other numbers, of which PyBullet knows some."""
         self._rest.wake()
         self._depenetration.expect_overlaps()
         self.properties = properties
-        _write_properties(self._client, properties)
+        self._write_properties()
 
-    def bodies(self, model: Model) -> tuple[Body, ...]:
+    def _write_properties(self) -> None:
+        properties = self.properties
+        if properties.step_ns:
+            self._client.setTimeStep(properties.time_step)
+        self._client.setGravity(*properties.gravity)
+        self._client.setPhysicsEngineParameter(
+            numSolverIterations=max(1, properties.sor_pgs_iters),
+            erp=properties.erp,
+            contactERP=properties.erp,
+            globalCFM=properties.cfm,
+            solverResidualThreshold=0.0,  # stopping early lets boxes creep
+            deterministicOverlappingPairs=1,
+        )
+
+    def _woken(self, model: Model) -> tuple[Body, ...]:
         """Return a model's bodies for changes to them; the world rests no longer."""
         self._rest.wake()
         return self._bodies.get(model.name, ())
 
     def write(self, model: Model) -> None:
-        """Write a model's pose, joints and velocities to its bodies."""
-        if self._is_noted(model):
+        """Write roots and joints to the bodies, in kinematic physics later."""
+        if not self.is_dynamic:
+            self._moved[model.name] = model
             return
         self._depenetration.expect_overlaps()
-        for body in self.bodies(model):
+        for body in self._woken(model):
             body.write()
 
     def write_joints(self, model: Model, rows: Iterable[int]) -> None:
-        """Write some of a model's movable joints to its bodies."""
-        if self._is_noted(model):
-            return
-        self._depenetration.expect_overlaps()
-        for body in self.bodies(model):
-            body.write_joints(rows)
-
-    def _is_noted(self, model: Model) -> bool:
-        """Note that a model is elsewhere, where that is enough.
-
-        In ``kinematic`` physics its bodies are there for contacts only, and follow
-        where these are read.
-        """
+        """Write some joints to the bodies, in kinematic physics later."""
         if not self.is_dynamic:
             self._moved[model.name] = model
-        return not self.is_dynamic
+            return
+        self._depenetration.expect_overlaps()
+        for body in self._woken(model):
+            body.write_joints(rows)
+
+    def follow(
+        self,
+        model: Model,
+        rows: np.ndarray,
+        positions: np.ndarray,
+        velocities: np.ndarray,
+    ) -> None:
+        """Set targets of motors."""
+        for body in self._woken(model):
+            body.follow(rows, positions, velocities)
+
+    def apply_wrench(self, model: Model, link: str, wrench: np.ndarray) -> None:
+        """Apply a wrench to a link in the next step."""
+        for body in self._woken(model):
+            body.apply_wrench(link, wrench)
+
+    def apply_effort(self, model: Model, row: int, effort: float) -> None:
+        """Apply an effort to a joint in the next step."""
+        for body in self._woken(model):
+            body.apply_effort(row, effort)
+
+    def update_joint(self, model: Model, name: str) -> None:
+        """Take over damping and stops of a joint."""
+        for body in self._woken(model):
+            body.update_joint(name)
 
     def add(self, model: Model) -> tuple[str, ...]:
         """Make the bodies of a model; if that fails, nothing is changed.
 
-        Args:
-            model: The model, in the state its bodies shall have.
-
-        Returns:
-            A message for each thing that was left out.
-
         Raises:
-            DescriptionError: If it cannot be loaded.
+            DescriptionError: If PyBullet has no room for it, or refuses it.
         """
         if not model.link_names:
             return ()
+        joints = max(len(tree.joints) for tree in model.trees)
+        if self.is_dynamic and joints > MAX_JOINTS:
+            name = model.assembly.description.name
+            raise DescriptionError(
+                f"Robot '{name}' has {joints} movable joints; only kinematic "
+                f"physics has room for more than {MAX_JOINTS}."
+            )
         before = self._client.getNumBodies()
         try:
             self._bodies[model.name], left_out = self._load(model)
@@ -192,17 +208,16 @@ class Engine:
         motors, remarks = self._motors_of(model)
         for tree in range(len(model.trees)):
             try:
-                loaded = create_body(self._client, model, meshes, tree)
+                number, links = create_body(self._client, model, meshes, tree)
             except TooManyLinksError as error:
                 if self.is_dynamic:
                     raise
                 left_out += (f"its contacts are not found: {error}",)
                 continue
-            model.hull_deviations.update(loaded.deviations)
-            bodies.append(Body(self._client, loaded, model, tree, motors))
+            bodies.append(Body(self._client, number, links, model, tree, motors))
         for first, second in combinations(bodies, 2):
             first.pass_through(second)
-        unknown = [name for body in bodies for name in body.joints.unknown_limits()]
+        unknown = [name for body in bodies for name in body.unknown_limits()]
         if motors and unknown:
             left_out += (
                 f"the effort limit of {listed(unknown)} is 0, which is taken as "
@@ -211,7 +226,7 @@ class Engine:
         return tuple(bodies), left_out + remarks
 
     def _motors_of(self, model: Model) -> tuple[Motors | None, tuple[str, ...]]:
-        """Choose what drives a model; say so where motors would fit its names only."""
+        """Choose a model's motors; say so where given ones would fit its names only."""
         robot, motors = model.assembly.description, self._motors
         if motors is None or motors.are_for(robot.name):
             return motors, ()
@@ -248,25 +263,20 @@ class Engine:
         self._is_sorted = False
 
     def rebuild(self, models: Iterable[Model]) -> None:
-        """Build everything again: PyBullet's solver remembers contacts.
-
-        Args:
-            models: All models, in the state their bodies shall have.
-        """
+        """Build everything again: PyBullet's solver remembers contacts."""
         self._client.resetSimulation()
-        self._moved.clear()
         self._begin()
         for model in models:
             self.add(model)
 
     def update_gravity(self, model: Model) -> None:
         """Read which links of a model gravity pulls."""
-        for body in self.bodies(model):
+        for body in self._woken(model):
             body.update_gravity()
         self._is_sorted = False
 
     def step(self) -> None:
-        """Compute one time step; the models have their new states after an update."""
+        """Compute one time step, unless the world rests."""
         if self._rest.is_resting:
             return
         self._sort()
@@ -274,13 +284,13 @@ class Engine:
             body.compensate_gravity(self.properties.gravity)
         if self.physics == "limp":
             for body in self._jointed:
-                body.joints.apply_damping()
+                body.apply_damping()
         self._depenetration.apply(self._by_number, self.properties)
         self._client.stepSimulation()
         self._moving.read()
 
     def update_models(self) -> None:
-        """Give the models the states that the step before has computed."""
+        """Give the models the states that the step has computed."""
         if self._rest.is_resting:
             return
         self._moving.update_models()
@@ -297,64 +307,35 @@ class Engine:
         self._moving = MovingModels(self._client, moving)
         bodies = list(chain.from_iterable(models))
         self._by_number = {body.number: body for body in bodies}
-        self._jointed = [body for body in bodies if len(body.joints)]
-        self._weightless = [body for body in bodies if body.has_weightless]
+        self._jointed = [body for body in bodies if body.rows]
+        self._weightless = [body for body in bodies if body.weightless]
         self._is_sorted = True
 
-    def at_effort_limit(self, model: Model) -> np.ndarray:
-        """Find where motors gave all they can in the last step, shape (n_joints,)."""
-        found = np.zeros(len(model.joint_names), dtype=bool)
-        for body in self._bodies.get(model.name, ()):
-            if len(body.joints):
-                found[body.joints.rows] = body.joints.at_effort_limit()
-        return found
-
     def efforts(self, model: Model) -> np.ndarray:
-        """Read what motors applied in the last step, in [N m] or [N].
-
-        Zeros before the first one, shape (n_joints,).
-        """
+        """Read the efforts of motors in the last step."""
         found = np.zeros(len(model.joint_names))
         for body in self._bodies.get(model.name, ()):
-            if len(body.joints):
-                found[body.joints.rows] = body.joints.applied_efforts()
+            if body.rows:
+                found[body.rows] = [state[3] for state in body.joint_states()]
         return found
 
     def effort_limits(self, model: Model) -> np.ndarray:
-        """Return what motors can give at most, in [N m] or [N], shape (n_joints,).
-
-        Infinite where neither the robot's file nor that of the motors has a limit.
-        """
+        """Return the largest efforts of motors."""
         found = np.full(len(model.joint_names), np.inf)
         for body in self._bodies.get(model.name, ()):
-            is_bounded = body.joints.efforts < MAX_EFFORT
-            found[body.joints.rows[is_bounded]] = body.joints.efforts[is_bounded]
+            limited = body.efforts < MAX_EFFORT
+            found[body.tree.joints[limited]] = body.efforts[limited]
         return found
 
     def contacts(self) -> set[tuple[str, str]]:
-        """Find which links touch or overlap now, as ``contacts.find_contacts``."""
+        """Find the pairs of links that touch or overlap now."""
         self._write_moved()
         self._sort()
         return find_contacts(self._client, self._by_number)
 
     def _write_moved(self) -> None:
-        """Write models that were noted to their bodies."""
+        """Write the models to their bodies that were moved in kinematic physics."""
         for model in self._moved.values():
-            for body in self.bodies(model):
+            for body in self._woken(model):
                 body.write()
         self._moved.clear()
-
-
-def _write_properties(client: BulletClient, properties: PhysicsProperties) -> None:
-    """Write the numbers that PyBullet knows."""
-    if properties.step_ns:
-        client.setTimeStep(properties.time_step)
-    client.setGravity(*properties.gravity)
-    client.setPhysicsEngineParameter(
-        numSolverIterations=max(1, properties.sor_pgs_iters),
-        erp=properties.erp,
-        contactERP=properties.erp,
-        globalCFM=properties.cfm,
-        solverResidualThreshold=0.0,  # stopping early lets boxes creep
-        deterministicOverlappingPairs=1,
-    )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import lru_cache, partial
 from itertools import chain
 from typing import Callable
 
@@ -20,37 +20,11 @@ from g1_description.sim.bullet.client import BulletClient
 from g1_description.sim.model import Model, States
 
 
-class _LinkStates:
-    """The states of all links after a step, computed when somebody looks."""
-
-    def __init__(
-        self, kinematics: Kinematics, rows: np.ndarray, states: tuple[np.ndarray, ...]
-    ) -> None:
-        """Keep what they follow from.
-
-        Args:
-            kinematics: Of all models together.
-            rows: Which of its links are those of the models, shape (n_links,).
-            states: What ``Kinematics.link_states`` takes.
-        """
-        self._kinematics, self._rows, self._states = kinematics, rows, states
-
-    @cached_property
-    def _all(self) -> States:
-        poses, twists = self._kinematics.link_states(*self._states)
-        return poses[self._rows], twists[self._rows]
-
-    def of(self, rows: slice) -> States:
-        """Return the states of one model's links."""
-        poses, twists = self._all
-        return poses[rows], twists[rows]
-
-
 class MovingModels:
-    """The models of a world that move, one behind the other in the same arrays.
+    """The models of a world that move, one after the other in the same arrays.
 
-    A world has dozens of small ones, and most of the time that each would take is
-    numpy's for a call, whatever the length of its arrays.
+    A world has dozens of small ones, and most of the time of each would be numpy's for
+    a call, whatever the length of its arrays.
     """
 
     def __init__(self, client: BulletClient, models: Sequence[Sequence[Body]]) -> None:
@@ -63,7 +37,7 @@ class MovingModels:
         self._client = client
         self._models = [bodies[0].model for bodies in models]
         bodies = list(chain.from_iterable(models))
-        self._free = [row for row, body in enumerate(bodies) if body.is_free]
+        self._free = [row for row, body in enumerate(bodies) if not body.tree.fixed]
         self._free_numbers = [bodies[row].number for row in self._free]
         offsets = [bodies[row].T_center_root for row in self._free]
         self._T_center_root = np.array(offsets).reshape(-1, 7)
@@ -74,7 +48,7 @@ class MovingModels:
             (body, joints.start + body.tree.joints)
             for own, joints in zip(models, self._joints)
             for body in own
-            if len(body.joints)
+            if body.rows
         ]
         self._jointed = [body for body, _ in jointed]
         rows = [rows for _, rows in jointed]
@@ -92,20 +66,25 @@ class MovingModels:
         roots, root_twists = self._read_roots()
         joints = np.zeros((len(self._rows), 2))
         joints[self._rows] = [
-            state[:2] for body in self._jointed for state in body.joints.states()
+            state[:2] for body in self._jointed for state in body.joint_states()
         ] or np.zeros((0, 2))
         position, velocity = joints.T
-        states = roots, position, root_twists, velocity
-        links = _LinkStates(self._kinematics, self._of_forest, states)
+        of = partial(self._links_of, roots, position, root_twists, velocity)
+        links = lru_cache(maxsize=1)(of)  # computed when a first model is looked at
         self._measured = [
             (
                 (roots[root], root_twists[root]),
                 (position[joint], velocity[joint]),
-                partial(links.of, link),
+                partial(_part, links, link),
             )
             for root, joint, link in zip(self._roots, self._joints, self._links)
         ]
         self._speeds = np.abs(np.concatenate([root_twists.ravel(), velocity]))
+
+    def _links_of(self, *states: np.ndarray) -> States:
+        """Compute the states of all links, as ``Kinematics.link_states``."""
+        poses, twists = self._kinematics.link_states(*states)
+        return poses[self._of_forest], twists[self._of_forest]
 
     def update_models(self) -> None:
         """Give all models the state that was read."""
@@ -140,6 +119,12 @@ class MovingModels:
         """Zero the velocities of all models without writing them to PyBullet."""
         for model in self._models:
             model.stop()
+
+
+def _part(links: Callable[[], States], rows: slice) -> States:
+    """Return the states of one model's links."""
+    poses, twists = links()
+    return poses[rows], twists[rows]
 
 
 def _joined(models: Sequence[Model]) -> tuple[Description, np.ndarray]:
