@@ -19,7 +19,7 @@ from g1_description.cli.robot_options import add_namespace
 from g1_description.command_line import OneSentenceParser, number, say
 from g1_description.errors import G1DescriptionError, InvalidValueError
 from g1_description.motion.edit import cut, moved, to_start_at
-from g1_description.motion.files.read_any import read_motion_file
+from g1_description.motion.files.formats import read_motion
 from g1_description.motion.trajectory import Trajectory
 from g1_description.robot.transform import IDENTITY
 from g1_description.ros.lifecycle import own_arguments, start_node
@@ -244,7 +244,7 @@ def prepare(args: argparse.Namespace, robot: PlayedRobot) -> Trajectory:
         InvalidValueError: If it has no such part, or no base to move.
         NoAnswerError: If there is no master.
     """
-    motion = read_motion_file(args.file, robot.description, args.fps, args.topic)
+    motion = read_motion(args.file, robot.description, args.fps, args.topic)
     for note in motion.notes:
         notify(note)
     trajectory = cut(motion.trajectory, args.begin, args.end)

@@ -18,7 +18,7 @@ from g1_description.checks.thresholds import read_thresholds
 from g1_description.command_line import OneSentenceParser, number, say
 from g1_description.errors import G1DescriptionError
 from g1_description.files.model_files import share_folder
-from g1_description.motion.files.read_any import read_motion_file
+from g1_description.motion.files.formats import read_motion
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 from g1_description.robot.load import absolute_urdf
@@ -126,7 +126,7 @@ def _read(
 ) -> Motion:
     """Read a motion."""
     topic = args.topic if file in (args.motion, *(args.compare or ())) else None
-    return read_motion_file(file, robot, rate, topic)
+    return read_motion(file, robot, rate, topic)
 
 
 def web(args: argparse.Namespace) -> None:
