@@ -5,8 +5,8 @@ import signal
 
 import numpy as np
 
-from g1_description.motion.files.read import read_motion
-from g1_description.motion.files.table import table_text
+from g1_description.motion.files import table
+from g1_description.motion.files.formats import read_motion
 from g1_description.motion.trajectory import Trajectory
 
 ARM = "arm_joint"
@@ -38,7 +38,7 @@ def write_motions(folder, *reaches):
     files = []
     for number, reach in enumerate(reaches):
         file = folder / f"motion{number}.csv"
-        file.write_text(table_text(post_motion(reach)))
+        file.write_bytes(table.write(post_motion(reach), None, None)[0])
         files.append(file)
     return files
 

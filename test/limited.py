@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 from g1_description.errors import MotionError
-from g1_description.motion.files.read_any import read_motion_file
+from g1_description.motion.files.formats import read_motion
 from g1_description.robot.load import read_model
 
 MEMORY = 1_000_000_000
@@ -21,7 +21,7 @@ SECONDS = 5
 def read(path, robot):
     """Read a file; return what is said of it."""
     try:
-        motion = read_motion_file(path, robot)
+        motion = read_motion(path, robot)
     except MotionError as error:
         return str(error)
     return f"{len(motion.trajectory.times)} samples"

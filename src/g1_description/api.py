@@ -19,8 +19,7 @@ from g1_description.errors import (
     MotionError,
     UnknownNameError,
 )
-from g1_description.motion.files.read import read_motion
-from g1_description.motion.files.write import write_motion
+from g1_description.motion.files.formats import read_motion, write_motion
 from g1_description.motion.motion import Motion, fitted
 from g1_description.motion.motors import g1_motors
 from g1_description.motion.trajectory import UNIT_TOLERANCE, Trajectory
@@ -284,7 +283,7 @@ class Robot:
         """Read a motion from a file.
 
         Args:
-            path: CSV, npz, pickle, or YAML of a JointTrajectory.
+            path: CSV, npz, pickle, YAML of a JointTrajectory, or rosbag.
             rate: Samples per second of a file without times.
 
         Returns:

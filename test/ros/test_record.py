@@ -40,10 +40,10 @@ import sys, numpy as np
 from pathlib import Path
 from g1_description.motion.trajectory import sample
 from g1_description.robot.urdf import parse_urdf
-from g1_description.motion.files.read_any import read_motion_file
+from g1_description.motion.files.formats import read_motion
 robot = parse_urdf(Path(sys.argv[1]).read_text())
 def read(path):
-    return read_motion_file(Path(path), robot).trajectory
+    return read_motion(Path(path), robot).trajectory
 """
 READ = """
 found = read(sys.argv[2])

@@ -34,7 +34,7 @@ from g1_description.checks.report import json_text
 from g1_description.errors import ClusterError
 from g1_description.files.model_files import find_folder
 from g1_description.files.uris import local_path
-from g1_description.motion.files.read import read_motion
+from g1_description.motion.files.formats import read_motion
 from g1_description.motion.motion import Motion
 
 pytestmark = pytest.mark.slow

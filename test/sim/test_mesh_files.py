@@ -27,7 +27,6 @@ from g1_description.robot.transform import IDENTITY
 from g1_description.robot.urdf import parse_urdf
 from g1_description.sdf.world import read_sdf
 from g1_description.sim.meshes import contents as mesh_contents
-from g1_description.sim.meshes.assimp import Assimp
 from g1_description.sim.meshes.shapes import find_meshes
 from g1_description.sim.standing import standing_height
 
@@ -594,7 +593,7 @@ BINARY = BALL.export(file_type="stl")
 TEXT = BALL.export(file_type="stl_ascii").encode()
 UPPER_COUNT = int.from_bytes(TEXT.upper()[80:84], "little")
 UPPER_NEEDS = f"{84 + 50 * UPPER_COUNT} of {UPPER_COUNT}"
-NO_STL = 'it is no text that begins with "solid" in small letters, and its '
+NO_STL = 'it is not text that begins with "solid" in small letters, and its '
 
 
 @pytest.mark.parametrize(
@@ -621,32 +620,30 @@ NO_STL = 'it is no text that begins with "solid" in small letters, and its '
             TEXT.upper(),
             f"{NO_STL}{len(TEXT)} bytes are not the {UPPER_NEEDS} triangles",
         ),
-        ("x.stl", b"solid x\nendsolid x\n" * 9, "it has no triangles"),
         (
             "x.stl",
             re.sub(rb"vertex \S+", b"vertex nan", TEXT, count=1),
-            "it has corners that are no numbers",
+            "it has corners that are not finite, or beyond 1e+09 m",
         ),
         (
             "x.stl",
             BINARY[:96] + b"\0\0\xc0\x7f" + BINARY[100:],
-            "it has corners that are no numbers",
+            "it has corners that are not finite, or beyond 1e+09 m",
         ),
         (
             "x.stl",
             BINARY[:96] + np.array(1e12, "<f4").tobytes() + BINARY[100:],
-            "it has corners that are nowhere",
+            "it has corners that are not finite, or beyond 1e+09 m",
         ),
-        ("x.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\n", "it has no triangles"),
         (
             "x.obj",
             b"v 0 0 0\nv nan 0 0\nv 0 1 0\nf 1 2 3\n",
-            "it has corners that are no numbers",
+            "it has corners that are not finite, or beyond 1e+09 m",
         ),
     ],
     ids=[
-        *("behind", "cut", "cut, solid", "short", "capitals", "no facets"),
-        *("NaN in text", "NaN in binary", "far", "no faces", "NaN in OBJ"),
+        *("behind", "cut", "cut, solid", "short", "capitals"),
+        *("NaN in text", "NaN in binary", "far", "NaN in OBJ"),
     ],
 )
 def test_what_is_wrong_with_a_file_is_told(tmp_path, name, data, words):
@@ -674,16 +671,18 @@ def test_a_module_in_the_working_directory_is_not_taken(tmp_path, monkeypatch):
     assert not isinstance(mesh, str), mesh
 
 
-@pytest.mark.parametrize(
-    "name", ["a.png", "ä/b c.png", "x" * 1000], ids=["short", "other letters", "long"]
-)
+@pytest.mark.parametrize("name", ["a.png", "ä/b c.png"])
 def test_names_are_read_whole(tmp_path, name):
     """The installed library lays out its strings as ours are."""
+    from PIL import Image
+
+    (tmp_path / name).parent.mkdir(exist_ok=True)
+    Image.new("RGB", (2, 2), (51, 102, 204)).save(tmp_path / name)
     (tmp_path / "a.mtl").write_text(f"newmtl m\nKd 1 0 0\nmap_Kd {name}\n")
-    mesh = BALL.export(file_type="obj", include_texture=False)
-    (tmp_path / "a.obj").write_text(f"mtllib a.mtl\nusemtl m\n{mesh}")
-    (part,) = Assimp().read(tmp_path / "a.obj")
-    assert part.texture == name
+    text = BALL.export(file_type="obj", include_texture=False)
+    (tmp_path / "a.obj").write_text(f"mtllib a.mtl\nusemtl m\n{text}")
+    (mesh,) = read(tmp_path / "a.obj")
+    np.testing.assert_allclose(mesh.parts[0].color, [0.2, 0.4, 0.8, 1.0])
 
 
 def test_a_picture_with_a_name_too_long_for_a_file_costs_its_colour_alone(tmp_path):

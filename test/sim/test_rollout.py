@@ -15,7 +15,7 @@ from worlds import Bench
 
 from g1_description.errors import InvalidValueError
 from g1_description.files.uris import with_absolute_uris
-from g1_description.motion.files.read import read_motion
+from g1_description.motion.files.formats import read_motion
 from g1_description.motion.motors import Motor, Motors, read_motors
 from g1_description.motion.tracking import FallLimits
 from g1_description.motion.trajectory import Trajectory

@@ -11,8 +11,7 @@ from scipy.optimize import nnls
 from scipy.spatial import ConvexHull
 
 from g1_description.sim.meshes.contents import Part
-from g1_description.sim.meshes.hull_vertices import MAX_WHOLE, thinned
-from g1_description.sim.meshes.hulls import thinned_hulls
+from g1_description.sim.meshes.hulls import MAX_WHOLE, thinned, thinned_hulls
 from g1_description.sim.meshes.shapes import Mesh
 
 WEIGHT = 1e3

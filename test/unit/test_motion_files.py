@@ -14,7 +14,7 @@ import pytest
 from conftest import REPOSITORY, VENDOR
 
 from g1_description.errors import MotionError
-from g1_description.motion.files.read import read_motion
+from g1_description.motion.files.formats import read_motion
 from g1_description.motion.files.unnamed import G1_JOINTS
 from g1_description.motion.trajectory import sample
 from g1_description.robot.kinematics import Kinematics
@@ -335,14 +335,25 @@ def bomb():
     """Make a small npz of 300 MB of zeros."""
     file = io.BytesIO()
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+        others(archive)
         archive.writestr("dof_pos.npy", bytes(300_000_000))
     return file.getvalue()
+
+
+def others(archive):
+    """Add the arrays of GMR but one."""
+    for name, value in gmr().items():
+        if name != "dof_pos":
+            array = io.BytesIO()
+            np.save(array, np.asarray(value))
+            archive.writestr(f"{name}.npy", array.getvalue())
 
 
 def claims(shape):
     """Make an npz whose header claims more than there is."""
     file = io.BytesIO()
     with zipfile.ZipFile(file, "w") as archive:
+        others(archive)
         header = io.BytesIO()
         np.lib.format.write_array_header_1_0(
             header, {"descr": "<f8", "fortran_order": False, "shape": shape}
@@ -359,6 +370,7 @@ def npz_with(header):
     """Make an npz whose array has this header."""
     file = io.BytesIO()
     with zipfile.ZipFile(file, "w") as archive:
+        others(archive)
         text = header.encode().ljust(118) + b"\n"
         magic = b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little")
         archive.writestr("dof_pos.npy", magic + text + bytes(80))
@@ -468,13 +480,16 @@ BAD = {
     "backward": ("time,left_elbow_joint\n1,0\n0,0\n", "do not rise"),
     "strangers": ("time,a,b\n0,1,2\n", "none of the motion's joints, a, b"),
     "no zip": (b"PK\x03\x04" + bytes(100), "npz file cannot be read"),
-    "bomb": (bomb, "have 300 MB"),
+    "bomb": (bomb, "dof_pos has 300 MB"),
     "underscore": (ROW.replace("0.8", "1_0"), "Line 1 has '1_0' where"),
     "velocity": ("time,a,b,a.velocity\n0,1,2,3\n", "but not b.velocity"),
     "stray": ("time,a,a.velocity,b.velocity\n0,1,2,3\n", "has b.velocity, but no"),
     "claims": (lambda: claims((10**9, 10)), "npz file cannot be read"),
     "negative": (lambda: claims((-1, 10)), "npz file cannot be read"),
-    "objects": (lambda: npz(dof_pos=np.array([{}])), "Object arrays cannot be"),
+    "objects": (
+        lambda: npz(**{**gmr(), "dof_pos": np.array([{}])}),
+        "Object arrays cannot be",
+    ),
     "others": (lambda: npz(a=np.zeros(3)), "The file has a; a motion has fps"),
     "shape": (
         lambda: pickle.dumps({**gmr(), "root_pos": np.zeros((2, 3))}),
@@ -490,7 +505,7 @@ BAD = {
     "point": (ECHO.replace("[1.0, 0.25]", "[1.0]"), "Point 2 has 1 positions"),
     "point word": (ECHO.replace("[1.0, 0.25]", "[1.0, a]"), "Point 2 has positions"),
     "no time": (ECHO.replace("secs: 2", "secs: x"), "Point 2 has no time_from_start"),
-    "bag": (b"#ROSBAG V2.0\n", "Rosbags"),
+    "bag": (b"#ROSBAG V2.0\n", "The bag cannot be read"),
 }
 
 

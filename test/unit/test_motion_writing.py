@@ -9,10 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from g1_description.errors import InvalidValueError, MotionError
-from g1_description.motion.files.npz import most_even_samples, npz_bytes
-from g1_description.motion.files.read import read_motion
-from g1_description.motion.files.table import most_rows, table_text
-from g1_description.motion.files.write import most_samples, write_motion
+from g1_description.motion.files import beyond_mimic, table
+from g1_description.motion.files.formats import most_samples, read_motion, write_motion
 from g1_description.motion.trajectory import Trajectory, sample
 from g1_description.robot.load import read_model
 from g1_description.robot.rotation import normalized
@@ -163,21 +161,21 @@ def test_what_cannot_be_written_is_told(tmp_path):
 @pytest.mark.parametrize("base", [True, False])
 def test_as_many_rows_as_are_promised_fit_into_a_table(n_joints, base):
     size, names = 300_000, NAMES[:n_joints]
-    count = most_rows(names, base, size)
+    count = table.most_samples(names, base, size)
     longest = np.full((count, n_joints), -1.2345678901234567e-300)
     poses = np.tile([-1.2345678901234567e-300] * 3 + [0.5] * 4, (count, 1))
     times = 1e5 + np.arange(count) / 7
     motion = Trajectory(times, names, longest, longest, poses if base else None)
-    assert 0.6 * size < len(table_text(motion)) <= size
+    assert 0.6 * size < len(table.write(motion, G1, None)[0]) <= size
 
 
 @pytest.mark.parametrize("n_joints", [1, 29])
 def test_as_many_samples_as_are_promised_fit_into_an_npz(n_joints):
     size = 300_000
     names = trajectory(1, 1, n_joints).joint_names
-    count = most_even_samples(names, True, size)
+    count = beyond_mimic.most_samples(names, True, size)
     motion = trajectory(1, count, n_joints, np.arange(count) / 50.0)
-    assert 0.9 * size < len(npz_bytes(motion, G1)[0]) <= size
+    assert 0.9 * size < len(beyond_mimic.write(motion, G1, None)[0]) <= size
 
 
 def test_a_motion_that_no_file_can_hold_is_told():

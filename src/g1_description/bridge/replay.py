@@ -18,7 +18,7 @@ from sensor_msgs.msg import JointState
 
 from g1_description.bridge.parameters import BridgeParameters, base_child, static_edges
 from g1_description.errors import G1DescriptionError, InvalidValueError
-from g1_description.motion.files.read_any import read_motion_file
+from g1_description.motion.files.formats import read_motion
 from g1_description.motion.motion import Motion
 from g1_description.motion.trajectory import Sample, sample
 from g1_description.robot.description import Description
@@ -157,7 +157,7 @@ def main() -> None:
         parameters = read_parameters(ReplayParameters)
         robot = parse_urdf(str(rospy.get_param("robot_description", "")))
         rate, topic = parameters.fps or None, parameters.topic or None
-        motion = read_motion_file(Path(parameters.file), robot, rate, topic)
+        motion = read_motion(Path(parameters.file), robot, rate, topic)
     except G1DescriptionError as error:
         rospy.logfatal("%s", error)
         sys.exit(1)

@@ -27,7 +27,7 @@ from typing import Any, Callable, Optional, Union
 from g1_description.checks.checker import Checker
 from g1_description.checks.report import NO_MOTION, NOT_READ, Outcome
 from g1_description.errors import G1DescriptionError, MotionError, NoMotionError, cause
-from g1_description.motion.files.read import read_motion
+from g1_description.motion.files.formats import read_motion
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 

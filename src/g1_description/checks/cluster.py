@@ -31,7 +31,8 @@ from g1_description.checks.report import Outcome
 from g1_description.errors import ClusterError, MotionError, cause
 from g1_description.files.model_files import find_folder, share_folder
 from g1_description.files.uris import local_path
-from g1_description.motion.files.read import BAG, MAX_FILE_SIZE, beginning
+from g1_description.motion.files import bag
+from g1_description.motion.files.source import MAX_FILE_SIZE, MotionSource
 from g1_description.robot.description import Description, Shape
 
 PACKAGES = ("files", "robot", "motion", "sim", "collisions", "checks")
@@ -147,7 +148,7 @@ class Cluster(Here):
         """Read a file; the outcome where that says all."""
         try:
             size = task.path.stat().st_size
-            is_bag = beginning(task.path, len(BAG)) == BAG
+            is_bag = bag.recognise(MotionSource(task.path))
             if not is_bag and size <= MAX_FILE_SIZE and self.checker.topic is None:
                 return task.path.read_bytes()
         except (OSError, MotionError):

@@ -27,7 +27,7 @@ from g1_description.cli.motion_paths import MotionFiles, motion_files
 from g1_description.cli.start import INTERRUPTED
 from g1_description.command_line import parse, say
 from g1_description.errors import ClusterError, G1DescriptionError
-from g1_description.motion.files.read_any import read_motion_file
+from g1_description.motion.files.formats import read_motion
 from g1_description.ros.lifecycle import own_arguments
 
 
@@ -87,7 +87,7 @@ def file_checker(args: CheckOptions) -> FileChecker:
         bool(args.plot or args.html),
         args.fps,
         args.topic,
-        read_motion_file,
+        read_motion,
     )
 
 

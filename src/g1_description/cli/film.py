@@ -19,7 +19,7 @@ from PIL import Image
 
 from g1_description.errors import InvalidValueError
 from g1_description.files.atomic import write_whole
-from g1_description.motion.files.read_any import read_motion_file
+from g1_description.motion.files.formats import read_motion
 from g1_description.motion.motion import Motion
 from g1_description.motion.trajectory import sample
 from g1_description.robot.assembly import root_in_base
@@ -378,7 +378,7 @@ def read_motion(
         MotionError: If the file holds no motion of this robot.
         InvalidValueError: If a time is not in it, or the film would be too long.
     """
-    motion = read_motion_file(
+    motion = read_motion(
         Path(args.motion), description, args.motion_fps, args.motion_topic
     )
     begin = float(motion.trajectory.times[0])

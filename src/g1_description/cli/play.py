@@ -24,7 +24,7 @@ from g1_description.errors import (
     MotionError,
 )
 from g1_description.motion.edit import cut, moved, to_start_at
-from g1_description.motion.files.read_any import read_motion_file
+from g1_description.motion.files.formats import read_motion
 from g1_description.motion.trajectory import Trajectory
 from g1_description.robot.transform import IDENTITY
 from g1_description.ros.lifecycle import own_arguments, start_node
@@ -217,7 +217,7 @@ def prepare(args: PlayOptions, robot: RobotView) -> Trajectory:
         InvalidValueError: If it has no such part, or no base to move.
         NoAnswerError: If there is no master.
     """
-    motion = read_motion_file(args.file, robot.description, args.fps, args.topic)
+    motion = read_motion(args.file, robot.description, args.fps, args.topic)
     for note in motion.notes:
         notify(note)
     trajectory = cut(motion.trajectory, args.begin, args.end)

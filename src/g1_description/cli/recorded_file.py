@@ -14,9 +14,9 @@ from tf2_msgs.msg import TFMessage
 from g1_description.bridge.parameters import BridgeParameters, base_child, static_edges
 from g1_description.errors import MotionError
 from g1_description.files.atomic import whole_file
-from g1_description.motion.files import write
-from g1_description.motion.files.arrays import MAX_SIZE
-from g1_description.motion.files.bag_records import MAX_MESSAGES, MAX_READ
+from g1_description.motion.files import formats
+from g1_description.motion.files.bag import MAX_MESSAGES
+from g1_description.motion.files.source import MAX_SIZE
 from g1_description.motion.trajectory import Trajectory
 from g1_description.robot.description import Description
 from g1_description.robot.transform import IDENTITY
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 BAG = ".bag"
-ENDINGS = (*write.ENDINGS, BAG)
+ENDINGS = (*formats.WRITTEN, BAG)
 
 MIN_STAMP = 1
 """The first stamp of a bag, in [ns]: ROS takes zero for none."""
@@ -59,10 +59,9 @@ def room_of(path: Path, joints: Sequence[str], has_base: bool) -> Room:
     """
     ending = path.suffix.lower()
     if ending != BAG:
-        return Room(write.most_samples(ending, joints, has_base), ending == ".npz")
-    size = 500 + sum(len(name.encode()) + 4 + 2 * 8 for name in joints)
+        return Room(formats.most_samples(ending, joints, has_base), ending == ".npz")
     n_messages = 2 if has_base else 1
-    counts = MAX_MESSAGES / n_messages, MAX_READ / size, MAX_SIZE / (len(joints) or 1)
+    counts = MAX_MESSAGES / n_messages, MAX_SIZE / (len(joints) or 1)
     return Room(int(SPARE * min(counts)), False)
 
 
@@ -73,7 +72,7 @@ def write_motion_file(
     rate: float | None = None,
     begin: int = MIN_STAMP,
 ) -> tuple[str, ...]:
-    """Write a motion; ``read_motion_file`` reads the same numbers.
+    """Write a motion; ``read_motion`` reads the same numbers.
 
     Args:
         path: The file, whose ending tells the format; one that is there is replaced.
@@ -94,7 +93,7 @@ def write_motion_file(
             f"{path.name} ends in none of {', '.join(ENDINGS)}: its format is unknown."
         )
     if path.suffix.lower() != BAG:
-        return write.write_motion(path, trajectory, robot, rate)
+        return formats.write_motion(path, trajectory, robot, rate)
     with whole_file(path) as part:
         _write_bag(part, trajectory, robot, begin)
     return ()

@@ -20,7 +20,7 @@ from g1_description.cli import options
 from g1_description.command_line import option, parse, say, within
 from g1_description.errors import G1DescriptionError, InvalidValueError
 from g1_description.files.model_files import share_folder
-from g1_description.motion.files.read_any import read_motion_file
+from g1_description.motion.files.formats import read_motion
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 from g1_description.robot.load import absolute_urdf
@@ -105,7 +105,7 @@ def _read(
 ) -> Motion:
     """Read a motion."""
     topic = args.topic if file in (args.motion, *(args.compare or ())) else None
-    return read_motion_file(file, robot, rate, topic)
+    return read_motion(file, robot, rate, topic)
 
 
 def web(args: WebOptions) -> None:

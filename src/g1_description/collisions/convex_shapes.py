@@ -10,8 +10,7 @@ import numpy as np
 from g1_description.robot.assembly import WORLD
 from g1_description.robot.description import Description, Link, Shape
 from g1_description.robot.rotation import rotate
-from g1_description.sim.meshes.hull_vertices import hull_vertices, thinned
-from g1_description.sim.meshes.hulls import hull_points, outline
+from g1_description.sim.meshes.hulls import hull_points, hull_vertices, outline, thinned
 from g1_description.sim.meshes.shapes import Mesh, find_meshes, is_there
 
 TOLERANCE = 5e-4

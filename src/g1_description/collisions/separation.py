@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from g1_description.collisions.convex_shapes import ConvexShape, ShapePairs, turn
-from g1_description.sim.meshes.hull_vertices import hull_normals
+from g1_description.sim.meshes.hulls import hull_normals
 
 
 class Bounds:

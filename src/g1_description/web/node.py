@@ -18,7 +18,7 @@ from g1_description.bridge.parameters import wait_for_descriptions
 from g1_description.checks.checker import Checker
 from g1_description.errors import G1DescriptionError, MotionError
 from g1_description.motion.edit import minimum_jerk_trajectory
-from g1_description.motion.files.read_any import read_motion_file
+from g1_description.motion.files.formats import read_motion
 from g1_description.motion.motion import Motion
 from g1_description.ros.lifecycle import at_shutdown, start_node
 from g1_description.ros.log import ThrottledLog
@@ -68,7 +68,7 @@ class LiveWorld:
 
     def read(self, path: Path, robot: LiveRobot, rate: float | None) -> Motion:
         """Read a motion from a file of any format."""
-        return read_motion_file(path, robot.description, rate)
+        return read_motion(path, robot.description, rate)
 
     def open(self, robot: LiveRobot, motion: Motion) -> LivePlayer:
         """Let a robot have a motion; it does not move yet."""

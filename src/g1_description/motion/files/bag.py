@@ -1,27 +1,21 @@
-"""A motion from a rosbag."""
+"""Rosbags, read by the library rosbags, which needs no ROS.
+
+A bag brings definitions of its messages. They are not used: md5 sums tell the types of
+messages, which are read by definitions of ours, so nothing in a bag becomes code.
+"""
 
 from __future__ import annotations
 
+import bz2
 import posixpath
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Callable, Collection, Iterator, Sequence
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, List, Tuple
 
 import numpy as np
 
-from g1_description.errors import MotionError
-from g1_description.motion.files.arrays import MAX_SIZE
-from g1_description.motion.files.bag_messages import JointSample, Points
-from g1_description.motion.files.bag_records import (
-    MAX_MESSAGES,
-    Bag,
-    Topic,
-    damage,
-    kind_of,
-    open_bag,
-    read_messages,
-    rising,
-)
+from g1_description.errors import MotionError, cause
+from g1_description.motion.files.source import MAX_SIZE, MotionSource
 from g1_description.motion.motion import Motion
 from g1_description.motion.trajectory import Trajectory, sample
 from g1_description.robot.assembly import base_of
@@ -29,208 +23,284 @@ from g1_description.robot.description import Description
 from g1_description.robot.transform import IDENTITY, compose
 from g1_description.text import listed
 
+if TYPE_CHECKING:
+    from rosbags.interfaces import Connection
+    from rosbags.rosbag1 import Reader
+    from rosbags.typesys.store import Typestore
+
+MAGIC = b"#ROSBAG V"
+
+MAX_MESSAGES = 250_000
+"""Most messages on the topics that are read."""
+
+MAX_CHUNK = 100_000_000
+"""Most bytes of a compressed chunk that are unpacked: rosbag makes chunks of 0.8 MB."""
+
 BASE_FRAME = "base_link"
 
-MAP = "map"
-
-ABOVE = (MAP, "world", "odom")
+PARENTS = ("map", "world", "odom")
 """Frames that a base is in, the best one first."""
 
+USUAL = ("joint_states", "motion", "joint_trajectory", "joint_commands")
+"""Names of topics with a robot's joints, the first one counts."""
 
-@dataclass(frozen=True)
-class BasePath:
-    """Where a base is at rising times."""
+LATE = 100_000_000
+"""Time without a base that is reported, in [ns]: the bridge sends it each 0.05 s."""
 
-    stamps: np.ndarray
-    """In [ns], shape (n,)."""
+_STAMP = "uint32 seq\nuint32 secs\nuint32 nsecs\n"
+_DURATION = "int32 secs\nint32 nsecs\n"
+_JOINTS = f"{_STAMP}string frame\nstring[] names\n"
 
-    poses: np.ndarray
-    """T_map_base, shape (n, 7)."""
+DEFINITIONS = {
+    "Pose": "float64[7] numbers",
+    "Twist": "float64[6] numbers",
+    "Edge": f"{_STAMP}string parent\nstring child\nfloat64[7] pose",
+    "JointPoint": f"float64[] positions\nfloat64[] velocities\n"
+    f"float64[] accelerations\nfloat64[] efforts\n{_DURATION}",
+    "BasePoint": "Pose[] poses\nTwist[] velocities\nTwist[] accelerations\n"
+    f"{_DURATION}",
+    "JointTrajectory": f"{_JOINTS}JointPoint[] points",
+    "BaseTrajectory": f"{_JOINTS}BasePoint[] points",
+    "RobotTrajectory": "JointTrajectory joints\nBaseTrajectory base",
+    "JointState": f"{_JOINTS}float64[] positions\nfloat64[] velocities\n"
+    "float64[] efforts",
+    "TFMessage": "Edge[] edges",
+    "Odometry": "Edge edge\nfloat64[78] covariances_and_twist",
+}
+"""Messages with the bytes of ROS' and as few fields as these allow: to read ten minutes
+of TF takes 1.4 s so, and 13 s with ROS' own definitions."""
 
-    source: str
-    """Where it is from, for a message."""
+MD5_SUMS = {
+    "3066dcd76a6cfaef579bd0f34173e9fd": "JointState",
+    "94810edda583a504dfda3829e70d7eec": "TFMessage",
+    "cd5e73d190d741a2f92e81eda573aca7": "Odometry",
+    "65b4f94a94d1ed67169da35a02f33d3f": "JointTrajectory",
+    "dfa9556423d709a3729bcef664bddf67": "RobotTrajectory",
+}
+"""Messages by the md5 sums of ROS' definitions: moveit_msgs, tf and this package have
+names of their own for some."""
 
-    def at(self, stamps: np.ndarray) -> np.ndarray:
-        """Interpolate; before the first pose and after the last one it rests.
-
-        Args:
-            stamps: In [ns], shape (m,).
-        """
-        times = (self.stamps - self.stamps[0]) / 1e9
-        path = Trajectory(times, (), np.empty((len(times), 0)), None, self.poses)
-        found = sample(path, (stamps - self.stamps[0]) / 1e9).base_poses
-        assert found is not None
-        return found
+JOINTS = ("JointState", "JointTrajectory", "RobotTrajectory")
+"""Messages with joints."""
 
 
-def base_of_bag(
-    bag: Bag, joints: Topic, robot: Description, has_stamps: bool
-) -> BasePath | None:
-    """Find where the base is.
+def recognise(source: MotionSource) -> bool:
+    """Return whether a file is a rosbag."""
+    return source.head.startswith(MAGIC)
 
-    Args:
-        bag: The bag.
-        joints: The topic with the joints, in whose namespace the base is.
-        robot: The robot.
-        has_stamps: Whether the stamps of messages count, not when they were recorded.
+
+def read(source: MotionSource, robot: Description) -> Motion:
+    """Read a motion: joints, and the base on TF or in an odometry.
 
     Raises:
-        MotionError: If the bag is damaged.
+        MotionError: If the bag is damaged, or has no motion on the topic.
     """
-    namespace = posixpath.dirname(joints.name).strip("/")
-    root, _ = base_of(robot)
-    own = {*robot.link_names, BASE_FRAME} - {*ABOVE}
-    prefixes = (f"{namespace}/", "") if namespace else ("",)
-    frames = [prefix + f for prefix in prefixes for f in (BASE_FRAME, root)]
-    edges = _edges(bag, frames, has_stamps)
-    for frame in frames:
-        parents = [
-            parent
-            for parent, child in edges
-            if child == frame and posixpath.basename(parent) not in own
-        ]
-        if parents:
-            parent = min(parents, key=_rank)
-            path = path_of(edges[parent, frame], f"/tf ({parent} to {frame})")
-            return _moved_to_root(path, edges.get((frame, frame_of(frame, root))))
-    return _odometry(bag, namespace, has_stamps)
+    try:
+        with _opened(source) as bag:
+            return _motion(bag, robot, source.topic)
+    except MotionError:
+        raise
+    # Whatever a damaged bag makes rosbags and the libraries of compression raise.
+    except Exception as error:
+        raise MotionError(f"The bag cannot be read: {cause(error)}.") from error
 
 
-def frame_of(base: str, root: str) -> str:
-    """Name the root's frame beside that of the base."""
-    return base[: -len(BASE_FRAME)] + root if base.endswith(BASE_FRAME) else root
+def _opened(source: MotionSource) -> Reader:
+    """Open a bag with a reader that unpacks no chunk without bound."""
+    # Not at the top: it takes 0.05 s, and few programs read bags.
+    import lz4.frame
+    from rosbags.rosbag1 import Reader
+
+    decompressors = {
+        bz2.decompress: bz2.BZ2Decompressor,
+        lz4.frame.decompress: lz4.frame.LZ4FrameDecompressor,
+    }
+
+    class BoundedReader(Reader):
+        """Unpacks ``MAX_CHUNK`` bytes of a chunk at most."""
+
+        def read_chunk(self) -> Any:
+            chunk = super().read_chunk()
+            make = decompressors.get(chunk.decompressor)
+            if make is None:
+                return chunk
+            return chunk._replace(
+                decompressor=lambda data: make().decompress(data, MAX_CHUNK)
+            )
+
+    return BoundedReader(source.path)
 
 
-def _rank(parent: str) -> int:
-    """Return how good a frame is as the one above the base; less is better."""
-    name = posixpath.basename(parent)
-    return ABOVE.index(name) if name in ABOVE else len(ABOVE)
+@lru_cache(maxsize=None)
+def _typestore() -> Typestore:
+    """Compile ``DEFINITIONS``."""
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    store = get_typestore(Stores.EMPTY)
+    for name, definition in DEFINITIONS.items():
+        store.register(get_types_from_msg(definition, f"g1/msg/{name}"))
+    return store
 
 
-def _edges(
-    bag: Bag, frames: Sequence[str], has_stamps: bool
-) -> dict[tuple[str, str], list[tuple[int, np.ndarray]]]:
-    """Collect stamps and poses of the edges above some frames."""
-    topics = [topic for topic in bag.counts() if kind_of(topic) == "TFMessage"]
-    found: dict[tuple[str, str], list[tuple[int, np.ndarray]]] = {}
-    count = 0
-    for message, edges in read_messages(bag, topics):
-        for edge in edges:
-            child = edge.child.lstrip("/")
-            if child in frames:
-                count += 1
-                if count > MAX_MESSAGES:
-                    raise MotionError(f"TF has more than {MAX_MESSAGES} base poses.")
-                stamp = edge.stamp if has_stamps and edge.stamp else message.time
-                parent = edge.parent.lstrip("/")
-                found.setdefault((parent, child), []).append((stamp, edge.pose))
+def _kind(connection: Connection) -> str:
+    """Name a connection's messages as ``DEFINITIONS`` does; others are empty."""
+    return MD5_SUMS.get(connection.digest, "")
+
+
+def _topics(bag: Reader, *kinds: str) -> dict[str, list[Connection]]:
+    """Find the topics that have messages of some kinds, each with one kind."""
+    found: dict[str, list[Connection]] = {}
+    for connection in bag.connections:
+        if connection.msgcount and _kind(connection) in kinds:
+            own = found.setdefault(connection.topic, [])
+            if not own or _kind(own[0]) == _kind(connection):
+                own.append(connection)
     return found
 
 
-def path_of(samples: Sequence[tuple[int, np.ndarray]], source: str) -> BasePath:
-    """Make a path of the samples whose stamps rise.
-
-    Args:
-        samples: Stamps in [ns] and poses, shape (7,).
-        source: Where they are from, for a message.
-    """
-    stamps = np.array([stamp for stamp, _ in samples])
-    kept, _ = rising(stamps)
-    return BasePath(stamps[kept], np.array([samples[k][1] for k in kept]), source)
-
-
-def _moved_to_root(
-    path: BasePath, edge: Sequence[tuple[int, np.ndarray]] | None
-) -> BasePath:
-    """Give the root's poses where base_link is not in the same place."""
-    if not edge or (edge[-1][1] == IDENTITY).all():
-        return path
-    return BasePath(path.stamps, compose(path.poses, edge[-1][1]), path.source)
-
-
-def _odometry(bag: Bag, namespace: str, has_stamps: bool) -> BasePath | None:
-    """Find the base in an odometry: that of the namespace, called odom if there is."""
-    topics = [topic for topic in bag.counts() if kind_of(topic) == "Odometry"]
-    if not topics:
-        return None
-
-    def rank(topic: Topic) -> tuple[bool, bool, str]:
-        place, name = posixpath.split(topic.name)
-        return place.strip("/") != namespace, name != "odom", name
-
-    chosen = min(topics, key=rank)
-    samples = [
-        (edge.stamp if has_stamps and edge.stamp else message.time, edge.pose)
-        for message, edges in read_messages(bag, [chosen])
-        for edge in edges
-    ]
-    return path_of(samples, chosen.name)
-
-
-class Samples:
-    """The joints of one message after the other, while they are not too many."""
-
-    def __init__(self, topic: Topic) -> None:
-        """Begin without a message.
-
-        Args:
-            topic: That of the messages.
-        """
-        self.topic = topic
-        self._states: list[JointSample] = []
-        self._times: list[int] = []
-        self._columns: dict[str, int] = {}
-
-    def add(self, time: int, state: JointSample) -> None:
-        """Add a message.
-
-        Args:
-            time: When it was recorded, in [ns].
-            state: What it says.
-
-        Raises:
-            MotionError: If it has not one position for each joint, or there are now
-                more numbers than a motion has.
-        """
-        count, columns = len(self._states) + 1, self._columns
-        if len(state.positions) != len(state.names):
-            raise MotionError(
-                f"Message {count} on {self.topic.name} has {len(state.positions)} "
-                f"positions of {len(state.names)} joints."
-            )
-        if not self._states or state.names is not self._states[-1].names:
-            for name in state.names:
-                columns.setdefault(name, len(columns))
-        if len(columns) * count > MAX_SIZE:
-            raise MotionError(f"{self.topic.name} has more than {MAX_SIZE} numbers.")
-        self._states.append(state)
-        self._times.append(time)
-
-    def times(self) -> np.ndarray:
-        """Return the stamps, and when the messages were recorded, both in [ns]."""
-        return np.array([[state.stamp for state in self._states], self._times])
-
-    def table(self) -> tuple[tuple[str, ...], np.ndarray, np.ndarray | None]:
-        """Put the joints of all messages into columns.
-
-        Returns:
-            Names; positions, where a message does not name a joint those before, or
-            else the first ones; velocities, None unless all messages have those of all
-            joints.
-        """
-        shape = len(self._states), len(self._columns)
-        positions, velocities = np.full((2, *shape), np.nan)
-        for row, state in enumerate(self._states):
-            which = [self._columns[name] for name in state.names]
-            positions[row, which] = state.positions
-            if len(state.velocities) == len(which):
-                velocities[row, which] = state.velocities
-        is_whole = np.isfinite(velocities).all()
-        return (
-            tuple(self._columns),
-            _filled(positions),
-            velocities if is_whole else None,
+def _messages(
+    bag: Reader, connections: Collection[Connection]
+) -> Iterator[tuple[int, Any]]:
+    """Read messages, and when they were recorded, in [ns]."""
+    if not connections:
+        return
+    if sum(connection.msgcount for connection in connections) > MAX_MESSAGES:
+        raise MotionError(
+            f"The bag has more than {MAX_MESSAGES} messages where the motion may be: "
+            "'rosbag filter' makes a bag of the motion's topics alone."
         )
+    store = _typestore()
+    for connection, time, data in bag.messages(connections):
+        try:
+            yield time, store.deserialize_ros1(data, f"g1/msg/{_kind(connection)}")
+        except Exception as error:  # whatever bytes make struct and numpy raise
+            problem = f"a message is damaged: {cause(error)}"
+            raise MotionError(f"On {connection.topic} {problem}.") from error
+
+
+def _nanoseconds(stamp: Any) -> int:
+    """Give a stamp or a duration in [ns]."""
+    return stamp.secs * 1_000_000_000 + stamp.nsecs
+
+
+def _motion(bag: Reader, robot: Description, topic: str | None) -> Motion:
+    """Read the motion on a topic, or on the usual one."""
+    topics = _topics(bag, *JOINTS)
+    name = _chosen(bag, topics, topic)
+    joints = topics.pop(name)
+    is_state = _kind(joints[0]) == "JointState"
+    messages = _messages(bag, joints)
+    if is_state:
+        rows: list[_Row] = []
+        for time, state in messages:
+            # Most messages have equal names, which need be kept but once.
+            names = rows[-1][2] if rows and rows[-1][2] == state.names else state.names
+            stamp = _nanoseconds(state)
+            rows.append((stamp, time, names, state.positions, state.velocities))
+        motion = _joined(name, rows, lambda has: _base(bag, name, robot, has))
+    else:
+        motion = _trajectory(name, list(messages))
+    also = f" It also has joints on {listed(topics)}." if topics else ""
+    return Motion(motion.trajectory, (f"{motion.notes[0]}{also}", *motion.notes[1:]))
+
+
+def _chosen(bag: Reader, topics: Collection[str], name: str | None) -> str:
+    """Choose the topic with the joints."""
+    known = (
+        listed(topics)
+        or listed(
+            f"{c.topic} ({c.msgtype.replace('/msg/', '/')})" for c in bag.connections
+        )
+        or "nothing"
+    )
+    if name is not None:
+        for topic in topics:
+            if topic.strip("/") == name.strip("/"):
+                return topic
+        raise MotionError(f"The bag has no joints on {name}; it has {known}.")
+    for usual in USUAL:
+        found = [topic for topic in topics if posixpath.basename(topic) == usual]
+        plain = [topic for topic in found if topic.strip("/") == usual] or found
+        if len(plain) > 1:
+            raise MotionError(
+                f"The bag has several robots, {listed(plain)}: name the topic of one."
+            )
+        if plain:
+            return plain[0]
+    if len(topics) != 1:
+        raise MotionError(
+            f"The bag has no {listed(USUAL)}: name the topic with the joints; it has "
+            f"{known}."
+        )
+    return next(iter(topics))
+
+
+_Row = Tuple[int, int, List[str], np.ndarray, np.ndarray]
+"""A sample: its stamp, when it was recorded, both in [ns], names, positions and
+velocities."""
+
+_Path = Tuple[str, List[Tuple[int, np.ndarray]]]
+"""A path of the base: where it is from, stamps in [ns] and poses, shape (7,)."""
+
+
+def _joined(
+    topic: str, rows: Sequence[_Row], find_base: Callable[[bool], _Path]
+) -> Motion:
+    """Join samples and the base, which is found by its stamps or times of recording."""
+    names, positions, velocities = _table(topic, rows)
+    stamps, notes = np.array([row[0] for row in rows]), []
+    has_stamps = bool(stamps.all())
+    if not has_stamps:
+        stamps = np.array([row[1] for row in rows])
+        notes.append("Some messages have no stamps: the times of the recording count.")
+    kept, goes_back = _rising(stamps)
+    if goes_back:
+        seconds = (stamps[kept[-1]] - stamps[0]) / 1e9
+        notes.append(f"Time goes back after {seconds:.3f} s: the rest is left out.")
+    stamps = stamps[kept]
+    source, path = find_base(has_stamps)
+    if path and path[0][0] > stamps[0] + LATE:
+        seconds = (path[0][0] - stamps[0]) / 1e9
+        notes.append(f"The base is known from {seconds:.3f} s on; before it rests.")
+    trajectory = Trajectory(
+        (stamps - stamps[0]) / 1e9,
+        names,
+        positions[kept],
+        None if velocities is None else velocities[kept],
+        _poses_at(path, stamps) if path else None,
+    )
+    whence = f", the base that of {source}" if path else ""
+    return Motion(trajectory, (f"The joints are those of {topic}{whence}.", *notes))
+
+
+def _table(
+    topic: str, rows: Sequence[_Row]
+) -> tuple[tuple[str, ...], np.ndarray, np.ndarray | None]:
+    """Put the joints of all samples into columns.
+
+    Returns:
+        Names; positions, where a sample does not name a joint those before, or else the
+        first ones; velocities, None unless all samples have those of all joints.
+    """
+    columns: dict[str, int] = {}
+    for number, (*_, names, given, _) in enumerate(rows, 1):
+        if len(given) != len(names):
+            raise MotionError(
+                f"Message {number} on {topic} has {len(given)} positions of "
+                f"{len(names)} joints."
+            )
+        for name in names:
+            columns.setdefault(name, len(columns))
+    if len(columns) * len(rows) > MAX_SIZE:
+        raise MotionError(f"{topic} has more than {MAX_SIZE} numbers.")
+    positions, velocities = np.full((2, len(rows), len(columns)), np.nan)
+    for row, (*_, names, given, rates) in enumerate(rows):
+        which = [columns[name] for name in names]
+        positions[row, which] = given
+        if len(rates) == len(which):
+            velocities[row, which] = rates
+    is_whole = np.isfinite(velocities).all()
+    return tuple(columns), _filled(positions), velocities if is_whole else None
 
 
 def _filled(positions: np.ndarray) -> np.ndarray:
@@ -244,171 +314,163 @@ def _filled(positions: np.ndarray) -> np.ndarray:
     return positions
 
 
-USUAL = ("joint_states", "motion", "joint_trajectory", "joint_commands")
-"""Names of topics with a robot's joints, the first one counts."""
+def _rising(stamps: np.ndarray) -> tuple[np.ndarray, bool]:
+    """Choose the samples whose stamps rise, until they go back.
 
-LATE = 100_000_000
-"""Time without a base that is told, in [ns]: the bridge sends it each 0.05 s."""
+    Returns:
+        Their numbers, of equal stamps the last one; and whether time goes back.
+    """
+    back = np.flatnonzero(np.diff(stamps) < 0)
+    whole = stamps[: back[0] + 1] if back.size else stamps
+    return np.flatnonzero(np.append(np.diff(whole) > 0, True)), bool(back.size)
 
-JOINTS = ("JointState", "RobotTrajectory", "JointTrajectory")
+
+def _poses_at(
+    path: Sequence[tuple[int, np.ndarray]], stamps: np.ndarray
+) -> np.ndarray | None:
+    """Interpolate a path; before its first pose and after its last one it rests."""
+    own = np.array([stamp for stamp, _ in path])
+    kept, _ = _rising(own)
+    times = (own[kept] - own[0]) / 1e9
+    poses = np.array([path[number][1] for number in kept])
+    base = Trajectory(times, (), np.empty((len(times), 0)), None, poses)
+    return sample(base, (stamps - own[0]) / 1e9).base_poses
 
 
-def read_bag(path: Path, robot: Description, topic: str | None = None) -> Motion:
-    """Read a motion from a bag.
+def _base(bag: Reader, joints: str, robot: Description, has_stamps: bool) -> _Path:
+    """Find where the base is: on TF, else in an odometry.
 
     Args:
-        path: The bag.
+        bag: The bag.
+        joints: The topic with the joints, in whose namespace the base is.
         robot: The robot.
-        topic: Name of the topic with the joints; None: the first of ``USUAL``, or the
-            only one.
+        has_stamps: Whether the stamps of messages count, not when they were recorded.
 
-    Raises:
-        MotionError: If the bag is damaged, or has no such topic or no motion there.
-        OSError: If it cannot be read.
+    Returns:
+        The path, empty if there is none.
     """
-    with path.open("rb") as file:
-        try:
-            bag = open_bag(path, file)
-            chosen, others = _chosen(bag, topic)
-            read = _states if kind_of(chosen) == "JointState" else _trajectory
-            motion = read(bag, chosen, robot)
-        except (MotionError, OSError):
-            raise
-        # Whatever a damaged bag makes struct and the libraries of compression raise.
-        except Exception as error:
-            raise damage(error) from error
-    others = [name for name in others if name != chosen.name]
-    also = f" It also has joints on {listed(others)}." if others else ""
-    return Motion(motion.trajectory, (f"{motion.notes[0]}{also}", *motion.notes[1:]))
+    namespace = posixpath.dirname(joints).strip("/")
+    root, _ = base_of(robot)
+    own = {*robot.link_names, BASE_FRAME} - {*PARENTS}
+    prefixes = (f"{namespace}/", "") if namespace else ("",)
+    frames = [prefix + f for prefix in prefixes for f in (BASE_FRAME, root)]
+    edges = _edges(bag, frames, has_stamps)
+    for frame in frames:
+        parents = [
+            parent
+            for parent, child in edges
+            if child == frame and posixpath.basename(parent) not in own
+        ]
+        if parents:
+            parent = min(parents, key=_rank)
+            path = edges[parent, frame]
+            if frame.endswith(BASE_FRAME):  # the root may be next to it
+                of_root = frame[: -len(BASE_FRAME)] + root
+                for _, pose in edges.get((frame, of_root), [])[-1:]:
+                    if (pose != IDENTITY).any():
+                        path = [(stamp, compose(base, pose)) for stamp, base in path]
+            return f"/tf ({parent} to {frame})", path
+    return _odometry(bag, namespace, has_stamps)
 
 
-def _chosen(bag: Bag, name: str | None) -> tuple[Topic, list[str]]:
-    """Choose the topic with the joints; return the names of all such topics too."""
-    topics = [topic for topic in bag.counts() if kind_of(topic) in JOINTS]
-    names = [topic.name for topic in topics]
-    if name is not None:
-        wanted = [topic for topic in topics if topic.name.strip("/") == name.strip("/")]
-        if not wanted:
-            raise MotionError(
-                f"The bag has no joints on {name}; it has {_what(bag, names)}."
-            )
-        return wanted[0], names
-    for usual in USUAL:
-        found = [t for t in topics if t.name.rpartition("/")[2] == usual]
-        plain = [t for t in found if t.name.strip("/") == usual] or found
-        if len({topic.name for topic in plain}) > 1:
-            raise MotionError(
-                f"The bag has several robots, {listed(t.name for t in plain)}: name "
-                "the topic of one."
-            )
-        if plain:
-            return plain[0], names
-    if len(topics) != 1:
-        raise MotionError(
-            f"The bag has no {listed(USUAL)}: name the topic with the joints; it has "
-            f"{_what(bag, names)}."
-        )
-    return topics[0], names
+def _rank(parent: str) -> int:
+    """Return how good a frame is as the one above the base; less is better."""
+    name = posixpath.basename(parent)
+    return PARENTS.index(name) if name in PARENTS else len(PARENTS)
 
 
-def _what(bag: Bag, joints: Sequence[str]) -> str:
-    """Name the topics with joints, or else what there is."""
-    return (
-        listed(joints)
-        or listed(f"{topic.name} ({topic.kind})" for topic in bag.counts())
-        or "nothing"
-    )
+def _edges(
+    bag: Reader, frames: Collection[str], has_stamps: bool
+) -> dict[tuple[str, str], list[tuple[int, np.ndarray]]]:
+    """Collect stamps and poses of some frames by parent and child."""
+    found: dict[tuple[str, str], list[tuple[int, np.ndarray]]] = {}
+    connections = [one for own in _topics(bag, "TFMessage").values() for one in own]
+    written = {*frames, *(f"/{frame}" for frame in frames)}  # the latter by old tf
+    for time, message in _messages(bag, connections):
+        for edge in message.edges:
+            if edge.child in written:
+                stamp = (has_stamps and _nanoseconds(edge)) or time
+                key = edge.parent.lstrip("/"), edge.child.lstrip("/")
+                found.setdefault(key, []).append((stamp, edge.pose))
+    return found
 
 
-def _states(bag: Bag, topic: Topic, robot: Description) -> Motion:
-    """Read joint states or commands, and where the base is."""
-    found = Samples(topic)
-    for message, (state,) in read_messages(bag, [topic]):
-        found.add(message.time, state)
-    return _joined(found, lambda stamped: base_of_bag(bag, topic, robot, stamped))
+def _odometry(bag: Reader, namespace: str, has_stamps: bool) -> _Path:
+    """Find the base in an odometry: that of the namespace, called odom if there is."""
+
+    def rank(topic: str) -> tuple[bool, bool, str]:
+        place, name = posixpath.split(topic)
+        return place.strip("/") != namespace, name != "odom", name
+
+    topics = _topics(bag, "Odometry")
+    if not topics:
+        return "", []
+    chosen = min(topics, key=rank)
+    return chosen, [
+        ((has_stamps and _nanoseconds(message.edge)) or time, message.edge.pose)
+        for time, message in _messages(bag, topics[chosen])
+    ]
 
 
-def _stream(bag: Bag, topic: Topic) -> Motion:
-    """Read trajectories of one point each, which planners send one after the other."""
-    found, bases = Samples(topic), []
-    for number, (message, parts) in enumerate(read_messages(bag, [topic]), 1):
-        joints: Points = parts[0]
-        if any(len(part.times) > 1 for part in parts) or not joints.times:
-            raise MotionError(
-                f"Message {number} on {topic.name} has not one point, as the first has."
-            )
-        positions, velocities = joints.positions[0], joints.velocities[0]
-        state = JointSample(0, joints.names, positions, velocities)
-        found.add(message.time, state)
-        bases += [(message.time, part.positions[0]) for part in parts[1:] if part.times]
-    base = path_of(bases, topic.name) if bases else None
-    return _joined(found, lambda _: base)
-
-
-def _joined(found: Samples, find_base: Callable[[bool], BasePath | None]) -> Motion:
-    """Join the joints and the base."""
-    names, positions, velocities = found.table()
-    (stamps, times), notes = found.times(), []
-    has_stamps = bool(stamps.all())
-    if not has_stamps:
-        stamps = times
-        notes.append("Some messages have no stamps: the times of the recording count.")
-    kept, goes_back = rising(stamps)
-    if goes_back:
-        seconds = (stamps[kept[-1]] - stamps[0]) / 1e9
-        notes.append(f"Time goes back after {seconds:.3f} s: the rest is left out.")
-    stamps = stamps[kept]
-    base = find_base(has_stamps)
-    if base and base.stamps[0] > stamps[0] + LATE:
-        seconds = (base.stamps[0] - stamps[0]) / 1e9
-        notes.append(f"The base is known from {seconds:.3f} s on; before it rests.")
+def _trajectory(topic: str, messages: Sequence[tuple[int, Any]]) -> Motion:
+    """Make a motion of the first trajectory, or of all if each has one point."""
+    parts = [
+        (time, getattr(message, "joints", message), getattr(message, "base", None))
+        for time, message in messages
+    ]
+    for _, joints, base in parts:
+        _check_points(topic, joints, base)
+    _, joints, base = parts[0]
+    if not joints.points:
+        raise MotionError(f"The first message on {topic} has no points of joints.")
+    if len(parts) > 1 and len(joints.points) == 1:
+        return _stream(topic, parts)
+    more = f", the first of {len(parts)} messages" if len(parts) > 1 else ""
+    rates = [point.velocities for point in joints.points]
+    has_rates = bool(joints.names) and all(map(len, rates))
+    shape = len(joints.points), len(joints.names)
+    stamps = np.array([_nanoseconds(point) for point in joints.points])
     trajectory = Trajectory(
-        (stamps - stamps[0]) / 1e9,
-        names,
-        positions[kept],
-        None if velocities is None else velocities[kept],
-        base and base.at(stamps),
+        stamps / 1e9,
+        tuple(joints.names),
+        np.array([point.positions for point in joints.points]).reshape(shape),
+        np.array(rates) if has_rates else None,
+        _poses_at(_path(base), stamps) if base and base.points else None,
     )
-    whence = f", the base that of {base.source}" if base else ""
-    return Motion(
-        trajectory, (f"The joints are those of {found.topic.name}{whence}.", *notes)
-    )
+    return Motion(trajectory, (f"The motion is that of {topic}{more}.",))
 
 
-def _trajectory(bag: Bag, topic: Topic, robot: Description) -> Motion:
-    """Read the first message of a topic with whole trajectories."""
-    count = bag.counts()[topic]
-    parts: list[Points] = next(read_messages(bag, [topic]))[1]
-    if count > 1 and len(parts[0].times) == 1:
-        return _stream(bag, topic)
-    more = f", the first of {count} messages" if count > 1 else ""
-    notes = (f"The motion is that of {topic.name}{more}.",)
-    joints, bases = parts[0], parts[1:]
-    base = bases[0] if bases and bases[0].times else None
-    if not joints.times:
-        raise MotionError(f"The first message on {topic.name} has no points of joints.")
-    times = np.array(joints.times)
-    return Motion(
-        Trajectory(
-            times,
-            joints.names,
-            _rows(joints.positions, len(joints.names)),
-            _rows(joints.velocities, len(joints.names))
-            if all(map(len, joints.velocities)) and joints.names
-            else None,
-            _base_poses(base, times) if base else None,
-        ),
-        notes,
-    )
+def _path(base: Any) -> list[tuple[int, np.ndarray]]:
+    """Give stamps in [ns] and poses of a base's points."""
+    return [(_nanoseconds(point), point.poses[0].numbers) for point in base.points]
 
 
-def _rows(rows: Sequence[np.ndarray], width: int) -> np.ndarray:
-    """Stack rows of a width."""
-    return np.array(rows).reshape(len(rows), width)
+def _check_points(topic: str, joints: Any, base: Any) -> None:
+    """Check how many numbers the points of a trajectory have."""
+    for number, point in enumerate(joints.points, 1):
+        for values in (point.positions, point.velocities):
+            is_left_out = values is point.velocities and not len(values)
+            if len(values) != len(joints.names) and not is_left_out:
+                raise MotionError(
+                    f"On {topic}: Point {number} has {len(values)} numbers, not "
+                    f"{len(joints.names)}."
+                )
+    for number, point in enumerate(base.points if base else (), 1):
+        if len(point.poses) != 1:
+            raise MotionError(
+                f"On {topic}: Point {number} has {len(point.poses)} poses of the base."
+            )
 
 
-def _base_poses(base: Points, times: np.ndarray) -> np.ndarray:
-    """Find the base at the times of the joints."""
-    poses = _rows(base.positions, 7)
-    path = Trajectory(np.array(base.times), (), np.empty((len(poses), 0)), None, poses)
-    return sample(path, times).base_poses
+def _stream(topic: str, parts: Sequence[tuple[int, Any, Any]]) -> Motion:
+    """Make a motion of configurations that a planner sent one after the other."""
+    rows, path = [], []
+    for number, (time, joints, base) in enumerate(parts, 1):
+        if len(joints.points) != 1 or (base and len(base.points) > 1):
+            raise MotionError(
+                f"Message {number} on {topic} has not one point, as the first has."
+            )
+        point = joints.points[0]
+        rows.append((0, time, joints.names, point.positions, point.velocities))
+        path += [(time, pose) for _, pose in (_path(base) if base else ())]
+    return _joined(topic, rows, lambda _: (topic, path))

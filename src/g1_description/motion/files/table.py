@@ -19,6 +19,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from g1_description.errors import MotionError, NoMotionError
+from g1_description.motion.files.source import MotionSource
 from g1_description.motion.files.unnamed import names_of_columns, w_last
 from g1_description.motion.motion import Motion
 from g1_description.motion.trajectory import Trajectory
@@ -49,21 +50,25 @@ MAX_NUMBERS = 8_000_000
 NUMBER_LENGTH = 25
 """Longest number that is written, with its comma: -1.2345678901234567e-300."""
 
+ENDING = ".csv"
+
 _SEPARATOR = re.compile(r"[,;\t ]+")
 """Separates the columns of tables, if not of those that are read."""
 
 
-def read_table(text: str, robot: Description, rate: float | None) -> Motion:
-    """Read a table.
+def recognise(source: MotionSource) -> bool:
+    """Return whether a file is text, which formats of text leave."""
+    return source.text is not None
 
-    Args:
-        text: The file's text.
-        robot: The robot, whose joints the columns are where they have no names.
-        rate: Samples per second of a table without times; None: ``DEFAULT_RATE``.
+
+def read(source: MotionSource, robot: Description) -> Motion:
+    """Read a table, whose columns without names are the robot's joints.
 
     Raises:
         MotionError: If it is no such table, with the line.
     """
+    text = source.text
+    assert text is not None
     above, comment = 0, ""
     for number, line in _lines(text):
         if not line.startswith("#"):
@@ -78,7 +83,7 @@ def read_table(text: str, robot: Description, rate: float | None) -> Motion:
     header = [name.strip() for name in comment.split(",")]
     if TIME in header and len(header) == len(names):
         return _headed(_rows(text), above, header, robot)
-    return _headless(_rows(text), (number, len(names)), robot, rate)
+    return _headless(_rows(text), (number, len(names)), robot, source.rate)
 
 
 def _headless(
@@ -158,8 +163,13 @@ def _may_be_motion(names: list[str], row: str, robot: Description) -> bool:
     return bool(known & header) or all(map(_is_number, words))
 
 
-def table_text(trajectory: Trajectory) -> str:
+def write(
+    trajectory: Trajectory, robot: Description, rate: float | None
+) -> tuple[bytes, tuple[str, ...]]:
     """Write a motion as a table with a header, in numbers that are read as the same.
+
+    Returns:
+        The file's content, and no messages.
 
     Raises:
         MotionError: If a joint has the name of another column.
@@ -175,11 +185,11 @@ def table_text(trajectory: Trajectory) -> str:
     _check_writable(t.joint_names)
     rows = np.concatenate(columns, axis=1).tolist()
     lines = [",".join(names), *(",".join(map(repr, row)) for row in rows), ""]
-    return "\n".join(lines)
+    return "\n".join(lines).encode(), ()
 
 
-def most_rows(joints: Sequence[str], has_base: bool, size: int) -> int:
-    """Return how many rows ``table_text`` may write, whatever the numbers are.
+def most_samples(joints: Sequence[str], has_base: bool, size: int) -> int:
+    """Return how many rows ``write`` may write, whatever the numbers are.
 
     Args:
         joints: Names of the joints, which have velocities.

@@ -20,8 +20,10 @@ from ruamel.yaml.events import (
 
 from g1_description.bounds import MAX_VALUE
 from g1_description.errors import MotionError, NoMotionError, cause
+from g1_description.motion.files.source import MotionSource
 from g1_description.motion.motion import Motion
 from g1_description.motion.trajectory import Trajectory
+from g1_description.robot.description import Description
 
 MAX_JOINTS = 1000
 
@@ -35,14 +37,24 @@ MAX_DIGITS = 40
 """Longest number, in characters."""
 
 
-def read_trajectory_yaml(text: str) -> Motion:
+def recognise(source: MotionSource) -> bool:
+    """Return whether a file is YAML, by its ending or its first keys."""
+    text = source.text
+    return text is not None and (
+        source.ending in (".yaml", ".yml")
+        or bool(re.search(r"^joint_names:", text[:10_000], re.MULTILINE))
+    )
+
+
+def read(source: MotionSource, robot: Description) -> Motion:
     """Read the first message of a text.
 
     Raises:
         MotionError: If it is no such message, with the line where it is no YAML.
         NoMotionError: If it is YAML of something else, without ``joint_names``.
     """
-    if not text.strip():
+    text = source.text
+    if not text or not text.strip():
         raise MotionError("The file is empty.")
     if len(text) > MAX_TEXT:
         raise MotionError(

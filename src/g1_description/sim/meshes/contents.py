@@ -15,6 +15,7 @@ import time
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Tuple, Union
 
 import numpy as np
 
@@ -64,65 +65,54 @@ class _File:
     """When, in [ns]."""
 
 
-_known: dict[_File, tuple[Part, ...] | str] = {}
-_deaths: dict[_File, tuple[float, str]] = {}
-"""Files that readers died of: when, by the monotonic clock in [s], and a message."""
+Content = Union[Tuple[Part, ...], str]
+"""Parts of a mesh, or why it cannot be read."""
+
+_known: dict[_File, Content] = {}
+_deaths: dict[_File, float] = {}
+"""Files that readers died of: when, by the monotonic clock in [s]."""
 
 
-def mesh_contents(paths: Iterable[Path]) -> dict[Path, tuple[Part, ...] | str]:
-    """Give what is in mesh files; what was read before is remembered.
+def mesh_contents(paths: Iterable[Path]) -> dict[Path, Content]:
+    """Return what is in mesh files; what was read before is remembered.
 
     Args:
         paths: Existing files.
-
-    Returns:
-        By file: its parts, or a message that says why it cannot be read.
     """
     files = {}
     for path in paths:
         status = path.stat()
         files[path] = _File(path, status.st_size, status.st_mtime_ns)
-    _forget_deaths()
-    contents: dict[_File, tuple[Part, ...] | str] = {
-        file: why for file, (_, why) in _deaths.items()
-    }
+    for file, when in list(_deaths.items()):
+        if time.monotonic() - when >= FAILURE_LIFETIME:
+            del _deaths[file], _known[file]
+    contents: dict[_File, Content] = {}
     for file in files.values():
         if file in _known:  # what is requested now comes last
             contents[file] = _known[file] = _known.pop(file)
     contents.update(_read_all([f for f in files.values() if f not in contents]))
-    _make_room()
+    _forget_oldest()
     return {path: contents[file] for path, file in files.items()}
 
 
-def _forget_deaths() -> None:
-    """Forget the deaths that are too long ago."""
-    now = time.monotonic()
-    for file, (when, _) in list(_deaths.items()):
-        if now - when >= FAILURE_LIFETIME:
-            del _deaths[file]
-
-
-def _make_room() -> None:
+def _forget_oldest() -> None:
     """Forget the files that were not requested for longest, if all are too large."""
-    sizes = {file: _size(content) for file, content in _known.items()}
+    sizes = {
+        file: sum(part.corners.nbytes + part.normals.nbytes for part in content)
+        for file, content in _known.items()
+        if not isinstance(content, str)
+    }
     excess = sum(sizes.values()) - CACHE_SIZE
     for file, size in sizes.items():
-        if excess <= 0:
-            break
-        del _known[file]
-        excess -= size
+        if excess > 0:
+            del _known[file]
+            excess -= size
 
 
-def _size(content: tuple[Part, ...] | str) -> int:
-    """Give about how much memory the content of a file takes, in bytes."""
-    parts = () if isinstance(content, str) else content
-    return 1000 + sum(part.corners.nbytes + part.normals.nbytes for part in parts)
-
-
-def _read_all(files: list[_File]) -> dict[_File, tuple[Part, ...] | str]:
+def _read_all(files: list[_File]) -> dict[_File, Content]:
     """Read files, and remember what is in them."""
     late = f"reading all meshes took more than {READ_TIMEOUT:g} s"
-    contents: dict[_File, tuple[Part, ...] | str] = dict.fromkeys(files, late)
+    contents: dict[_File, Content] = dict.fromkeys(files, late)
     end = time.monotonic() + READ_TIMEOUT
     while files and time.monotonic() < end:
         paths = [file.path for file in files]
@@ -136,15 +126,13 @@ def _read_all(files: list[_File]) -> dict[_File, tuple[Part, ...] | str]:
         if not has_begun:
             contents.update(dict.fromkeys(files, death))
             break
-        contents[files[0]] = death
-        _deaths[files[0]] = (time.monotonic(), death)
+        contents[files[0]] = _known[files[0]] = death
+        _deaths[files[0]] = time.monotonic()
         files = files[1:]
     return contents
 
 
-def _read(
-    paths: list[Path], timeout: float
-) -> tuple[list[tuple[Part, ...] | str], str, bool]:
+def _read(paths: list[Path], timeout: float) -> tuple[list[Content], str, bool]:
     """Read files in a process of its own, up to the first that ends it.
 
     Args:
@@ -158,7 +146,7 @@ def _read(
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         code = _run(folder, paths, timeout)
-        results: list[tuple[Part, ...] | str] = []
+        results: list[Content] = []
         for number in range(len(paths)):
             why_not, content = (folder / f"{number}{s}" for s in (".txt", ".npz"))
             if why_not.exists():

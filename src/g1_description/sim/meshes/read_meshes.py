@@ -1,33 +1,37 @@
-"""A program that reads meshes, so that a hostile one ends it and not the simulator.
+"""A program that reads meshes with assimp, as RViz does, in a process of its own.
 
-Its arguments are a folder, the most seconds of the processor and of the clock that a
-file may take, and files. In the folder it writes for the n-th file ``n.npz``, or
-``n.txt`` with the reason why not. It dies of the first file that takes too long;
-whoever started it goes on with the next.
+A mesh that assimp crashes on ends this process and not the simulator. The arguments
+are a folder, the most seconds of the processor and of the clock that a file may take,
+and files. In the folder it writes for the n-th file ``n.npz``, or ``n.txt`` with the
+reason why not. It dies of the first file that takes too long; whoever started it goes
+on with the next.
+
+assimp is set to read as RViz and Gazebo do: a COLLADA file's unit counts, its up axis
+does not.
 """
 
 from __future__ import annotations
 
+import ctypes
+import ctypes.util
 import os
 import resource
 import signal
 import sys
 import warnings
+from collections.abc import Iterator
+from itertools import repeat
 from pathlib import Path
+from typing import Any, Tuple
 from urllib.parse import unquote
 
 import numpy as np
 
 from g1_description.bounds import MAX_VALUE
-from g1_description.sim.meshes.assimp import (
-    TRIANGULATE,
-    Assimp,
-    CannotReadError,
-    RawPart,
-)
 from g1_description.sim.meshes.stl import (
     HEAD,
     binary_size,
+    has_direction,
     triangle_count,
     triangle_normals,
 )
@@ -40,8 +44,157 @@ MEMORY = 4 * 2**30
 
 MAX_TRIANGLES = 3_000_000
 
-LEAST_NORMAL = 0.001
-"""Square of the length that a normal has at least, if it has a direction."""
+STEPS = 0x8 | 0x20 | 0x100 | 0x8000
+"""What assimp does: triangulate, generate normals, pre-transform vertices, sort by
+primitive type."""
+
+PROPERTIES = {
+    b"IMPORT_COLLADA_IGNORE_UP_DIRECTION": 1,
+    b"PP_PTV_KEEP_HIERARCHY": 1,  # each use of a geometry stays a mesh
+    b"PP_SBP_REMOVE": 0x1 | 0x2,  # points and lines
+}
+
+DIFFUSE_TEXTURE = 1
+SUCCESS = 0
+OUT_OF_MEMORY = "std::bad_alloc"
+"""What the library says last where memory is at an end."""
+
+
+class _String(ctypes.Structure):
+    """An aiString.
+
+    Its length has 32 bits since version 5.0.0, and had those of a size_t before: so
+    says types.h of 5.0.1, which Ubuntu 20.04 has. The tests ran with that and with
+    5.2.5 of Debian 12.
+    """
+
+    _fields_ = (("length", ctypes.c_uint32), ("data", ctypes.c_char * 1024))
+
+
+class _Mesh(ctypes.Structure):
+    """The beginning of an aiMesh, which has been the same since version 3."""
+
+    _fields_ = (
+        ("primitive_types", ctypes.c_uint),
+        ("n_vertices", ctypes.c_uint),
+        ("n_faces", ctypes.c_uint),
+        ("vertices", ctypes.c_void_p),
+        ("normals", ctypes.c_void_p),
+        ("tangents", ctypes.c_void_p),
+        ("bitangents", ctypes.c_void_p),
+        ("colors", ctypes.c_void_p * 8),
+        ("texture_coordinates", ctypes.c_void_p * 8),
+        ("n_uv_components", ctypes.c_uint * 8),
+        ("faces", ctypes.c_void_p),
+        ("n_bones", ctypes.c_uint),
+        ("bones", ctypes.c_void_p),
+        ("material", ctypes.c_uint),
+    )
+
+
+class _Scene(ctypes.Structure):
+    """The beginning of an aiScene, which has been the same, too."""
+
+    _fields_ = (
+        ("flags", ctypes.c_uint),
+        ("root_node", ctypes.c_void_p),
+        ("n_meshes", ctypes.c_uint),
+        ("meshes", ctypes.POINTER(ctypes.POINTER(_Mesh))),
+        ("n_materials", ctypes.c_uint),
+        ("materials", ctypes.POINTER(ctypes.c_void_p)),
+    )
+
+
+_FACE = np.dtype([("n_indices", np.uint32), ("indices", np.uintp)], align=True)
+
+
+class CannotReadError(Exception):
+    """A mesh cannot be read; the text says why."""
+
+
+_Part = Tuple[np.ndarray, np.ndarray, Tuple[float, ...]]
+"""Of one material: corners of triangles and normals there, shape (n, 3, 3), and red,
+green, blue, opacity, NaN where the file has no material."""
+
+
+class _Assimp:
+    """The library, ready to read."""
+
+    def __init__(self) -> None:
+        name = ctypes.util.find_library("assimp")
+        if name is None:
+            raise CannotReadError("the library assimp is not installed")
+        self._library: Any = ctypes.CDLL(name)
+        self._library.aiCreatePropertyStore.restype = ctypes.c_void_p
+        self._library.aiImportFileExWithProperties.restype = ctypes.POINTER(_Scene)
+        self._library.aiGetErrorString.restype = ctypes.c_char_p
+        self._properties = ctypes.c_void_p(self._library.aiCreatePropertyStore())
+        for key, value in PROPERTIES.items():
+            self._library.aiSetImportPropertyInteger(self._properties, key, value)
+
+    def parts(self, path: Path) -> Iterator[_Part]:
+        """Read the parts of a mesh, placed as the file's nodes place them."""
+        found = self._library.aiImportFileExWithProperties(
+            os.fsencode(path), STEPS, None, self._properties
+        )
+        if not found:
+            why = self._library.aiGetErrorString().decode("utf-8", "replace")
+            if why.endswith(OUT_OF_MEMORY):
+                raise MemoryError
+            raise CannotReadError(why.strip(" ."))
+        scene = found.contents
+        for pointer in scene.meshes[: scene.n_meshes]:
+            mesh = pointer.contents
+            indices = _triangles(mesh)
+            if len(indices):
+                material = ctypes.c_void_p(scene.materials[mesh.material])
+                yield (
+                    _vectors(mesh.vertices, mesh.n_vertices)[indices],
+                    _vectors(mesh.normals, mesh.n_vertices)[indices],
+                    self._color(material, path.parent),
+                )
+        self._library.aiReleaseImport(found)
+
+    def _color(self, material: ctypes.c_void_p, folder: Path) -> tuple[float, ...]:
+        """Return the colour of a material; of a picture the mean."""
+        name, texture = _String(), _String()
+        color, opacity = (ctypes.c_float * 4)(), ctypes.c_float(1.0)
+        self._library.aiGetMaterialString(
+            material, b"?mat.name", 0, 0, ctypes.byref(name)
+        )
+        result = self._library.aiGetMaterialColor(
+            material, b"$clr.diffuse", 0, 0, ctypes.byref(color)
+        )
+        if name.data == b"DefaultMaterial" or result != SUCCESS:
+            return (np.nan,) * 4
+        self._library.aiGetMaterialFloatArray(
+            material, b"$mat.opacity", 0, 0, ctypes.byref(opacity), None
+        )
+        self._library.aiGetMaterialTexture(
+            material, DIFFUSE_TEXTURE, 0, ctypes.byref(texture), *repeat(None, 6)
+        )
+        mean = _mean_color(folder, texture.data.decode("utf-8", "replace"))
+        return (*(mean or color[:3]), opacity.value)
+
+
+def _vectors(address: int | None, count: int) -> np.ndarray:
+    """Copy vectors from the library, shape (count, 3)."""
+    if not address or not count:
+        return np.zeros((count, 3), np.float32)
+    numbers = (ctypes.c_float * (3 * count)).from_address(address)
+    return np.array(numbers, np.float32).reshape(-1, 3)
+
+
+def _triangles(mesh: _Mesh) -> np.ndarray:
+    """Copy the indices of a mesh's corners from the library, shape (n, 3)."""
+    if not mesh.n_faces:
+        return np.zeros((0, 3), np.uint32)
+    size = _FACE.itemsize * mesh.n_faces
+    faces = np.frombuffer(ctypes.string_at(mesh.faces, size), _FACE)
+    faces = faces[faces["n_indices"] == 3]
+    addresses = faces["indices"].tolist()
+    data = b"".join(map(ctypes.string_at, addresses, repeat(12)))
+    return np.frombuffer(data, np.uint32).reshape(-1, 3)
 
 
 def main() -> None:
@@ -64,7 +217,7 @@ def main() -> None:
 def _read_to(folder: Path, number: int, file: Path) -> None:
     """Read a mesh, and write what is in it."""
     try:
-        arrays = read(file)
+        arrays = _read(file)
     except (CannotReadError, MemoryError) as error:
         full = f"it takes more than {MEMORY // 2**30} GiB of memory"
         why_not = full if isinstance(error, MemoryError) else str(error)
@@ -75,127 +228,63 @@ def _read_to(folder: Path, number: int, file: Path) -> None:
     (folder / "unfinished.npz").rename(folder / f"{number}.npz")
 
 
-def read(path: Path) -> dict[str, np.ndarray]:
-    """Read a mesh.
-
-    Args:
-        path: Its file.
-
-    Returns:
-        Of all parts, one after the other: ``corners`` and ``normals``, shape
-        (n, 3, 3); of each part: ``counts`` of its triangles, shape (m,), and
-        ``colors``, shape (m, 4), NaN where it has none.
-
-    Raises:
-        CannotReadError: If it cannot be read.
-        MemoryError: If it takes too much memory.
-    """
+def _read(path: Path) -> dict[str, np.ndarray]:
+    """Read a mesh: all parts' ``corners`` and ``normals``, ``counts``, ``colors``."""
     # Before the library: version 5.0 aborts at a binary STL that ends too early.
-    fault = _stl_fault(path, is_surely_binary=True)
-    if fault:
-        raise CannotReadError(fault)
-    library = Assimp()
-    try:
-        parts = [part for part in library.read(path) if len(part.corners)]
-    except CannotReadError as error:
-        raise CannotReadError(_fault(library, path) or str(error)) from error
-    counts = [len(part.corners) for part in parts]
+    _check_stl(path)
+    parts = list(_Assimp().parts(path))
     if not parts:
         raise CannotReadError("it has no triangles")
+    counts = [len(corners) for corners, _, _ in parts]
     if sum(counts) > MAX_TRIANGLES:
         raise CannotReadError(
             f"it has {sum(counts)} triangles; there is room for {MAX_TRIANGLES}"
         )
-    corners = np.concatenate([part.corners for part in parts])
-    if not (np.abs(corners) <= MAX_VALUE).all():
-        raise CannotReadError("it has corners that are nowhere")
+    corners, normals = (np.concatenate([part[n] for part in parts]) for n in (0, 1))
+    with np.errstate(invalid="ignore"):
+        if not (np.abs(corners) <= MAX_VALUE).all():
+            raise CannotReadError(
+                f"it has corners that are not finite, or beyond {MAX_VALUE:g} m"
+            )
+    # A normal without a direction becomes that of its triangle.
+    own = triangle_normals(corners)[:, np.newaxis]
+    normals = np.where(has_direction(normals)[..., np.newaxis], normals, own)
     return {
         "corners": corners,
-        "normals": _normals(corners, np.concatenate([p.normals for p in parts])),
+        "normals": normals.astype(corners.dtype),
         "counts": np.array(counts),
-        "colors": np.array([_color(part, path.parent) for part in parts]),
+        "colors": np.array([color for _, _, color in parts]),
     }
 
 
-def _fault(library: Assimp, path: Path) -> str:
-    """Say what is wrong with a refused file where the library's message says less.
-
-    It takes out what has corners that are no numbers, and then reports that
-    nothing is left.
-    """
-    fault = _stl_fault(path)
-    if fault:
-        return fault
-    try:
-        parts = library.read(path, TRIANGULATE)
-    except CannotReadError:
-        return ""
-    if not sum(len(part.corners) for part in parts):
-        return "it has no triangles"
-    sound = all(np.isfinite(part.corners).all() for part in parts)
-    return "" if sound else "it has corners that are no numbers"
-
-
-def _stl_fault(path: Path, is_surely_binary: bool = False) -> str:
-    """Say why a file is neither kind of STL; empty if that is not what is wrong.
-
-    Args:
-        path: The file; one of another format has no such fault.
-        is_surely_binary: Whether to judge only what no reader takes for text.
-    """
+def _check_stl(path: Path) -> None:
+    """Check that an STL is text, or as long as its number of triangles says."""
     if path.suffix.lower() != ".stl":
-        return ""
+        return
     try:
         with path.open("rb") as file:
             head = file.read(HEAD)
             size = file.seek(0, os.SEEK_END)
-    except OSError:
-        return ""
+    except OSError as error:
+        raise CannotReadError(str(error.strerror)) from error
     needed = binary_size(head)
     # The number of triangles has a zero byte, which text has not.
-    is_text = b"\0" not in head and (
-        is_surely_binary or head.lstrip().startswith(b"solid")
-    )
-    if not size or size == needed or is_text:
-        return ""
-    return (
-        'it is no text that begins with "solid" in small letters, and its '
-        f"{size} bytes are not the {needed} of {triangle_count(head)} triangles"
-    )
+    begin = head.lstrip(b"\xef\xbb\xbf \t\r\n")
+    is_text = b"\0" not in head and (not begin or begin.startswith(b"solid"))
+    if size != needed and not is_text:
+        raise CannotReadError(
+            'it is not text that begins with "solid" in small letters, and its '
+            f"{size} bytes are not the {needed} of {triangle_count(head)} triangles"
+        )
 
 
-def has_direction(normals: np.ndarray) -> np.ndarray:
-    """Return which normals, shape (..., 3), are long enough to have a direction."""
-    with np.errstate(all="ignore"):
-        squares = (normals.astype(float) ** 2).sum(axis=-1)
-        return (squares >= LEAST_NORMAL) & (squares < np.inf)
-
-
-def _normals(corners: np.ndarray, normals: np.ndarray) -> np.ndarray:
-    """Put that of the triangle in the place of each normal without a direction.
-
-    Args:
-        corners: Of triangles, shape (n, 3, 3).
-        normals: At the corners, shape (n, 3, 3).
-    """
-    own = triangle_normals(corners)[:, np.newaxis]
-    valid = has_direction(normals)[..., np.newaxis]
-    return np.where(valid, normals, own).astype(normals.dtype)
-
-
-def _color(part: RawPart, folder: Path) -> tuple[float, ...]:
-    """Give the colour of a part, shape (4,); of a picture the mean."""
-    if part.color is None:
-        return (np.nan,) * 4
-    names = filter(None, (part.texture, unquote(part.texture)))
+def _mean_color(folder: Path, name: str) -> tuple[float, ...] | None:
+    """Return the mean colour of a picture, from 0 to 1; None if it cannot be read."""
+    paths = [folder / written for written in (name, unquote(name)) if written]
     # A name may be too long for a file: then a path's own is_file() raises.
-    pictures = [folder / name for name in names if os.path.isfile(folder / name)]
-    mean = _mean_color(pictures[0]) if pictures else None
-    return (*(mean or part.color[:3]), part.color[3])
-
-
-def _mean_color(picture: Path) -> tuple[float, ...] | None:
-    """Give the mean colour of a picture, from 0 to 1; None if it cannot be read."""
+    picture = next(filter(os.path.isfile, paths), None)
+    if picture is None:
+        return None
     from PIL import Image
 
     try:

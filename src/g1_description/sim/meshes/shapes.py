@@ -18,11 +18,11 @@ from g1_description.files.model_files import find_folder
 from g1_description.files.uris import local_path
 from g1_description.robot.description import Shape
 from g1_description.sim.meshes.contents import Part, mesh_contents
-from g1_description.sim.meshes.read_meshes import has_direction
 from g1_description.sim.meshes.stl import (
     HEAD,
     RECORD,
     binary_size,
+    has_direction,
     triangle_count,
     triangle_normals,
 )

@@ -11,6 +11,10 @@ AROUND = 48
 """Pieces of a full circle: the outline is 0.3 % too small."""
 
 
+LEAST_NORMAL = 0.001
+"""Square of the length that a normal has at least, if it has a direction."""
+
+
 @dataclass(frozen=True)
 class Surface:
     """Triangles with a direction for the light at each corner."""
@@ -38,6 +42,13 @@ def triangle_normals(corners: np.ndarray) -> np.ndarray:
     normals = np.cross(edges[:, 0], edges[:, 1])
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
     return normals / np.where(lengths > 0.0, lengths, 1.0)
+
+
+def has_direction(normals: np.ndarray) -> np.ndarray:
+    """Return which normals, shape (..., 3), are long enough to have a direction."""
+    with np.errstate(all="ignore"):
+        squares = (normals.astype(float) ** 2).sum(axis=-1)
+        return (squares >= LEAST_NORMAL) & (squares < np.inf)
 
 
 def sphere(radius: float) -> Surface:

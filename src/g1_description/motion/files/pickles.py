@@ -1,4 +1,4 @@
-"""Pickles of motions, as GMR writes them, read without running what they say.
+"""Pickles of motions, read without running what they say.
 
 A pickle is a program. This one may make numbers, text, plain containers and numpy's
 arrays of numbers, and call nothing but what makes these.
@@ -14,6 +14,9 @@ from typing import Any
 import numpy as np
 
 from g1_description.errors import MotionError, cause
+
+PICKLE = b"\x80"
+"""Begins pickles of all protocols but the oldest."""
 
 MAX_STEPS = 500_000
 """Most steps of a pickle. GMR's have a hundred, or one per number where they have lists
@@ -109,7 +112,7 @@ def _check_steps(data: bytes) -> None:
             raise MotionError(f"it numbers an object {argument}")
 
 
-def read_gmr_pickle(data: bytes) -> dict[str, Any]:
+def read_pickle(data: bytes) -> dict[str, Any]:
     """Read a pickle whose top level is a dictionary.
 
     Raises:

@@ -1,0 +1,40 @@
+"""Arrays of GMR, in a pickle or an npz: ``fps, root_pos, root_rot, dof_pos``.
+
+Quaternions are x y z w, which is checked. TWIST2 and GMT have the same arrays.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from g1_description.motion.files.source import MotionSource
+from g1_description.motion.files.unnamed import names_of_columns, w_last
+from g1_description.motion.motion import Motion
+from g1_description.motion.trajectory import Trajectory
+from g1_description.robot.description import Description
+
+ARRAYS = ("fps", "root_pos", "root_rot", "dof_pos")
+
+
+def recognise(source: MotionSource) -> bool:
+    """Return whether a file has these arrays."""
+    return {*ARRAYS} <= {*source.arrays}
+
+
+def read(source: MotionSource, robot: Description) -> Motion:
+    """Read a motion.
+
+    Raises:
+        MotionError: If shapes or numbers are others.
+    """
+    positions = source.numbers("dof_pos", None, None)
+    n_samples = len(positions)
+    places = source.numbers("root_pos", n_samples, 3)
+    turns = source.numbers("root_rot", n_samples, 4)
+    times, notes = source.times(n_samples)
+    base = np.concatenate([places, turns], axis=1)
+    names, of_names = names_of_columns(positions, robot)
+    trajectory, of_base = w_last(
+        Trajectory(times, names, positions, base_poses=base), robot
+    )
+    return Motion(trajectory, (*of_names, *of_base, *notes))
