@@ -362,7 +362,7 @@ SHEET = 6
 """Pictures of a contact sheet whose times are not given."""
 
 
-def read_motion(
+def drawn_motion(
     args: Any, description: Description
 ) -> tuple[list[list[Placed]], tuple[str, ...]]:
     """Read a motion of which pictures are to be drawn.

@@ -26,7 +26,7 @@ from g1_description.cli.film import (
     drawn,
     film,
     now,
-    read_motion,
+    drawn_motion,
     record,
     side_by_side,
     write_film,
@@ -364,7 +364,7 @@ def draw_file(args: SnapshotOptions) -> None:
     check_joints(args.joints, description)
     moments: list[list[Placed]] = [[(None, {})]]
     if args.motion:
-        moments, notes = read_motion(args, description)
+        moments, notes = drawn_motion(args, description)
         for note in notes:
             notify(note)
     draw_all([description], moments, args)
