@@ -84,7 +84,7 @@ class Open:
         return one
 
     def position(self, joint="left_elbow_joint"):
-        return self.robot.state().positions[joint]
+        return self.robot.state().positions_by_name[joint]
 
     def close(self):
         for client in self._clients:
@@ -127,7 +127,7 @@ def is_at(client, link, pose):
 
 def wanted(page, **positions):
     """Place the robot by scipy."""
-    base = page.robot.state().base
+    base = page.robot.state().base_pose
     bent = {f"{name}_joint": value for name, value in positions.items()}
     return forward_kinematics(ARMS, base, bent)
 
@@ -236,7 +236,9 @@ def test_a_robot_that_is_followed_stays_in_the_middle(page):
     assert np.abs(one.nodes["/floor"]["position"]).max() < 1.0
     one.set("x y z", [1.0, 2.0, 1.0])
     one.wait_for(lambda: one.value("x y z") == [1.0, 2.0, 1.0], "the fields")
-    wait_for(lambda: page.robot.state().base[0] == 1.0, "the base where it was put")
+    wait_for(
+        lambda: page.robot.state().base_pose[0] == 1.0, "the base where it was put"
+    )
     one.wait_for(lambda: has_its_lines_under(1.0, 2.0), "the floor under it")
     one.wait_for(is_in_the_middle, "the robot in the middle again")
     one.set("Gizmo", True)  # a map that moves would carry it away from the mouse
@@ -256,16 +258,16 @@ def test_a_gizmo_that_is_pressed_and_not_dragged_moves_nothing(page):
     one = page.client()
     one.set("Gizmo", True)
     (name,) = (n for n in list(one.nodes) if "/gizmos/" in n)
-    before = page.robot.state().base
+    before = page.robot.state().base_pose
     turn, away = (1.0, 0.0, 0.0, 0.0), (5.0, 5.0, 5.0)
     one.send("TransformControlsDragStartMessage", name=name, owner="")
     one.send("TransformControlsDragEndMessage", name=name, owner="")
     one.set("left_elbow", -0.5)
     wait_for(lambda: page.position() == -0.5, "what came after it")
-    assert (page.robot.state().base == before).all()
+    assert (page.robot.state().base_pose == before).all()
     message = {"name": name, "wxyz": turn, "position": away, "owner": ""}
     one.send("TransformControlsUpdateMessage", **message)
-    wait_for(lambda: page.robot.state().base[0] == 5.0, "a base that is dragged")
+    wait_for(lambda: page.robot.state().base_pose[0] == 5.0, "a base that is dragged")
 
 
 def test_a_gizmo_that_moves_while_the_page_draws_is_heard(page, monkeypatch):
@@ -288,7 +290,7 @@ def test_a_gizmo_that_moves_while_the_page_draws_is_heard(page, monkeypatch):
     one.send("TransformControlsUpdateMessage", name=name, **away)
     wait_for(lambda: base._gizmo.position[0] == 5.0, "a gizmo that is elsewhere")
     is_free.set()
-    wait_for(lambda: page.robot.state().base[0] == 5.0, "a base that is dragged")
+    wait_for(lambda: page.robot.state().base_pose[0] == 5.0, "a base that is dragged")
 
 
 def test_who_is_quick_is_heard():
@@ -367,13 +369,16 @@ def test_nonsense_moves_nothing_and_the_page_goes_on(page):
     one.send("GuiUpdateMessage", uuid="of nothing", updates={"value": 1.0})
     one.send("TransformControlsUpdateMessage", name="/none", wxyz=[9], position=[])
     after = page.robot.state()
-    assert after.positions == before.positions
-    assert (after.base == before.base).all()
+    assert after.positions_by_name == before.positions_by_name
+    assert (after.base_pose == before.base_pose).all()
     other.set("right_elbow", -0.25)
     wait_for(lambda: page.position("right_elbow_joint") == -0.25, "others")
     after = page.robot.state()
-    assert after.positions == {**before.positions, "right_elbow_joint": -0.25}
-    assert (after.base == before.base).all()
+    assert after.positions_by_name == {
+        **before.positions_by_name,
+        "right_elbow_joint": -0.25,
+    }
+    assert (after.base_pose == before.base_pose).all()
     third = page.client()
     third.wait_for(lambda: third.value("left_elbow") == 0.0, "a slider that is whole")
     third.wait_for(lambda: len(third.value("x y z")) == 3, "three numbers")
@@ -385,7 +390,7 @@ def test_who_may_only_look_changes_nothing():
     page = Open(read_only=True)
     try:
         client = page.client()
-        before = page.robot.state().positions
+        before = page.robot.state().positions_by_name
         labels = {e.get("label") for e in list(client.elements.values())}
         assert not labels & {"left_elbow", "Take", "Save pose", "x y z"}
         values = list(client.elements)
@@ -395,7 +400,10 @@ def test_who_may_only_look_changes_nothing():
         page.world.move(page.robot, {"right_elbow_joint": 0.5}, 0.0)
         goal = wanted(page, right_elbow=0.5)["right_arm"]
         client.wait_for(lambda: is_at(client, "right_arm", goal), "what others do")
-        assert page.robot.state().positions == {**before, "right_elbow_joint": 0.5}
+        assert page.robot.state().positions_by_name == {
+            **before,
+            "right_elbow_joint": 0.5,
+        }
         assert not client.has_ended
     finally:
         page.close()

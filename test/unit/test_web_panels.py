@@ -28,12 +28,12 @@ from g1_description.motion.motion import Motion
 from g1_description.motion.trajectory import Trajectory
 from g1_description.robot.description import Joint
 from g1_description.robot.poses import parse_poses
+from g1_description.robot.state import RobotState
 from g1_description.robot.transform import IDENTITY
 from g1_description.web import findings_panel as findings
 from g1_description.web import plots
 from g1_description.web.controls import JointPanel, slider_range
 from g1_description.web.plots import PlotPanel
-from g1_description.web.robot import ShownState
 from g1_description.web.show import configuration_command, configuration_yaml
 from g1_description.web.simulator_panel import SimulatorPanel
 from g1_description.web.ui_loop import UiLoop
@@ -44,6 +44,11 @@ from page_client import PageClient
 HOSTILE = "</div><script>alert('x')</script> \" onload='y' & <"
 
 
+def state(positions, commanded=None):
+    values = np.array([*positions.values()], dtype=float)
+    return RobotState(0, tuple(positions), values, commanded=commanded or {})
+
+
 class Shown:
     """A robot that is where it was put, and keeps what it is commanded."""
 
@@ -51,7 +56,7 @@ class Shown:
         self.name, self.joint_topic = name, topic
         self.description = robot(*(links or ("a", "b", "c")))
         self.commands = []
-        self.where = ShownState(0.0, {"to_b": 0.0, "to_c": 0.0}, None)
+        self.where = state({"to_b": 0.0, "to_c": 0.0})
 
     def state(self):
         return self.where
@@ -222,8 +227,8 @@ def test_lines_of_the_past_are_measured_and_commanded(server, ui):
     shown = Shown()
     panel = add_plot(server, ui, shown, joints=["to_c"])
     for value in (0.1, 0.2, 0.3):
-        wanted = ShownState(0.0, {"to_c": 10 * value}, None) if value > 0.1 else None
-        panel.add({shown: (ShownState(0.0, {"to_c": value}, None), wanted)}, None)
+        commanded = {"to_c": 10 * value} if value > 0.1 else {}
+        panel.add({shown: state({"to_c": value}, commanded)}, None)
     times, measured, commanded = panel._data(None)
     assert (np.diff(times) >= 0).all() and times[-1] <= 0.0
     np.testing.assert_allclose(measured, [0.1, 0.2, 0.3])
@@ -233,9 +238,9 @@ def test_lines_of_the_past_are_measured_and_commanded(server, ui):
 def test_what_is_not_known_is_a_gap(server, ui):
     one, other = Shown(name="one"), Shown(name="other")
     panel = add_plot(server, ui, one, other, joints=["other: to_b"])
-    panel.add({one: (one.where, None)}, None)
-    panel.add({one: (one.where, None), other: (other.where, None)}, None)
-    panel.add({other: (ShownState(0.0, {"to_c": 1.0}, None), None)}, None)
+    panel.add({one: one.where}, None)
+    panel.add({one: one.where, other: other.where}, None)
+    panel.add({other: state({"to_c": 1.0})}, None)
     _, measured, _ = panel._data(None)
     np.testing.assert_allclose(measured, [np.nan, 0.0, np.nan])
 
@@ -259,11 +264,10 @@ def test_lines_of_the_whole_motion(server, ui):
     panel.motions = {shown: motion}
     for at in (0.75, 0.25):  # scrubbed, not in order
         At.time = at
-        state = ShownState(0.0, {"to_b": at + 1, "to_c": 5.0}, None)
-        panel.add({shown: (state, None)}, At)
-    drawn, measured, wanted, other, no_goal = panel._data(At)
+        panel.add({shown: state({"to_b": at + 1, "to_c": 5.0})}, At)
+    drawn, measured, planned, other, no_goal = panel._data(At)
     np.testing.assert_allclose(drawn, times)
-    np.testing.assert_allclose(wanted, times**2)
+    np.testing.assert_allclose(planned, times**2)
     np.testing.assert_allclose(measured, [np.nan, 1.25, 1.5, 1.75, np.nan])
     np.testing.assert_allclose(other, [np.nan, 5, 5, 5, np.nan])
     assert np.isnan(no_goal).all()
@@ -360,7 +364,7 @@ POSITIONS = {"to_c": -1.5, "to_b": 1e-5, "of_somebody_else": 9.0}
 
 def test_copied_yaml_is_a_pose():
     shown = Shown()
-    shown.where = ShownState(0.0, POSITIONS, None)
+    shown.where = state(POSITIONS)
     (pose,) = parse_poses(configuration_yaml(shown), "the clipboard").values()
     assert pose.positions == {"to_b": 1e-5, "to_c": -1.5}
     assert [*pose.positions] == ["to_b", "to_c"]
@@ -371,7 +375,7 @@ def test_copied_yaml_is_a_pose():
 )
 def test_a_copied_command_moves_the_robot_to_where_it_is(value, topic):
     shown = Shown(topic=topic)
-    shown.where = ShownState(0.0, {"to_c": value, "to_b": 0.25}, None)
+    shown.where = state({"to_c": value, "to_b": 0.25})
     words = shlex.split(configuration_command(shown))
     assert words[:-1] == ["rostopic", "pub", "-1", topic, "sensor_msgs/JointState"]
     message = yaml.safe_load(words[-1])
@@ -383,7 +387,7 @@ def test_a_copied_command_moves_the_robot_to_where_it_is(value, topic):
 @given(st.floats(-4.0, 4.0))
 def test_both_texts_say_the_same(value):
     shown = Shown()
-    shown.where = ShownState(0.0, {"to_b": value, "to_c": 0.0}, None)
+    shown.where = state({"to_b": value, "to_c": 0.0})
     (pose,) = parse_poses(configuration_yaml(shown), "the clipboard").values()
     message = yaml.safe_load(shlex.split(configuration_command(shown))[-1])
     assert dict(zip(message["name"], message["position"])) == pose.positions

@@ -45,13 +45,13 @@ def world_of(*names):
 
 
 def elbow(robot):
-    return robot.state().positions["elbow"]
+    return robot.state().positions_by_name["elbow"]
 
 
 def test_a_robot_begins_on_the_floor_inside_its_limits(ball):
     state = ball.state()
-    assert state.positions == {"elbow": 0.5}
-    assert state.base == pytest.approx([0, 0, 0.3, 0, 0, 0, 1])
+    assert state.positions_by_name == {"elbow": 0.5}
+    assert state.base_pose == pytest.approx([0, 0, 0.3, 0, 0, 0, 1])
 
 
 def test_the_g1_stands_on_its_feet():
@@ -59,10 +59,12 @@ def test_the_g1_stands_on_its_feet():
     text = file.read_text()
     robot = StillRobot("g1", parse_urdf(text.replace("package://", "file:///none/")))
     state = robot.state()
-    places = forward_kinematics(text, state.base, state.positions)
+    places = forward_kinematics(text, state.base_pose, state.positions_by_name)
     lowest = min(pose[2] for pose in places.values())
     assert 0.0 <= lowest < 0.1, "the soles are below the ankles"
-    assert state.positions.keys() == {j.name for j in robot.description.movable_joints}
+    assert state.positions_by_name.keys() == {
+        j.name for j in robot.description.movable_joints
+    }
 
 
 def test_a_command_moves_what_it_names_and_reset_takes_it_back(ball):
@@ -70,17 +72,20 @@ def test_a_command_moves_what_it_names_and_reset_takes_it_back(ball):
     ball.command({"elbow": 1.25})
     ball.command_base(np.array([1.0, 2.0, 3.0, 0.0, 0.0, 1.0, 0.0]))
     assert elbow(ball) == 1.25
-    assert ball.state().base == pytest.approx([1, 2, 3, 0, 0, 1, 0])
+    assert ball.state().base_pose == pytest.approx([1, 2, 3, 0, 0, 1, 0])
     ball.reset()
-    assert (elbow(ball), ball.state().base.tolist()) == (0.5, begin.base.tolist())
+    assert (elbow(ball), ball.state().base_pose.tolist()) == (
+        0.5,
+        begin.base_pose.tolist(),
+    )
 
 
 def test_what_is_given_out_is_nobodys_to_change(ball):
     pose = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
     ball.command_base(pose)
     pose[0] = 9.0
-    ball.state().base[0] = 7.0
-    assert ball.state().base[0] == 1.0
+    ball.state().base_pose[0] = 7.0
+    assert ball.state().base_pose[0] == 1.0
 
 
 def test_a_robot_takes_its_way_and_rests_at_its_end():
@@ -120,7 +125,7 @@ def test_a_motion_is_shown_at_a_time_and_does_not_run():
     assert elbow(robot) == 1.0, "the first sample"
     player.show(2.34)
     assert elbow(robot) == pytest.approx(2.34)
-    assert robot.state().base == pytest.approx([2.34, 5, 1, 0, 0, 0, 1])
+    assert robot.state().base_pose == pytest.approx([2.34, 5, 1, 0, 0, 0, 1])
     assert (player.time, player.is_running) == (2.34, False)
     player.show(77.0)
     assert elbow(robot) == pytest.approx(5.0), "the last sample stays"
@@ -176,9 +181,13 @@ def test_two_motions_are_in_step():
 
 def test_robots_stand_beside_each_other_or_where_they_are():
     world = world_of("a", "b", "c")
-    assert [r.state().base[1] for r in world.robots] == [0, -DISTANCE, -2 * DISTANCE]
+    assert [r.state().base_pose[1] for r in world.robots] == [
+        0,
+        -DISTANCE,
+        -2 * DISTANCE,
+    ]
     world.arrange(beside=False)
-    assert [r.state().base[1] for r in world.robots] == [0, 0, 0]
+    assert [r.state().base_pose[1] for r in world.robots] == [0, 0, 0]
     assert world.can_arrange and not world_of("a").can_arrange
 
 
@@ -186,7 +195,7 @@ def test_a_base_is_put_where_it_is_seen():
     world = world_of("a", "b")
     pose = np.array([1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 1.0])
     world.robots[1].command_base(pose)
-    assert_poses_close(world.robots[1].state().base, pose, 1e-12)
+    assert_poses_close(world.robots[1].state().base_pose, pose, 1e-12)
 
 
 def test_posing_pauses_the_motion():

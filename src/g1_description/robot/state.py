@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -39,6 +40,11 @@ class RobotState:
     """Commanded pose of the base, like ``base_pose``; None if there is none."""
 
     @property
+    def time(self) -> float:
+        """The stamp in [s]."""
+        return 1e-9 * self.stamp
+
+    @cached_property
     def positions_by_name(self) -> dict[str, float]:
         """Measured positions in [rad] or [m] by joint name."""
         return dict(zip(self.names, self.positions.tolist()))

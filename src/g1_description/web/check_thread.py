@@ -12,7 +12,8 @@ from g1_description.checks.checker import Checker
 from g1_description.checks.live import LiveCheck
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
-from g1_description.web.robot import ShownRobot, ShownState
+from g1_description.robot.state import RobotState
+from g1_description.web.robot import ShownRobot
 from g1_description.web.ui_loop import UiLoop
 
 if TYPE_CHECKING:
@@ -34,13 +35,13 @@ _Request = Tuple[
 
 
 class CheckThread:
-    """Checks motions at once, and the newest state of each robot when it is wanted."""
+    """Checks motions at once, and the newest state of each robot on request."""
 
     def __init__(
         self,
         ui: UiLoop,
         make: MakeChecker,
-        seen: Callable[[ShownRobot, ShownState, Verdict], object],
+        seen: Callable[[ShownRobot, RobotState, Verdict], object],
     ) -> None:
         """Begin; nothing is prepared before it is needed.
 
@@ -54,7 +55,7 @@ class CheckThread:
         self._failed: dict[int, tuple[Exception, float]] = {}
         self._live: dict[ShownRobot, LiveCheck] = {}
         self._lock = threading.Condition()
-        self._states: dict[ShownRobot, ShownState] = {}
+        self._states: dict[ShownRobot, RobotState] = {}
         self._motions: list[_Request] = []
         threading.Thread(target=self._work, daemon=True).start()
 
@@ -77,7 +78,7 @@ class CheckThread:
             self._motions.append((robot, motion, then, failed))
             self._lock.notify()
 
-    def check_state(self, robot: ShownRobot, state: ShownState) -> None:
+    def check_state(self, robot: ShownRobot, state: RobotState) -> None:
         """Check where a robot is, unless something newer comes before it is time."""
         with self._lock:
             self._states[robot] = state
@@ -117,10 +118,11 @@ class CheckThread:
         found = replace(verdict, measured=None)  # a long motion's needs much memory
         self._ui.post(("motion", robot), lambda: then(found))
 
-    def _state(self, robot: ShownRobot, state: ShownState) -> None:
+    def _state(self, robot: ShownRobot, state: RobotState) -> None:
         if robot not in self._live:
             self._live[robot] = LiveCheck(self._checker(robot))
-        verdict = self._live[robot].check(state.time, state.positions, state.base)
+        live = self._live[robot]
+        verdict = live.check(state.time, state.positions_by_name, state.base_pose)
         self._ui.post(("seen", robot), lambda: self._seen(robot, state, verdict))
 
     def _checker(self, robot: ShownRobot) -> Checker:

@@ -26,7 +26,8 @@ from g1_description.robot.poses import (
     user_file,
 )
 from g1_description.robot.rotation import axes_to_rpy, from_rpy, to_axes
-from g1_description.web.robot import ShownRobot, ShownState, ShownWorld
+from g1_description.robot.state import RobotState
+from g1_description.web.robot import ShownRobot, ShownWorld
 from g1_description.web.scene.stage import MAP
 from g1_description.web.scene.tree import pose_of, wxyz
 from g1_description.web.ui_loop import UiLoop
@@ -162,14 +163,15 @@ class JointPanel:
             self._guard.hold(slider)
             self._robot.command({name: min(max(value, slider.min), slider.max)})
 
-    def follow(self, state: ShownState) -> None:
+    def follow(self, state: RobotState) -> None:
         """Show where the joints are, but those that a person moves."""
         now = time.monotonic()
         if now < self._looked + PERIOD:
             return
         self._looked = now
+        positions = state.positions_by_name
         for name, slider in self._sliders.items():
-            place = state.positions.get(name)
+            place = positions.get(name)
             if place is None or self._guard.is_held(slider):
                 continue
             value = min(max(place, slider.min), slider.max)
@@ -282,20 +284,20 @@ class BasePanel:
             pose[3:] /= np.linalg.norm(pose[3:])
             self._robot.command_base(pose)
 
-    def follow(self, state: ShownState) -> None:
+    def follow(self, state: RobotState) -> None:
         """Show where the base is, unless a person moves it."""
         now = time.monotonic()
-        if now < self._looked + PERIOD or state.base is None:
+        if now < self._looked + PERIOD or state.base_pose is None:
             return
         self._looked = now
         if any([self._guard.is_held(field) for field in self._fields]):
             return
-        self._show_fields(state.base)
+        self._show_fields(state.base_pose)
         # What is set here is written into viser's array; a person's comes as another
         # one, the turn first, and _dragged may not be told of it yet.
         if self._gizmo_on.value and self._gizmo.wxyz is self._gizmo_turn:
-            self._gizmo.position = state.base[:3]
-            self._gizmo.wxyz = np.array(wxyz(state.base))
+            self._gizmo.position = state.base_pose[:3]
+            self._gizmo.wxyz = np.array(wxyz(state.base_pose))
 
     def _show_fields(self, pose: np.ndarray) -> None:
         """Show a pose in the fields."""
@@ -341,7 +343,7 @@ class PosePanel:
                 min=0.0,
                 max=MAX_SECONDS,
                 step=0.1,
-                hint="how long the way takes; 0: at once",
+                hint="duration of the motion; 0: at once",
             )
             self._poses = gui.add_button_group("Take", self._names() or [NONE])
             self._name = gui.add_text("Name", "", hint="of the pose to save")
@@ -365,7 +367,9 @@ class PosePanel:
         goal = dict(zip(names, pose_positions(pose, robot).tolist()))
         seconds = float(self._seconds.value)
         if not 0.0 <= seconds <= MAX_SECONDS:
-            raise InvalidValueError(f"{seconds:g} is no time from 0 to 10 s.")
+            raise InvalidValueError(
+                f"Seconds must be from 0 to {MAX_SECONDS:g} (got {seconds:g})."
+            )
         self._joints.let_go()
         self._ui.wait_for(lambda: self._world.move(self._robot, goal, seconds))
 
@@ -383,7 +387,7 @@ class PosePanel:
             )
         if state is None:
             raise InvalidValueError("There is nothing to save: no state has come yet.")
-        positions = known(state.positions, self._robot)
+        positions = known(state.positions_by_name, self._robot)
         save_pose(Pose(name, positions, "saved in the browser"), user_file())
         self._replace.value = False
         self._poses.options = tuple(self._names())

@@ -14,9 +14,10 @@ from g1_description.motion.edit import minimum_jerk_trajectory
 from g1_description.motion.motion import Motion
 from g1_description.motion.trajectory import Trajectory, sample
 from g1_description.robot.description import Description
+from g1_description.robot.state import RobotState
 from g1_description.robot.transform import IDENTITY
 from g1_description.sim.standing import lowest_height
-from g1_description.web.robot import ShownRobot, ShownState
+from g1_description.web.robot import ShownRobot
 
 DISTANCE = 1.2
 """Between robots that stand beside each other, in [m]."""
@@ -52,7 +53,7 @@ class StillRobot:
             self._positions, self._base = self._beginning
             self._way: tuple[Trajectory, float] | None = None
 
-    def state(self) -> ShownState:
+    def state(self) -> RobotState:
         """Return where it is."""
         now = time.monotonic()
         with self._lock:
@@ -63,10 +64,9 @@ class StillRobot:
                     self._way = None
             base = self._base.copy()
             base[:3] += self.offset
-            return ShownState(now, self._positions, base)
-
-    def wanted(self) -> None:
-        """Return None: commands take effect at once."""
+            bent = self._positions
+            names, positions = tuple(bent), np.array([*bent.values()], dtype=float)
+            return RobotState(int(1e9 * now), names, positions, base_pose=base)
 
     def command(self, positions: Mapping[str, float]) -> None:
         """Set joints."""
@@ -162,7 +162,7 @@ class FileWorld:
 
     simulator = None
     can_move = True
-    has_wanted = False
+    has_commanded = False
 
     def __init__(self, robots: list[StillRobot], read: ReadMotion) -> None:
         """Begin without motions.
@@ -216,7 +216,7 @@ class FileWorld:
         if not seconds:
             robot.command(positions)
         else:
-            now, names = robot.state().positions, list(positions)
+            now, names = robot.state().positions_by_name, list(positions)
             begin = np.array([now[name] for name in names])
             goal = np.array([positions[name] for name in names])
             robot.go(minimum_jerk_trajectory(names, begin, goal, seconds))

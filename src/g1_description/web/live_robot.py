@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import rospy
@@ -28,7 +29,6 @@ from g1_description.ros.log import ThrottledLog
 from g1_description.ros.playing import MotionClient
 from g1_description.ros.robot_states import RobotStates
 from g1_description.srv import PlayMotion
-from g1_description.web.robot import ShownState
 
 PERIOD = 0.01
 """How long messages may gather before they are read, in [s]: a page shows them late by
@@ -104,46 +104,35 @@ class LiveRobot:
     def look_after_time(self) -> None:
         """Do nothing: the page shows what keeps time from going on."""
 
-    def state(self) -> ShownState | None:
-        """Return where it is."""
-        state = self._read()
-        return state and self._shown(state, state.positions_by_name, state.base_pose)
-
-    def wanted(self) -> ShownState | None:
-        """Return the commanded state; None while nothing is commanded.
-
-        What has no command is where it is.
-        """
-        state = self._read()
-        if state is None or not (state.commanded or state.commanded_base is not None):
-            return None
-        base = state.commanded_base
-        return self._shown(
-            state,
-            {**state.positions_by_name, **state.commanded},
-            state.base_pose if base is None else base,
-        )
-
-    def _read(self) -> RobotState | None:
-        """Return the newest state that has come and can be read."""
+    def state(self) -> RobotState | None:
+        """Return the newest state that can be read, of the robot's own joints."""
         with self._lock:
             try:
                 state = None if self._states is None else self._states.newest()
             except InvalidValueError:
                 state = None
-            self._newest = self._newest if state is None else state
+            if state is not None:
+                self._newest = self._own(state)
             return self._newest
 
-    def _shown(
-        self, state: RobotState, positions: Mapping[str, float], base: np.ndarray | None
-    ) -> ShownState:
+    def _own(self, state: RobotState) -> RobotState:
         """Ignore joints that are not the robot's, or not finite."""
-        own = {
-            name: position
-            for name, position in positions.items()
-            if name in self._joints and np.isfinite(position)
-        }
-        return ShownState(1e-9 * state.stamp, own, base)
+        rows = [
+            row
+            for row, name in enumerate(state.names)
+            if name in self._joints and np.isfinite(state.positions[row])
+        ]
+        return replace(
+            state,
+            names=tuple(state.names[row] for row in rows),
+            positions=state.positions[rows],
+            velocities=None if state.velocities is None else state.velocities[rows],
+            commanded={
+                name: position
+                for name, position in state.commanded.items()
+                if name in self._joints and np.isfinite(position)
+            },
+        )
 
     def command(self, positions: Mapping[str, float]) -> None:
         """Set joints."""

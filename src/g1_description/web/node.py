@@ -44,7 +44,7 @@ class LiveWorld:
     ) -> None:
         self.robots, self.simulator, self.changed = robots, simulator, changed
         self.can_move = can_move
-        self.has_wanted = with_ghost
+        self.has_commanded = with_ghost
         self._log = ThrottledLog()
         self._players: dict[LiveRobot, LivePlayer] = {}
 
@@ -85,10 +85,13 @@ class LiveWorld:
         if not seconds:
             robot.command(positions)
             return
-        missing = [n for n in positions if state is None or n not in state.positions]
+        missing = [n for n in positions if state is None or n not in state.names]
         if missing:
-            raise MotionError(f"Nothing is known of {missing[0]} yet: no smooth way.")
-        begin = np.array([state.positions[name] for name in positions])
+            raise MotionError(
+                f"No state of {missing[0]} has come yet: it cannot be moved smoothly."
+            )
+        now = state.positions_by_name
+        begin = np.array([now[name] for name in positions])
         goal = np.array([*positions.values()])
         robot.motions.play(minimum_jerk_trajectory([*positions], begin, goal, seconds))
 

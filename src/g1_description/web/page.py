@@ -11,12 +11,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from g1_description.checks.verdict import Verdict
+from g1_description.robot.state import RobotState
 from g1_description.web.check_thread import CheckThread, MakeChecker
 from g1_description.web.controls import BasePanel, JointPanel, PosePanel
 from g1_description.web.findings_panel import plain
 from g1_description.web.motion_panel import MotionPanel
 from g1_description.web.plots import PlotPanel
-from g1_description.web.robot import ShownRobot, ShownState, ShownWorld
+from g1_description.web.robot import ShownRobot, ShownWorld
 from g1_description.web.scene.marks import KEYS as POINTED
 from g1_description.web.scene.marks import Pointer
 from g1_description.web.scene.stage import Stage
@@ -119,7 +120,7 @@ class Page:
             self._name_on_click(shown)
         with tabs.add_tab("View"):
             bodies = [shown.body for shown in self._shown]
-            known = world.has_wanted, world.can_move
+            known = world.has_commanded, world.can_move
             self._view = ViewPanel(gui, self.ui, self._stage, bodies, *known)
             if world.can_arrange:
                 self._add_arrangement()
@@ -202,7 +203,7 @@ class Page:
         if self._simulator is not None:
             self._simulator.follow()
         self.motion.follow()
-        states: dict[ShownRobot, tuple[ShownState, ShownState | None]] = {}
+        states: dict[ShownRobot, RobotState] = {}
         for shown in self._shown:
             self.ui.guarded(partial(self._show, shown, states))
         self._tell_lack(states)
@@ -210,29 +211,25 @@ class Page:
         if self._plots is not None:
             self._plots.add(states, self.motion.player)
 
-    def _follow(
-        self, states: Mapping[ShownRobot, tuple[ShownState, ShownState | None]]
-    ) -> None:
-        """Keep the first robot in the middle, if that is wanted."""
+    def _follow(self, states: Mapping[ShownRobot, RobotState]) -> None:
+        """Keep the first robot in the middle, where that is switched on."""
         if self._view is None or not self._view.follow.value:
             self._stage.follow(np.zeros(2))
             return
         if any(s.base is not None and s.base.has_gizmo for s in self._shown):
             return  # which would run away from the mouse
-        state, _ = states.get(self._shown[0].robot, (None, None))
-        if state is not None and state.base is not None:
-            self._stage.follow(state.base[:2])
+        state = states.get(self._shown[0].robot)
+        if state is not None and state.base_pose is not None:
+            self._stage.follow(state.base_pose[:2])
 
-    def _tell_lack(
-        self, states: Mapping[ShownRobot, tuple[ShownState, ShownState | None]]
-    ) -> None:
+    def _tell_lack(self, states: Mapping[ShownRobot, RobotState]) -> None:
         """Tell what nothing is known of."""
         lacks = []
         for shown in self._shown:
             robot = shown.robot
             if robot not in states:
                 lacks.append(f"{plain(robot.name)}: no joint states have come yet.")
-            elif states[robot][0].base is None:
+            elif states[robot].base_pose is None:
                 lacks.append(f"{plain(robot.name)}: TF does not tell where it is.")
         text = "  \n".join(lacks)
         if self._lack.content != text:
@@ -242,16 +239,16 @@ class Page:
     def _show(
         self,
         shown: Shown,
-        states: dict[ShownRobot, tuple[ShownState, ShownState | None]],
+        states: dict[ShownRobot, RobotState],
     ) -> None:
-        """Show where a robot is, and add that and where it is wanted to the states."""
+        """Show where a robot is, and add that to the states."""
         state = shown.robot.state()
         if state is None:
             return
-        view, wanted = self._view, shown.robot.wanted()
-        states[shown.robot] = state, wanted
+        view = self._view
+        states[shown.robot] = state
         shown.show(state)
-        shown.show_wanted(wanted if view is not None and view.ghost.value else None)
+        shown.show_commanded(view is not None and bool(view.ghost.value))
         shown.trail(view is not None and bool(view.trails.value))
         if view is None or view.checks.value:
             if shown.must_be_checked():
@@ -261,7 +258,7 @@ class Page:
             self._found.clear()
             self._tell_found()
 
-    def _seen(self, robot: ShownRobot, state: ShownState, verdict: Verdict) -> None:
+    def _seen(self, robot: ShownRobot, state: RobotState, verdict: Verdict) -> None:
         """Show what was found of a robot where it is."""
         shown = next(s for s in self._shown if s.robot is robot)
         if not shown.is_checked:  # switched off meanwhile

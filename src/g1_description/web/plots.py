@@ -1,4 +1,4 @@
-"""Plots of chosen joints: where they are, and where they are wanted."""
+"""Plots of chosen joints: measured and commanded positions."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from g1_description.motion.motion import Motion
+from g1_description.robot.state import RobotState
 from g1_description.web.controls import label_of
-from g1_description.web.robot import Player, ShownRobot, ShownState
+from g1_description.web.robot import Player, ShownRobot
 from g1_description.web.ui_loop import UiLoop
 
 if TYPE_CHECKING:
@@ -114,19 +115,19 @@ class PlotPanel:
 
     def add(
         self,
-        states: Mapping[ShownRobot, tuple[ShownState, ShownState | None]],
+        states: Mapping[ShownRobot, RobotState],
         player: Player | None,
     ) -> None:
         """Go on with the lines.
 
         Args:
-            states: Where each robot is, and where it is wanted if that is known.
+            states: Of each robot.
             player: What plays a motion.
         """
         now = time.monotonic()
         at = {
-            robot: (state.positions, None if wanted is None else wanted.positions)
-            for robot, (state, wanted) in states.items()
+            robot: (state.positions_by_name, state.commanded)
+            for robot, state in states.items()
         }
         self._past.append((now, at))
         if player is not None and self._chosen:
@@ -162,10 +163,7 @@ class PlotPanel:
         for name in self._chosen:
             robot, joint = self._choices[name]
             for which in (0, 1):
-                line = [
-                    ((at.get(robot) or ({}, None))[which] or {}).get(joint)
-                    for _, at in past
-                ]
+                line = [at.get(robot, ({}, {}))[which].get(joint) for _, at in past]
                 lines.append(np.array(line or [np.nan] * 2, dtype=float))
         return tuple(lines)
 
@@ -179,11 +177,11 @@ class PlotPanel:
         for name in self._chosen:
             robot, joint = self._choices[name]
             lines.append(_at(times, sorted(self._recorded.get(name, []))))
-            wanted = trajectories.get(robot)
+            motion = trajectories.get(robot)
             line = np.full(len(times), np.nan)
-            if wanted is not None and joint in wanted.joint_names:
-                column = wanted.positions[:, wanted.joint_names.index(joint)]
-                line = np.interp(times, wanted.times, column, np.nan, np.nan)
+            if motion is not None and joint in motion.joint_names:
+                column = motion.positions[:, motion.joint_names.index(joint)]
+                line = np.interp(times, motion.times, column, np.nan, np.nan)
             lines.append(line)
         return tuple(lines)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from threading import Event
 from typing import Protocol, Sequence
@@ -12,20 +11,7 @@ import numpy as np
 
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
-
-
-@dataclass(frozen=True, eq=False)
-class ShownState:
-    """Where a robot is at one time."""
-
-    time: float
-    """Of the robot's clock, in [s]."""
-
-    positions: Mapping[str, float]
-    """Of the joints that are known, in [rad] or [m], by name."""
-
-    base: np.ndarray | None
-    """T_map_base, shape (7,); None where it is not known."""
+from g1_description.robot.state import RobotState
 
 
 class ShownRobot(Protocol):
@@ -36,11 +22,8 @@ class ShownRobot(Protocol):
     joint_topic: str
     """Where the same command could be published."""
 
-    def state(self) -> ShownState | None:
-        """Return where it is; None where nothing is known."""
-
-    def wanted(self) -> ShownState | None:
-        """Return the commanded state; None where it is not known."""
+    def state(self) -> RobotState | None:
+        """Return its newest state, and what is commanded; None if there is none yet."""
 
     def command(self, positions: Mapping[str, float]) -> None:
         """Set joints, in [rad] or [m] by name."""
@@ -120,8 +103,8 @@ class ShownWorld(Protocol):
     can_move: bool
     """Whether anybody takes commands."""
 
-    has_wanted: bool
-    """Whether it is known where robots are wanted."""
+    has_commanded: bool
+    """Whether the commanded configuration is known."""
 
     can_arrange: bool
     """Whether robots can be shown beside each other or over each other."""

@@ -86,7 +86,7 @@ def positions_of(robot: ShownRobot) -> dict[str, float]:
     state = robot.state()
     if state is None:
         raise InvalidValueError("No state of the robot has come yet.")
-    return known(state.positions, robot)
+    return known(state.positions_by_name, robot)
 
 
 def configuration_yaml(robot: ShownRobot) -> str:

@@ -9,8 +9,9 @@ import numpy as np
 from g1_description.checks.marks import RobotMarks, red_links
 from g1_description.checks.verdict import Verdict
 from g1_description.robot.rotation import angle_between
+from g1_description.robot.state import RobotState
 from g1_description.web.controls import BasePanel, JointPanel
-from g1_description.web.robot import ShownRobot, ShownState
+from g1_description.web.robot import ShownRobot
 from g1_description.web.scene.marks import SceneMarks
 from g1_description.web.scene.robot import SEE_THROUGH, SceneRobot
 from g1_description.web.scene.stage import MAP
@@ -24,14 +25,14 @@ LIMIT_MARGIN = 0.05
 """Joints this near to a limit are marked, in [rad] or [m]."""
 
 GHOST = (0.95, 0.6, 0.1, SEE_THROUGH)
-"""Colour of where a robot is wanted."""
+"""Colour of the commanded configuration."""
 
 STALE = 0.4
 """Marks of a state that is older than what is shown by so much are left out, in [s]:
 they would lie where the robot was."""
 
 NEAR = 0.01
-"""A robot this near to where it is wanted is there, in [m] or [rad]."""
+"""Least difference of the commanded configuration that is shown, in [m] or [rad]."""
 
 
 class Shown:
@@ -60,26 +61,31 @@ class Shown:
         self._trails = Trails(self._scene, f"{MAP}/trails/{self._name}", description)
         self._canvas = SceneMarks(self._scene, f"{MAP}/checks/{self._name}")
         self._marks = RobotMarks(description, floor, LIMIT_MARGIN)
-        self._state: ShownState | None = None
-        self._checked: ShownState | None = None
+        self._state: RobotState | None = None
+        self._checked: RobotState | None = None
 
-    def show(self, state: ShownState) -> None:
+    def show(self, state: RobotState) -> None:
         """Show where the robot is."""
         self._state = state
-        self.body.show(state.base, state.positions)
+        self.body.show(state.base_pose, state.positions_by_name)
         if self.joints is not None:
             self.joints.follow(state)
         if self.base is not None:
             self.base.follow(state)
 
-    def show_wanted(self, wanted: ShownState | None) -> None:
-        """Show where the robot is wanted, if that is elsewhere; None: do not."""
-        is_seen = wanted is not None and _differ(wanted, self._state)
-        if is_seen and wanted is not None:
+    def show_commanded(self, is_on: bool) -> None:
+        """Show the commanded configuration, where it differs from the measured one."""
+        state = self._state
+        is_seen = is_on and state is not None and _differs(state)
+        if is_seen and state is not None:
             if self._ghost is None:
                 path, robot = f"{MAP}/commanded/{self._name}", self.robot.description
                 self._ghost = SceneRobot(self._scene, path, robot, GHOST)
-            self._ghost.show(wanted.base, wanted.positions)
+            base = state.commanded_base
+            self._ghost.show(
+                state.base_pose if base is None else base,
+                {**state.positions_by_name, **state.commanded},
+            )
         if self._ghost is not None and self._ghost.visible != is_seen:
             self._ghost.visible = is_seen
 
@@ -87,7 +93,7 @@ class Shown:
         """Go on with the trails, or show none."""
         if is_on and self._state is not None:
             state = self._state
-            self._trails.add(state.time, state.base, state.positions)
+            self._trails.add(state.time, state.base_pose, state.positions_by_name)
         else:
             self._trails.clear()
 
@@ -101,12 +107,12 @@ class Shown:
         last, self._checked = self._checked, self._state
         return last is None or not _same(last, self._state)
 
-    def mark(self, state: ShownState, verdict: Verdict) -> None:
+    def mark(self, state: RobotState, verdict: Verdict) -> None:
         """Mark what was found where the robot is."""
         self.body.redden(red_links(verdict))
         newest = self._state or state
-        if state.base is not None and newest.time - state.time < STALE:
-            self._marks.draw(self._canvas, verdict, state.base)
+        if state.base_pose is not None and newest.time - state.time < STALE:
+            self._marks.draw(self._canvas, verdict, state.base_pose)
         self._canvas.show()
 
     def unmark(self) -> None:
@@ -116,25 +122,25 @@ class Shown:
         self._canvas.show()
 
 
-def _differ(wanted: ShownState, state: ShownState | None) -> bool:
-    """Tell whether a robot is seen to be elsewhere than it is wanted."""
-    if state is None:
-        return False
-    if wanted.base is not None and state.base is not None:
-        if np.abs(wanted.base[:3] - state.base[:3]).max() > NEAR:
+def _differs(state: RobotState) -> bool:
+    """Tell whether the commanded configuration is seen to be another."""
+    base = state.commanded_base
+    if base is not None and state.base_pose is not None:
+        if np.abs(base[:3] - state.base_pose[:3]).max() > NEAR:
             return True
-        if angle_between(wanted.base[3:], state.base[3:]) > NEAR:
+        if angle_between(base[3:], state.base_pose[3:]) > NEAR:
             return True
+    measured = state.positions_by_name
     return any(
-        abs(position - state.positions.get(name, position)) > NEAR
-        for name, position in wanted.positions.items()
+        abs(position - measured.get(name, position)) > NEAR
+        for name, position in state.commanded.items()
     )
 
 
-def _same(a: ShownState, b: ShownState | None) -> bool:
-    """Tell whether two states are of one place."""
-    if b is None or (a.base is None) != (b.base is None):
+def _same(a: RobotState, b: RobotState | None) -> bool:
+    """Tell whether two states are of one configuration."""
+    if b is None or (a.base_pose is None) != (b.base_pose is None):
         return False
-    if a.base is not None and b.base is not None and (a.base != b.base).any():
+    if a.base_pose is not None and (a.base_pose != b.base_pose).any():
         return False
-    return dict(a.positions) == dict(b.positions)
+    return a.positions_by_name == b.positions_by_name

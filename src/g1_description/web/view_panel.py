@@ -39,7 +39,7 @@ class ViewPanel:
         ui: UiLoop,
         stage: Stage,
         robots: Sequence[SceneRobot],
-        has_wanted: bool,
+        has_commanded: bool,
         can_move: bool,
     ) -> None:
         """Add the panel.
@@ -49,7 +49,7 @@ class ViewPanel:
             ui: Does what a person wants.
             stage: Floor and map.
             robots: All robots.
-            has_wanted: Whether it is known where they are wanted.
+            has_commanded: Whether the commanded configuration is known.
             can_move: Whether anybody takes commands.
         """
         self._gui, self._ui = gui, ui
@@ -70,7 +70,7 @@ class ViewPanel:
         self.follow = self._switch("Follow the robot", False)
         self.trails = self._switch("Trails", False)
         self.ghost = self._switch("Commanded configuration", False)
-        self.ghost.visible = has_wanted
+        self.ghost.visible = has_commanded
         self.checks = self._switch("Checks", True)
         picture = gui.add_button("Save a picture", hint="of what you see, as PNG")
         picture.on_click(self._save)
