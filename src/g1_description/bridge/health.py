@@ -38,8 +38,8 @@ MAX_ANSWER_TIME = 2.0
 RECENT = 10.0
 """Time in [s] for which a clamped or ignored command stays a warning."""
 
-NAMELESS, OTHERS = "(no name)", "(other names)"
-"""In place of names that are empty, or too many."""
+NAMELESS = "(no name)"
+"""In place of names that are empty."""
 
 
 class BridgeHealth:
@@ -222,5 +222,3 @@ def _add_counts(status, robot: RobotStatus, scope: str) -> None:
     for what, counts in (("clamped", tally.clamped), ("ignored", tally.ignored)):
         for name, count in counts.copy().items():
             status.add(f"{what} {scope}{name or NAMELESS}", count)
-    if tally.other_ignored:
-        status.add(f"ignored {scope}{OTHERS}", tally.other_ignored)
