@@ -103,6 +103,6 @@ def _joint_state(
         if joint.child in tree.link_names
     )
     joints = measured_joints(tree, names)
-    measured = measure(poses, twists, joints)
+    position, velocity, _ = measure(poses, twists, joints)
     index = joints.names.index(joint.name)
-    return float(measured.position[index]), float(measured.velocity[index])
+    return float(position[index]), float(velocity[index])
