@@ -84,7 +84,6 @@ class BridgeHealth:
         """Publish the diagnostics, once per period."""
         while not self._stopped.wait(PERIOD):
             self._warn_of_silence()
-            self._warn_of_no_answer()
             with quiet_when_closing():
                 self._updater.force_update()
 
@@ -105,7 +104,7 @@ class BridgeHealth:
         return age is None or (age > MAX_AGE and not self._is_paused)
 
     def _warn_of_silence(self) -> None:
-        """Warn that link states stay away."""
+        """Warn that link states, or the answer to a command, stay away."""
         source, age = self._source, self._source.age
         is_early = time.monotonic() - self._start <= SPAWN_GRACE
         if age is None and not is_early and not self._is_paused:
@@ -117,9 +116,6 @@ class BridgeHealth:
         if age is not None and self._is_stale and is_known:
             text = f"Nothing usable on {source.topic} for {age:.0f} s"
             self._log.warn("silence", f"{text}: {self._reason}.")
-
-    def _warn_of_no_answer(self) -> None:
-        """Warn that the simulator does not answer a command."""
         waiting = max(robot.commands.waiting for robot in self._robots)
         if waiting > MAX_ANSWER_TIME:
             text = "A command still waits for the simulator's answer after"
