@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from oracle import forward_kinematics
 from robots import chains, world_poses
 
-from g1_description.robot.joint_angles import Previous, measure, measured_joints
+from g1_description.robot.joint_angles import measure, measured_joints
 from g1_description.robot.urdf import parse_urdf
 
 SIGNS = st.lists(st.sampled_from([1.0, -1.0]), min_size=9, max_size=9)
@@ -30,7 +30,7 @@ def measure_placed(text, positions, root_pose, lumped, signs):
     poses = signed(np.array([placed[link] for link in links]), signs)
     assert not joints.missing
     twists = np.zeros((len(links), 6))
-    return dict(zip(joints.names, measure(poses, twists, joints).position))
+    return dict(zip(joints.names, measure(poses, twists, joints)[0]))
 
 
 @settings(max_examples=60, deadline=None)
@@ -59,8 +59,8 @@ def test_continuous_joints_go_on_from_their_last_position(chain, root_pose, turn
     poses = np.array([placed[link] for link in robot.link_names])
     last = np.array([positions[name] for name in joints.names]) + turns * 2 * np.pi
     twists = np.zeros((len(poses), 6))
-    previous = Previous(last + 0.01, np.zeros(len(last)), np.zeros(len(last)))
-    measured = measure(poses, twists, joints, previous).position
+    previous = np.array([last + 0.01, np.zeros(len(last)), np.zeros(len(last))])
+    measured, _, _ = measure(poses, twists, joints, previous)
     free = np.isinf(joints.upper)
     np.testing.assert_allclose(measured[free], last[free], atol=1e-9)
 
@@ -89,9 +89,9 @@ def test_velocities_are_the_slopes_of_positions(chain, root_pose, random):
     twists = np.hstack([linear, turn.as_rotvec() / (2 * dt)])
     joints = measured_joints(robot, robot.link_names)
     expected = [speed[name] for name in joints.names]
-    measured = measure(now, twists, joints)
-    np.testing.assert_allclose(measured.velocity, expected, atol=1e-6)
-    np.testing.assert_allclose(measured.axis_residual, 0.0, atol=1e-12)
+    _, velocity, residual = measure(now, twists, joints)
+    np.testing.assert_allclose(velocity, expected, atol=1e-6)
+    np.testing.assert_allclose(residual, 0.0, atol=1e-12)
 
 
 def test_a_joint_whose_link_is_missing_is_left_out_by_name():

@@ -25,13 +25,6 @@ from g1_description.ros.log import SHORT_PERIOD, ThrottledLog
 from g1_description.ros.master import SERVICE_ERRORS
 from g1_description.text import listed
 
-MAX_NAMES = 50
-"""Largest number of ignored names that are counted one by one; the rest together. Names
-come from outside, and there may be any number of them."""
-
-MAX_NAME_LENGTH = 80
-"""Number of characters of such a name that are kept."""
-
 
 class CommandTally:
     """Finds what of one robot's commands can be obeyed, and counts the rest."""
@@ -55,8 +48,6 @@ class CommandTally:
         self.ignored: Counter[str] = Counter()
         """Ignored positions, by the name in the command: unknown, without a position,
         or with one that is not finite; '' for positions without a name."""
-        self.other_ignored = 0
-        """Ignored positions under names beyond the first ``MAX_NAMES``."""
         self.last_ignored: tuple[float, str] | None = None
         """When part of a command was last ignored, on the monotonic clock, and why."""
         self._last_clamped: dict[str, float] = {}
@@ -89,7 +80,7 @@ class CommandTally:
                     self.clamped[name] += 1
                     self._last_clamped[name] = now
                 continue
-            self._ignore((name or "")[:MAX_NAME_LENGTH])
+            self.ignored[name or ""] += 1
             if name is None or position is None:
                 continue  # told by the lengths
             if joint:
@@ -105,13 +96,6 @@ class CommandTally:
         if ignored:
             self.last_ignored = now, ignored
         return accepted, ignored, clamped_to_limits(clamped, self._joints.values())
-
-    def _ignore(self, name: str) -> None:
-        """Count a position that nobody sets."""
-        if name in self.ignored or len(self.ignored) < MAX_NAMES:
-            self.ignored[name] += 1
-        else:
-            self.other_ignored += 1
 
     def clamped_since(self, time: float) -> list[str]:
         """Return the joints that were clamped after a time in [s]."""

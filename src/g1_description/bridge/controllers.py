@@ -13,6 +13,9 @@ from g1_description.text import listed, similar_first
 
 KEYS = ("name", "joints", "constraints")
 
+NAME = re.compile(r"[A-Za-z]\w*(/\w+)*", re.ASCII)
+"""A namespace."""
+
 
 @dataclass(frozen=True)
 class Controller:
@@ -63,16 +66,11 @@ def _controller(entry: Any, joints: Sequence[str]) -> Controller:
     if not isinstance(entry, dict) or not {*entry} <= {*KEYS}:
         raise InvalidValueError(f"{entry!r} is not a dictionary of {listed(KEYS)}")
     name = entry.get("name")
-    if not isinstance(name, str) or not _is_name(name):
+    if not isinstance(name, str) or not NAME.fullmatch(name):
         raise InvalidValueError(f"the name {name!r} is no ROS name")
     own = _joints(entry.get("joints", joints), joints)
     constraints = read_constraints(entry.get("constraints", {}), own)
     return Controller(name, own, constraints)
-
-
-def _is_name(name: str) -> bool:
-    """Return whether a name can be a namespace."""
-    return re.fullmatch(r"[A-Za-z]\w*(/\w+)*", name, re.ASCII) is not None
 
 
 def _joints(found: Any, joints: Sequence[str]) -> tuple[str, ...]:

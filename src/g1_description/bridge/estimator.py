@@ -13,9 +13,7 @@ from g1_description.bounds import all_usable, usable_rows
 from g1_description.robot.assembly import SCOPE, base_of, reference_links
 from g1_description.robot.description import Description
 from g1_description.robot.joint_angles import (
-    Measured,
     MeasuredJoints,
-    Previous,
     measure,
     measured_joints,
 )
@@ -97,6 +95,20 @@ class _Layout:
     valid links of all robots, and the root's pose in the frame of that link, shape
     (7,). None if it is unknown."""
 
+    def base_of(
+        self, poses: np.ndarray, twists: np.ndarray
+    ) -> tuple[np.ndarray | None, np.ndarray | None]:
+        """Compute pose and twist of the base from those of all links."""
+        if self.base is None:
+            return None, None
+        row, T_link_base = self.base
+        pose, twist = poses[row].copy(), twists[row].copy()
+        if T_link_base is not IDENTITY:
+            base = compose(pose, T_link_base)
+            twist[:3] += np.cross(twist[3:], base[:3] - pose[:3])
+            pose = base
+        return pose, twist
+
 
 class JointStateEstimator:
     """Measures the joints of robots from one message after the other.
@@ -129,8 +141,8 @@ class JointStateEstimator:
 
     def reset(self) -> None:
         """Forget the measurements that angles are unwrapped from."""
-        shape = (3, len(self._number))
-        self._position, self._velocity, self._seen = np.full(shape, np.nan)
+        self._last = np.full((3, len(self._number)), np.nan)
+        """Position, velocity and time in [s] of each joint of all robots."""
         self._time = np.nan
         self._interval = 0.0
 
@@ -170,40 +182,24 @@ class JointStateEstimator:
         time, previous = 1e-9 * stamp, None
         if self._joints.any_needs_unwrapping:
             previous = self._previous(time)
-        measured = measure(poses, twists, self._joints, previous)
-        if previous:
-            self._remember(measured, time)
-        self._find_rotated_joints(measured.axis_residual)
+        position, velocity, residual = measure(poses, twists, self._joints, previous)
+        if previous is not None:
+            self._last[:, self._which] = (
+                position,
+                velocity,
+                np.full_like(position, time),
+            )
+        self._find_rotated_joints(residual)
         return [
-            self._state(stamp, layout, poses, twists, measured)
+            RobotState(
+                stamp,
+                layout.joints.names,
+                position[layout.span],
+                velocity[layout.span],
+                *layout.base_of(poses, twists),
+            )
             for layout in self._layouts
         ]
-
-    @staticmethod
-    def _state(
-        stamp: int,
-        layout: _Layout,
-        poses: np.ndarray,
-        twists: np.ndarray,
-        measured: Measured,
-    ) -> RobotState:
-        """Cut the state of one robot out of the arrays of all."""
-        pose = twist = None
-        if layout.base is not None:
-            row, T_link_root = layout.base
-            pose, twist = poses[row].copy(), twists[row].copy()
-            if T_link_root is not IDENTITY:
-                root = compose(pose, T_link_root)
-                twist[:3] += np.cross(twist[3:], root[:3] - pose[:3])
-                pose = root
-        return RobotState(
-            stamp,
-            layout.joints.names,
-            measured.position[layout.span],
-            measured.velocity[layout.span],
-            pose,
-            twist,
-        )
 
     def _find_rotated_joints(self, residual: np.ndarray) -> None:
         """Note the joints of each robot that do not keep to their axes."""
@@ -302,37 +298,26 @@ class JointStateEstimator:
         }
         if absent:  # what comes under such a name later is another robot
             gone = [n for (model, _), n in self._number.items() if model in absent]
-            self._position[gone] = np.nan
+            self._last[0, gone] = np.nan
 
-    def _previous(self, time: float) -> Previous:
-        """Return the previous measurement of the joints in the message."""
-        which = self._which
-        with np.errstate(invalid="ignore"):  # NaN stands for no measurement
-            self._position[time - self._seen > MAX_AGE] = np.nan
-        return Previous(
-            self._position[which], self._velocity[which], self._dt(time)[which]
-        )
-
-    def _remember(self, measured: Measured, time: float) -> None:
-        """Keep a measurement for the next message."""
-        self._position[self._which] = measured.position
-        self._velocity[self._which] = measured.velocity
-        self._seen[self._which] = time
-
-    def _dt(self, time: float) -> np.ndarray:
-        """Estimate the time since each joint was measured, in [s], shape (n_joints,).
+    def _previous(self, time: float) -> np.ndarray:
+        """Return the previous measurement of the joints in the message.
 
         Where the clock is slower than the messages, several have the same time and the
         next one's is late. The mean interval of messages is then nearer to the truth.
+
+        Returns:
+            Position, velocity and estimated time since then in [s], shape
+            (3, n_joints); NaN stands for no measurement.
         """
-        dt = time - self._seen
-        since = time - self._time
-        self._time = time
-        if np.isnan(since):
-            return dt
+        seen = self._last[2]
+        with np.errstate(invalid="ignore"):
+            self._last[0, time - seen > MAX_AGE] = np.nan
+        dt = time - seen
+        since, self._time = time - self._time, time
         if since > MAX_LATE * self._interval:
             self._interval = self._interval or since
-            return dt
-        self._interval += 0.05 * (since - self._interval)
-        dt[self._seen == time - since] = self._interval or DEFAULT_INTERVAL
-        return dt
+        elif not np.isnan(since):
+            self._interval += 0.05 * (since - self._interval)
+            dt[seen == time - since] = self._interval or DEFAULT_INTERVAL
+        return np.stack([*self._last[:2], dt])[:, self._which]

@@ -38,8 +38,8 @@ MAX_ANSWER_TIME = 2.0
 RECENT = 10.0
 """Time in [s] for which a clamped or ignored command stays a warning."""
 
-NAMELESS, OTHERS = "(no name)", "(other names)"
-"""In place of names that are empty, or too many."""
+NAMELESS = "(no name)"
+"""In place of names that are empty."""
 
 
 class BridgeHealth:
@@ -84,7 +84,6 @@ class BridgeHealth:
         """Publish the diagnostics, once per period."""
         while not self._stopped.wait(PERIOD):
             self._warn_of_silence()
-            self._warn_of_no_answer()
             with quiet_when_closing():
                 self._updater.force_update()
 
@@ -105,7 +104,7 @@ class BridgeHealth:
         return age is None or (age > MAX_AGE and not self._is_paused)
 
     def _warn_of_silence(self) -> None:
-        """Warn that link states stay away."""
+        """Warn that link states, or the answer to a command, stay away."""
         source, age = self._source, self._source.age
         is_early = time.monotonic() - self._start <= SPAWN_GRACE
         if age is None and not is_early and not self._is_paused:
@@ -117,9 +116,6 @@ class BridgeHealth:
         if age is not None and self._is_stale and is_known:
             text = f"Nothing usable on {source.topic} for {age:.0f} s"
             self._log.warn("silence", f"{text}: {self._reason}.")
-
-    def _warn_of_no_answer(self) -> None:
-        """Warn that the simulator does not answer a command."""
         waiting = max(robot.commands.waiting for robot in self._robots)
         if waiting > MAX_ANSWER_TIME:
             text = "A command still waits for the simulator's answer after"
@@ -222,5 +218,3 @@ def _add_counts(status, robot: RobotStatus, scope: str) -> None:
     for what, counts in (("clamped", tally.clamped), ("ignored", tally.ignored)):
         for name, count in counts.copy().items():
             status.add(f"{what} {scope}{name or NAMELESS}", count)
-    if tally.other_ignored:
-        status.add(f"ignored {scope}{OTHERS}", tally.other_ignored)

@@ -136,15 +136,7 @@ class BridgedRobot:
     def _send_to_tf(
         self, state: RobotState, is_sample: bool = False
     ) -> TransformStamped | None:
-        """Send joints to TF where they are due.
-
-        Args:
-            state: The newest state.
-            is_sample: Whether a sample of a motion has just come.
-
-        Returns:
-            The base in the map in the state before this one, if that is worth sending.
-        """
+        """Send joints to TF where they are due; return the base as ``publish`` does."""
         if self._base is None or state.base_pose is None:
             self._unsent = state
             if self._tf_filter.passes_without_base(state.stamp):

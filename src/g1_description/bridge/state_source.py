@@ -89,15 +89,11 @@ class StateSource:
         # Without simulated time all nodes use wall time, which no state has.
         if not rospy.rostime.is_wallclock():
             self._stamped = self._subscribe(self._stamped_topic, self._on_stamped, None)
-        self._unstamped = self._listen_to_unstamped()
-
-    def _listen_to_unstamped(self) -> rospy.Subscriber:
-        """Subscribe to link_states."""
-        return self._subscribe(self._unstamped_topic, self._on_unstamped, MAX_IN_A_ROW)
+        self._unstamped = self._subscribe(self._unstamped_topic, self._on_unstamped)
 
     @staticmethod
     def _subscribe(
-        topic: str, callback: Callable, queue_size: int | None
+        topic: str, callback: Callable, queue_size: int | None = MAX_IN_A_ROW
     ) -> rospy.Subscriber:
         """Subscribe to the bytes of a topic; without a queue size none is dropped."""
         return rospy.Subscriber(
@@ -205,7 +201,7 @@ class StateSource:
         is_needed = not self._stamped.get_num_connections()
         if is_needed and not self._unstamped:
             self._has_stamps.clear()
-            self._unstamped = self._listen_to_unstamped()
+            self._unstamped = self._subscribe(self._unstamped_topic, self._on_unstamped)
         elif self._unstamped and not is_needed and any(self._has_stamps.values()):
             self._unstamped.unregister()
             self._unstamped = None

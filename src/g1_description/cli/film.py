@@ -192,21 +192,21 @@ def check_length(seconds: float, fps: float, size: tuple[int, int]) -> None:
         )
 
 
-Placed = Tuple[Optional[np.ndarray], Dict[str, float]]
+PlacedRobot = Tuple[Optional[np.ndarray], Dict[str, float]]
 """A robot in a picture: pose of its root link in the map, shape (7,), None where it is
 unknown; and positions of its joints in [rad] or [m] by name."""
 
 
 def placed(
     robot: Description, base: np.ndarray | None, positions: dict[str, float]
-) -> Placed:
+) -> PlacedRobot:
     """Place a robot by the pose of its base, shape (7,)."""
     return None if base is None else compose(base, root_in_base(robot)), positions
 
 
 def record(
     views: Sequence[RobotView], seconds: float, fps: float
-) -> list[list[Placed]]:
+) -> list[list[PlacedRobot]]:
     """Watch robots for a while.
 
     Args:
@@ -228,7 +228,7 @@ def record(
     return found
 
 
-def now(views: Sequence[RobotView]) -> list[Placed]:
+def now(views: Sequence[RobotView]) -> list[PlacedRobot]:
     """Return where robots are."""
     states = [(view, view.state) for view in views]
     return [
@@ -364,7 +364,7 @@ SHEET = 6
 
 def drawn_motion(
     args: Any, description: Description
-) -> tuple[list[list[Placed]], tuple[str, ...]]:
+) -> tuple[list[list[PlacedRobot]], tuple[str, ...]]:
     """Read a motion of which pictures are to be drawn.
 
     Args:

@@ -125,7 +125,7 @@ class Recorder:
         """Return what was recorded, from zero on, and the first stamp in [ns]."""
         if self._ignored:
             self.notes.append(f"{self._ignored} states without all links are ignored.")
-        states = self.states
+        states = self.states[:]  # the last one may be coming
         begin = states[0].stamp
         bases = [state.base_pose for state in states if state.base_pose is not None]
         velocities = [s.velocities for s in states if s.velocities is not None]

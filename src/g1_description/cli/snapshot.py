@@ -20,7 +20,7 @@ import rospy
 from g1_description.cli import options
 from g1_description.cli.film import (
     FILMS,
-    Placed,
+    PlacedRobot,
     check_length,
     check_place,
     drawn,
@@ -252,7 +252,7 @@ def load(scene: Scene, description: Description) -> None:
 
 def frame(
     scene: Scene,
-    moments: Sequence[Sequence[Placed]],
+    moments: Sequence[Sequence[PlacedRobot]],
     view: str,
     size: tuple[int, int],
 ) -> tuple[Camera, float]:
@@ -286,14 +286,14 @@ def frame(
     return framing(points, *VIEWS[view], size[0] / size[1]), floor
 
 
-def place(scene: Scene, moment: Sequence[Placed]) -> None:
+def place(scene: Scene, moment: Sequence[PlacedRobot]) -> None:
     """Put all robots where they are, or else their root at the origin."""
     for robot, (root, positions) in enumerate(moment):
         scene.place(robot, IDENTITY if root is None else root, positions)
 
 
 def write(
-    scene: Scene, moments: Sequence[Sequence[Placed]], args: SnapshotOptions
+    scene: Scene, moments: Sequence[Sequence[PlacedRobot]], args: SnapshotOptions
 ) -> None:
     """Draw and write what was requested.
 
@@ -323,7 +323,7 @@ def write(
 
 
 def sheet(
-    scene: Scene, moments: Sequence[Sequence[Placed]], args: SnapshotOptions
+    scene: Scene, moments: Sequence[Sequence[PlacedRobot]], args: SnapshotOptions
 ) -> np.ndarray:
     """Draw moments side by side, each where the robot then is, all at one scale."""
     n, (width, height) = len(moments), args.size
@@ -362,7 +362,7 @@ def draw_file(args: SnapshotOptions) -> None:
     """Draw a URDF file: a motion, or its zero pose with the joints requested."""
     description = parse_urdf(absolute_urdf(args.model or G1))
     check_joints(args.joints, description)
-    moments: list[list[Placed]] = [[(None, {})]]
+    moments: list[list[PlacedRobot]] = [[(None, {})]]
     if args.motion:
         moments, notes = drawn_motion(args, description)
         for note in notes:
@@ -387,7 +387,7 @@ def draw_now(args: SnapshotOptions) -> None:
 
 def draw_all(
     robots: Sequence[Description],
-    moments: Sequence[Sequence[Placed]],
+    moments: Sequence[Sequence[PlacedRobot]],
     args: SnapshotOptions,
 ) -> None:
     """Draw robots, with the joints requested."""
@@ -403,7 +403,7 @@ def draw_all(
 
 def watch_now(
     args: SnapshotOptions,
-) -> tuple[list[Description], list[list[Placed]]]:
+) -> tuple[list[Description], list[list[PlacedRobot]]]:
     """Watch the robots that run, as long as was requested.
 
     Returns:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -174,39 +174,12 @@ of a sliding joint is as exact as the links' positions, so there it is this shar
 their distance from the origin, in [m]."""
 
 
-class Previous(NamedTuple):
-    """The previous measurement, from which angles are unwrapped; NaN where none is."""
-
-    position: np.ndarray
-    """In [rad] or [m], shape (n_joints,)."""
-
-    velocity: np.ndarray
-    """In [rad/s] or [m/s], shape (n_joints,)."""
-
-    dt: np.ndarray
-    """Time since then in [s], shape (n_joints,)."""
-
-
-class Measured(NamedTuple):
-    """Joint states, a row per joint."""
-
-    position: np.ndarray
-    """In [rad] or [m], shape (n_joints,)."""
-
-    velocity: np.ndarray
-    """In [rad/s] or [m/s], shape (n_joints,)."""
-
-    axis_residual: np.ndarray
-    """Squared sine of half the rotation that is left over off the joint's axis, 0 where
-    there is none, shape (n_joints,)."""
-
-
 def measure(
     poses: np.ndarray,
     twists: np.ndarray,
     joints: MeasuredJoints,
-    previous: Previous | None = None,
-) -> Measured:
+    previous: np.ndarray | None = None,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Measure joints from link poses and twists.
 
     A joint turns its child link about one axis, or slides it along one. Undo the
@@ -220,10 +193,14 @@ def measure(
         twists: Velocity of each link frame's origin and angular velocity, along
             the world's axes, in [m/s] and [rad/s], shape (n_links, 6).
         joints: Joints to measure; ``parent`` and ``child`` index the links.
-        previous: The previous measurement; by default none.
+        previous: The previous measurement, from which angles are unwrapped: positions,
+            velocities and the time since then in [s], NaN where there is none, shape
+            (3, n_joints).
 
     Returns:
-        Positions, velocities and how well each joint keeps to its axis.
+        Positions in [rad] or [m] and velocities in [rad/s] or [m/s]; and the squared
+        sine of half the rotation that is left over off each joint's axis. Shape
+        (n_joints,) each.
 
     Raises:
         ValueError: If ``poses`` is not 7 wide.
@@ -247,7 +224,7 @@ def measure(
             position = _unwrap(position, velocity, previous, joints)
     states = np.array([position, velocity])
     states[np.abs(states) <= ROUNDING] = 0.0  # -0.0 as well
-    return Measured(states[0], states[1], axis_residual)
+    return states[0], states[1], axis_residual
 
 
 def _slide(
@@ -278,7 +255,7 @@ def _slide(
 def _unwrap(
     position: np.ndarray,
     velocity: np.ndarray,
-    previous: Previous,
+    previous: np.ndarray,
     joints: MeasuredJoints,
 ) -> np.ndarray:
     """Unwrap ambiguous angles from the previous measurement.
@@ -286,15 +263,16 @@ def _unwrap(
     Physics may push a joint a little beyond its stop, but only at the speed it has: a
     joint that a command has set is inside its limits.
     """
+    last_position, last_velocity, dt = previous
     # The lesser of the two speeds: a single wrong one must not wind a joint up.
-    steady = 0.5 * (np.sign(velocity) + np.sign(previous.velocity))
-    steady *= np.minimum(np.abs(velocity), np.abs(previous.velocity))
-    expected = previous.position + steady * previous.dt
+    steady = 0.5 * (np.sign(velocity) + np.sign(last_velocity))
+    steady *= np.minimum(np.abs(velocity), np.abs(last_velocity))
+    expected = last_position + steady * dt
     unwrapped = position + TURN * np.round((expected - position) / TURN)
     away = np.abs(unwrapped - expected)
     # Twice the greater speed: it may have changed since the previous measurement.
-    speed = np.maximum(np.abs(velocity), np.abs(previous.velocity))
-    is_pushed = away <= TOLERANCE + 2.0 * speed * previous.dt
+    speed = np.maximum(np.abs(velocity), np.abs(last_velocity))
+    is_pushed = away <= TOLERANCE + 2.0 * speed * dt
     allowed = np.where(is_pushed, OVERSHOOT, TOLERANCE)
     inside = _turned_inside(unwrapped, allowed, joints)
     # A comparison with NaN is false: without a previous angle the first guess stays.

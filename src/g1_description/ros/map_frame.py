@@ -4,21 +4,15 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Sequence
 
 import numpy as np
 import rospy
 import tf2_ros
 
-from g1_description.errors import MotionError, WireFormatError
+from g1_description.errors import MotionError
 from g1_description.robot.transform import compose
-from g1_description.ros.conversions import (
-    read_edges,
-    stamp_from_ns,
-    transform,
-    vector_to_array,
-)
+from g1_description.ros.conversions import vector_to_array
 from g1_description.ros.waiting import BUFFER
 
 FIRST_TIMEOUT = 2.0
@@ -34,9 +28,6 @@ POLL_PERIOD = 0.005
 class MapFrame:
     """Listens to TF as soon as somebody needs it: a listener costs processor time.
 
-    It takes bytes, and no tf2_ros.TransformListener: in a node, rospy gives all
-    subscribers of a topic what the first one asked for, and RobotStates takes bytes.
-
     Subscribes: /tf, /tf_static (tf2_msgs/TFMessage)
     """
 
@@ -49,7 +40,6 @@ class MapFrame:
         self._names = names
         self._lock = threading.Lock()
         self._buffer: tf2_ros.Buffer | None = None
-        self._newest = rospy.Time()
 
     def pose_in_map(
         self, poses: np.ndarray, frame: str, stamp: rospy.Time
@@ -76,8 +66,9 @@ class MapFrame:
         with self._lock:
             if self._buffer is None:
                 self._buffer = tf2_ros.Buffer(debug=False)
-                self._listen("/tf", self._buffer.set_transform)
-                self._listen("/tf_static", self._buffer.set_transform_static)
+                self._listener = tf2_ros.TransformListener(
+                    self._buffer, queue_size=100, buff_size=BUFFER
+                )
                 deadline += FIRST_TIMEOUT
         while True:
             try:
@@ -105,28 +96,3 @@ class MapFrame:
         q = found.transform.rotation
         turn = np.array([q.x, q.y, q.z, q.w])
         return np.concatenate([vector_to_array(found.transform.translation), turn])
-
-    def _listen(self, topic: str, keep: Callable) -> None:
-        """Subscribe, and keep the edges of all messages."""
-        rospy.Subscriber(
-            topic,
-            rospy.AnyMsg,
-            partial(self._take, keep),
-            queue_size=100,
-            buff_size=BUFFER,
-        )
-
-    def _take(self, keep: Callable, message: rospy.AnyMsg) -> None:
-        """Keep the edges of a message."""
-        assert self._buffer is not None
-        try:
-            edges = read_edges(message._buff)
-        except WireFormatError:
-            return
-        with self._lock:
-            now = rospy.Time.now()
-            if now < self._newest:  # time began again
-                self._buffer.clear()
-            self._newest = now
-            for stamp, parent, child, pose in edges:
-                keep(transform(stamp_from_ns(stamp), parent, child, pose), "tf")

@@ -140,16 +140,9 @@ def restore_registrations(state: list) -> bool:
 
 
 def _register_services(master: rosgraph.Master, known: dict[str, list[str]]) -> bool:
-    """Register the services of this node that nobody is known to offer.
+    """Register the services of this node that nobody is known to offer, if any.
 
     Among them are those of rospy itself, such as ``~get_loggers``.
-
-    Args:
-        master: Where to.
-        known: Nodes by service.
-
-    Returns:
-        Whether there were any.
     """
     # The slave API does not tell of services.
     services = get_service_manager().get_services()

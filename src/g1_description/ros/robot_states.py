@@ -11,7 +11,7 @@ import struct
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 
 import genpy
@@ -19,18 +19,15 @@ import numpy as np
 import rospy
 import tf2_ros
 from sensor_msgs.msg import JointState
+from tf2_msgs.msg import TFMessage
 
-from g1_description.errors import WireFormatError
 from g1_description.msg import RobotState as RobotStateMessage
 from g1_description.robot.state import RobotState
 from g1_description.robot.transform import IDENTITY
 from g1_description.ros.conversions import (
-    Edge,
     joint_states_to_arrays,
-    read_edges,
     robot_state_from_message,
     stamp_from_ns,
-    transform,
     vector_to_array,
 )
 from g1_description.ros.log import ThrottledLog
@@ -44,7 +41,7 @@ _ends = threading.local()
 that gather the same messages leave their connection alone once."""
 
 
-def gathered(act: Callable[[bytes], None], period: float) -> Callable[[bytes], None]:
+def gathered(act: Callable, period: float) -> Callable:
     """Let messages gather while nobody needs them.
 
     To wait for a message costs more than to take it, so after one that was waited for
@@ -58,9 +55,9 @@ def gathered(act: Callable[[bytes], None], period: float) -> Callable[[bytes], N
         Does the same, and returns late.
     """
 
-    def take(data: bytes) -> None:
+    def take(message) -> None:
         waited = time.monotonic() - getattr(_ends, "last", 0.0)
-        act(data)
+        act(message)
         if waited > PAUSE:
             time.sleep(period)
         _ends.last = time.monotonic()
@@ -213,8 +210,8 @@ class RobotStates:
 class JoinedStates:
     """States of joint states and of the edges of TF between the map and the robot.
 
-    For a bag or a real robot. Messages are kept as they came: only those of states that
-    are read are decoded.
+    For a bag or a real robot. Joint states are kept as they came: only those that are
+    read are decoded.
 
     Subscribes: joint_states (sensor_msgs/JointState), /tf, /tf_static
         (tf2_msgs/TFMessage)
@@ -239,7 +236,6 @@ class JoinedStates:
         self._taken: tuple[object, bool] | None = None
         """The last one that was returned, and whether it had a base."""
         self._parents: dict[str, str] = {}
-        self._wanted = {base_frame.encode()}
         self._newest: dict[str, int] = {}
         self._times: deque[int] = deque(maxlen=MAX_STATES)
         self._tf = tf2_ros.Buffer(debug=False)
@@ -248,8 +244,14 @@ class JoinedStates:
         )
         self._subscribers = [
             self._joint_states,
-            _subscribe("/tf", gathered(self._on_tf, period), 100),
-            _subscribe("/tf_static", self._on_static_tf, None),
+            rospy.Subscriber(
+                "/tf",
+                TFMessage,
+                gathered(self._on_tf, period),
+                queue_size=100,
+                buff_size=BUFFER,
+            ),
+            rospy.Subscriber("/tf_static", TFMessage, self._on_static_tf),
         ]
 
     def close(self) -> None:
@@ -280,51 +282,41 @@ class JoinedStates:
         self._taken = None
         self._began_again.set()
 
-    def _on_tf(self, data: bytes) -> None:
+    def _on_tf(self, message: TFMessage) -> None:
         """Keep edges between the map and the robot."""
-        edges = self._read(data, self._wanted)
+        with self._lock:
+            self._learn_parents(message)
+            above = self._above()
+            edges = [e for e in message.transforms if e.child_frame_id in above]
+            for edge in edges:
+                stamp = edge.header.stamp.to_nsec()
+                if stamp < self._newest.get(edge.child_frame_id, 0) - RESET:
+                    self._begin_again()
+                self._newest[edge.child_frame_id] = stamp
+                self._times.append(stamp)
+                self._tf.set_transform(edge, "tf")
         if edges:
-            with self._lock:
-                for stamp, _, child, _ in edges:
-                    if stamp < self._newest.get(child, 0) - RESET:
-                        self._begin_again()
-                    self._newest[child] = stamp
-                    self._times.append(stamp)
-                self._keep(edges, self._tf.set_transform)
             self._changed.set()
 
-    def _on_static_tf(self, data: bytes) -> None:
+    def _on_static_tf(self, message: TFMessage) -> None:
         """Keep edges that do not move."""
-        edges = self._read(data, None)
         with self._lock:
-            self._keep(edges, self._tf.set_transform_static)
+            self._learn_parents(message)
+            for edge in message.transforms:
+                self._tf.set_transform_static(edge, "tf")
         self._changed.set()
 
-    def _read(self, data: bytes, children: set[bytes] | None) -> list[Edge]:
-        """Read some edges of a message, all by default."""
-        try:
-            return read_edges(data, children)
-        except WireFormatError as error:
-            self._log.warn("tf", str(error))
-            return []
+    def _learn_parents(self, message: TFMessage) -> None:
+        """Learn which frame is above which."""
+        for edge in message.transforms:
+            self._parents[edge.child_frame_id] = edge.header.frame_id
 
-    def _keep(self, edges: Sequence[Edge], keep: Callable) -> None:
-        """Keep edges, and learn which others are above the robot."""
-        for stamp, parent, child, pose in edges:
-            keep(transform(stamp_from_ns(stamp), parent, child, pose), "tf")
-            if self._parents.get(child) != parent:
-                self._parents[child] = parent
-                self._wanted = self._chain()
-
-    def _chain(self) -> set[bytes]:
-        """Name the frames from the robot up to the map."""
-        frame, names = self._base_frame, [self._base_frame]
-        while frame in self._parents:
-            frame = self._parents[frame]
-            if frame in (self._map, *names):
-                break
-            names.append(frame)
-        return {name.encode() for name in names}
+    def _above(self) -> list[str]:
+        """Name the frames from the robot's base up to below the map."""
+        names = [self._base_frame]
+        while self._parents.get(names[-1]) not in (None, self._map, *names):
+            names.append(self._parents[names[-1]])
+        return names
 
     @property
     def stamp(self) -> int:

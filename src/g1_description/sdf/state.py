@@ -115,9 +115,9 @@ def _positions(tree: Description, poses: dict[str, np.ndarray]) -> dict[str, flo
     if not joints.names:
         return {}
     still = np.zeros((len(known), 6))
-    measured = measure(np.array([*known.values()]), still, joints)
+    positions, _, _ = measure(np.array([*known.values()]), still, joints)
     limits = {joint.name: (joint.lower, joint.upper) for joint in tree.movable_joints}
     return {
         name: float(np.clip(position, *limits[name]))
-        for name, position in zip(joints.names, measured.position)
+        for name, position in zip(joints.names, positions)
     }

@@ -282,9 +282,9 @@ def place_link(
     trees = model.assembly.description.trees
     tree = next(tree for tree in trees if joint.child in tree.link_names)
     joints = measured_joints(tree, names)
-    measured = measure(poses, twists, joints)
+    positions, velocities, _ = measure(poses, twists, joints)
     index = joints.names.index(joint.name)
-    position, velocity = measured.position[index], measured.velocity[index]
+    position, velocity = positions[index], velocities[index]
     model.set_joint(row, float(position), float(velocity))
     T_reached_desired = compose(inverse(link.pose), pose)
     return PlacedLink(
