@@ -24,18 +24,18 @@ OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.E
 LEVELS = {FAILED: ERROR, WARNING: WARN}
 
 MAX_AGE = 2.0
-"""Age of the last state in [s] of wall time from which on only that is reported: what
-was found of it may no longer be true."""
+"""Age of the last state in [s] of wall time from which on only that is reported:
+older findings may no longer be true."""
 
 SHOWN_IF_SKIPPED = ("self_collision", "penetration", "center_of_mass")
-"""Checks of which it is told why they are not made."""
+"""Checks whose reason for being skipped is reported."""
 
 MAX_TEXTS = 3
-"""Most findings whose words are in the summary; values tell all of them."""
+"""Most findings whose sentences are in the summary; the values list all."""
 
 
 class CheckHealth:
-    """Gathers what was found since the last report, so that nothing short is missed."""
+    """Gathers the findings since the last report, so that nothing short is missed."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -84,7 +84,7 @@ class CheckHealth:
             else:
                 self._summarize(status)
                 if self._verdict is not None:
-                    status.add("states judged per s", f"{rate:.1f}")
+                    status.add("states checked per s", f"{rate:.1f}")
                     self._add_values(status, self._verdict)
             self._count, self._reported = 0, now
         return status
@@ -92,7 +92,7 @@ class CheckHealth:
     def _summarize(self, status) -> None:
         """Say what is wrong in few words."""
         if self._problem:
-            status.summary(ERROR, f"joint_states cannot be judged: {self._problem}")
+            status.summary(ERROR, f"joint_states cannot be checked: {self._problem}")
             return
         found = sorted(self._found.values(), key=lambda f: f.severity != FAILED)
         status.summary(OK, "nothing is wrong")
@@ -109,12 +109,16 @@ class CheckHealth:
             status.add(name, f"{finding.severity}: {finding.worst:.4g} {finding.unit}")
         if "least_center_margin" in verdict.figures:
             margin = f"{verdict.figures['least_center_margin']:.4f}"
-            status.add("centre of mass inside of what bears, at rest, in m", margin)
+            status.add(
+                "centre of mass inside the support polygon, at rest, in m", margin
+            )
         if "penetration" in verdict.checked:
-            status.add("bears", listed(verdict.bearing) or "nothing")
+            status.add(
+                "in contact with the floor", listed(verdict.bearing) or "nothing"
+            )
         for name in SHOWN_IF_SKIPPED:
             if name in verdict.skipped:
-                status.add(f"{name} is not judged", verdict.skipped[name])
+                status.add(f"{name} is not checked", verdict.skipped[name])
 
 
 REPORT_PERIOD = 1.0
@@ -122,7 +126,7 @@ REPORT_PERIOD = 1.0
 
 
 class LiveChecks:
-    """A thread that checks, at most so often, and one that reports."""
+    """A thread that checks at a limited rate, and one that reports."""
 
     def __init__(
         self,
@@ -139,7 +143,7 @@ class LiveChecks:
             lock: Held while it does.
             states: Where the robot is.
             markers: Shows what was found.
-            rate: How often it is checked at most, in [Hz] of wall time.
+            rate: Most checks per second of wall time, in [Hz].
         """
         self._lock = lock
         self._states, self._markers = states, markers
@@ -160,9 +164,9 @@ class LiveChecks:
                 self._states.changed.clear()
                 due = time.monotonic() + self._period
                 with quiet_when_closing():
-                    self._tell_newest()
+                    self._check_newest()
                     self._markers.keep_up()
-        finally:  # after an error the node ends: what it told is no longer true
+        finally:  # after an error the node ends: its report is no longer true
             rospy.signal_shutdown("no state is checked any more")
 
     def _report_forever(self) -> None:
@@ -171,7 +175,7 @@ class LiveChecks:
             with quiet_when_closing():
                 self._health.publish()
 
-    def _tell_newest(self) -> None:
+    def _check_newest(self) -> None:
         """Check the newest state if there is a new one, and show what was found."""
         try:
             state = self._states.newest()
@@ -191,14 +195,10 @@ class LiveChecks:
             self._health.refuse(str(error))
             return
         if state.base_pose is None:
-            verdict = _renamed(verdict, NO_BASE, self._states.no_base)
+            why = {NO_BASE: self._states.no_base}
+            skipped = {
+                n: why.get(reason, reason) for n, reason in verdict.skipped.items()
+            }
+            verdict = replace(verdict, skipped=skipped)
         self._health.add(verdict)
         self._markers.show(state, verdict)
-
-
-def _renamed(verdict: Verdict, reason: str, better: str) -> Verdict:
-    """Give another reason why checks were not made."""
-    skipped = {
-        name: why.replace(reason, better) for name, why in verdict.skipped.items()
-    }
-    return replace(verdict, skipped=skipped)

@@ -25,7 +25,7 @@ from tempfile import TemporaryDirectory
 from typing import Any, Callable, Optional, Union
 
 from g1_description.checks.checker import Checker
-from g1_description.checks.report import NO_MOTION, NOT_READ, Outcome
+from g1_description.checks.report import NO_MOTION, NOT_READ, FileResult
 from g1_description.errors import G1DescriptionError, MotionError, NoMotionError, cause
 from g1_description.motion.files.formats import read_motion
 from g1_description.motion.motion import Motion
@@ -35,7 +35,7 @@ Reader = Callable[[Path, Description, Optional[float], Optional[str]], Motion]
 """Reads a motion of a robot from a file, at a rate, from a topic."""
 
 Content = Union[Path, bytes, Motion]
-"""What is checked: a file, all that is in it, or a motion that was read."""
+"""A file, its bytes, or a motion that was read."""
 
 
 @dataclass(frozen=True)
@@ -69,17 +69,17 @@ class FileChecker:
     """Topic of bags with the joints."""
 
     reader: Reader | None = None
-    """Reads files, bags too; None: what can be read without ROS."""
+    """Reads files, also bags; None: only those that need no ROS."""
 
-    def outcome(self, name: str, content: Content) -> Outcome:
+    def outcome(self, name: str, content: Content) -> FileResult:
         """Check a file; one that cannot be checked never ends the work on others."""
         try:
             motion = self.read(name, content)
-            if isinstance(motion, Outcome):
+            if isinstance(motion, FileResult):
                 return motion
             verdict = self.checker.check(motion, self.only)
             if verdict.nothing_made:
-                return Outcome(name, problem=verdict.nothing_made)
+                return FileResult(name, problem=verdict.nothing_made)
             plot = b""
             if self.plot:
                 # Only now: matplotlib takes most of a second.
@@ -88,12 +88,12 @@ class FileChecker:
                 joints = self.checker.description.movable_joints
                 plot = motion_plot(name, verdict, joints)
         except G1DescriptionError as error:
-            return Outcome(name, problem=str(error))
+            return FileResult(name, problem=str(error))
         except Exception as error:
-            return Outcome(name, problem=_mishap(error))
-        return Outcome(name, replace(verdict, measured=None), plot=plot)
+            return FileResult(name, problem=_mishap(error))
+        return FileResult(name, replace(verdict, measured=None), plot=plot)
 
-    def read(self, name: str, content: Content) -> Motion | Outcome:
+    def read(self, name: str, content: Content) -> Motion | FileResult:
         """Read a motion; the outcome where there is none."""
         robot = self.checker.description
         try:
@@ -113,9 +113,9 @@ class FileChecker:
             problem = problem[len(begin) :] if problem.startswith(begin) else problem
             is_other = isinstance(error, NoMotionError)
             result = NO_MOTION if is_other else NOT_READ
-            return Outcome(name, problem=problem, without_verdict=result)
+            return FileResult(name, problem=problem, without_verdict=result)
         except Exception as error:  # whatever a library finds in a file
-            return Outcome(name, problem=_mishap(error))
+            return FileResult(name, problem=_mishap(error))
 
 
 def _mishap(error: Exception) -> str:
@@ -125,7 +125,7 @@ def _mishap(error: Exception) -> str:
     return f"internal error {type(error).__name__}: {cause(error)} ({place})"
 
 
-def check_content(pickled: bytes, name: str, content: Content) -> Outcome:
+def check_content(pickled: bytes, name: str, content: Content) -> FileResult:
     """Check a file with a pickled FileChecker, in whatever process this is."""
     with _LOCK:
         return _unpickled(pickled).outcome(name, content)
@@ -144,22 +144,22 @@ class Here:
     """Checks files in this process; other pools have the same methods."""
 
     ahead = 1
-    """How many files are submitted before the first of them is done."""
+    """Number of files that are submitted before the first of them is done."""
 
     def __init__(self, checker: FileChecker) -> None:
         self.checker = checker
 
-    def submit(self, task: Task) -> Future[Outcome]:
+    def submit(self, task: Task) -> Future[FileResult]:
         """Begin to check a file.
 
         Raises:
             BrokenExecutor: If the pool must be restarted.
         """
-        future: Future[Outcome] = Future()
+        future: Future[FileResult] = Future()
         future.set_result(self.checker.outcome(task.name, task.path))
         return future
 
-    def result(self, task: Task, future: Future[Outcome]) -> Outcome:
+    def result(self, task: Task, future: Future[FileResult]) -> FileResult:
         """Return the outcome of a file that is done.
 
         Raises:
@@ -172,7 +172,7 @@ class Here:
         """Begin again after a process died."""
 
     def check_alive(self) -> None:
-        """Raise a ClusterError if nobody is left who works."""
+        """Raise a ClusterError if no worker is left."""
 
     def close(self) -> None:
         """End all work at once."""
@@ -197,7 +197,7 @@ class Processes(Here):
         context = multiprocessing.get_context(START_METHOD)
         return ProcessPoolExecutor(self._count, context, _prepare)
 
-    def submit(self, task: Task) -> Future[Outcome]:
+    def submit(self, task: Task) -> Future[FileResult]:
         """Begin to check a file; with the first ones processes start."""
         with _signals_held():
             return self._pool.submit(check_content, self._pickled, task.name, task.path)
@@ -241,16 +241,16 @@ def _end_with_parent() -> None:
 
 
 MOST_DEATHS = 2
-"""A file is given up after so many processes died of it alone."""
+"""A file is given up after this number of processes died of it alone."""
 
 DIED = "the process that checked it died, twice"
 """Why a file is given up."""
 
 PATIENCE = 10.0
-"""How long nothing may be done until the pool is looked at, in [s]."""
+"""Time without a result after which the pool is examined, in [s]."""
 
 
-def check_files(pool: Here, tasks: Sequence[Task]) -> Iterator[tuple[Task, Outcome]]:
+def check_files(pool: Here, tasks: Sequence[Task]) -> Iterator[tuple[Task, FileResult]]:
     """Check files.
 
     When a process dies, nobody knows which of the submitted files it died of, so they
@@ -272,14 +272,14 @@ def check_files(pool: Here, tasks: Sequence[Task]) -> Iterator[tuple[Task, Outco
                 if deaths < MOST_DEATHS:
                     alone.extend(lost)
                 else:
-                    yield task, Outcome(task.name, problem=DIED)
+                    yield task, FileResult(task.name, problem=DIED)
 
 
 def _until_a_death(
     pool: Here, waiting: deque[Task]
-) -> Generator[tuple[Task, Outcome], None, list[Task]]:
+) -> Generator[tuple[Task, FileResult], None, list[Task]]:
     """Check files until all are done, or a process dies; return those lost by that."""
-    running: dict[Future[Outcome], Task] = {}
+    running: dict[Future[FileResult], Task] = {}
     lost: list[Task] = []
     has_died = False
     while running or (waiting and not has_died):

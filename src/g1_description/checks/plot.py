@@ -1,4 +1,4 @@
-"""A picture of a motion: what was measured, and when something was wrong with it."""
+"""A picture of a motion: its measurements, and the times of its findings."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def motion_plot(name: str, verdict: Verdict, joints: Sequence[Joint]) -> bytes:
 
     Args:
         name: Of its file.
-        verdict: What was found and measured.
+        verdict: With what was measured.
         joints: Movable joints of the robot.
 
     Returns:
@@ -132,7 +132,7 @@ def _joints(
 
 
 def _title(figure: Figure, name: str, verdict: Verdict, total: float) -> None:
-    """Name the motion and what was found of it."""
+    """Name the motion and the result."""
     color = plot_panels.COLORS.get(verdict.severity, plot_panels.GREEN)
     y = 1.0 - 0.3 / total
     figure.text(0.012, y, Path(name).name, fontsize=13, weight="bold", va="center")
@@ -169,7 +169,7 @@ def _panels(verdict: Verdict, measured: Measured) -> list[tuple[str, float, Pane
         )
     if measured.heights is not None:
         add(
-            "links that bear on the floor; marked: they slide",
+            "links in contact with the floor; marked: they slide",
             ROW * max(len(verdict.bearing), 1),
             lambda axes: plot_panels.contacts_panel(axes, measured, verdict),
         )
@@ -182,7 +182,7 @@ def _panels(verdict: Verdict, measured: Measured) -> list[tuple[str, float, Pane
         )
     if measured.balance is not None:
         add(
-            "balance: distance inside of what bears [m], negative outside",
+            "balance: distance inside the support polygon [m], negative outside",
             LINES,
             lambda axes: plot_panels.margins_panel(axes, measured),
             "center_of_mass",

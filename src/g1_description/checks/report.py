@@ -1,4 +1,4 @@
-"""Outcomes for people at a terminal."""
+"""Results of files as tables, JSON and CSV."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ NOT_READ, NOT_CHECKED = "not read", "not checked"
 NO_MOTION = "not a motion"
 
 RESULTS = (PASSED, WARNING, FAILED, NOT_READ, NOT_CHECKED, NO_MOTION)
-"""What may become of a file."""
+"""Results of a file."""
 
 
 @dataclass(frozen=True)
-class Outcome:
+class FileResult:
     """A verdict on the motion of a file, or why there is none."""
 
     file: str
@@ -46,7 +46,7 @@ class Outcome:
             return self.verdict.severity
         return self.without_verdict
 
-    def without_plot(self) -> Outcome:
+    def without_plot(self) -> FileResult:
         """Leave the picture out."""
         return replace(self, plot=b"")
 
@@ -60,8 +60,8 @@ def counted(results: Iterable[str]) -> dict[str, int]:
 HEAD = ("", "check", "joint, link or pair", "worst", "first at", "share of time")
 
 
-def outcome_text(outcome: Outcome) -> str:
-    """Describe what was found of a file, in a line or in a table."""
+def outcome_text(outcome: FileResult) -> str:
+    """Describe the result of a file, in a line or in a table."""
     head = f"{outcome.file}: {outcome.result}"
     verdict = outcome.verdict
     if verdict is None:
@@ -75,13 +75,8 @@ def outcome_text(outcome: Outcome) -> str:
     return "\n".join(lines)
 
 
-def summary_text(outcomes: Sequence[Outcome], not_done: int = 0) -> str:
-    """Count the outcomes, in a sentence.
-
-    Args:
-        outcomes: Of the files that are done.
-        not_done: Number of files that are not.
-    """
+def summary_text(outcomes: Sequence[FileResult], not_done: int = 0) -> str:
+    """Count the results, and the files that are not done, in a sentence."""
     counts = counted(outcome.result for outcome in outcomes)
     parts = [f"{n} {_plural(word, n)}" for word, n in counts.items() if n]
     files = f"{len(outcomes)} file{'s' if len(outcomes) != 1 else ''}"
@@ -131,7 +126,7 @@ def table(rows: Sequence[Sequence[str]], n_left: int) -> list[str]:
 
     Args:
         rows: Cells, as many in each.
-        n_left: So many columns are aligned to the left, the others to the right.
+        n_left: Number of columns that are aligned to the left; the others to the right.
     """
     widths = [max(map(len, column)) for column in zip(*rows)]
 
@@ -168,13 +163,8 @@ COLUMNS = (
 """Columns of the CSV."""
 
 
-def json_text(outcomes: Sequence[Outcome], not_done: int = 0) -> str:
-    """Write outcomes as JSON.
-
-    Args:
-        outcomes: Of the files that are done.
-        not_done: Number of files that were left out, as the work was interrupted.
-    """
+def json_text(outcomes: Sequence[FileResult], not_done: int = 0) -> str:
+    """Write results as JSON, with the number of files that are not done."""
     content = {
         "interrupted": not_done > 0,
         "not_done": not_done,
@@ -184,7 +174,7 @@ def json_text(outcomes: Sequence[Outcome], not_done: int = 0) -> str:
     return json.dumps(_finite(content), indent=1, allow_nan=False) + "\n"
 
 
-def _as_dict(outcome: Outcome) -> dict[str, Any]:
+def _as_dict(outcome: FileResult) -> dict[str, Any]:
     """Return an outcome for JSON."""
     found: dict[str, Any] = {"file": outcome.file, "result": outcome.result}
     if outcome.verdict is None:
@@ -203,7 +193,7 @@ def _finite(value: Any) -> Any:
     return value
 
 
-def csv_text(outcomes: Sequence[Outcome]) -> str:
+def csv_text(outcomes: Sequence[FileResult]) -> str:
     """Write outcomes as CSV; what is not known is empty.
 
     Lines end as Unix has it. A carriage return in a name, which would end one, too,
@@ -217,7 +207,7 @@ def csv_text(outcomes: Sequence[Outcome]) -> str:
     return text.getvalue().replace("\r", " ")
 
 
-def _row(outcome: Outcome) -> dict[str, Any]:
+def _row(outcome: FileResult) -> dict[str, Any]:
     """Return the row of a file."""
     row: dict[str, Any] = {"file": outcome.file, "result": outcome.result}
     verdict = outcome.verdict

@@ -60,5 +60,5 @@ def thresholds() -> Any:
         Path,
         metavar="YAML",
         shown="config/checks.yaml",
-        see="[thresholds](checks.md#what-is-judged)",
+        see="[thresholds](checks.md#the-checks)",
     )

@@ -125,7 +125,6 @@ def web(args: WebOptions) -> None:
             world,
             server,
             lambda robot: Checker(robot, thresholds),
-            thresholds.floor_height,
         )
         for (file, motion), robot in zip(motions, world.robots):
             show.page.motion.open(file.name, robot, motion)
