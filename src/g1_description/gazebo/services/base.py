@@ -123,7 +123,7 @@ class Stepper:
             self._waiting.popleft()[0].cancel()
 
 
-def callback(simulator: Simulator, kind, answer):
+def make_callback(simulator: Simulator, kind, answer):
     """Make the callback of a service.
 
     Args:

@@ -9,9 +9,10 @@ import numpy as np
 
 from g1_description.errors import DescriptionError
 from g1_description.motion.motors import G1_MOTORS, Motor, Motors
+from g1_description.robot.assembly import SCOPE
 from g1_description.sim.bullet.body import Body
 from g1_description.sim.bullet.client import connect
-from g1_description.sim.bullet.contacts import DepenetrationLimiter, find_contacts
+from g1_description.sim.bullet.contacts import DepenetrationLimiter
 from g1_description.sim.bullet.create_body import (
     MAX_JOINTS,
     TooManyLinksError,
@@ -331,7 +332,17 @@ class BulletEngine(Engine):
         """Find the pairs of links that touch or overlap now."""
         self._write_moved()
         self._sort()
-        return find_contacts(self._client, self._by_number)
+        self._client.performCollisionDetection()
+        bodies, pairs = self._by_number, set()
+        for point in self._client.getContactPoints() or ():
+            links = [(bodies[point[1]], point[3]), (bodies[point[2]], point[4])]
+            if point[8] <= 0.0 and any(body.can_move(link) for body, link in links):
+                first, second = sorted(
+                    f"{body.model.name}{SCOPE}{body.link_name(link)}"
+                    for body, link in links
+                )
+                pairs.add((first, second))
+        return pairs
 
     def _write_moved(self) -> None:
         """Write the models to their bodies that were moved in kinematic physics."""
