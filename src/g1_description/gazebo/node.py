@@ -28,7 +28,7 @@ from g1_description.gazebo.reconfigure import offer_physics
 from g1_description.gazebo.services import joints, links, models, spawn
 from g1_description.gazebo.services import time as times
 from g1_description.gazebo.services import world as worlds
-from g1_description.gazebo.services.base import RefusalError, Simulator, make_callback
+from g1_description.gazebo.services.base import RefusalError, Simulation, make_callback
 from g1_description.gazebo.start import find_listeners, make_world, spawn_robot
 from g1_description.gazebo.topics import StateTopics, tracking_message
 from g1_description.msg import ModelTrajectory, TrackingReport
@@ -168,10 +168,10 @@ class GazeboNode:
 
     def __init__(self, world: World, parameters: GazeboParameters) -> None:
         self._world = world
-        self._simulator = Simulator(
+        self._simulation = Simulation(
             world, parameters.paused, parameters.strict_messages
         )
-        self._stepper = self._simulator.stepper
+        self._stepper = self._simulation.stepper
         self._calls = Calls(world.lock)
         network = parameters.enable_ros_network
         listeners = find_listeners() if network else ()
@@ -197,7 +197,7 @@ class GazeboNode:
             )
         for module in (models, links, joints, worlds, spawn, times):
             for name, kind, answer, *parse in module.SERVICES:
-                answer = make_callback(self._simulator, kind, answer)
+                answer = make_callback(self._simulation, kind, answer)
                 prepare = (partial(one, world.is_dynamic) for one in parse)
                 handler = self._calls.serve(name, answer, *prepare)
                 rospy.Service(f"~{name}", kind, handler)
@@ -206,17 +206,17 @@ class GazeboNode:
     def _obey(self, topic: str, act, message) -> None:
         """Act on a message, and log why it is refused, unless that was done."""
         try:
-            act(self._simulator, message)
+            act(self._simulation, message)
         except RefusalError:
             pass
         except G1DescriptionError as error:
             warning = f"{topic[1:]}: refused, {error}"
-            self._simulator.log.warn(topic, warning, SHORT_PERIOD)
+            self._simulation.log.warn(topic, warning, SHORT_PERIOD)
 
     def _reconfigure(self, numbers: dict) -> dict:
         """Change the physics' numbers; return them as they are if that is refused."""
         try:
-            worlds.change_physics(self._simulator, numbers)
+            worlds.change_physics(self._simulation, numbers)
         except G1DescriptionError as error:
             rospy.logerr("set_parameters: refused, %s", error)
             properties, kept = self._world.properties, {*worlds.UNSETTABLE}
