@@ -247,7 +247,7 @@ class GazeboNode:
         self._calls.cancel()
 
     def _stand_still(self) -> float:
-        """Show what changes while time stands still.
+        """Publish changes while time stands still.
 
         Returns:
             How long to wait for a call until the next look, in [s].

@@ -26,7 +26,7 @@ RANGES = {
     "contact_max_correcting_vel": (0.0, 1e7),
     "max_contacts": (0, 10_000_000),
 }
-"""What each number is clamped to, in Gazebo's order."""
+"""Least and largest value of each number, in Gazebo's order."""
 
 DEFAULTS = {
     "time_step": 0.001,
@@ -58,7 +58,7 @@ _MEANINGS = {
 
 
 def _configuration() -> SimpleNamespace:
-    """Make what dynamic_reconfigure's server reads of a generated module."""
+    """Make the content of a generated module, for dynamic_reconfigure's server."""
     groups = {"groups": {**GROUP, "groups": {}}}
     kinds = {name: _KINDS[type(low)] for name, (low, _) in RANGES.items()}
     parameters = [
@@ -92,7 +92,7 @@ class _PhysicsServer(Server):
     """A server that reads numbers; the library's own stumbles over odd groups."""
 
     def _set_callback(self, request):
-        """Change what is known and of its kind; the rest means nothing."""
+        """Change the numbers that are known and of their type; ignore the rest."""
         config = request.config
         kinds = (("bool", config.bools), ("int", config.ints))
         given = {

@@ -81,7 +81,7 @@ def make_world(parameters: GazeboParameters) -> tuple[World, GazeboParameters]:
         parameters: The node's parameters.
 
     Returns:
-        The world, and the parameters with what the file says of physics; initial
+        The world, and the parameters with the physics of the file; initial
         numbers on the parameter server win over the file.
 
     Raises:

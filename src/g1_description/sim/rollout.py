@@ -244,12 +244,12 @@ def _place(
     pose = np.array(IDENTITY)
     if motion.base_poses is not None:
         pose = compose(motion.base_poses[0], inverse(assembly.root_pose))
-    wanted = float(pose[2])
+    height = float(pose[2])
     if hangs:
         pose[2] = hanging_height(assembly, pose[3:])
     elif on_floor or motion.base_poses is None:
         pose[2] = standing_height(assembly, pose[3:])
-    return pose, 0.0 if motion.base_poses is None else float(pose[2]) - wanted
+    return pose, 0.0 if motion.base_poses is None else float(pose[2]) - height
 
 
 def _complete(model: Model, motion: Trajectory) -> Trajectory:

@@ -139,7 +139,7 @@ def _argument(text: str) -> tuple[str, str]:
 
 
 def main() -> None:
-    """Print the robot, or say what is wrong."""
+    """Print the robot, or the error."""
     parser = OneSentenceParser(
         description="Print a robot with absolute mesh URIs, for the parameter "
         "robot_description. The file stays as it is."

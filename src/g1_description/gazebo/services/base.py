@@ -110,7 +110,7 @@ class Stepper:
             answer.set_result(respond(True, f"{steps} steps done"))
 
     def end(self, reason: str) -> None:
-        """Answer all requests, whose steps will not pass."""
+        """Answer all requests: their steps will not pass."""
         while self._waiting:
             answer, steps, respond = self._waiting.popleft()
             outcome = f"ended by {reason} after {self._done} of {steps} steps"
@@ -156,7 +156,7 @@ def found(find: Callable, name: str, message: str, log: str = ""):
         find: The function that finds it.
         name: The name.
         message: Status message where there is none.
-        log: What is logged then.
+        log: Message that is logged then.
 
     Raises:
         RefusalError: If there is none.

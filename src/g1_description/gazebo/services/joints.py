@@ -1,7 +1,7 @@
 """gazebo_ros' services about joints, answered as the real Gazebo does.
 
-What changes the world runs in the simulator's loop, between two steps; what reads it
-(get_*) runs beside the loop, while nothing changes.
+Services that change the world run in the simulator's loop, between two steps; the
+others (get_*) run outside of the loop, while nothing changes.
 """
 
 from __future__ import annotations
@@ -145,7 +145,7 @@ def set_trajectory(simulation: Simulation, request):
 
 
 def play(simulation: Simulation, message: ModelTrajectory) -> None:
-    """Obey a message on the topic, and log what is not done exactly so.
+    """Obey a message on the topic, and log deviations from it.
 
     Raises:
         G1DescriptionError: If that cannot be done; nothing is changed.

@@ -1,7 +1,7 @@
 """gazebo_ros' services about links, answered as the real Gazebo does.
 
-What changes the world runs in the simulator's loop, between two steps; what reads it
-(get_*) runs beside the loop, while nothing changes.
+Services that change the world run in the simulator's loop, between two steps; the
+others (get_*) run outside of the loop, while nothing changes.
 """
 
 from __future__ import annotations

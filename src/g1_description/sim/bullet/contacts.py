@@ -10,8 +10,8 @@ from g1_description.sim.engine import PhysicsProperties
 
 MAX_DEPENETRATION_SPEED = 0.3
 """Greatest speed at which links that overlap part, in [m/s]. ODE has such a bound for
-each contact, Gazebo's ``max_vel``; its 0.01 m/s would be slow to watch, and what is
-thrown at this speed rises by 5 mm."""
+each contact, Gazebo's ``max_vel``; its 0.01 m/s would be slow to watch, and a
+thing thrown at this speed rises by 5 mm."""
 
 CONTACT_HARDNESS = 1e9
 """Stiffness times the time step, plus damping, of links whose part of ``erp`` is given:

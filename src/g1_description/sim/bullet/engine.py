@@ -26,7 +26,7 @@ from g1_description.text import listed
 
 REST_SPEED = 1e-5
 """Greatest speed of a joint or root that counts as standing still, in [m/s] or [rad/s]:
-above the noise of the solver in a stack of boxes, far below what can be seen."""
+above the noise of the solver in a stack of boxes, far below anything visible."""
 
 REST_TIME = 0.1
 """How long everything must stand still before the world rests, in [s] of simulated
@@ -52,8 +52,8 @@ class RestDetector:
     def update(self, speed: float, time_step: float) -> None:
         """Count a step that was computed.
 
-        What became faster is about to move, however slow it is, such as a pole that
-        begins to topple: then the world does not rest.
+        Something that became faster is about to move, however slow it is, such as a
+        pole that begins to topple: then the world does not rest.
 
         Args:
             speed: Greatest speed after the step, in [m/s] or [rad/s].
@@ -73,7 +73,7 @@ class BulletEngine(Engine):
     """PyBullet behind a world.
 
     A world in which all stands still rests: steps change nothing and cost nothing until
-    something is written. In ``kinematic`` physics bodies follow their models only when
+    the next write. In ``kinematic`` physics bodies follow their models only when
     contacts are requested.
     """
 
@@ -300,7 +300,7 @@ class BulletEngine(Engine):
             self._moving.stop()
 
     def _sort(self) -> None:
-        """Sort the bodies by what a step does with them, where they have changed."""
+        """Sort the bodies for a step, if they have changed."""
         if self._is_sorted:
             return
         models = self._bodies.values()
