@@ -1,4 +1,4 @@
-"""The node /gazebo, the stand-in for Gazebo."""
+"""The node /gazebo, the simulator in place of Gazebo."""
 
 from g1_description.threads import one_thread
 

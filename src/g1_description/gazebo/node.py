@@ -1,8 +1,8 @@
-"""The stand-in's node: one loop that steps, publishes and answers.
+"""The simulator's node: one loop that steps, publishes and answers.
 
 Publishes: /clock (rosgraph_msgs/Clock), ~link_states (gazebo_msgs/LinkStates),
     ~model_states (gazebo_msgs/ModelStates), ~world_state (gazebo_msgs/WorldState):
-    at each step, while someone listens; ~tracking (g1_description/TrackingReport)
+    at each step, while there are subscribers; ~tracking (g1_description/TrackingReport)
 Subscribes: ~set_model_state (gazebo_msgs/ModelState), ~set_link_state
     (gazebo_msgs/LinkState), ~set_model_trajectory (g1_description/ModelTrajectory)
 Services: those in the folder services, and dynamic_reconfigure's
@@ -28,7 +28,7 @@ from g1_description.gazebo.reconfigure import offer_physics
 from g1_description.gazebo.services import joints, links, models, spawn
 from g1_description.gazebo.services import time as times
 from g1_description.gazebo.services import world as worlds
-from g1_description.gazebo.services.base import RefusalError, Simulator, callback
+from g1_description.gazebo.services.base import RefusalError, Simulation, make_callback
 from g1_description.gazebo.start import find_listeners, make_world, spawn_robot
 from g1_description.gazebo.topics import StateTopics, tracking_message
 from g1_description.msg import ModelTrajectory, TrackingReport
@@ -51,16 +51,11 @@ class Calls:
     """Callbacks of rospy, which run in its threads, and the calls that they queue.
 
     Only the loop changes the world. Others read it while they hold its lock: they do
-    not wait for the step under way, but for a command that is being obeyed.
+    not wait for the step under way, but for a command that is being executed.
     """
 
     def __init__(self, lock: threading.Lock) -> None:
-        """Begin without any.
-
-        Args:
-            lock: Held while the world changes.
-        """
-        self._lock = lock
+        self._lock = lock  # held while the world changes
         # Not a SimpleQueue: a signal during its get() can make it wait for ever.
         self._queue: queue.Queue = queue.Queue()
         self._is_over = False
@@ -70,8 +65,8 @@ class Calls:
 
         Args:
             name: The service's; those that read begin with ``get_``.
-            answer: What answers.
-            prepare: What is done with the request before, while time runs on.
+            answer: The function that answers.
+            prepare: A function that prepares the request, while time runs on.
         """
         make = self._beside_the_loop if name.startswith("get_") else self.in_the_loop
         return make(answer, *prepare)
@@ -89,11 +84,9 @@ class Calls:
         return handler
 
     def in_the_loop(self, answer, prepare=None):
-        """Make a callback that lets the loop answer, and waits for it.
+        """Make a callback that lets the loop answer, and waits for the answer.
 
-        Args:
-            answer: What answers, in the loop.
-            prepare: What is done with the request before, while time runs on.
+        The loop may answer with a future: the caller waits for that, too.
         """
 
         def handler(request):
@@ -104,14 +97,15 @@ class Calls:
             if self._is_over:
                 self.cancel()
             try:
-                return call.result()
+                result = call.result()
+                return result.result() if isinstance(result, Future) else result
             except CancelledError:
                 raise rospy.ServiceException("the simulator is shutting down") from None
 
         return handler
 
     def later_in_the_loop(self, act):
-        """Make a callback that lets the loop act, and waits only where much waits.
+        """Make a callback that lets the loop act, and waits behind a long queue only.
 
         To wait each time would let messages pile up on a busy machine, where it takes
         the loop long to get its turn.
@@ -128,18 +122,10 @@ class Calls:
         return callback
 
     def __len__(self) -> int:
-        """Count those that wait for the loop."""
         return self._queue.qsize()
 
     def answer(self, wait: float) -> bool:
-        """Wait for a call and answer it, if one comes; only the loop does.
-
-        Args:
-            wait: Longest wait in [s].
-
-        Returns:
-            Whether one came.
-        """
+        """Wait for a call, at most so many [s]; answer it, and return if one came."""
         try:
             call, answer, request = self._queue.get(wait > 0.0, wait)
         except queue.Empty:
@@ -150,32 +136,18 @@ class Calls:
         except BaseException as error:  # the caller's thread raises it again
             call.set_exception(error)
         else:
-            if isinstance(result, Future):
-                result.add_done_callback(partial(_hand_on, call))
-            else:
-                call.set_result(result)
+            call.set_result(result)
         return True
 
     def cancel(self) -> None:
-        """Cancel all calls, also those to come; nobody answers any more."""
+        """Cancel all calls, also those to come."""
         self._is_over = True
         with contextlib.suppress(queue.Empty):
             while True:
                 self._queue.get_nowait()[0].cancel()
 
 
-def _hand_on(call: Future, result: Future) -> None:
-    """Answer a call with what has come later."""
-    if result.cancelled():
-        call.cancel()
-    elif result.exception():
-        call.set_exception(result.exception())
-    else:
-        call.set_result(result.result())
-
-
 def _log_failure(call: Future) -> None:
-    """Log the exception of a call that nobody waits for."""
     if not call.cancelled() and call.exception() is not None:
         rospy.logerr("A message could not be obeyed: %r", call.exception())
 
@@ -195,17 +167,11 @@ class GazeboNode:
     """The loop, which alone changes the world."""
 
     def __init__(self, world: World, parameters: GazeboParameters) -> None:
-        """Make the topics and services.
-
-        Args:
-            world: What the node simulates.
-            parameters: The node's parameters.
-        """
         self._world = world
-        self._simulator = Simulator(
+        self._simulation = Simulation(
             world, parameters.paused, parameters.strict_messages
         )
-        self._stepper = self._simulator.stepper
+        self._stepper = self._simulation.stepper
         self._calls = Calls(world.lock)
         network = parameters.enable_ros_network
         listeners = find_listeners() if network else ()
@@ -231,7 +197,7 @@ class GazeboNode:
             )
         for module in (models, links, joints, worlds, spawn, times):
             for name, kind, answer, *parse in module.SERVICES:
-                answer = callback(self._simulator, kind, answer)
+                answer = make_callback(self._simulation, kind, answer)
                 prepare = (partial(one, world.is_dynamic) for one in parse)
                 handler = self._calls.serve(name, answer, *prepare)
                 rospy.Service(f"~{name}", kind, handler)
@@ -240,17 +206,17 @@ class GazeboNode:
     def _obey(self, topic: str, act, message) -> None:
         """Act on a message, and log why it is refused, unless that was done."""
         try:
-            act(self._simulator, message)
+            act(self._simulation, message)
         except RefusalError:
             pass
         except G1DescriptionError as error:
             warning = f"{topic[1:]}: refused, {error}"
-            self._simulator.log.warn(topic, warning, SHORT_PERIOD)
+            self._simulation.log.warn(topic, warning, SHORT_PERIOD)
 
     def _reconfigure(self, numbers: dict) -> dict:
         """Change the physics' numbers; return them as they are if that is refused."""
         try:
-            worlds.change_physics(self._simulator, numbers)
+            worlds.change_physics(self._simulation, numbers)
         except G1DescriptionError as error:
             rospy.logerr("set_parameters: refused, %s", error)
             properties, kept = self._world.properties, {*worlds.UNSETTABLE}
@@ -273,14 +239,15 @@ class GazeboNode:
             if now < due and not self._stepper.is_stepping:
                 self._answer_one(min(due - now, MAX_WAIT))
             else:
-                self._answer_all()
+                for _ in range(len(self._calls)):
+                    self._answer_one(0.0)
                 self._step()
                 due = max(due + self._world.properties.period, now - MAX_WAIT)
         self._stepper.cancel()
         self._calls.cancel()
 
     def _stand_still(self) -> float:
-        """Show what changes while time stands still.
+        """Publish changes while time stands still.
 
         Returns:
             How long to wait for a call until the next look, in [s].
@@ -302,20 +269,13 @@ class GazeboNode:
     @property
     def _is_running(self) -> bool:
         """Whether steps are to be done."""
-        wanted = not self._stepper.paused or self._stepper.is_stepping
-        return wanted and self._world.properties.step_ns > 0
-
-    def _answer_all(self) -> None:
-        """Answer the calls that have come until now."""
-        for _ in range(len(self._calls)):
-            self._answer_one(0.0)
+        stepper = self._stepper
+        return (
+            not stepper.paused or stepper.is_stepping
+        ) and self._world.properties.step_ns > 0
 
     def _answer_one(self, wait: float) -> None:
-        """Wait for a call and answer it, if one comes.
-
-        Args:
-            wait: Longest wait in [s].
-        """
+        """Wait for a call, at most so many [s], and answer it if one comes."""
         if self._calls.answer(wait):
             self._topics.change()
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 from dynamic_reconfigure.encoding import encode_config
 from dynamic_reconfigure.server import Server
 
@@ -24,7 +26,7 @@ RANGES = {
     "contact_max_correcting_vel": (0.0, 1e7),
     "max_contacts": (0, 10_000_000),
 }
-"""What each number is clamped to, in Gazebo's order."""
+"""Least and largest value of each number, in Gazebo's order."""
 
 DEFAULTS = {
     "time_step": 0.001,
@@ -55,41 +57,42 @@ _MEANINGS = {
 }
 
 
-class PhysicsConfig:
-    """What dynamic_reconfigure's server asks of a generated configuration."""
-
-    def __init__(self) -> None:
-        groups = {"groups": {**GROUP, "groups": {}}}
-        self.defaults = {**DEFAULTS, **groups}
-        self.min = {**{name: low for name, (low, _) in RANGES.items()}, **groups}
-        self.max = {**{name: high for name, (_, high) in RANGES.items()}, **groups}
-        self.type = {name: _KINDS[type(low)] for name, (low, _) in RANGES.items()}
-        self.config_description = {
-            **GROUP,
-            "type": "",
-            "groups": [],
-            "parameters": [self._describe(name) for name in RANGES],
-        }
-
-    def _describe(self, name: str) -> dict:
-        """Describe one number."""
-        return {
+def _configuration() -> SimpleNamespace:
+    """Make the content of a generated module, for dynamic_reconfigure's server."""
+    groups = {"groups": {**GROUP, "groups": {}}}
+    kinds = {name: _KINDS[type(low)] for name, (low, _) in RANGES.items()}
+    parameters = [
+        {
             "name": name,
-            "type": self.type[name],
+            "type": kinds[name],
             "level": 1,
             "description": _MEANINGS.get(name, name.replace("_", " ")),
             "edit_method": "",
-            "default": self.defaults[name],
-            "min": self.min[name],
-            "max": self.max[name],
+            "default": DEFAULTS[name],
+            "min": low,
+            "max": high,
         }
+        for name, (low, high) in RANGES.items()
+    ]
+    return SimpleNamespace(
+        defaults={**DEFAULTS, **groups},
+        min={**{name: low for name, (low, _) in RANGES.items()}, **groups},
+        max={**{name: high for name, (_, high) in RANGES.items()}, **groups},
+        type=kinds,
+        config_description={
+            **GROUP,
+            "type": "",
+            "groups": [],
+            "parameters": parameters,
+        },
+    )
 
 
-class _Server(Server):
+class _PhysicsServer(Server):
     """A server that reads numbers; the library's own stumbles over odd groups."""
 
     def _set_callback(self, request):
-        """Change what is known and of its kind; the rest means nothing."""
+        """Change the numbers that are known and of their type; ignore the rest."""
         config = request.config
         kinds = (("bool", config.bools), ("int", config.ints))
         given = {
@@ -106,11 +109,8 @@ def offer_physics(properties: PhysicsProperties, change) -> Server:
 
     Args:
         properties: The numbers to begin with.
-        change: Called with a dict of all numbers when somebody changes some; gives
+        change: Called with a dict of all numbers when some were changed; gives
             those that differ from it.
-
-    Returns:
-        The server.
     """
     current = {name: getattr(properties, name) for name in RANGES}
     server = None
@@ -125,5 +125,5 @@ def offer_physics(properties: PhysicsProperties, change) -> Server:
         values.update(change(numbers))
         return values
 
-    server = _Server(PhysicsConfig(), changed)
+    server = _PhysicsServer(_configuration(), changed)
     return server

@@ -1,4 +1,4 @@
-"""What the stand-in begins with: a world file, a robot, and who listens already."""
+"""The start of the simulator: a world file, a robot, and earlier subscribers."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from g1_description.files.model_files import find_model
 from g1_description.files.xml import decoded
 from g1_description.gazebo.parameters import INITIAL, GazeboParameters, place_robot
 from g1_description.gazebo.services.spawn import log_hulls
-from g1_description.motion.motors import Motors, g1_motors, read_motors
+from g1_description.motion.motors import g1_motors, read_motors
 from g1_description.robot.assembly import Assembly
 from g1_description.ros.master import SLAVE_API_ERRORS, slave_api_of
 from g1_description.ros.parameters import private_parameters
 from g1_description.sdf.world import EMPTY_WORLD, Sdf, read_sdf
-from g1_description.sim.engine import GRAVITY, PhysicsProperties
+from g1_description.sim.engine import GRAVITY
 from g1_description.sim.world import World
 
 LAUNCH_TIME = 1.0
@@ -34,11 +34,11 @@ ANSWER_TIMEOUT = 0.5
 
 
 def find_listeners() -> frozenset[str]:
-    """Find the nodes that listen to /clock, if one may know an older time.
+    """Find the subscribers of /clock, if one may know an older time.
 
     Returns:
         Names of the nodes that answer; none if all were started with this node, or
-        after it. Nodes on other hosts are taken for old.
+        after it. Nodes on other hosts count as older.
     """
     name, starts = rospy.get_name(), {}
     with suppress(*SLAVE_API_ERRORS, rosgraph.MasterException):
@@ -63,9 +63,9 @@ def _start_of_node(address: str) -> float:
 
 
 def _start_of(process: int) -> float:
-    """Return when a process was started, in [s] since the system was.
+    """Return when a process was started, in [s] since the system's start.
 
-    It is 0 for one that is not seen, as in another container.
+    It is 0 for one that is not visible, as in another container.
     """
     try:
         line = Path(f"/proc/{process}/stat").read_bytes()
@@ -81,7 +81,7 @@ def make_world(parameters: GazeboParameters) -> tuple[World, GazeboParameters]:
         parameters: The node's parameters.
 
     Returns:
-        The world, and the parameters with what the file says of physics; initial
+        The world, and the parameters with the physics of the file; initial
         numbers on the parameter server win over the file.
 
     Raises:
@@ -91,33 +91,20 @@ def make_world(parameters: GazeboParameters) -> tuple[World, GazeboParameters]:
     physics, notes = _physics(content, parameters)
     properties = replace(parameters.properties, **physics)
     parameters = replace(parameters, properties=properties)
-    world = World(parameters.physics, properties, content, _motors(parameters))
+    motors = None
+    if parameters.physics == "hold":
+        given = parameters.motors
+        motors = read_motors(Path(given)) if given else g1_motors()
+    world = World(parameters.physics, properties, content, motors)
     for line in (*notes, *world.left_out):
         rospy.logwarn("%s: %s", parameters.world, line)
-    _log_bare_numbers(properties)
-    return world, parameters
-
-
-def _log_bare_numbers(properties: PhysicsProperties) -> None:
-    """Log which numbers that somebody may have set have no effect."""
     own = private_parameters()
     for name, used in asdict(properties).items():
         if own.get(name, used) != used:
             rospy.loginfo(
                 "~%s = %s is ignored; set ~%s%s", name, own[name], INITIAL, name
             )
-
-
-def _motors(parameters: GazeboParameters) -> Motors | None:
-    """Read the file of motors, where there are any.
-
-    Raises:
-        MotorFileError: If it cannot be read.
-    """
-    if parameters.physics != "hold":
-        return None
-    given = parameters.motors
-    return read_motors(Path(given)) if given else g1_motors()
+    return world, parameters
 
 
 def _content(path: str) -> Sdf:

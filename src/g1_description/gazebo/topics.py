@@ -23,8 +23,8 @@ QUEUE_SIZE = 100
 
 RESET_SILENCE = 0.15
 """When time went back nothing is sent for so long, then /clock alone, and nothing for
-so long again, in [s] of wall time. A transform of the old time that meets a listener
-after the new clock, or one of the new time before it, spoils what it knows."""
+so long again, in [s] of wall time. A transform of the old time that arrives
+after the new clock, or one of the new time before it, spoils a listener's buffer."""
 
 SETTLE_TIME = 0.1
 """While time stands still a change is shown this long after it, in [s] of wall time: a
@@ -53,7 +53,7 @@ class StateTopics:
         """Advertise the topics.
 
         Args:
-            world: Whose states the messages hold.
+            world: Source of the states.
             parameters: Which steps are published, and whether more than /clock is.
             listeners: Nodes that must listen to /clock before there is more, as one of
                 them may know the time of an earlier simulator.
@@ -112,15 +112,15 @@ class StateTopics:
         self._clock.publish(Clock(stamp_from_ns(self._clock_ns)))
 
     def wait_for_room(self) -> None:
-        """Let subscribers take what is kept for them before there is more."""
+        """Wait until slow subscribers have taken their kept messages."""
         for topic, _ in self._topics:
             topic.wait_for_room(STALL_TIMEOUT)
 
     def is_hushed(self, paused: bool) -> bool:
         """Return whether nothing may be published yet, because time has gone back.
 
-        It has, too, for those who listened to an earlier simulator. /clock is
-        published here, when it is its turn.
+        It has, too, for subscribers of an earlier simulator. /clock is published
+        here when it is its turn.
 
         Args:
             paused: Whether time stands still: then /clock shows it at once, since it is
@@ -141,7 +141,7 @@ class StateTopics:
         return now < self._hushed_until
 
     def _introduce(self, now: float) -> None:
-        """Show the time to those who know an older one, until all have it.
+        """Publish the time until all subscribers of an earlier simulator have it.
 
         Args:
             now: Wall time in [s].
@@ -164,9 +164,9 @@ class StateTopics:
             self._is_settled, self._changed = False, time.monotonic()
 
     def settle(self) -> float:
-        """Show what has changed while time stands still, as soon as it is due.
+        """Publish a change while time stands still, as soon as it is due.
 
-        Only world_state and, where rates left it out, /clock: what Gazebo has is
+        Only world_state and, where rates left it out, /clock: Gazebo's own topics are
         silent then.
 
         Returns:

@@ -1,7 +1,7 @@
 """The border between the world and an engine, which computes its physics.
 
-Each engine lies in a folder of its own, with the library that it needs. Nothing but
-this module knows which engines there are.
+Each engine lies in a folder of its own, with the library that it needs. Only this
+module knows which engines exist.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from g1_description.robot.launch_arguments import PHYSICS
 from g1_description.sim.model import Model
 
 MAX_TIME_STEP = 10.0
-"""Longest time step in [s]: what Gazebo's dynamic_reconfigure allows."""
+"""Longest time step in [s]: the limit of Gazebo's dynamic_reconfigure."""
 
 GRAVITY = ("gravity_x", "gravity_y", "gravity_z")
 """Names of gravity's numbers."""
@@ -101,7 +101,7 @@ _RANGES = {
     "cfm": (0.0, 10.0),
     "erp": (0.0, 10.0),
 }
-"""What the numbers may be; the wider ones are those that PyBullet bears."""
+"""Least and largest values; those of ODE's numbers are as wide as PyBullet allows."""
 
 
 class Engine(ABC):

@@ -120,8 +120,8 @@ class Entities:
     """All things by name, found as in Gazebo; rebuilt when a model comes or goes.
 
     Gazebo walks its tree from the root, each thing before its parts, and takes
-    the first whose name or scoped name, ``model::link``, is the requested one. That one
-    may be of the wrong kind: a model hides a later link of its name.
+    the first with the requested name or scoped name, ``model::link``. That one may be
+    of the wrong kind: a model hides a later link of its name.
     """
 
     def __init__(self, models: Iterable[Model], lights: Iterable[Light]) -> None:

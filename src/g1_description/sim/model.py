@@ -50,8 +50,7 @@ class Report:
     """Names that are not a movable joint of the model."""
 
     clamped: dict[str, tuple[float, float]] = field(default_factory=dict)
-    """Joints whose position was outside the limits: the position requested, and the one
-    set."""
+    """Requested and set position of each joint that was outside its limits."""
 
     changed: list[int] = field(default_factory=list)
     """Rows of the movable joints that were not at rest at that position already."""
@@ -60,8 +59,8 @@ class Report:
 class Model:
     """A robot or thing in the world: its description and its state.
 
-    Links and movable joints keep the order of the file. The roots' states and the joint
-    positions are what the engine knows exactly; the links' are computed from them.
+    Links and movable joints keep the order of the file. The engine
+    knows the states of roots and joints exactly; the links' are computed from them.
     """
 
     def __init__(
@@ -71,7 +70,7 @@ class Model:
 
         Args:
             name: Name in the world.
-            assembly: What it is made of.
+            assembly: Its links and joints, and where they begin.
             pose: Pose of the model frame in the world, shape (7,).
             fixed: Whether the root of its first tree does not move by itself.
         """
@@ -94,21 +93,20 @@ class Model:
         rows = [tree.links for tree in self.trees if not tree.fixed]
         self._moving = np.concatenate([np.zeros(0, dtype=int), *rows])
         self.T_carrier_model = self._find_model_frame()
-        """Pose of the model frame in what carries it, shape (7,)."""
+        """Pose of the model frame in the frame of ``carrier_pose``, shape (7,)."""
         self.robot_namespace = ""
         """Namespace that its spawner gave it; kept as data."""
         self.ode_joints: dict[str, dict[str, float]] = {}
         """Properties of set_joint_properties, in Gazebo's words, by joint name."""
         self.hull_deviations: dict[str, float] = {}
-        """Of its meshes whose hulls are thinned: the largest distance in [m] from the
-        hull in use, by the names of their files."""
+        """Largest distance of a mesh from its thinned hull in [m], by file name."""
         self.reset()
 
     def _set_assembly(self, assembly: Assembly) -> None:
-        """Set what the model is made of, and look up its links' masses."""
+        """Set links and joints, and look up the links' centers of mass."""
         self.assembly = assembly
         self.links = {link.name: link for link in assembly.description.links}
-        """What each link is made of, by name; also the world, where it is the root."""
+        """Links by name; also the world, where it is the root."""
         self.centers = np.zeros((len(self.link_names), 3))
         """Centers of mass in the link frames, in [m], shape (n_links, 3); zero for
         links without mass."""
@@ -137,7 +135,7 @@ class Model:
         return tuple(trees)
 
     def _find_model_frame(self) -> np.ndarray:
-        """Find the model frame in what carries it, joints at zero, shape (7,)."""
+        """Find ``T_carrier_model``, joints at zero, shape (7,)."""
         if self.kinematics is None or not self.assembly.canonical:
             return inverse(self.assembly.root_pose)
         zero = np.zeros(len(self.joint_names))
@@ -146,7 +144,7 @@ class Model:
 
     @property
     def canonical_row(self) -> int:
-        """Row of the link whose pose and twist are the model's."""
+        """Row of the link that gives the model its pose and twist."""
         canonical = self.assembly.canonical
         return self._link_rows[canonical] if canonical else self.trees[0].root_row
 

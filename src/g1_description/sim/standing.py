@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -11,16 +11,16 @@ import numpy as np
 from g1_description.errors import DescriptionError
 from g1_description.motion.trajectory import Trajectory
 from g1_description.robot.assembly import WORLD, Assembly
-from g1_description.robot.description import Description, Link, Shape, origin_reaches
+from g1_description.robot.description import Description, origin_reaches
 from g1_description.robot.kinematics import Kinematics
 from g1_description.robot.rotation import conjugate, rotate
 from g1_description.robot.transform import IDENTITY, compose
 from g1_description.sim.meshes.hulls import outline
-from g1_description.sim.meshes.shapes import Mesh, find_meshes, is_there
+from g1_description.sim.meshes.shapes import find_meshes, is_there
 from g1_description.sim.model import Model
 
 GAP = 0.0005
-"""Least distance from the floor, in [m]: what touches is pushed away."""
+"""Least distance from the floor, in [m]: links that touch are pushed away."""
 
 HULL_MARGIN = 0.001
 """How thick PyBullet makes a hull on all sides, in [m]."""
@@ -101,21 +101,17 @@ def _boxes(model: Model) -> Iterator[tuple[str, np.ndarray]]:
     poses = dict(zip(model.link_names, model.poses))
     for link in links:
         for shape in link.collisions:
-            if is_there(shape, meshes) and link.name in poses:
-                yield (
-                    link.name,
-                    _box(shape, compose(poses[link.name], shape.pose), meshes),
-                )
-
-
-def _box(shape: Shape, pose: np.ndarray, meshes: Mapping[str, Mesh]) -> np.ndarray:
-    """Bound a shape at a pose in the world by a box, shape (2, 3)."""
-    if shape.kind == "plane":
-        return np.array([[math.inf] * 3, [math.inf] * 3])
-    points, radius = outline(shape, meshes)
-    turned = pose[:3] + rotate(pose[3:], points)
-    margin = radius if shape.kind in ("box", "sphere") else HULL_MARGIN
-    return np.array([turned.min(axis=0) - margin, turned.max(axis=0) + margin])
+            if link.name not in poses or not is_there(shape, meshes):
+                continue
+            if shape.kind == "plane":
+                yield link.name, np.full((2, 3), math.inf)
+                continue
+            pose = compose(poses[link.name], shape.pose)
+            points, radius = outline(shape, meshes)
+            turned = pose[:3] + rotate(pose[3:], points)
+            margin = radius if shape.kind in ("box", "sphere") else HULL_MARGIN
+            corners = [turned.min(axis=0) - margin, turned.max(axis=0) + margin]
+            yield link.name, np.array(corners)
 
 
 def lowest_height(robot: Description, trajectory: Trajectory) -> float:
@@ -130,52 +126,35 @@ def lowest_height(robot: Description, trajectory: Trajectory) -> float:
     Returns:
         Height in the map, in [m]; of the links' origins where there are no shapes.
     """
-    poses = _link_poses(robot, trajectory)
-    names = [name for name in robot.link_names if name != WORLD]
-    links = {link.name: link for link in robot.links}
-    lowest = [
-        _lowest(poses[:, row], points, radius)
-        for row, name in enumerate(names)
-        for points, radius in _points(links[name])
-    ]
-    return float(min(lowest)) if lowest else float(poses[..., 2].min())
-
-
-def _link_poses(robot: Description, trajectory: Trajectory) -> np.ndarray:
-    """Place all links in each sample, shape (n_samples, n_links, 7)."""
-    kinematics = Kinematics(robot)
-    names = [joint.name for joint in robot.movable_joints]
-    own = [n for n, name in enumerate(trajectory.joint_names) if name in names]
-    columns = [names.index(trajectory.joint_names[n]) for n in own]
-    positions = np.zeros((len(trajectory.times), len(names)))
-    positions[:, columns] = trajectory.positions[:, own]
+    columns = {name: n for n, name in enumerate(trajectory.joint_names)}
+    positions = np.zeros((len(trajectory.times), len(robot.movable_joints)))
+    for row, joint in enumerate(robot.movable_joints):
+        if joint.name in columns:
+            positions[:, row] = trajectory.positions[:, columns[joint.name]]
     bases = trajectory.base_poses
     if bases is None:
         bases = np.broadcast_to(IDENTITY, (len(positions), 7))
-    return np.array(
-        [kinematics.link_poses(base, row) for base, row in zip(bases, positions)]
-    )
+    place = Kinematics(robot).link_poses
+    poses = np.array([place(base, row) for base, row in zip(bases, positions)])
+    lowest = []
+    links = [link for link in robot.links if link.name != WORLD]
+    for row, link in enumerate(links):
+        shapes = link.collisions or link.visuals
+        meshes, _ = find_meshes(shapes)
+        for shape in shapes:
+            if shape.kind != "plane" and is_there(shape, meshes):
+                points, radius = outline(shape, meshes)
+                points = shape.pose[:3] + rotate(shape.pose[3:], points)
+                lowest.append(_lowest(poses[:, row], points) - radius)
+    return float(min(lowest, default=poses[..., 2].min()))
 
 
-def _points(link: Link) -> list[tuple[np.ndarray, float]]:
-    """Return points of a link's shapes, in its frame, and a radius about them."""
-    shapes = link.collisions or link.visuals
-    meshes, _ = find_meshes(shapes)
-    found = []
-    for shape in shapes:
-        if shape.kind != "plane" and is_there(shape, meshes):
-            points, radius = outline(shape, meshes)
-            found.append((shape.pose[:3] + rotate(shape.pose[3:], points), radius))
-    return found
-
-
-def _lowest(poses: np.ndarray, points: np.ndarray, radius: float) -> float:
+def _lowest(poses: np.ndarray, points: np.ndarray) -> float:
     """Find the lowest of some points of a link.
 
     Args:
         poses: Of the link in each sample, shape (n_samples, 7).
         points: In the link's frame, in [m], shape (n, 3).
-        radius: About the points, in [m].
     """
     up = rotate(conjugate(poses[:, 3:]), np.array([0.0, 0.0, 1.0]))
     n_at_once = max(1, MAX_PRODUCTS // len(points))
@@ -183,4 +162,4 @@ def _lowest(poses: np.ndarray, points: np.ndarray, radius: float) -> float:
         (up[first : first + n_at_once] @ points.T).min(axis=1)
         for first in range(0, len(up), n_at_once)
     ]
-    return float((poses[:, 2] + np.concatenate(lowest)).min()) - radius
+    return float((poses[:, 2] + np.concatenate(lowest)).min())

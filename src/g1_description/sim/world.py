@@ -75,8 +75,8 @@ class World:
         self.lights: dict[str, Light] = {}
         self.lock = threading.Lock()
         """For threads that read while another one steps and changes the world. A step
-        holds it only while it changes what they read; other changes are made by whoever
-        holds it, and not during a step."""
+        holds it only while it changes what they read; other changes need
+        it, too, and are not made during a step."""
         self.engine = make_engine(physics, properties or PhysicsProperties(), motors)
         self.forces = ForceSchedule(self.is_dynamic)
         """Present and future wrenches and efforts."""
@@ -89,7 +89,7 @@ class World:
         """A message for each thing of the content that was left out."""
 
     def _add_content(self, content: Sdf) -> list[str]:
-        """Add the models and lights of a file; return messages on what is left out."""
+        """Add the models and lights of a file; return messages on those left out."""
         left_out = []
         for light in content.lights:
             self.add_light(light)
@@ -121,7 +121,7 @@ class World:
         return tuple(self.models)
 
     def _forget_names(self) -> None:
-        """Make what is made of names again, when it is next needed."""
+        """Drop the tables of names; they are made again when next needed."""
         for name in ("entities", "link_names", "model_names"):
             self.__dict__.pop(name, None)
 
@@ -206,7 +206,7 @@ class World:
 
         Args:
             name: Name in the world; must be free.
-            assembly: What it is made of.
+            assembly: Its links and joints, and where they begin.
             pose: Pose of the model frame in the world, shape (7,).
             fixed_base: Whether physics does not move its root link.
 

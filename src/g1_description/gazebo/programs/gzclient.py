@@ -1,4 +1,4 @@
-"""Gazebo's window on the stand-in: RViz, where there is a screen."""
+"""Gazebo's window on the simulator: RViz, where there is a screen."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def has_screen() -> bool:
 
 
 def open_beside() -> None:
-    """Open the window beside this node, and close it with the node."""
+    """Open the window next to this node, and close it with the node."""
     if not has_screen():
         rospy.loginfo("There is no screen: no window opens.")
         return

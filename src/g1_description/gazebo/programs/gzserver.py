@@ -1,4 +1,4 @@
-"""gzserver's command line on the stand-in: how launch files for Gazebo start it."""
+"""gzserver's command line, with which launch files for Gazebo start the simulator."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ def parse(arguments: list[str]) -> tuple[dict, list[str]]:
         arguments: Those of gzserver, without ROS' remappings.
 
     Returns:
-        Values of parameters, and what was given without meaning here.
+        Values of parameters, and the arguments without meaning here.
     """
     reader = parser()
     args = reader.parse_intermixed_args(arguments)

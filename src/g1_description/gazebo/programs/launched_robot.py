@@ -69,12 +69,16 @@ def launched_robot(model: str | None, given: dict[str, str], nodes: list[str]) -
     check_for_empty({"model": model or "", **given}, words)
     given = {**given_to_own_file(words), **given}
     check_arguments(given)
-    for node in (*nodes, *(n for n, switch in SWITCHED if _is_on(given.get(switch)))):
+    on = ("true", "1")  # as roslaunch writes it
+    switched = [n for n, switch in SWITCHED if given.get(switch, "").lower() in on]
+    for node in (*nodes, *switched):
         _check_for_node(node, words)
     if model is None:
         return ""
     robot = read_absolute(model)
-    _check_pose(given.get("initial_pose", ZERO), robot.description)
+    pose = given.get("initial_pose", ZERO)
+    if pose != ZERO:
+        check_pose(find_pose(pose, read_poses()), robot.description)
     check_trails("trails", given.get("trails", "").split(), [robot.description])
     if given.get("base"):
         _check_root(given.get("root", ""), robot.description)
@@ -111,23 +115,12 @@ def _check_for_node(name: str, words: list[str]) -> None:
     )
 
 
-def _is_on(switch: str | None) -> bool:
-    """Return whether an argument is true, as roslaunch writes it."""
-    return switch is not None and switch.lower() in ("true", "1")
-
-
 def _check_root(frame: str, description: Description) -> None:
     """Check that a frame, with or without a prefix, is one of the robot's links."""
     links, name = description.link_names, frame.rpartition("/")[2]
     if name not in links:
         near = listed(similar_first(name, links))
         raise UnknownNameError(f"root is '{frame}', but the links are {near}.")
-
-
-def _check_pose(name: str, description: Description) -> None:
-    """Check that there is a pose that suits the robot."""
-    if name != ZERO:
-        check_pose(find_pose(name, read_poses()), description)
 
 
 def _argument(text: str) -> tuple[str, str]:
@@ -139,7 +132,7 @@ def _argument(text: str) -> tuple[str, str]:
 
 
 def main() -> None:
-    """Print the robot, or say what is wrong."""
+    """Print the robot, or the error."""
     parser = OneSentenceParser(
         description="Print a robot with absolute mesh URIs, for the parameter "
         "robot_description. The file stays as it is."

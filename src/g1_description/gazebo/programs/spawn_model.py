@@ -35,7 +35,7 @@ from g1_description.ros.lifecycle import own_arguments, start_node
 from g1_description.ros.waiting import MASTER_PERIOD, wait_until
 
 WARN_AFTER = 1.0
-"""Wait for a service before telling that it is waited for, in [s]."""
+"""Wait for a service without a log message, in [s]."""
 
 
 def parser() -> OneSentenceParser:

@@ -1,7 +1,7 @@
-"""What all services share: the simulator, refusals, and checks of numbers.
+"""Common to all services: the simulation, refusals, and checks of numbers.
 
-A service is a function that takes the simulator and the request. It gives the response,
-or the status message of a success, and raises the reason of a failure.
+A service is a function of the simulation and the request. It gives the response, or the
+status message of a success, and raises the reason of a failure.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ class RefusalError(G1DescriptionError):
     """Gazebo's status message of a request that fails, and details of ours."""
 
 
-class Simulator:
-    """A world, the steps that were requested of it, and how its services speak."""
+class Simulation:
+    """A world, the steps requested of it, and the style of status messages."""
 
     def __init__(self, world: World, paused: bool = False, strict: bool = False):
         """Take a world.
@@ -46,7 +46,7 @@ class Simulator:
         Args:
             world: The world.
             paused: Whether time stands still at first.
-            strict: Whether status messages are Gazebo's alone.
+            strict: Whether status messages are Gazebo's, without our details.
         """
         self.world = world
         self.stepper = Stepper(paused)
@@ -110,7 +110,7 @@ class Stepper:
             answer.set_result(respond(True, f"{steps} steps done"))
 
     def end(self, reason: str) -> None:
-        """Answer all requests, whose steps will not pass."""
+        """Answer all requests: their steps will not pass."""
         while self._waiting:
             answer, steps, respond = self._waiting.popleft()
             outcome = f"ended by {reason} after {self._done} of {steps} steps"
@@ -123,11 +123,11 @@ class Stepper:
             self._waiting.popleft()[0].cancel()
 
 
-def callback(simulator: Simulator, kind, answer):
+def make_callback(simulation: Simulation, kind, answer):
     """Make the callback of a service.
 
     Args:
-        simulator: The simulator.
+        simulation: The world and its services' state.
         kind: The service's type.
         answer: The function that answers.
     """
@@ -135,9 +135,9 @@ def callback(simulator: Simulator, kind, answer):
 
     def respond(request):
         try:
-            result = answer(simulator, request)
+            result = answer(simulation, request)
         except RefusalError as refusal:
-            message = simulator.message(*refusal.args)
+            message = simulation.message(*refusal.args)
         except G1DescriptionError as error:
             message = f"{kind.__name__}: refused, {error}"
         else:
@@ -156,7 +156,7 @@ def found(find: Callable, name: str, message: str, log: str = ""):
         find: The function that finds it.
         name: The name.
         message: Status message where there is none.
-        log: What is logged then.
+        log: Message that is logged then.
 
     Raises:
         RefusalError: If there is none.

@@ -1,7 +1,7 @@
 """gazebo_ros' services about joints, answered as the real Gazebo does.
 
-What changes the world runs in the simulator's loop, between two steps; what reads it
-(get_*) runs beside the loop, while nothing changes.
+Services that change the world run in the simulator's loop, between two steps; the
+others (get_*) run outside of the loop, while nothing changes.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from gazebo_msgs.srv import (
 from g1_description.errors import G1DescriptionError, InvalidValueError, MotionError
 from g1_description.gazebo.services.base import (
     RefusalError,
-    Simulator,
+    Simulation,
     checked,
     found,
     remarks,
@@ -43,9 +43,9 @@ KINDS = {
 }
 
 
-def set_configuration(simulator: Simulator, request):
+def set_configuration(simulation: Simulation, request):
     """Teleport joints."""
-    world, name = simulator.world, request.model_name
+    world, name = simulation.world, request.model_name
     model = found(
         world.model,
         name,
@@ -58,7 +58,7 @@ def set_configuration(simulator: Simulator, request):
         )
     positions = _unscoped(name, request.joint_names, request.joint_positions)
     report = world.set_joint_positions(name, positions)
-    return simulator.message("SetModelConfiguration: success", *remarks(model, report))
+    return simulation.message("SetModelConfiguration: success", *remarks(model, report))
 
 
 def _unscoped(model, names, positions):
@@ -76,9 +76,9 @@ def _unscoped(model, names, positions):
     return {**scoped, **plain}
 
 
-def get_properties(simulator: Simulator, request):
+def get_properties(simulation: Simulation, request):
     """Return a joint's kind, damping, position and rate."""
-    entity = _joint(simulator, request, "GetJointProperties")
+    entity = _joint(simulation, request, "GetJointProperties")
     model, joint = entity.model, entity.joint
     response = GetJointPropertiesResponse(
         type=KINDS[joint.kind],
@@ -96,15 +96,15 @@ def get_properties(simulator: Simulator, request):
     return response
 
 
-def _joint(simulator: Simulator, request, service: str):
+def _joint(simulation: Simulation, request, service: str):
     """Find the joint of a request."""
-    joint = simulator.world.entities.joint
+    joint = simulation.world.entities.joint
     return found(joint, request.joint_name, f"{service}: joint not found")
 
 
-def set_properties(simulator: Simulator, request):
+def set_properties(simulation: Simulation, request):
     """Set a joint's ODE numbers; the first of each list counts."""
-    entity = _joint(simulator, request, "SetJointProperties")
+    entity = _joint(simulation, request, "SetJointProperties")
     config = request.ode_joint_config
     lists = {name: getattr(config, name) for name in config.__slots__}
     numbers = {name: values[0] for name, values in lists.items() if values}
@@ -112,54 +112,54 @@ def set_properties(simulator: Simulator, request):
         checked(name, [number])
     if numbers.get("damping", 0.0) < 0.0:
         raise InvalidValueError(f"the damping {numbers['damping']} is negative")
-    simulator.world.set_joint_properties(entity, numbers)
+    simulation.world.set_joint_properties(entity, numbers)
     return "SetJointProperties: properties set"
 
 
-def apply_effort(simulator: Simulator, request):
+def apply_effort(simulation: Simulation, request):
     """Apply an effort to a joint for some time."""
-    world = simulator.world
-    entity = _joint(simulator, request, "ApplyJointEffort")
+    world = simulation.world
+    entity = _joint(simulation, request, "ApplyJointEffort")
     (effort,) = checked("effort", [request.effort])
     span = time_span(request.start_time, request.duration, world.time_ns)
     world.forces.apply_effort(entity, span, float(effort))
-    detail = simulator.no_effect("nothing moves")
-    return simulator.message("ApplyJointEffort: effort set", detail)
+    detail = simulation.no_effect("nothing moves")
+    return simulation.message("ApplyJointEffort: effort set", detail)
 
 
-def clear_efforts(simulator: Simulator, request):
+def clear_efforts(simulation: Simulation, request):
     """Clear the efforts on a joint; Gazebo knows only the plain name here."""
-    simulator.world.forces.clear_efforts(request.joint_name)
+    simulation.world.forces.clear_efforts(request.joint_name)
 
 
 FAR = 0.3
 """Distance to a first sample above which it is reported, in [rad] or [m]."""
 
 
-def set_trajectory(simulator: Simulator, request):
+def set_trajectory(simulation: Simulation, request):
     """Let a model play a motion, or stop it."""
     try:
-        return _play(simulator, request.trajectory)
+        return _play(simulation, request.trajectory)
     except G1DescriptionError as error:
         raise RefusalError(str(error)) from error
 
 
-def play(simulator: Simulator, message: ModelTrajectory) -> None:
-    """Obey a message on the topic, and log what is not done exactly so.
+def play(simulation: Simulation, message: ModelTrajectory) -> None:
+    """Obey a message on the topic, and log deviations from it.
 
     Raises:
         G1DescriptionError: If that cannot be done; nothing is changed.
     """
-    details = _play(simulator, message).status_message
+    details = _play(simulation, message).status_message
     if details:
         name = message.model_name
         key = f"{name} set_model_trajectory"
-        simulator.log.warn(key, f"{name}: {details}", SHORT_PERIOD)
+        simulation.log.warn(key, f"{name}: {details}", SHORT_PERIOD)
 
 
-def _play(simulator: Simulator, message: ModelTrajectory):
+def _play(simulation: Simulation, message: ModelTrajectory):
     """Play the motion of a message, or stop joints; return the service's response."""
-    world, now = simulator.world, simulator.world.time_ns
+    world, now = simulation.world, simulation.world.time_ns
     model = world.model(message.model_name)
     response = SetModelTrajectoryResponse(success=True)
     if not message.times:
@@ -167,7 +167,7 @@ def _play(simulator: Simulator, message: ModelTrajectory):
         response.start = stamp_from_ns(now)
         return response
     trajectory = _trajectory(message)
-    next_ns = now if simulator.stepper.paused else now + world.properties.step_ns
+    next_ns = now if simulation.stepper.paused else now + world.properties.step_ns
     start = message.start.to_nsec() or next_ns
     is_new = world.is_dynamic and start >= now
     jump = _jump(model, trajectory) if is_new else ""
@@ -177,7 +177,7 @@ def _play(simulator: Simulator, message: ModelTrajectory):
     details = [*remarks(model, report), jump]
     if trajectory.base_poses is not None and world.is_dynamic:
         details.append("the base is left to physics")
-    response.status_message = simulator.message("", *details)
+    response.status_message = simulation.message("", *details)
     response.start = stamp_from_ns(start)
     response.clamped, response.ignored = [*report.clamped], report.unknown
     return response

@@ -1,7 +1,7 @@
 """gazebo_ros' services about links, answered as the real Gazebo does.
 
-What changes the world runs in the simulator's loop, between two steps; what reads it
-(get_*) runs beside the loop, while nothing changes.
+Services that change the world run in the simulator's loop, between two steps; the
+others (get_*) run outside of the loop, while nothing changes.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from g1_description.errors import InvalidValueError
 from g1_description.gazebo.services.base import (
     FRAME_NOT_FOUND,
     LINK_NOT_FOUND,
-    Simulator,
+    Simulation,
     checked,
     checked_pose,
     checked_twist,
@@ -50,10 +50,10 @@ MIN_MASS = 1e-9
 """Smallest mass that a link can be given, in [kg]."""
 
 
-def get_state(simulator: Simulator, request):
+def get_state(simulation: Simulation, request):
     """Return a link's pose and twist in a frame."""
     name, relative = request.link_name, request.reference_frame
-    entities = simulator.world.entities
+    entities = simulation.world.entities
     link = found(entities.link, name, f"GetLinkState: {LINK_NOT_FOUND}")
     frame = found(entities.frame, relative, f"GetLinkState: {FRAME_NOT_FOUND}")
     pose, twist = seen_from(frame, link)
@@ -69,12 +69,12 @@ def get_state(simulator: Simulator, request):
     )
 
 
-def set_state(simulator: Simulator, request):
+def set_state(simulation: Simulation, request):
     """Put a link somewhere."""
-    return put_link(simulator, request.link_state)
+    return put_link(simulation, request.link_state)
 
 
-def put_link(simulator: Simulator, state: LinkState) -> str:
+def put_link(simulation: Simulation, state: LinkState) -> str:
     """Put a link somewhere: a root with its model, others along their joint.
 
     The twist is that of the center of mass, along the world's axes whatever the
@@ -88,7 +88,7 @@ def put_link(simulator: Simulator, state: LinkState) -> str:
         InvalidValueError: If the link is fixed to another one, or a number is
             NaN, infinite or too large.
     """
-    world, name = simulator.world, state.link_name
+    world, name = simulation.world, state.link_name
     link = found(
         world.entities.link,
         name,
@@ -109,7 +109,7 @@ def put_link(simulator: Simulator, state: LinkState) -> str:
         )
     target = compose(frame.pose, pose)
     placed = world.set_link_state(link, target, twist - frame.twist)
-    details = [simulator.no_effect("the twist is ignored") if twist.any() else ""]
+    details = [simulation.no_effect("the twist is ignored") if twist.any() else ""]
     if placed and max(placed.distance, placed.angle) > POSE_TOLERANCE:
         details.append(
             f"{placed.joint} brings {link.scoped} no nearer than "
@@ -117,14 +117,14 @@ def put_link(simulator: Simulator, state: LinkState) -> str:
             "to that pose"
         )
         warning = f"SetLinkState: {details[-1]}"
-        simulator.log.warn("set_link_state", warning, SHORT_PERIOD)
-    return simulator.message("SetLinkState: success", *details)
+        simulation.log.warn("set_link_state", warning, SHORT_PERIOD)
+    return simulation.message("SetLinkState: success", *details)
 
 
-def get_properties(simulator: Simulator, request):
+def get_properties(simulation: Simulation, request):
     """Return a link's mass; static links have none."""
     missing = f"GetLinkProperties: {LINK_NOT_FOUND}"
-    entity = found(simulator.world.entities.link, request.link_name, missing)
+    entity = found(simulation.world.entities.link, request.link_name, missing)
     response = GetLinkPropertiesResponse(com=pose_from_array(IDENTITY), success=True)
     link, detail = entity.link, ""
     if not entity.model.assembly.static:
@@ -134,7 +134,7 @@ def get_properties(simulator: Simulator, request):
         else:
             _write_inertial(response, link.inertial)
     message = "GetLinkProperties: got properties"
-    response.status_message = simulator.message(message, detail)
+    response.status_message = simulation.message(message, detail)
     return response
 
 
@@ -148,16 +148,16 @@ def _write_inertial(response, inertial: Inertial) -> None:
     response.izz = float(inertial.inertia[2, 2])
 
 
-def set_properties(simulator: Simulator, request):
+def set_properties(simulation: Simulation, request):
     """Give a link another mass."""
-    world, missing = simulator.world, f"SetLinkProperties: {LINK_NOT_FOUND}"
+    world, missing = simulation.world, f"SetLinkProperties: {LINK_NOT_FOUND}"
     link = found(world.entities.link, request.link_name, missing)
     inertial, detail = _inertial(request), ""
     if link.model.assembly.static:
         detail = f"ignored, {link.model.name} is static"
     else:
         world.set_link_properties(link, inertial, request.gravity_mode)
-    return simulator.message("SetLinkProperties: properties set", detail)
+    return simulation.message("SetLinkProperties: properties set", detail)
 
 
 def _inertial(request) -> Inertial:
@@ -181,9 +181,9 @@ def _inertial(request) -> Inertial:
     return Inertial(float(mass), center, tensor)
 
 
-def apply_wrench(simulator: Simulator, request):
+def apply_wrench(simulation: Simulation, request):
     """Push a link for a while."""
-    world, name = simulator.world, request.body_name
+    world, name = simulation.world, request.body_name
     link = found(
         world.entities.link,
         name,
@@ -212,12 +212,12 @@ def apply_wrench(simulator: Simulator, request):
     span = time_span(request.start_time, request.duration, world.time_ns)
     applied = np.concatenate([force, torque])
     world.forces.apply_wrench(link, span, applied, world.time_ns)
-    return simulator.message("", simulator.no_effect("nothing moves"))
+    return simulation.message("", simulation.no_effect("nothing moves"))
 
 
-def clear_wrenches(simulator: Simulator, request):
+def clear_wrenches(simulation: Simulation, request):
     """Stop pushing a link; only its scoped name is known here."""
-    simulator.world.forces.clear_wrenches(request.body_name)
+    simulation.world.forces.clear_wrenches(request.body_name)
 
 
 SERVICES = (

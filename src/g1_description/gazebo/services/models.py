@@ -1,7 +1,7 @@
 """gazebo_ros' services about models, answered as the real Gazebo does.
 
-What changes the world runs in the simulator's loop, between two steps; what reads it
-(get_*) runs beside the loop, while nothing changes.
+Services that change the world run in the simulator's loop, between two steps; the
+others (get_*) run outside of the loop, while nothing changes.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from gazebo_msgs.srv import (
 
 from g1_description.errors import UnknownNameError
 from g1_description.gazebo.services.base import (
-    Simulator,
+    Simulation,
     checked_pose,
     checked_twist,
     found,
@@ -42,19 +42,19 @@ class _ModelStateResponse(GetModelStateResponse):
     _has_header = False
 
 
-def delete_model(simulator: Simulator, request):
+def delete_model(simulation: Simulation, request):
     """Remove a model; it is gone when this answers."""
-    name, world = request.model_name, simulator.world
+    name, world = request.model_name, simulation.world
     lost = "DeleteModel: model does not exist"
     found(world.model, name, lost, f"DeleteModel: model [{name}] does not exist")
     world.delete(name)
     return "DeleteModel: successfully deleted model"
 
 
-def get_properties(simulator: Simulator, request):
+def get_properties(simulation: Simulation, request):
     """List a model's links, joints, shapes and nested models."""
     entity = found(
-        simulator.world.entities.model,
+        simulation.world.entities.model,
         request.model_name,
         "GetModelProperties: model does not exist",
         f"GetModelProperties: model [{request.model_name}] does not exist",
@@ -92,26 +92,26 @@ def _held_by(model: str, names: Iterable[str], assembly: Assembly) -> list[str]:
     return [name[begin:] for name in names if assembly.holder(name) == model]
 
 
-def get_world_properties(simulator: Simulator, _):
+def get_world_properties(simulation: Simulation, _):
     """Return the time and the models."""
     return GetWorldPropertiesResponse(
-        sim_time=simulator.world.time_ns * 1e-9,
-        model_names=list(simulator.world.models),
+        sim_time=simulation.world.time_ns * 1e-9,
+        model_names=list(simulation.world.models),
         rendering_enabled=True,
         success=True,
         status_message="GetWorldProperties: got properties",
     )
 
 
-def get_state(simulator: Simulator, request):
+def get_state(simulation: Simulation, request):
     """Return a model's pose and twist in a frame."""
-    world, name = simulator.world, request.model_name
+    world, name = simulation.world, request.model_name
     lost = "GetModelState: model does not exist"
     log = f"GetModelState: model [{name}] does not exist"
     model = found(world.model, name, lost, log)
-    simulator.state_calls[name] += 1
+    simulation.state_calls[name] += 1
     response = _ModelStateResponse()
-    response.header.seq = simulator.state_calls[name]
+    response.header.seq = simulation.state_calls[name]
     response.header.stamp = stamp_from_ns(world.time_ns)
     response.header.frame_id = request.relative_entity_name
     try:
@@ -129,19 +129,19 @@ def get_state(simulator: Simulator, request):
     return response
 
 
-def set_state(simulator: Simulator, request):
+def set_state(simulation: Simulation, request):
     """Put a model somewhere."""
-    return put_model(simulator, request.model_state)
+    return put_model(simulation, request.model_state)
 
 
-def put_model(simulator: Simulator, state: ModelState) -> str:
+def put_model(simulation: Simulation, state: ModelState) -> str:
     """Put a model somewhere; return the status message.
 
     Raises:
         RefusalError: If there is no such model or frame.
         InvalidValueError: If a number is NaN, infinite or too large.
     """
-    world, name, frame = simulator.world, state.model_name, state.reference_frame
+    world, name, frame = simulation.world, state.model_name, state.reference_frame
     model = found(
         world.model,
         name,
@@ -157,8 +157,8 @@ def put_model(simulator: Simulator, state: ModelState) -> str:
     )
     pose, twist = checked_pose(state.pose), checked_twist(state.twist)
     world.set_model_state(model, pose, twist, seen)
-    detail = simulator.no_effect("the twist is ignored") if twist.any() else ""
-    return simulator.message("SetModelState: set model state done", detail)
+    detail = simulation.no_effect("the twist is ignored") if twist.any() else ""
+    return simulation.message("SetModelState: set model state done", detail)
 
 
 SERVICES = (

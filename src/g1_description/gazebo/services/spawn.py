@@ -19,7 +19,7 @@ from g1_description.files.xml import check_size, parse_xml
 from g1_description.gazebo.services.base import (
     FRAME_NOT_FOUND,
     RefusalError,
-    Simulator,
+    Simulation,
     checked_pose,
     found,
 )
@@ -47,13 +47,13 @@ class ParsedRequest(NamedTuple):
     """A message for each thing in the file that is ignored."""
 
 
-def spawn(simulator: Simulator, parsed: ParsedRequest):
+def spawn(simulation: Simulation, parsed: ParsedRequest):
     """Add a model or a light; it can be commanded when this answers."""
     request, content, left_out = parsed
-    world, name = simulator.world, request.model_name
+    world, name = simulation.world, request.model_name
     missing = f"SpawnModel: {FRAME_NOT_FOUND}"
     frame = found(world.entities.frame, request.reference_frame, missing)
-    _check(simulator, name, content)
+    _check(simulation, name, content)
     try:
         pose = compose(frame.pose, checked_pose(request.initial_pose))
         pose = compose(pose, content.pose)
@@ -65,16 +65,16 @@ def spawn(simulator: Simulator, parsed: ParsedRequest):
             log_hulls(world.models[name])
     except G1DescriptionError as error:
         raise RefusalError(f"SpawnModel: Failure - {error}") from error
-    return simulator.message("SpawnModel: Successfully spawned entity", *left_out)
+    return simulation.message("SpawnModel: Successfully spawned entity", *left_out)
 
 
-def _check(simulator: Simulator, name: str, content) -> None:
+def _check(simulation: Simulation, name: str, content) -> None:
     """Check that the content of a request can be spawned.
 
     Raises:
         RefusalError: If it cannot.
     """
-    world = simulator.world
+    world = simulation.world
     if isinstance(content, RefusalError):
         if content.args[0] == NOT_A_MODEL:
             rospy.logerr(

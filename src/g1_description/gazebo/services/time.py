@@ -10,7 +10,7 @@ from std_srvs.srv import Empty
 from g1_description.errors import InvalidValueError, UnknownNameError
 from g1_description.gazebo.services.base import (
     RefusalError,
-    Simulator,
+    Simulation,
     checked,
     checked_pose,
     remarks,
@@ -26,71 +26,71 @@ from g1_description.srv import Step, StepModel, StepModelResponse, StepResponse
 from g1_description.text import listed, similar_first
 
 
-def pause(simulator: Simulator, _):
+def pause(simulation: Simulation, _):
     """Pause, also where steps were requested."""
-    simulator.stepper.paused = True
-    simulator.stepper.end("pause_physics")
+    simulation.stepper.paused = True
+    simulation.stepper.end("pause_physics")
 
 
-def unpause(simulator: Simulator, _):
+def unpause(simulation: Simulation, _):
     """Let time run."""
-    simulator.stepper.paused = False
+    simulation.stepper.paused = False
 
 
-def reset_simulation(simulator: Simulator, _):
+def reset_simulation(simulation: Simulation, _):
     """Begin again: time zero, models as spawned, joints at zero."""
-    simulator.world.reset()
-    simulator.stepper.end("reset_simulation")
+    simulation.world.reset()
+    simulation.stepper.end("reset_simulation")
 
 
-def reset_world(simulator: Simulator, _):
+def reset_world(simulation: Simulation, _):
     """Put the models back where they were spawned, joints as they are."""
-    simulator.world.reset_models()
-    simulator.stepper.end("reset_world")
+    simulation.world.reset_models()
+    simulation.stepper.end("reset_world")
 
 
-def step(simulator: Simulator, request):
+def step(simulation: Simulation, request):
     """Let steps pass; answered when they have. Gazebo does not have this."""
 
     def respond(success, outcome):
         return StepResponse(success, f"Step: {outcome}")
 
-    _check_steps(simulator, "Step", request.steps)
+    _check_steps(simulation, "Step", request.steps)
     if not request.steps:
         return respond(True, "0 steps done")
-    return simulator.stepper.request(request.steps, respond)
+    return simulation.stepper.request(request.steps, respond)
 
 
-def step_model(simulator: Simulator, request):
+def step_model(simulation: Simulation, request):
     """Set a model, let steps pass, and answer with its state. Gazebo has no such."""
     if request.steps:
-        _check_steps(simulator, "StepModel", request.steps)
-    world = simulator.world
+        _check_steps(simulation, "StepModel", request.steps)
+    world = simulation.world
     model = world.model(request.model_name)
     report = _set(world, model, request)
 
     def respond(success, outcome):
         message = "" if success else f"StepModel: {outcome}"
-        message = simulator.message(message, *remarks(model, report))
+        message = simulation.message(message, *remarks(model, report))
         response = _state(world, model, success, message)
         response.clamped = [*report.clamped]
         return response
 
     if not request.steps:
         return respond(True, "0 steps done")
-    return simulator.stepper.request(request.steps, respond)
+    return simulation.stepper.request(request.steps, respond)
 
 
-def _check_steps(simulator: Simulator, service: str, steps: int) -> None:
+def _check_steps(simulation: Simulation, service: str, steps: int) -> None:
     """Check that steps can be requested.
 
     Raises:
         RefusalError: If time is running, or a step has no length.
     """
-    if not simulator.stepper.paused:
+    if not simulation.stepper.paused:
         why = "time is running; pause_physics makes it stand still"
         raise RefusalError(f"{service}: refused, {why}")
-    if steps and not simulator.world.properties.step_ns:
+    if steps and not simulation.world.properties.step_ns:
         raise RefusalError(f"{service}: refused, time_step is 0")
 
 

@@ -1,7 +1,7 @@
 """Services about the physics' numbers and lights, answered as the real Gazebo does.
 
-What changes the world runs in the simulator's loop, between two steps; what reads it
-(get_*) runs beside the loop, while nothing changes.
+Services that change the world run in the simulator's loop, between two steps; the
+others (get_*) run outside of the loop, while nothing changes.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from std_msgs.msg import ColorRGBA
 from g1_description.errors import InvalidValueError
 from g1_description.gazebo.services.base import (
     RefusalError,
-    Simulator,
+    Simulation,
     checked,
     checked_pose,
     found,
@@ -43,12 +43,12 @@ ATTENUATION = ("constant", "linear", "quadratic")
 """Coefficients of how a light fades with distance."""
 
 
-def get_physics(simulator: Simulator, _):
+def get_physics(simulation: Simulation, _):
     """Return the physics' numbers."""
-    properties = simulator.world.properties
+    properties = simulation.world.properties
     response = GetPhysicsPropertiesResponse(
         time_step=properties.time_step,
-        pause=simulator.stepper.paused,
+        pause=simulation.stepper.paused,
         max_update_rate=properties.max_update_rate,
         success=True,
         status_message="GetPhysicsProperties: got properties",
@@ -60,7 +60,7 @@ def get_physics(simulator: Simulator, _):
     return response
 
 
-def set_physics(simulator: Simulator, request):
+def set_physics(simulation: Simulation, request):
     """Change the physics' numbers."""
     gravity = vector_to_array(request.gravity).tolist()
     numbers = {
@@ -69,45 +69,45 @@ def set_physics(simulator: Simulator, request):
         **dict(zip(GRAVITY, gravity)),
         **{name: getattr(request.ode_config, name) for name in ODE},
     }
-    change_physics(simulator, numbers)
+    change_physics(simulation, numbers)
     frozen = "" if request.time_step else "time stands still, time_step is 0"
-    return simulator.message("physics engine updated", frozen)
+    return simulation.message("physics engine updated", frozen)
 
 
-def change_physics(simulator: Simulator, numbers) -> None:
+def change_physics(simulation: Simulation, numbers) -> None:
     """Change the physics' numbers that Gazebo sets.
 
     Args:
-        simulator: The simulator.
+        simulation: The world and its services' state.
         numbers: Values by the names of ``PhysicsProperties``.
 
     Raises:
         InvalidValueError: If one is out of its range; nothing is changed.
     """
-    world = simulator.world
+    world = simulation.world
     known = {field.name for field in fields(PhysicsProperties)} - {*UNSETTABLE}
     settable = {name: value for name, value in numbers.items() if name in known}
     world.set_properties(replace(world.properties, **settable))
     if not world.properties.step_ns:
-        simulator.stepper.end("a time_step of 0")
+        simulation.stepper.end("a time_step of 0")
 
 
-def set_real_time_factor(simulator: Simulator, request):
+def set_real_time_factor(simulation: Simulation, request):
     """Set how fast simulated time runs, by max_update_rate."""
-    factor, step = request.real_time_factor, simulator.world.properties.time_step
+    factor, step = request.real_time_factor, simulation.world.properties.time_step
     if not (math.isfinite(factor) and factor >= 0.0 and step > 0.0):
         raise InvalidValueError(
             f"factor {factor} at time_step {step}; the factor must be 0 (as fast as "
             "can be) or more, the step above 0"
         )
     rate = factor / step
-    change_physics(simulator, {"max_update_rate": rate})
+    change_physics(simulation, {"max_update_rate": rate})
     return f"SetRealTimeFactor: max_update_rate is {rate:g} Hz"
 
 
-def get_light(simulator: Simulator, request):
+def get_light(simulation: Simulation, request):
     """Return a light's color and attenuation."""
-    light = _light(simulator, request, "getLight")
+    light = _light(simulation, request, "getLight")
     names = [f"attenuation_{name}" for name in ATTENUATION]
     return GetLightPropertiesResponse(
         diffuse=ColorRGBA(*light.diffuse),
@@ -117,16 +117,16 @@ def get_light(simulator: Simulator, request):
     )
 
 
-def _light(simulator: Simulator, request, service: str):
+def _light(simulation: Simulation, request, service: str):
     """Find the light of a request."""
     name = request.light_name
     message = f"{service}Properties: Requested light {name} not found!"
-    return found(simulator.world.light, name, message)
+    return found(simulation.world.light, name, message)
 
 
-def set_light(simulator: Simulator, request):
+def set_light(simulation: Simulation, request):
     """Change a light."""
-    light = _light(simulator, request, "setLight")
+    light = _light(simulation, request, "setLight")
     try:
         pose = checked_pose(request.pose)
         direction = checked("direction", vector_to_array(request.direction))
@@ -139,7 +139,7 @@ def set_light(simulator: Simulator, request):
         }
     except InvalidValueError as error:
         raise RefusalError(f"setLightProperties: refused, {error}") from error
-    simulator.world.add_light(
+    simulation.world.add_light(
         replace(
             light,
             cast_shadows=request.cast_shadows,
@@ -158,9 +158,9 @@ def _color(request, name: str) -> tuple[float, ...]:
     return tuple(checked(name, [color.r, color.g, color.b, color.a]).tolist())
 
 
-def delete_light(simulator: Simulator, request):
+def delete_light(simulation: Simulation, request):
     """Remove a light."""
-    name, world = request.light_name, simulator.world
+    name, world = request.light_name, simulation.world
     missing = f'DeleteLight: Timeout reached while removing light "{name}"'
     found(world.delete_light, name, missing)
     return f"DeleteLight: {name} successfully deleted"

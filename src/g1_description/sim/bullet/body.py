@@ -216,7 +216,7 @@ class Body:
         )
 
     def unknown_limits(self) -> list[str]:
-        """Name the joints whose file gives an effort of 0, and nothing else a limit."""
+        """Name the joints with an effort of 0 in the file and no other limit."""
         names = [self.model.joint_names[row] for row in self.rows]
         joints = self.model.assembly.description.movable_joints
         unknown = {joint.name for joint in joints if joint.effort == 0.0}

@@ -1,4 +1,4 @@
-"""PyBullet, without what its C code prints of itself: others import it from here."""
+"""PyBullet, without the output of its C code: others import it from here."""
 
 from __future__ import annotations
 

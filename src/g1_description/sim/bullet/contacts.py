@@ -1,44 +1,21 @@
-"""Contacts: the links that touch, and the speed at which overlapping links part."""
+"""The speed at which overlapping links part."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
-from g1_description.robot.assembly import SCOPE
 from g1_description.sim.bullet.body import Body
 from g1_description.sim.bullet.client import BulletClient
 from g1_description.sim.engine import PhysicsProperties
 
 MAX_DEPENETRATION_SPEED = 0.3
 """Greatest speed at which links that overlap part, in [m/s]. ODE has such a bound for
-each contact, Gazebo's ``max_vel``; its 0.01 m/s would be slow to watch, and what is
-thrown at this speed rises by 5 mm."""
+each contact, Gazebo's ``max_vel``; its 0.01 m/s would be slow to watch, and a
+thing thrown at this speed rises by 5 mm."""
 
 CONTACT_HARDNESS = 1e9
 """Stiffness times the time step, plus damping, of links whose part of ``erp`` is given:
 so great that their contacts are as hard as others."""
-
-
-def find_contacts(
-    client: BulletClient, bodies: Mapping[int, Body]
-) -> set[tuple[str, str]]:
-    """Find the pairs of links that touch or overlap now, as ``Engine.contacts``.
-
-    Args:
-        client: PyBullet.
-        bodies: All bodies by their numbers in PyBullet.
-    """
-    client.performCollisionDetection()
-    pairs = set()
-    for point in client.getContactPoints() or ():
-        links = [(bodies[point[1]], point[3]), (bodies[point[2]], point[4])]
-        if point[8] <= 0.0 and any(body.can_move(link) for body, link in links):
-            first, second = sorted(
-                f"{body.model.name}{SCOPE}{body.link_name(link)}"
-                for body, link in links
-            )
-            pairs.add((first, second))
-    return pairs
 
 
 class DepenetrationLimiter:

@@ -35,7 +35,7 @@ MAX_JOINTS = 127
 """Links of one body in PyBullet, without its root: it leaves out more in silence."""
 
 UNKNOWN = Inertial(1.0, np.zeros(3), np.eye(3))
-"""In the place of mass properties that a file does not give. Nothing moves by itself
+"""Mass properties of links that have none in the file. Nothing moves by itself
 where there are such links; without a mass PyBullet finds no contacts."""
 
 NO_MASS = Inertial(0.0, np.zeros(3), np.zeros((3, 3)))
@@ -79,10 +79,10 @@ class _Row:
 
     name: str
     parent: int
-    """Row of the link that carries it."""
+    """Row of its parent."""
 
     joint: Joint | None
-    """What carries it; None for the root, and for what holds more shapes of a link."""
+    """To the parent; None for the root, and for a row with more shapes of a link."""
 
     position: np.ndarray
     """In the frame that PyBullet has for the parent, in [m], shape (3,)."""
@@ -248,7 +248,7 @@ def principal_axes(inertia: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _set_dynamics(client: BulletClient, number: int, rows: Sequence[_Row]) -> None:
-    """Set what ``createMultiBody`` does not take: moments of inertia and limits."""
+    """Set moments of inertia and limits, which ``createMultiBody`` does not take."""
     for index, row in enumerate(rows, ROOT):
         moments, _ = principal_axes(row.inertial.inertia)
         client.changeDynamics(number, index, localInertiaDiagonal=moments)
@@ -297,7 +297,7 @@ class _Forms:
         ]
 
     def _form(self, shape: Shape, anchor: np.ndarray, file: str) -> Form:
-        """Write a shape, whose mesh is in a file."""
+        """Write a shape, its mesh in a file."""
         form: Form = {
             "shapeTypes": KINDS[shape.kind],
             "halfExtents": [1.0, 1.0, 1.0],
@@ -334,7 +334,7 @@ class _Forms:
         return self._files[key]
 
     def _mesh_file(self, name: str, scale: float) -> str:
-        """Write a mesh, whose largest scale is given, to a file; return its name."""
+        """Write a mesh of a largest scale to a file; return its name."""
         mesh = self._meshes[name]
         if not self._is_static:
             hulls = thinned_hulls(mesh, TOLERANCE / scale if scale else 0.0)

@@ -9,9 +9,10 @@ import numpy as np
 
 from g1_description.errors import DescriptionError
 from g1_description.motion.motors import G1_MOTORS, Motor, Motors
+from g1_description.robot.assembly import SCOPE
 from g1_description.sim.bullet.body import Body
 from g1_description.sim.bullet.client import connect
-from g1_description.sim.bullet.contacts import DepenetrationLimiter, find_contacts
+from g1_description.sim.bullet.contacts import DepenetrationLimiter
 from g1_description.sim.bullet.create_body import (
     MAX_JOINTS,
     TooManyLinksError,
@@ -25,7 +26,7 @@ from g1_description.text import listed
 
 REST_SPEED = 1e-5
 """Greatest speed of a joint or root that counts as standing still, in [m/s] or [rad/s]:
-above the noise of the solver in a stack of boxes, far below what can be seen."""
+above the noise of the solver in a stack of boxes, far below anything visible."""
 
 REST_TIME = 0.1
 """How long everything must stand still before the world rests, in [s] of simulated
@@ -51,8 +52,8 @@ class RestDetector:
     def update(self, speed: float, time_step: float) -> None:
         """Count a step that was computed.
 
-        What became faster is about to move, however slow it is, such as a pole that
-        begins to topple: then the world does not rest.
+        Something that became faster is about to move, however slow it is, such as a
+        pole that begins to topple: then the world does not rest.
 
         Args:
             speed: Greatest speed after the step, in [m/s] or [rad/s].
@@ -72,7 +73,7 @@ class BulletEngine(Engine):
     """PyBullet behind a world.
 
     A world in which all stands still rests: steps change nothing and cost nothing until
-    something is written. In ``kinematic`` physics bodies follow their models only when
+    the next write. In ``kinematic`` physics bodies follow their models only when
     contacts are requested.
     """
 
@@ -299,7 +300,7 @@ class BulletEngine(Engine):
             self._moving.stop()
 
     def _sort(self) -> None:
-        """Sort the bodies by what a step does with them, where they have changed."""
+        """Sort the bodies for a step, if they have changed."""
         if self._is_sorted:
             return
         models = self._bodies.values()
@@ -331,7 +332,17 @@ class BulletEngine(Engine):
         """Find the pairs of links that touch or overlap now."""
         self._write_moved()
         self._sort()
-        return find_contacts(self._client, self._by_number)
+        self._client.performCollisionDetection()
+        bodies, pairs = self._by_number, set()
+        for point in self._client.getContactPoints() or ():
+            links = [(bodies[point[1]], point[3]), (bodies[point[2]], point[4])]
+            if point[8] <= 0.0 and any(body.can_move(link) for body, link in links):
+                first, second = sorted(
+                    f"{body.model.name}{SCOPE}{body.link_name(link)}"
+                    for body, link in links
+                )
+                pairs.add((first, second))
+        return pairs
 
     def _write_moved(self) -> None:
         """Write the models to their bodies that were moved in kinematic physics."""

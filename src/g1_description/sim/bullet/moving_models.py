@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import lru_cache, partial
+from functools import partial
 from itertools import chain
 from typing import Callable
 
@@ -69,22 +69,26 @@ class MovingModels:
             state[:2] for body in self._jointed for state in body.joint_states()
         ] or np.zeros((0, 2))
         position, velocity = joints.T
-        of = partial(self._links_of, roots, position, root_twists, velocity)
-        links = lru_cache(maxsize=1)(of)  # computed when a first model is looked at
+        states: list[States] = []
+
+        def links(rows: slice) -> States:
+            if not states:  # computed when a first model is looked at
+                found = self._kinematics.link_states(
+                    roots, position, root_twists, velocity
+                )
+                states.append((found[0][self._of_forest], found[1][self._of_forest]))
+            poses, twists = states[0]
+            return poses[rows], twists[rows]
+
         self._measured = [
             (
                 (roots[root], root_twists[root]),
                 (position[joint], velocity[joint]),
-                partial(_part, links, link),
+                partial(links, link),
             )
             for root, joint, link in zip(self._roots, self._joints, self._links)
         ]
         self._speeds = np.abs(np.concatenate([root_twists.ravel(), velocity]))
-
-    def _links_of(self, *states: np.ndarray) -> States:
-        """Compute the states of all links, as ``Kinematics.link_states``."""
-        poses, twists = self._kinematics.link_states(*states)
-        return poses[self._of_forest], twists[self._of_forest]
 
     def update_models(self) -> None:
         """Give all models the state that was read."""
@@ -119,12 +123,6 @@ class MovingModels:
         """Zero the velocities of all models without writing them to PyBullet."""
         for model in self._models:
             model.stop()
-
-
-def _part(links: Callable[[], States], rows: slice) -> States:
-    """Return the states of one model's links."""
-    poses, twists = links()
-    return poses[rows], twists[rows]
 
 
 def _joined(models: Sequence[Model]) -> tuple[Description, np.ndarray]:
