@@ -61,7 +61,7 @@ class Reference:
 
 
 @dataclass
-class Robot:
+class ImportedRobot:
     """A robot that is imported."""
 
     source: Path
@@ -89,7 +89,7 @@ class Robot:
         return bytes(data.rstrip() + b"\n")
 
 
-def open_robot(model: ModelText) -> Robot:
+def open_robot(model: ModelText) -> ImportedRobot:
     """Find the files that a URDF names; comments, order and unknown tags stay.
 
     Names that RViz requires and the file lacks are added, and reported.
@@ -113,7 +113,7 @@ def open_robot(model: ModelText) -> Robot:
             references.append(
                 Reference(element, f"{whose} {name}", path, kind == "collision")
             )
-    return Robot(model.path, description, root, references, changes)
+    return ImportedRobot(model.path, description, root, references, changes)
 
 
 def _owner(element: etree._Element) -> tuple[str, str]:

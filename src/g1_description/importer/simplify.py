@@ -23,11 +23,11 @@ AT_A_TIME = 2000
 """Points that are compared at a time."""
 
 
-class Surface:
+class ComparedSurface:
     """A surface that others are compared with."""
 
     def __init__(self, triangles: np.ndarray, extent: float) -> None:
-        """Prepare for comparisons.
+        """Prepare.
 
         Args:
             triangles: Corners of its triangles, shape (n, 3, 3).
@@ -68,7 +68,9 @@ class Surface:
         return farthest
 
 
-def deviation(one: Surface, other: Surface, limit: float = math.inf) -> float:
+def deviation(
+    one: ComparedSurface, other: ComparedSurface, limit: float = math.inf
+) -> float:
     """Measure how far two surfaces are apart, seen from both sides.
 
     Args:
@@ -145,7 +147,7 @@ def within(
     fewest, wanted, enough = most, most, len(triangles)
     best, moved = triangles, 0.0
     extent = float(np.ptp(triangles.reshape(-1, 3), axis=0).max())
-    surface = Surface(triangles, extent)
+    surface = ComparedSurface(triangles, extent)
     for _ in range(TRIES):
         distance = 0.0
         try:
@@ -153,7 +155,7 @@ def within(
         except DescriptionError:  # so few that they have no hull
             fewer, distance = triangles, np.inf
         if len(fewer) < len(triangles):
-            distance = deviation(surface, Surface(fewer, extent), tolerance)
+            distance = deviation(surface, ComparedSurface(fewer, extent), tolerance)
         if distance <= tolerance:
             best, moved, enough = fewer, distance, wanted
         else:

@@ -246,6 +246,8 @@ def _read(path: Path) -> dict[str, np.ndarray]:
             raise CannotReadError(
                 f"it has corners that are not finite, or beyond {MAX_VALUE:g} m"
             )
+    if not np.ptp(corners.reshape(-1, 3), axis=0).any():
+        raise CannotReadError("all its corners are in one place")
     # A normal without a direction becomes that of its triangle.
     own = triangle_normals(corners)[:, np.newaxis]
     normals = np.where(has_direction(normals)[..., np.newaxis], normals, own)
