@@ -224,26 +224,15 @@ def _rows(text: str, after: int = 0) -> Iterator[tuple[int, str]]:
 
 
 def _lines(text: str) -> Iterator[tuple[int, str]]:
-    """Go through the lines that have something, with their numbers.
-
-    One after the other: as a list, the lines of a large file need ten times its room.
-    """
-    end = "\n" if "\n" in text else "\r"
-    begin = number = 0
-    while begin < len(text):
-        found = text.find(end, begin)
-        stop = len(text) if found < 0 else found
-        number += 1
-        if number > MAX_LINES:
-            raise MotionError(f"The file has more than {MAX_LINES} lines.")
-        if stop - begin > MAX_LINE:
-            found = text.count(",", begin, stop) + 1
+    """Go through the lines that have something, with their numbers."""
+    if max(text.count("\n"), text.count("\r")) > MAX_LINES:
+        raise MotionError(f"The file has more than {MAX_LINES} lines.")
+    for number, line in enumerate(text.splitlines(), 1):
+        line = line.strip()
+        if len(line) > MAX_LINE:
             raise MotionError(
-                f"Line {number} has {found} columns and {stop - begin} characters; "
-                f"there may be {MAX_COLUMNS} and {MAX_LINE}."
+                f"Line {number} has {len(line)} characters; there may be {MAX_LINE}."
             )
-        line = text[begin:stop].strip()
-        begin = stop + 1
         if line:
             yield number, line
 
