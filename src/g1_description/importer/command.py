@@ -215,11 +215,7 @@ def _urdf_files(folder: Path) -> list[str]:
 
 
 def _read(name: str) -> ModelText:
-    """Read a robot.
-
-    Raises:
-        DescriptionError: If it is not one; the message names it.
-    """
+    """Read a robot; the error names it."""
     try:
         return read_model(name)
     except G1DescriptionError as error:

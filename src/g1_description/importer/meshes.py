@@ -108,7 +108,7 @@ All of them may take their whole time of the processor, and the last is not too 
 
 @dataclass(frozen=True)
 class Options:
-    """What a user wants of meshes."""
+    """Options of a user for meshes."""
 
     most_triangles: int | None = None
     """Of each mesh; None for as many as there are."""
@@ -238,11 +238,9 @@ def _corners(parts: tuple[shapes.Part, ...]) -> np.ndarray:
 def _as_stl(
     data: bytes, parts: tuple[shapes.Part, ...]
 ) -> tuple[bytes, tuple[str, ...]]:
-    """Make a binary STL that all take for one, and say what was changed.
+    """Make a binary STL that every reader takes for one, and name the change.
 
-    Args:
-        data: Content of a file.
-        parts: What was read of it; empty where it is sound and binary.
+    Parts are empty if the file is sound and binary.
     """
     if not parts:
         return clean_header(data)

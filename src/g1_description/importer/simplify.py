@@ -91,15 +91,10 @@ def deviation(
 
 
 def _pieces(triangles: np.ndarray, size: float) -> tuple[np.ndarray, np.ndarray]:
-    """Cut triangles into pieces.
-
-    Args:
-        triangles: Corners, shape (n, 3, 3).
-        size: Longest edge that a piece may have.
+    """Cut triangles into pieces whose edges are at most as long as a size.
 
     Returns:
-        Corners of the pieces, shape (m, 3, 3), and the triangle that each is of,
-        shape (m,).
+        Corners of the pieces, shape (m, 3, 3), and the triangle of each, shape (m,).
     """
     pieces, owners = triangles, np.arange(len(triangles))
     done = []
@@ -196,11 +191,7 @@ def decimated(triangles: np.ndarray, most: int) -> np.ndarray:
 
 
 def _welded(mesh: trimesh.Trimesh, cell: float) -> tuple[np.ndarray, np.ndarray]:
-    """Join the corners of a mesh that lie in one cell of a grid.
-
-    Args:
-        mesh: The mesh.
-        cell: Size of a cell as a share of the mesh's largest extent.
+    """Join the corners that lie in one cell, a fraction of the largest extent.
 
     Returns:
         Vertices, shape (n, 3), and the faces that are still triangles, shape (m, 3).

@@ -219,11 +219,7 @@ def parse_poses(text: str, place: str) -> dict[str, Pose]:
 
 
 def _load(text: str, place: str) -> CommentedMap:
-    """Read YAML whose top level is a mapping; an empty text is an empty mapping.
-
-    Raises:
-        PoseFileError: If it is not.
-    """
+    """Read YAML whose top level is a mapping; an empty text is an empty mapping."""
     try:
         # The round-trip reader knows each key's line, and takes aliases of aliases
         # in linear time.

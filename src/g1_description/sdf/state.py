@@ -24,7 +24,7 @@ class SavedState:
     """Simulated time in [s]; None if it is not given."""
 
     models: dict[str, np.ndarray] = field(default_factory=dict)
-    """Poses in the world by name, shape (7,); likewise the others."""
+    """Poses in the world by name, shape (7,), as the others."""
 
     links: dict[str, dict[str, np.ndarray]] = field(default_factory=dict)
     """By names of model and link; those of models inside begin with their names."""

@@ -182,12 +182,7 @@ class _Reader:
     """Reads all of a kind; in a world what is wrong is left out, else refused."""
 
     def __init__(self, left_out: list[str] | None) -> None:
-        """Begin.
-
-        Args:
-            left_out: Takes a message for each thing that is left out; None where
-                what is wrong is refused.
-        """
+        """Take a list for messages on what is left out; None: that is refused."""
         self._left_out = left_out
         self.refused: list[str] = []
         """The reason for each model or light that is left out."""

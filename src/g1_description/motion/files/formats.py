@@ -99,8 +99,8 @@ def _problem(source: MotionSource) -> str:
         return "A zip file without arrays: not an npz."
     if names:
         found = listed(names)
-        for wanted in (beyond_mimic.ARRAYS, gmr.ARRAYS):
-            missing = [name for name in wanted if name not in names]
+        for arrays in (beyond_mimic.ARRAYS, gmr.ARRAYS):
+            missing = [name for name in arrays if name not in names]
             if len(missing) == 1:
                 return f"{missing[0]} is missing; the file has {found}."
         known = f"{listed(beyond_mimic.ARRAYS)}, or {listed(gmr.ARRAYS)}"

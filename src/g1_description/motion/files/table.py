@@ -126,23 +126,23 @@ def _headed(
     ]
     velocities = [joint + VELOCITY for joint in joints]
     has_velocities = any(name.endswith(VELOCITY) for name in names)
-    wanted = [TIME, *(BASE if base else ()), *(velocities if has_velocities else ())]
-    missing = [name for name in wanted if name not in names]
+    needed = [TIME, *(BASE if base else ()), *(velocities if has_velocities else ())]
+    missing = [name for name in needed if name not in names]
     if missing:
         hint = "; columns must be separated by commas" if len(names) == 1 else ""
         is_motion = _may_be_motion(names, next(rows, (0, "0"))[1], robot)
         raise (MotionError if is_motion else NoMotionError)(
             f"Line {number} names {listed(names)}, but not {listed(missing)}{hint}."
         )
-    strange = [n for n in names if n not in (*wanted, *joints)]
+    strange = [n for n in names if n not in (*needed, *joints)]
     if strange:
         raise MotionError(
             f"Line {number} has {listed(strange)}, but no column of that joint."
         )
     values = _numbers(rows, len(names))
 
-    def columns(wanted: Sequence[str]) -> np.ndarray:
-        return values[:, [names.index(name) for name in wanted]]
+    def columns(needed: Sequence[str]) -> np.ndarray:
+        return values[:, [names.index(name) for name in needed]]
 
     return Motion(
         Trajectory(

@@ -37,7 +37,7 @@ from g1_description.sim.meshes.stl import (
 )
 
 BEGUN, LAST_WORDS = "begun", "last_words"
-"""Files that tell that it began to read, and of what mistake of its own it ended."""
+"""Files that it leaves when it begins to read, and when it ends by its own mistake."""
 
 MEMORY = 4 * 2**30
 """Most memory that it may take, in bytes."""
