@@ -7,7 +7,7 @@ import math
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 from g1_description.command_line import OneSentenceParser
@@ -233,23 +233,23 @@ def _open(models: list[ModelText]) -> list[ImportedRobot]:
     return list(robots.values())
 
 
-def _progress() -> Callable[[int, int], None]:
-    """Return what reports progress on stderr, every ``PROGRESS_PERIOD``."""
-    reported = time.monotonic()
+class ProgressLines:
+    """Reports progress on stderr when the import takes long."""
 
-    def report_progress(done: int, total: int) -> None:
-        nonlocal reported
-        if time.monotonic() - reported > PROGRESS_PERIOD:
-            reported = time.monotonic()
+    def __init__(self) -> None:
+        self._reported = time.monotonic()
+
+    def __call__(self, done: int, total: int) -> None:
+        """Print how many are done, every ``PROGRESS_PERIOD``."""
+        if time.monotonic() - self._reported > PROGRESS_PERIOD:
+            self._reported = time.monotonic()
             print(f"import_model: {done} of {total} meshes", file=sys.stderr)
-
-    return report_progress
 
 
 def check_only(robots: list[ImportedRobot], faults: list[str], options: Options) -> str:
     """Check robots and write nothing; return the summary of what would be done."""
     imported = Import(robots, options, "../meshes", lambda name, data: None, faults)
-    imported.run(_progress())
+    imported.run(ProgressLines())
     return f"{summary(imported)}\nOnly checked: nothing is written without --out."
 
 
@@ -268,7 +268,7 @@ def import_into(
     prefix, where = mesh_prefix(folder.target)
     imported = Import(robots, options, prefix, folder.write, faults)
     with folder.completed():
-        imported.run(_progress())
+        imported.run(ProgressLines())
         folder.write(REPORT, report(imported, where).encode("utf-8"))
     return f"{summary(imported)}\n{where}\nWritten: {folder.target}"
 
