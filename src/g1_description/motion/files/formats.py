@@ -83,7 +83,7 @@ def _format(source: MotionSource) -> ModuleType:
         MotionError: If there is none.
     """
     if source.topic is not None and not bag.recognise(source):
-        raise MotionError(f"no bag: it has no topic {source.topic}.")
+        raise MotionError(f"Not a bag: it has no topic {source.topic}.")
     for module in FORMATS:
         if module.recognise(source):
             return module
