@@ -55,15 +55,10 @@ def scheme_of(name: str) -> str:
     return name.partition("://")[0] if _HAS_SCHEME.match(name) else ""
 
 
-def _nowhere(_: str) -> str | None:
-    """Find no package."""
-    return None
-
-
 def with_absolute_uris(
     text: str,
     folder: Path,
-    package_folder: Callable[[str], str | None] = _nowhere,
+    package_folder: Callable[[str], str | None] = lambda _: None,
     name: str | None = None,
 ) -> str:
     """Make the file names in a URDF mean the same everywhere.

@@ -13,7 +13,7 @@ from lxml import etree
 
 from g1_description.errors import DescriptionError
 from g1_description.files.model_files import find_folder
-from g1_description.files.uris import package_name
+from g1_description.files.uris import FINDABLE, package_name, scheme_of
 from g1_description.importer.meshes import (
     MeshFile,
     MeshReader,
@@ -92,7 +92,10 @@ class FileNames:
         self._top = Path(os.path.commonpath(folders)) if folders else Path(os.sep)
         self._owners: dict[str, tuple[Path, str]] = {}
         self._given: dict[tuple[Path, str], str] = {}
-        for file in sorted(files, key=_unsafe_parts):
+        # Files that keep their names come first in each folder.
+        for file in sorted(
+            files, key=lambda file: [bool(_UNSAFE.search(part)) for part in file.parts]
+        ):
             self.of(file)
 
     def of(self, file: Path, name: str = "") -> str:
@@ -122,11 +125,6 @@ class FileNames:
             number += 1
             name = f"{stem}_{number}{suffix}"
         return name
-
-
-def _unsafe_parts(file: Path) -> list[bool]:
-    """Sort key that puts files that keep their names first in each folder."""
-    return [_UNSAFE.search(part) is not None for part in file.parts]
 
 
 def mesh_prefix(folder: Path) -> tuple[str, str]:
@@ -235,7 +233,7 @@ class Import:
             )
             reference.remove()
             return
-        if not reference.is_local:
+        if scheme_of(reference.name) not in ("", *FINDABLE):
             robot.findings.append(
                 f"{reference.name} ({reference.owner}) is not a local file."
             )

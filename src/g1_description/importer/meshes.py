@@ -75,14 +75,14 @@ def _names_in(file: Path) -> list[str]:
     except (OSError, UnicodeDecodeError):
         return []
     if kind == ".obj":
-        names = [word for name in names for word in _libraries(file.parent, name)]
+        # After mtllib are names, or one name with spaces.
+        names = [
+            word
+            for name in names
+            for word in ([name] if (file.parent / name).is_file() else name.split())
+        ]
     local = (name for name in names if "://" not in name and not os.path.isabs(name))
     return list(dict.fromkeys(local))
-
-
-def _libraries(folder: Path, names: str) -> list[str]:
-    """Split the names after mtllib, unless they are one name with spaces."""
-    return [names] if (folder / names).is_file() else names.split()
 
 
 def _existing(folder: Path, name: str) -> str | None:

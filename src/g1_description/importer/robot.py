@@ -8,7 +8,7 @@ from pathlib import Path
 from lxml import etree
 
 from g1_description.files.model_files import find_folder
-from g1_description.files.uris import FINDABLE, find_file, give_names, scheme_of
+from g1_description.files.uris import find_file, give_names
 from g1_description.files.xml import parse_xml
 from g1_description.robot.description import Description
 from g1_description.robot.load import ModelText
@@ -41,11 +41,6 @@ class Reference:
         except ValueError:
             return 1.0
         return max(factors, default=1.0) or 1.0
-
-    @property
-    def is_local(self) -> bool:
-        """Whether the name can be a file of this machine at all."""
-        return scheme_of(self.name) in ("", *FINDABLE)
 
     @property
     def is_mesh(self) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from g1_description.render.camera import Camera, Crop
+from g1_description.render.camera import Camera
 from g1_description.render.scene import NOTHING, Scene
 
 AIR = np.array([[0.99, 0.99, 0.995], [0.91, 0.925, 0.94]])
@@ -136,13 +136,23 @@ def draw(
     Returns:
         Colours as uint8, shape (height, width, 3).
     """
-    lamp = _lamp(camera, height / width)
-    behind = 255.0 * backdrop(
-        camera, width, height, floor, (lamp, _shadow_mask(scene, lamp))
-    )
+    # The lamp is on one side of the camera and sees all that this sees.
+    reach = 1.5 * camera.width * max(1.0, height / width)
+    lamp = Camera(camera.target, camera.yaw + LAMP[0], LAMP[1], reach)
+    is_seen = silhouette(scene, lamp, LAMP_PIXELS, LAMP_PIXELS) != NOTHING
+    shadow = lamp, blur(is_seen.astype(float), SHADOW_BLUR)
+    behind = 255.0 * backdrop(camera, width, height, floor, shadow)
     crop = scene.crop(camera, width, height)
-    fine = SUPERSAMPLING * width, SUPERSAMPLING * height, _supersampled(crop)
-    colors, robots = scene.render(camera, *fine, lamp.axes[2])
+    rows, columns = (
+        slice(SUPERSAMPLING * part.start, SUPERSAMPLING * part.stop) for part in crop
+    )
+    colors, robots = scene.render(
+        camera,
+        SUPERSAMPLING * width,
+        SUPERSAMPLING * height,
+        (rows, columns),
+        lamp.axes[2],
+    )
     seen = (robots != NOTHING)[..., np.newaxis]
     clear = 1.0 - _downsampled(seen)
     behind[crop] = behind[crop] * clear + _downsampled(colors * seen)
@@ -167,14 +177,6 @@ def silhouette(scene: Scene, camera: Camera, width: int, height: int) -> np.ndar
     return robots
 
 
-def _supersampled(crop: Crop) -> Crop:
-    """Return a crop of the supersampled picture."""
-    rows, columns = (
-        slice(SUPERSAMPLING * w.start, SUPERSAMPLING * w.stop) for w in crop
-    )
-    return rows, columns
-
-
 def _downsampled(pixels: np.ndarray) -> np.ndarray:
     """Return the mean of the rendered pixels that become one."""
     height, width, parts = pixels.shape
@@ -186,15 +188,3 @@ def _downsampled(pixels: np.ndarray) -> np.ndarray:
         parts,
     )
     return fine.mean(axis=(1, 3), dtype=np.float32)
-
-
-def _lamp(camera: Camera, aspect: float) -> Camera:
-    """Place the lamp on one side of the camera, so that it sees all that this sees."""
-    width = 1.5 * camera.width * max(1.0, aspect)
-    return Camera(camera.target, camera.yaw + LAMP[0], LAMP[1], width)
-
-
-def _shadow_mask(scene: Scene, lamp: Camera) -> np.ndarray:
-    """Return how much of the lamp's light robots block, from 0 to 1."""
-    size = LAMP_PIXELS, LAMP_PIXELS
-    return blur((silhouette(scene, lamp, *size) != NOTHING).astype(float), SHADOW_BLUR)
