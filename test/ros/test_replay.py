@@ -155,7 +155,7 @@ class TestReplay(unittest.TestCase):
         for words, arguments in (
             ("No motion is given", ()),
             ("Two motions are given", (f"_motion:={MOTION}", f"_bag:={MOTION}")),
-            ("elbow.csv is no bag", (f"_bag:={MOTION}", "_topic:=motion")),
+            ("elbow.csv: Not a bag", (f"_bag:={MOTION}", "_topic:=motion")),
             (
                 "'nothing.csv' is not an absolute path; $PWD/nothing.csv is one.",
                 ("_motion:=nothing.csv",),

@@ -340,7 +340,7 @@ def test_a_bag_without_an_index_is_told_what_to_do(bag, tmp_path):
 def test_what_is_no_bag_has_no_topic(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text(f"time,{KNEE}\n0,1\n")
-    with pytest.raises(MotionError, match="no bag: it has no topic joint_states"):
+    with pytest.raises(MotionError, match="Not a bag: it has no topic joint_states"):
         read_motion(path, G1, topic="joint_states")
 
 

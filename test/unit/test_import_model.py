@@ -229,7 +229,7 @@ def test_a_missing_mesh_is_named_and_taken_out(bring, source):
     for words in (
         "nowhere.stl (visual of link base) does not exist; removed",
         "package://no_such_package/x.stl (collision of link base) does not exist",
-        "cut.stl (collision of link base) cannot be read: it is no text that begins",
+        "cut.stl (collision of link base) cannot be read: it is not text that begins",
     ):
         assert words in bring.told
         assert words in (urdf.parents[1] / "report.md").read_text()

@@ -8,7 +8,7 @@ import trimesh
 
 from g1_description.errors import DescriptionError
 from g1_description.importer.simplify import (
-    Surface,
+    ComparedSurface,
     convex_hull,
     decimated,
     decimated_hull,
@@ -93,7 +93,7 @@ def test_a_hull_is_convex_and_holds_the_mesh(most):
 
 
 def apart(one, other, limit=np.inf):
-    surfaces = [Surface(np.asarray(m.triangles), 1.0) for m in (one, other)]
+    surfaces = [ComparedSurface(np.asarray(m.triangles), 1.0) for m in (one, other)]
     return deviation(*surfaces, limit)
 
 

@@ -472,7 +472,7 @@ BAD = {
         "Line 3 has 3 columns, those before",
     ),
     "norm": (ROW.replace("0,0,0,1", "0,0,0,2"), "quaternion of length 2"),
-    "wide": (",".join(["0.5"] * 1_000_000), "Line 1 has 1000000 columns"),
+    "wide": (",".join(["0.5"] * 1_000_000), "Line 1 has 3999999 characters"),
     "headless": (",".join(["0.5"] * 12), "has 5 joints without names"),
     "twice": ("time,a,a\n0,1,2\n", "columns twice: a"),
     "timeless": ("left_elbow_joint\n0\n", "time"),

@@ -1168,8 +1168,8 @@ def test_a_joint_that_closes_a_loop_is_left_out_by_name(inside, left, kept, stat
 @pytest.mark.parametrize(
     ("ends", "why"),
     [
-        ({"child": "c"}, "its child c is no link of the model"),
-        ({"parent": "c"}, "its parent c is no link of the model"),
+        ({"child": "c"}, "its child c is not a link of the model"),
+        ({"parent": "c"}, "its parent c is not a link of the model"),
         ({"parent": ""}, "it has no parent"),
         ({"child": ""}, "it has no child"),
         ({"parent": "world", "child": "world"}, "both of its links are the world"),

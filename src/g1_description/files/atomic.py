@@ -29,11 +29,8 @@ def write_whole(path: Path, content: bytes) -> None:
 def whole_file(path: Path) -> Iterator[Path]:
     """Give another name to write a file under; it gets its own when it is whole.
 
-    Args:
-        path: As for ``write_whole``.
-
     Raises:
-        InvalidValueError: Likewise.
+        InvalidValueError: If it cannot be written; what was there stays.
     """
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:

@@ -175,11 +175,7 @@ def find_model(uri: str) -> str:
 
 
 def _model_place(uri: str) -> Path:
-    """Find the folder or file that the URI of an include means.
-
-    Raises:
-        NoSuchModelError: If that cannot be.
-    """
+    """Find the folder or file that the URI of an include means."""
     scheme, separator, name = uri.partition("://")
     if not separator:
         scheme, name = "file", uri

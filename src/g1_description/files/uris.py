@@ -55,15 +55,10 @@ def scheme_of(name: str) -> str:
     return name.partition("://")[0] if _HAS_SCHEME.match(name) else ""
 
 
-def _nowhere(_: str) -> str | None:
-    """Find no package."""
-    return None
-
-
 def with_absolute_uris(
     text: str,
     folder: Path,
-    package_folder: Callable[[str], str | None] = _nowhere,
+    package_folder: Callable[[str], str | None] = lambda _: None,
     name: str | None = None,
 ) -> str:
     """Make the file names in a URDF mean the same everywhere.
@@ -78,7 +73,7 @@ def with_absolute_uris(
         folder: Folder of the URDF file, which relative names start from.
         package_folder: Gives a package's folder, None if there is no such package.
         name: Of the robot where the text gives none; with it materials get names, too,
-            that have none. RViz wants both.
+            that have none. RViz needs both.
 
     Returns:
         The same XML with ``file://`` URIs in place of plain paths.
@@ -113,7 +108,7 @@ def find_file(
     """Find the file that a URDF names.
 
     A package that is unknown, or has no such file, can be around the URDF file: a
-    folder whose package.xml, or whose own name, bears the package's name.
+    folder whose package.xml, or whose own name, has the package's name.
 
     Args:
         name: As written in the URDF.

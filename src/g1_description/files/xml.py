@@ -2,7 +2,7 @@
 
 Nothing is fetched, no file is opened for an entity, and a document that declares
 entities is refused: what it means could be a thousand times its length. What stands
-before the XML declaration is passed over, and a namespace need not be declared, as
+before the XML declaration is ignored, and a namespace need not be declared, as
 for TinyXML in Gazebo and RViz: an undeclared prefix is part of the name.
 """
 
@@ -95,7 +95,7 @@ def parse_xml(what: str, text: str, keep_comments: bool = False) -> etree._Eleme
 
     Args:
         what: What it should be, for the sentences: "robot description".
-        text: XML; its declaration is passed over, the text is text already.
+        text: XML; its declaration is ignored, the text is text already.
         keep_comments: Whether comments and processing instructions stay.
 
     Returns:

@@ -15,9 +15,14 @@ from g1_description.command_line import argument, option, parse, within
 from g1_description.errors import DescriptionError, G1DescriptionError
 from g1_description.files.find import named_path, with_robots
 from g1_description.importer.folder import Folder
-from g1_description.importer.importing import Import, MeshFile, mesh_prefix
-from g1_description.importer.meshes import TOLERANCE, Options, millimetres
-from g1_description.importer.robot import Robot, open_robot
+from g1_description.importer.importing import Import, mesh_prefix
+from g1_description.importer.meshes import (
+    TOLERANCE,
+    MeshFile,
+    Options,
+    millimetres,
+)
+from g1_description.importer.robot import ImportedRobot, open_robot
 from g1_description.robot.load import ModelText, read_model
 
 
@@ -61,7 +66,7 @@ def summary(imported: Import) -> str:
     return "\n".join(lines)
 
 
-def _figures(robot: Robot) -> str:
+def _figures(robot: ImportedRobot) -> str:
     """Count what a robot has."""
     found = robot.description
     meshes = sum(ref.is_mesh for ref in robot.references)
@@ -72,7 +77,7 @@ def _figures(robot: Robot) -> str:
     )
 
 
-def _robot_section(robot: Robot) -> Iterator[str]:
+def _robot_section(robot: ImportedRobot) -> Iterator[str]:
     """Write the part of one robot."""
     yield from (f"## {os.path.basename(robot.name)}", "")
     yield from (f"From `{robot.source}`: {_figures(robot)}.", "")
@@ -189,20 +194,16 @@ def _urdf_files(folder: Path) -> list[str]:
 
 
 def _read(name: str) -> ModelText:
-    """Read a robot.
-
-    Raises:
-        DescriptionError: If it is not one; the message names it.
-    """
+    """Read a robot; the error names it."""
     try:
         return read_model(name)
     except G1DescriptionError as error:
         raise DescriptionError(f"The model {name} cannot be used: {error}") from error
 
 
-def _open(models: list[ModelText]) -> list[Robot]:
+def _open(models: list[ModelText]) -> list[ImportedRobot]:
     """Open robots; those with equal file names are numbered."""
-    robots: dict[str, Robot] = {}
+    robots: dict[str, ImportedRobot] = {}
     for model in models:
         robot = open_robot(model)
         while robot.name in robots:
@@ -211,7 +212,7 @@ def _open(models: list[ModelText]) -> list[Robot]:
     return list(robots.values())
 
 
-class Progress:
+class ProgressLines:
     """Reports progress on stderr when the import takes long."""
 
     def __init__(self) -> None:
@@ -224,15 +225,15 @@ class Progress:
             print(f"import_model: {done} of {total} meshes", file=sys.stderr)
 
 
-def check_only(robots: list[Robot], faults: list[str], options: Options) -> str:
+def check_only(robots: list[ImportedRobot], faults: list[str], options: Options) -> str:
     """Check robots and write nothing; return the summary of what would be done."""
     imported = Import(robots, options, "../meshes", lambda name, data: None, faults)
-    imported.run(Progress())
+    imported.run(ProgressLines())
     return f"{summary(imported)}\nOnly checked: nothing is written without --out."
 
 
 def import_into(
-    folder: Folder, robots: list[Robot], faults: list[str], options: Options
+    folder: Folder, robots: list[ImportedRobot], faults: list[str], options: Options
 ) -> str:
     """Write the folder; return the summary.
 
@@ -246,7 +247,7 @@ def import_into(
     prefix, where = mesh_prefix(folder.target)
     imported = Import(robots, options, prefix, folder.write, faults)
     with folder.completed():
-        imported.run(Progress())
+        imported.run(ProgressLines())
         folder.write(REPORT, report(imported, where).encode("utf-8"))
     return f"{summary(imported)}\n{where}\nWritten: {folder.target}"
 

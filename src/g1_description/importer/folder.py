@@ -15,15 +15,14 @@ from g1_description.interrupts import ENDING_SIGNALS
 
 
 class Folder:
-    """The folder that an import writes, kept aside until it is complete."""
+    """The folder that an import writes, kept aside until it is complete.
+
+    Args:
+        target: The folder; it may exist.
+        replace: Whether files that are there may be replaced by those written.
+    """
 
     def __init__(self, target: Path, replace: bool) -> None:
-        """Choose where to write.
-
-        Args:
-            target: The folder; it may exist.
-            replace: Whether files that are there may be replaced by those written.
-        """
         self.target = Path(os.path.abspath(target))
         self._replace = replace
         self._aside = Path()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Callable
 
@@ -13,16 +13,16 @@ from lxml import etree
 
 from g1_description.errors import DescriptionError
 from g1_description.files.model_files import find_folder
-from g1_description.files.uris import package_name
+from g1_description.files.uris import FINDABLE, package_name, scheme_of
 from g1_description.importer.meshes import (
-    Mesh,
+    MeshFile,
+    MeshReader,
     Options,
-    Reader,
     make_mesh,
     read_bytes,
     side_files_of,
 )
-from g1_description.importer.robot import Reference, Robot
+from g1_description.importer.robot import ImportedRobot, Reference
 from g1_description.robot.assembly import rigid_frames
 from g1_description.robot.description import Description, Inertial
 from g1_description.robot.lumping import fault_of
@@ -74,23 +74,6 @@ def write_zero_masses(root: etree._Element, links: list[str]) -> None:
         inertial.tail = "\n  "
 
 
-def impossible_inertias(description: Description) -> list[str]:
-    """Find inertias that no body has.
-
-    Returns:
-        A sentence for each link whose mass is zero, whose principal moments are not
-        all positive, or one of them greater than the sum of the other two.
-    """
-    sentences = []
-    for link in description.links:
-        if link.inertial is None:
-            continue
-        fault = fault_of(link.inertial)
-        if fault:
-            sentences.append(f"Link {link.name}: {fault}.")
-    return sentences
-
-
 _UNSAFE = re.compile(r"[^A-Za-z0-9._+-]+")
 
 
@@ -109,7 +92,10 @@ class FileNames:
         self._top = Path(os.path.commonpath(folders)) if folders else Path(os.sep)
         self._owners: dict[str, tuple[Path, str]] = {}
         self._given: dict[tuple[Path, str], str] = {}
-        for file in sorted(files, key=_unsafe_parts):
+        # Files that keep their names come first in each folder.
+        for file in sorted(
+            files, key=lambda file: [bool(_UNSAFE.search(part)) for part in file.parts]
+        ):
             self.of(file)
 
     def of(self, file: Path, name: str = "") -> str:
@@ -139,11 +125,6 @@ class FileNames:
             number += 1
             name = f"{stem}_{number}{suffix}"
         return name
-
-
-def _unsafe_parts(file: Path) -> list[bool]:
-    """Sort key that puts files that keep their names first in each folder."""
-    return [_UNSAFE.search(part) is not None for part in file.parts]
 
 
 def mesh_prefix(folder: Path) -> tuple[str, str]:
@@ -177,36 +158,18 @@ def mesh_prefix(folder: Path) -> tuple[str, str]:
     )
 
 
-Write = Callable[[str, bytes], None]
-"""Takes the name of a file in the result, and its content."""
-
-Progress = Callable[[int, int], None]
-"""Takes the number of meshes that are done, and of all."""
-
-
-@dataclass
-class MeshFile:
-    """A file of the result, for the report."""
-
-    name: str
-    source: Path
-    triangles: int | None = None
-    changes: tuple[str, ...] = ()
-    findings: tuple[str, ...] = ()
-    moved: float | None = None
-    """How far decimation moved its surface, in [m]."""
-
-
 @dataclass
 class Import:
     """The import of robots into one folder."""
 
-    robots: list[Robot]
+    robots: list[ImportedRobot]
     options: Options
     prefix: str
     """What a mesh's name in the URDF begins with."""
 
-    write: Write
+    write: Callable[[str, bytes], None]
+    """Takes the name of a file in the result, and its content."""
+
     faults: list[str] = field(default_factory=list)
     """A message for each file that is not a robot and was skipped."""
 
@@ -214,7 +177,7 @@ class Import:
     """Meshes of the result by their names in it."""
 
     _names: FileNames = field(init=False)
-    _reader: Reader = field(init=False)
+    _reader: MeshReader = field(init=False)
     _side_files: dict[Path, tuple[dict[str, Path], list[str]]] = field(init=False)
     _scales: dict[Path, float] = field(default_factory=dict)
     """Largest scale of each mesh."""
@@ -235,14 +198,17 @@ class Import:
         )
         self._names = FileNames([*paths, *beside])
         meshes = (ref.path for ref in self._references() if ref.is_mesh and ref.path)
-        self._reader = Reader(dict.fromkeys(meshes))
+        self._reader = MeshReader(dict.fromkeys(meshes))
 
     def _references(self) -> Iterable[Reference]:
         """Return the references of all robots."""
         return (ref for robot in self.robots for ref in robot.references)
 
-    def run(self, progress: Progress) -> None:
+    def run(self, progress: Callable[[int, int], None]) -> None:
         """Import all robots.
+
+        Args:
+            progress: Called with the number of meshes that are done, and of all.
 
         Raises:
             OSError: If something cannot be written.
@@ -258,7 +224,7 @@ class Import:
             _settle_mujoco(robot)
             self.write(robot.name, robot.text())
 
-    def _settle(self, robot: Robot, reference: Reference) -> None:
+    def _settle(self, robot: ImportedRobot, reference: Reference) -> None:
         """Set the new name of a mesh or texture, or remove it from the URDF."""
         if not reference.name:
             kind = reference.element.tag
@@ -267,7 +233,7 @@ class Import:
             )
             reference.remove()
             return
-        if not reference.is_local:
+        if scheme_of(reference.name) not in ("", *FINDABLE):
             robot.findings.append(
                 f"{reference.name} ({reference.owner}) is not a local file."
             )
@@ -298,29 +264,29 @@ class Import:
             self._made[key] = name
         return self._made[key]
 
-    def _make(self, path: Path, reference: Reference) -> Mesh:
+    def _make(self, path: Path, reference: Reference) -> MeshFile:
         """Make a mesh, or copy a texture."""
         if not reference.is_mesh:
-            return Mesh(read_bytes(path), "")
+            return MeshFile(path, data=read_bytes(path))
         scale = self._scales[path]
         return make_mesh(
             path, self._reader, reference.is_collision, scale, self.options
         )
 
-    def _write_mesh(self, path: Path, name: str, mesh: Mesh) -> None:
+    def _write_mesh(self, path: Path, name: str, mesh: MeshFile) -> None:
         """Write a mesh with its side files."""
         found, absent = ({}, []) if mesh.name else self._side_files[path]
         gone = tuple(f"names {name}, which does not exist" for name in absent)
-        record = mesh.triangles, mesh.changes, mesh.findings + gone, mesh.moved
-        self.files[name] = MeshFile(name, path, *record)
         self.write(f"meshes/{name}", mesh.data)
+        findings = mesh.findings + gone
+        self.files[name] = replace(mesh, name=name, data=b"", findings=findings)
         for relative, file in found.items():
             place = os.path.normpath(os.path.join(os.path.dirname(name), relative))
-            self.files[place] = MeshFile(place, file)
+            self.files[place] = MeshFile(file, place)
             self.write(f"meshes/{place}", file.read_bytes())
 
 
-def _settle_masses(robot: Robot) -> None:
+def _settle_masses(robot: ImportedRobot) -> None:
     """Write known masses explicitly, and report unknown ones."""
     held, unknown = massless_links(robot.description)
     if held:
@@ -334,10 +300,15 @@ def _settle_masses(robot: Robot) -> None:
         "it and all links below it."
         for name in unknown
     ]
-    robot.findings += impossible_inertias(robot.description)
+    faults = {
+        link.name: fault_of(link.inertial)
+        for link in robot.description.links
+        if link.inertial is not None
+    }
+    robot.findings += [f"Link {name}: {why}." for name, why in faults.items() if why]
 
 
-def _settle_mujoco(robot: Robot) -> None:
+def _settle_mujoco(robot: ImportedRobot) -> None:
     """Update the folder of meshes in MuJoCo's extension, if there is one."""
     for compiler in robot.root.iterfind("mujoco/compiler[@meshdir]"):
         former = compiler.get("meshdir")

@@ -75,14 +75,14 @@ def _names_in(file: Path) -> list[str]:
     except (OSError, UnicodeDecodeError):
         return []
     if kind == ".obj":
-        names = [word for name in names for word in _libraries(file.parent, name)]
+        # After mtllib are names, or one name with spaces.
+        names = [
+            word
+            for name in names
+            for word in ([name] if (file.parent / name).is_file() else name.split())
+        ]
     local = (name for name in names if "://" not in name and not os.path.isabs(name))
     return list(dict.fromkeys(local))
-
-
-def _libraries(folder: Path, names: str) -> list[str]:
-    """Split the names after mtllib, unless they are one name with spaces."""
-    return [names] if (folder / names).is_file() else names.split()
 
 
 def _existing(folder: Path, name: str) -> str | None:
@@ -108,7 +108,7 @@ All of them may take their whole time of the processor, and the last is not too 
 
 @dataclass(frozen=True)
 class Options:
-    """What a user wants of meshes."""
+    """Options of a user for meshes."""
 
     most_triangles: int | None = None
     """Of each mesh; None for as many as there are."""
@@ -122,31 +122,32 @@ class Options:
 
 
 @dataclass(frozen=True)
-class Mesh:
-    """A mesh of the result."""
+class MeshFile:
+    """A file of the result."""
 
-    data: bytes
-    name: str
-    """Name of the file if it is not that of the source, else empty."""
+    source: Path
+    name: str = ""
+    """In the result; empty while it is that of the source."""
 
+    data: bytes = b""
     triangles: int | None = None
     """How many it has; None where they were not counted."""
 
     changes: tuple[str, ...] = ()
     findings: tuple[str, ...] = ()
     moved: float | None = None
-    """How far its surface moved, in [m]; None where no triangle was taken away."""
+    """How far decimation moved its surface, in [m]; None where no triangle was taken
+    away."""
+
+    def kept(self, why: str) -> MeshFile:
+        """Return the same with a finding on why it is kept as it is."""
+        return replace(self, findings=(*self.findings, f"kept as it is: {why}"))
 
 
-class Reader:
-    """Reads the files of an import as the stand-in and snapshot do."""
+class MeshReader:
+    """Reads existing files, in the order of their use, as the stand-in does."""
 
     def __init__(self, paths: Iterable[Path]) -> None:
-        """Begin with none.
-
-        Args:
-            paths: Existing files, in the order of their use.
-        """
         self._paths = [path for path in paths if path.suffix.lower() in shapes.KINDS]
         self._found: dict[Path, shapes.Mesh | str] = {}
 
@@ -166,8 +167,8 @@ class Reader:
 
 
 def make_mesh(
-    path: Path, reader: Reader, is_collision: bool, scale: float, options: Options
-) -> Mesh:
+    path: Path, reader: MeshReader, is_collision: bool, scale: float, options: Options
+) -> MeshFile:
     """Make a mesh of the result.
 
     STL becomes binary; OBJ and DAE are kept, with their materials. Hulls are made of
@@ -192,21 +193,25 @@ def make_mesh(
         note = (
             f"neither Gazebo nor the stand-in reads {kind or 'a file without suffix'}"
         )
-        kept = Mesh(data, "", findings=(note,))
+        kept = MeshFile(path, data=data, findings=(note,))
         triangles = None
     else:
         parts = reader.read(path).parts
         triangles = _corners(parts) if parts else read_stl(data)
-        kept = _as_stl(data, parts) if kind == ".stl" else Mesh(data, "")
+        kept = MeshFile(path, data=data)
+        if kind == ".stl":
+            data, changes = _as_stl(data, parts)
+            count = len(read_stl(data))
+            kept = MeshFile(path, data=data, triangles=count, changes=changes)
     wants_hull = is_collision and options.convex_collisions
     if not wants_hull and options.most_triangles is None:
         return kept
     if triangles is None or kind == ".dae":
-        return _as_it_is(kept, f"kept as it is: of {kind} nothing is made")
+        return kept.kept(f"of {kind} nothing is made")
     if wants_hull:
-        return _hull(kept, path, triangles, scale, options)
+        return _hull(kept, triangles, scale, options)
     if kind == ".obj" and any(side_files_of(path)):
-        return _as_it_is(kept, "kept as it is: it would lose its materials")
+        return kept.kept("it would lose its materials")
     fewer = _fewer(kept, triangles, scale, options, decimated)
     if kind == ".obj" and fewer.moved is not None:
         return replace(fewer, name=f"{path.stem}.stl")
@@ -230,41 +235,40 @@ def _corners(parts: tuple[shapes.Part, ...]) -> np.ndarray:
     return np.concatenate([part.corners for part in parts])
 
 
-def _as_stl(data: bytes, parts: tuple[shapes.Part, ...]) -> Mesh:
-    """Make a binary STL that all take for one.
+def _as_stl(
+    data: bytes, parts: tuple[shapes.Part, ...]
+) -> tuple[bytes, tuple[str, ...]]:
+    """Make a binary STL that every reader takes for one, and name the change.
 
-    Args:
-        data: Content of a file.
-        parts: What was read of it; empty where it is sound and binary.
+    Parts are empty if the file is sound and binary.
     """
     if not parts:
-        data, changes = clean_header(data)
-    else:
-        changes = ("normals computed" if is_binary(data) else "text made binary",)
-        data = write_stl(_corners(parts))
-    return Mesh(data, "", len(read_stl(data)), changes)
+        return clean_header(data)
+    change = "normals computed" if is_binary(data) else "text made binary"
+    return write_stl(_corners(parts)), (change,)
 
 
 def _hull(
-    kept: Mesh, path: Path, triangles: np.ndarray, scale: float, options: Options
-) -> Mesh:
+    kept: MeshFile, triangles: np.ndarray, scale: float, options: Options
+) -> MeshFile:
     """Make the convex hull of a mesh, if it has one."""
     try:
         hull = convex_hull(triangles)
     except DescriptionError as error:
-        return _as_it_is(kept, f"kept as it is: {error}")
+        return kept.kept(str(error))
     note = f"convex hull, {len(hull)} triangles for {len(triangles)}"
-    mesh = Mesh(write_stl(hull), f"{path.stem}_hull.stl", len(hull), (note,))
+    name = f"{kept.source.stem}_hull.stl"
+    mesh = MeshFile(kept.source, name, write_stl(hull), len(hull), (note,))
     return _fewer(mesh, hull, scale, options, decimated_hull)
 
 
 def _fewer(
-    mesh: Mesh,
+    mesh: MeshFile,
     triangles: np.ndarray,
     scale: float,
     options: Options,
     make_fewer: MakeFewer,
-) -> Mesh:
+) -> MeshFile:
     """Give a mesh of these triangles with fewer of them, if it has too many."""
     most = options.most_triangles or len(triangles)
     if len(triangles) <= most:
@@ -281,15 +285,11 @@ def _fewer(
     note = f"{len(fewer)} triangles for {len(triangles)}"
     moved *= scale
     changes = (*mesh.changes, note, f"moved by {millimetres(moved)}")
-    return Mesh(write_stl(fewer), mesh.name, len(fewer), changes, findings, moved)
+    return MeshFile(
+        mesh.source, mesh.name, write_stl(fewer), len(fewer), changes, findings, moved
+    )
 
 
 def millimetres(distance: float) -> str:
     """Write a distance in [m] for people."""
     return f"{1000.0 * distance:.2g} mm"
-
-
-def _as_it_is(mesh: Mesh, why: str) -> Mesh:
-    """Give a mesh with a finding."""
-    findings = (*mesh.findings, why)
-    return Mesh(mesh.data, mesh.name, mesh.triangles, mesh.changes, findings)

@@ -8,7 +8,7 @@ from pathlib import Path
 from lxml import etree
 
 from g1_description.files.model_files import find_folder
-from g1_description.files.uris import FINDABLE, find_file, give_names, scheme_of
+from g1_description.files.uris import find_file, give_names
 from g1_description.files.xml import parse_xml
 from g1_description.robot.description import Description
 from g1_description.robot.load import ModelText
@@ -43,11 +43,6 @@ class Reference:
         return max(factors, default=1.0) or 1.0
 
     @property
-    def is_local(self) -> bool:
-        """Whether the name can be a file of this machine at all."""
-        return scheme_of(self.name) in ("", *FINDABLE)
-
-    @property
     def is_mesh(self) -> bool:
         """Whether it is a mesh and no texture."""
         return bool(self.element.tag == "mesh")
@@ -61,7 +56,7 @@ class Reference:
 
 
 @dataclass
-class Robot:
+class ImportedRobot:
     """A robot that is imported."""
 
     source: Path
@@ -89,7 +84,7 @@ class Robot:
         return bytes(data.rstrip() + b"\n")
 
 
-def open_robot(model: ModelText) -> Robot:
+def open_robot(model: ModelText) -> ImportedRobot:
     """Find the files that a URDF names; comments, order and unknown tags stay.
 
     Names that RViz requires and the file lacks are added, and reported.
@@ -113,7 +108,7 @@ def open_robot(model: ModelText) -> Robot:
             references.append(
                 Reference(element, f"{whose} {name}", path, kind == "collision")
             )
-    return Robot(model.path, description, root, references, changes)
+    return ImportedRobot(model.path, description, root, references, changes)
 
 
 def _owner(element: etree._Element) -> tuple[str, str]:

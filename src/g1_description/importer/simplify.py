@@ -23,11 +23,11 @@ AT_A_TIME = 2000
 """Points that are compared at a time."""
 
 
-class Surface:
+class ComparedSurface:
     """A surface that others are compared with."""
 
     def __init__(self, triangles: np.ndarray, extent: float) -> None:
-        """Prepare for comparisons.
+        """Prepare.
 
         Args:
             triangles: Corners of its triangles, shape (n, 3, 3).
@@ -68,7 +68,9 @@ class Surface:
         return farthest
 
 
-def deviation(one: Surface, other: Surface, limit: float = math.inf) -> float:
+def deviation(
+    one: ComparedSurface, other: ComparedSurface, limit: float = math.inf
+) -> float:
     """Measure how far two surfaces are apart, seen from both sides.
 
     Args:
@@ -89,15 +91,10 @@ def deviation(one: Surface, other: Surface, limit: float = math.inf) -> float:
 
 
 def _pieces(triangles: np.ndarray, size: float) -> tuple[np.ndarray, np.ndarray]:
-    """Cut triangles into pieces.
-
-    Args:
-        triangles: Corners, shape (n, 3, 3).
-        size: Longest edge that a piece may have.
+    """Cut triangles into pieces whose edges are at most as long as a size.
 
     Returns:
-        Corners of the pieces, shape (m, 3, 3), and the triangle that each is of,
-        shape (m,).
+        Corners of the pieces, shape (m, 3, 3), and the triangle of each, shape (m,).
     """
     pieces, owners = triangles, np.arange(len(triangles))
     done = []
@@ -145,7 +142,7 @@ def within(
     fewest, wanted, enough = most, most, len(triangles)
     best, moved = triangles, 0.0
     extent = float(np.ptp(triangles.reshape(-1, 3), axis=0).max())
-    surface = Surface(triangles, extent)
+    surface = ComparedSurface(triangles, extent)
     for _ in range(TRIES):
         distance = 0.0
         try:
@@ -153,7 +150,7 @@ def within(
         except DescriptionError:  # so few that they have no hull
             fewer, distance = triangles, np.inf
         if len(fewer) < len(triangles):
-            distance = deviation(surface, Surface(fewer, extent), tolerance)
+            distance = deviation(surface, ComparedSurface(fewer, extent), tolerance)
         if distance <= tolerance:
             best, moved, enough = fewer, distance, wanted
         else:
@@ -194,11 +191,7 @@ def decimated(triangles: np.ndarray, most: int) -> np.ndarray:
 
 
 def _welded(mesh: trimesh.Trimesh, cell: float) -> tuple[np.ndarray, np.ndarray]:
-    """Join the corners of a mesh that lie in one cell of a grid.
-
-    Args:
-        mesh: The mesh.
-        cell: Size of a cell as a share of the mesh's largest extent.
+    """Join the corners that lie in one cell, a fraction of the largest extent.
 
     Returns:
         Vertices, shape (n, 3), and the faces that are still triangles, shape (m, 3).

@@ -22,7 +22,7 @@ def cut(
         trajectory: The motion.
         begin: When the part begins, in [s]; by default the motion's beginning. A
             sample is made there where there is none.
-        end: When it ends, likewise.
+        end: When it ends, in [s]; by default the motion's end.
 
     Returns:
         The part, with the motion's own times.
@@ -97,7 +97,7 @@ def moved(trajectory: Trajectory, T_map_motion: np.ndarray) -> Trajectory:
 
 
 def to_start_at(trajectory: Trajectory, pose: np.ndarray) -> Trajectory:
-    """Move a motion so that it begins where the base is, and looks where it does.
+    """Move a motion so that it begins at the place and heading of the base.
 
     Height, roll and pitch of the motion stay.
 
@@ -114,18 +114,18 @@ def to_start_at(trajectory: Trajectory, pose: np.ndarray) -> Trajectory:
 
 
 def _on_floor(pose: np.ndarray) -> np.ndarray:
-    """Project a pose to the floor: its place, and the way that its x axis points."""
+    """Project a pose to the floor: its place, and the direction of its x axis."""
     forward = rotate(pose[3:], np.array([1.0, 0.0, 0.0]))
     half = 0.5 * np.arctan2(forward[1], forward[0])
     return np.array([pose[0], pose[1], 0.0, 0.0, 0.0, np.sin(half), np.cos(half)])
 
 
 N_SAMPLES = 101
-"""Samples of a way: cubic polynomials between them are within 1e-7 of its length."""
+"""Samples of a path: cubic polynomials between them are within 1e-7 of its length."""
 
 
-def minimum_jerk(start: np.ndarray, goal: np.ndarray, share: float) -> np.ndarray:
-    """Give a point of the way that begins and ends at rest with the least jerk.
+def minimum_jerk(start: np.ndarray, goal: np.ndarray, fraction: float) -> np.ndarray:
+    """Compute a point of the path that begins and ends at rest with the least jerk.
 
     Each joint goes straight from start to goal and never beyond either, so what is
     between limits at both ends stays between them.
@@ -133,21 +133,21 @@ def minimum_jerk(start: np.ndarray, goal: np.ndarray, share: float) -> np.ndarra
     Args:
         start: Positions at the beginning in [rad] or [m], shape (n,).
         goal: Positions at the end, shape (n,).
-        share: How much of the time is over; below 0 is before, above 1 after.
+        fraction: Of the time; below 0 is before, above 1 after.
 
     Returns:
         Positions, shape (n,).
     """
-    t = min(max(share, 0.0), 1.0)
+    t = min(max(fraction, 0.0), 1.0)
     done = t**3 * (10.0 - 15.0 * t + 6.0 * t**2)
-    way = (1.0 - done) * start + done * goal
-    return np.clip(way, np.minimum(start, goal), np.maximum(start, goal))
+    path = (1.0 - done) * start + done * goal
+    return np.clip(path, np.minimum(start, goal), np.maximum(start, goal))
 
 
 def minimum_jerk_trajectory(
     joint_names: Sequence[str], start: np.ndarray, goal: np.ndarray, seconds: float
 ) -> Trajectory:
-    """Sample the way of all joints, with velocities.
+    """Sample the path of all joints, with velocities.
 
     Args:
         joint_names: The joints.
@@ -155,11 +155,13 @@ def minimum_jerk_trajectory(
         goal: Their positions at the end, shape (n,).
         seconds: How long it takes in [s].
     """
-    shares = np.linspace(0.0, 1.0, N_SAMPLES)
-    rates = 30.0 * shares**2 * (1.0 - shares) ** 2 / seconds
+    fractions = np.linspace(0.0, 1.0, N_SAMPLES)
+    rates = 30.0 * fractions**2 * (1.0 - fractions) ** 2 / seconds
     return Trajectory(
-        shares * seconds,
+        fractions * seconds,
         tuple(joint_names),
-        np.array([minimum_jerk(start, goal, share) for share in shares.tolist()]),
+        np.array(
+            [minimum_jerk(start, goal, fraction) for fraction in fractions.tolist()]
+        ),
         np.outer(rates, goal - start),
     )

@@ -27,12 +27,8 @@ class Motion:
 def fitted(motion: Motion, robot: Description) -> Motion:
     """Leave out the joints that a robot does not have.
 
-    Args:
-        motion: Of any robot.
-        robot: The robot to fit.
-
     Returns:
-        The motion of the joints that it has, in the motion's order, with notes.
+        The motion of the others, in its own order, with notes.
 
     Raises:
         MotionError: If it has none of them.

@@ -49,18 +49,17 @@ NAMES = tuple(field.name for field in fields(Motor))
 
 
 class Motors:
-    """The motors of all robots of a world."""
+    """The motors of all robots of a world.
+
+    Args:
+        motors: By patterns of their joints' names.
+        robot: The robot that they are for, a word of its name in lower case; empty: any
+            robot.
+    """
 
     def __init__(
         self, motors: Mapping[str, Motor] | None = None, robot: str = ""
     ) -> None:
-        """Take the motors by the patterns of their joints' names.
-
-        Args:
-            motors: The motors.
-            robot: The robot that they are for, a word of its name in lower case; empty:
-                any robot.
-        """
         patterns = (motors or {}).items()
         self._motors = [(re.compile(pattern), motor) for pattern, motor in patterns]
         self._robot = robot
@@ -98,9 +97,7 @@ def read_motors(file: Path, robot: str = "") -> Motors:
         MotorFileError: If it cannot be read, or holds something else.
     """
     try:
-        content = read_yaml(file)
-        if content is None:
-            content = {}
+        content = read_yaml(file) or {}
         if not isinstance(content, dict):
             raise MotorFileError("it must map patterns of joint names to numbers")
         motors = {_pattern(key): _motor(key, content[key]) for key in content}
@@ -114,7 +111,7 @@ def _pattern(key: object) -> str:
     try:
         return re.compile(str(key)).pattern
     except re.error as error:
-        raise MotorFileError(f"'{key}' is no regular expression, {error}") from error
+        raise MotorFileError(f"'{key}' is not a regular expression, {error}") from error
 
 
 def _motor(key: object, value: object) -> Motor:

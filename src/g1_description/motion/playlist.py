@@ -1,4 +1,4 @@
-"""The motions that one robot is going through; of two for a joint the newer counts."""
+"""The motions that one robot plays; of two for a joint the newer counts."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from g1_description.motion.trajectory import SNAP, Trajectory, sample
 
 
 class Setpoint(NamedTuple):
-    """Where a motion wants a robot at one time."""
+    """Where a motion puts a robot at one time."""
 
     rows: np.ndarray
-    """Which of the robot's movable joints it moves, shape (n,)."""
+    """Numbers of the robot's movable joints that it moves, shape (n,)."""
 
     positions: np.ndarray
     """In [rad] or [m], shape (n,)."""
@@ -26,7 +26,7 @@ class Setpoint(NamedTuple):
     """In [rad/s] or [m/s], shape (n,)."""
 
     base_pose: np.ndarray | None = None
-    """Of the root link in the map, shape (7,); None where it is left alone."""
+    """Of the root link in the map, shape (7,); None if it is not moved."""
 
     base_twist: np.ndarray | None = None
     """Velocity of the root link's origin and its angular velocity, along the map's
@@ -34,7 +34,14 @@ class Setpoint(NamedTuple):
 
 
 class Playback:
-    """What is left of a motion: newer commands may have replaced some of it."""
+    """A motion at work, or what newer commands have left of it.
+
+    Args:
+        trajectory: The motion.
+        start_ns: When its times count from, in [ns].
+        columns: Numbers of the motion's joints that the robot has, shape (n,).
+        rows: Numbers of these among the robot's movable joints, shape (n,).
+    """
 
     def __init__(
         self,
@@ -43,14 +50,6 @@ class Playback:
         columns: np.ndarray,
         rows: np.ndarray,
     ) -> None:
-        """Wait for the beginning.
-
-        Args:
-            trajectory: The motion.
-            start_ns: When its times count from, in [ns].
-            columns: Which of the motion's joints the robot has, shape (n,).
-            rows: Which of the robot's movable joints these are, shape (n,).
-        """
         self.start_ns = start_ns
         self.has_begun = False
         self.moves_base = trajectory.base_poses is not None
@@ -61,7 +60,7 @@ class Playback:
         self._n_reached = 0
         self._columns = columns
         self.rows = rows
-        """Which of the robot's movable joints it moves, shape (n,)."""
+        """Numbers of the robot's movable joints that it moves, shape (n,)."""
 
     @property
     def is_unseen(self) -> bool:
@@ -121,7 +120,7 @@ class Playback:
         return self._elapsed(time_ns) >= self._trajectory.rest_time
 
     def setpoint(self, time_ns: int) -> Setpoint:
-        """Compute where it wants the robot at a time in [ns]."""
+        """Sample it at a time in [ns]."""
         found = sample(self._trajectory, self._elapsed(time_ns))
         positions, velocities = found.positions, found.velocities
         joints = positions[self._columns], velocities[self._columns]
@@ -135,20 +134,19 @@ class Playback:
 
 
 class Playlist:
-    """The motions under way, and those that wait for their beginning."""
+    """The motions under way, and those that wait for their beginning.
+
+    Args:
+        joint_names: The robot's movable joints.
+        on_unseen: Called for each motion that newer ones replaced before any of its
+            samples was reached.
+    """
 
     def __init__(
         self,
         joint_names: Sequence[str],
         on_unseen: Callable[[], None] = lambda: None,
     ) -> None:
-        """Begin without any.
-
-        Args:
-            joint_names: The robot's movable joints.
-            on_unseen: Called for each motion that newer ones replaced before any of
-                its samples was reached.
-        """
         self._on_unseen = on_unseen
         self._row_of = {name: row for row, name in enumerate(joint_names)}
         self._names: tuple[str, ...] = ()
@@ -238,7 +236,7 @@ class Playlist:
 
 
 class Outcome(Enum):
-    """What has become of a goal."""
+    """The state of a goal."""
 
     UNDER_WAY = "under way"
     REACHED = "reached"
@@ -272,6 +270,13 @@ class Following:
     On the way no error may exceed its path tolerance. From the end on a joint has to
     come within its goal tolerances before the time for that is over; it need not stay
     there until the others come.
+
+    Args:
+        trajectory: The desired motion. Before its first sample the joints go there from
+            where they are.
+        start_ns: When its times count from, in [ns].
+        tolerances: The largest errors.
+        is_continuous: Whether whole turns of a joint do not count, shape (n_joints,).
     """
 
     def __init__(
@@ -281,16 +286,6 @@ class Following:
         tolerances: Tolerances,
         is_continuous: np.ndarray,
     ) -> None:
-        """Wait for the beginning.
-
-        Args:
-            trajectory: Where the joints should be. Before its first sample they go
-                there from where they are.
-            start_ns: When its times count from, in [ns].
-            tolerances: How far they may be from it.
-            is_continuous: Whether whole turns of a joint do not count, shape
-                (n_joints,).
-        """
         self.joint_names = trajectory.joint_names
         self.start_ns = start_ns
         every = np.arange(len(self.joint_names))
@@ -313,8 +308,8 @@ class Following:
         """
         if not self._playback.has_begun:
             self._playback.begin(time_ns, Setpoint(self._playback.rows, *actual))
-        wanted = self._playback.setpoint(time_ns)
-        desired = np.stack([wanted.positions, wanted.velocities])
+        setpoint = self._playback.setpoint(time_ns)
+        desired = np.stack([setpoint.positions, setpoint.velocities])
         error = desired - actual
         turns = np.round(error[0] / (2.0 * np.pi))
         error[0] -= np.where(self._is_continuous, 2.0 * np.pi * turns, 0.0)
@@ -322,7 +317,7 @@ class Following:
         return Progress(desired, actual, error, outcome, message)
 
     def _outcome(self, time: float, error: np.ndarray) -> tuple[Outcome, str]:
-        """Find what has become of the goal, with a message where it has failed."""
+        """Find the goal's state, with a message if it has failed."""
         allowed = self._tolerances
         if time < self._end:
             message = worst_violation(self.joint_names, error, allowed.path)

@@ -1,4 +1,4 @@
-"""How far joints may be from a trajectory, by the rules of joint_trajectory_controller.
+"""Largest errors of joints, by the rules of joint_trajectory_controller.
 
 A controller has constraints. A goal may ask for other tolerances, joint by joint: a
 positive number replaces that of the controller, a negative one stands for none, and
@@ -45,7 +45,7 @@ class Constraints:
 
 @dataclass(frozen=True)
 class JointTolerance:
-    """What a goal asks for one joint: positive, zero or negative, see above."""
+    """Requested for one joint by a goal: positive, zero or negative, see above."""
 
     name: str
 
@@ -128,13 +128,13 @@ def tolerances_of_goal(
     goal: Iterable[JointTolerance],
     goal_time: float,
 ) -> Tolerances:
-    """Apply what a goal asks for to the constraints of its controller.
+    """Apply the tolerances of a goal to the constraints of its controller.
 
     Args:
         joint_names: Joints of the goal, in the order of the arrays.
         constraints: Tolerances of the controller.
-        path: What the goal asks for on the way. Other joints are ignored, of equal
-            names the last nonzero number counts.
+        path: Those of the goal on the way. Other joints are ignored, of equal names
+            the last nonzero number counts.
         goal: The same at the end.
         goal_time: How much later than planned the end may be reached, in [s]; zero:
             as the controller has it, negative: not later.
@@ -157,12 +157,12 @@ def tolerances_of_goal(
 
 
 def _applied(
-    joint_names: Sequence[str], default: np.ndarray, asked: Iterable[JointTolerance]
+    joint_names: Sequence[str], default: np.ndarray, requested: Iterable[JointTolerance]
 ) -> np.ndarray:
-    """Apply what is asked for to zero or positive tolerances, shape (2, n_joints)."""
+    """Apply requests to zero or positive tolerances, shape (2, n_joints)."""
     column = {name: number for number, name in enumerate(joint_names)}
     found = default.copy()
-    for one in asked:
+    for one in requested:
         for row, value in enumerate((one.position, one.velocity)):
             place = row, column.get(one.name, 0)
             chosen = _chosen(found[place], value, f"tolerance of {one.name}")
@@ -171,20 +171,20 @@ def _applied(
     return np.where(found > 0.0, found, np.inf)
 
 
-def _chosen(default: float, asked: float, what: str) -> float:
-    """Choose between a default and what is asked for; zero stands for none."""
-    if math.isnan(asked):
+def _chosen(default: float, requested: float, what: str) -> float:
+    """Choose between a default and a request; zero stands for none."""
+    if math.isnan(requested):
         raise InvalidValueError(f"The {what} is NaN.")
-    return float(default) if asked == 0.0 else max(asked, 0.0)
+    return float(default) if requested == 0.0 else max(requested, 0.0)
 
 
 def worst_violation(
     joint_names: Sequence[str], errors: np.ndarray, tolerances: np.ndarray
 ) -> str:
-    """Tell which joint exceeds its tolerance most.
+    """Name the joint that exceeds its tolerance most.
 
     Args:
-        joint_names: Names of the joints.
+        joint_names: The joints.
         errors: Errors of positions and velocities, shape (2, n_joints).
         tolerances: The largest errors, positive or infinite, shape (2, n_joints).
 

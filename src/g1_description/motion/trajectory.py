@@ -12,8 +12,8 @@ from g1_description.robot.rotation import multiply, normalized, rotate, shorter_
 from g1_description.text import listed
 
 SINGLE_TIME = 0.1
-"""How long a motion of a single sample has that sample's velocities, in [s]: who sends
-one sample after the other wants to see them, and who stops is at rest soon."""
+"""How long a motion of a single sample has that sample's velocities, in [s]: they show
+in a stream of samples, and a stream that stops leaves the robot at rest."""
 
 UNIT_TOLERANCE = 1e-12
 """A quaternion this near to unit length stays as it is."""
@@ -104,14 +104,7 @@ class Trajectory:
 
 
 def _normalized(poses: np.ndarray) -> np.ndarray:
-    """Scale quaternions to unit length, which rounding in a file spoils.
-
-    Args:
-        poses: Poses, shape (n, 7).
-
-    Raises:
-        MotionError: If one is far from it.
-    """
+    """Scale quaternions of poses, shape (n, 7), to unit length: files round them."""
     lengths = np.sqrt(np.einsum("ij,ij->i", poses[:, 3:], poses[:, 3:]))
     errors = np.abs(lengths - 1.0)
     if errors.max() > NORM_TOLERANCE:
@@ -159,27 +152,27 @@ def sample(trajectory: Trajectory, times: np.ndarray | float) -> Sample:
 
     Returns:
         The configurations. At the time of a sample they are the sample to the last
-        bit; the velocities there are those of what follows.
+        bit; the velocities there are those of the segment that follows.
     """
     found = np.asarray(times, dtype=float)
     if len(trajectory.times) == 1:
         return _single(trajectory, found)
     first, last, gaps, moves = _segments(trajectory.times, found)
     elapsed = found - trajectory.times[first]
-    share = np.where(moves & (elapsed > SNAP), elapsed, 0.0) / gaps
-    positions, velocities = _joints(trajectory, first, last, share, gaps)
+    fraction = np.where(moves & (elapsed > SNAP), elapsed, 0.0) / gaps
+    positions, velocities = _joints(trajectory, first, last, fraction, gaps)
     velocities = np.where(moves[..., np.newaxis], velocities, 0.0)
     if trajectory.base_poses is None:
         return Sample(positions, velocities, None, None)
     begin, end = trajectory.base_poses[first], trajectory.base_poses[last]
-    poses, twists = _base(begin, end, share, gaps)
+    poses, twists = _base(begin, end, fraction, gaps)
     return Sample(
         positions, velocities, poses, np.where(moves[..., np.newaxis], twists, 0.0)
     )
 
 
 def _single(trajectory: Trajectory, times: np.ndarray) -> Sample:
-    """Return the only sample of a motion, which moves for ``SINGLE_TIME`` at most."""
+    """Return the only sample of a motion, with velocities for ``SINGLE_TIME``."""
     n_joints = len(trajectory.joint_names)
     positions = np.broadcast_to(trajectory.positions[0], (*times.shape, n_joints))
     velocities = np.zeros(positions.shape)
@@ -196,7 +189,7 @@ def _single(trajectory: Trajectory, times: np.ndarray) -> Sample:
 def _segments(
     knots: np.ndarray, times: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Find between which samples times are.
+    """Find the samples before and after times.
 
     Returns:
         The sample at or before each time and the one after it, the time between them
@@ -213,11 +206,11 @@ def _joints(
     trajectory: Trajectory,
     first: np.ndarray,
     last: np.ndarray,
-    share: np.ndarray,
+    fraction: np.ndarray,
     gaps: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Interpolate the joints; return positions and velocities."""
-    s, h = share[..., np.newaxis], gaps[..., np.newaxis]
+    s, h = fraction[..., np.newaxis], gaps[..., np.newaxis]
     p0, p1 = trajectory.positions[first], trajectory.positions[last]
     if trajectory.velocities is None:
         return p0 + s * (p1 - p0), (p1 - p0) / h
@@ -230,10 +223,10 @@ def _joints(
 
 
 def _base(
-    begin: np.ndarray, end: np.ndarray, share: np.ndarray, gaps: np.ndarray
+    begin: np.ndarray, end: np.ndarray, fraction: np.ndarray, gaps: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Interpolate the base's pose; return poses and twists."""
-    s, h = share[..., np.newaxis], gaps[..., np.newaxis]
+    s, h = fraction[..., np.newaxis], gaps[..., np.newaxis]
     offset = end[..., :3] - begin[..., :3]
     axis, half = shorter_turn(begin[..., 3:], end[..., 3:])
     part = np.concatenate([np.sin(s * half) * axis, np.cos(s * half)], axis=-1)

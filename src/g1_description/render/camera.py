@@ -78,7 +78,7 @@ class Camera:
 
         Args:
             width: Of the picture, in pixels.
-            height: Likewise.
+            height: Of the same, in pixels.
 
         Returns:
             The eye in the world, shape (3,), and directions in the world, as long as
@@ -107,7 +107,7 @@ def framing(
     Args:
         points: In the world, in [m], shape (n, 3).
         yaw: As ``Camera`` has it, in [rad].
-        pitch: Likewise.
+        pitch: As ``Camera`` has it, in [rad].
         aspect: Width of the picture over its height.
         margin: Share of width and height that is left free on each side.
 
@@ -140,11 +140,11 @@ def crop_around(points: np.ndarray, camera: Camera, width: int, height: int) -> 
         points: In the world, in [m], shape (n, 3).
         camera: Where the picture is taken from.
         width: Of the picture, in pixels.
-        height: Likewise.
+        height: Of the same, in pixels.
 
     Returns:
         All pixels between the points and one more on each side; the whole picture
-        where a point is beside the eye or behind it.
+        where a point is next to the eye or behind it.
     """
     if not len(points):
         return slice(0, 0), slice(0, 0)
@@ -173,7 +173,7 @@ def matrices(
     Args:
         camera: The camera.
         width: Of the whole picture, in pixels.
-        height: Likewise.
+        height: Of the same, in pixels.
         crop: The part of it that is drawn, not empty.
     """
     view = np.eye(4)

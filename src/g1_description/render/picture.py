@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from g1_description.render.camera import Camera, Crop
+from g1_description.render.camera import Camera
 from g1_description.render.scene import NOTHING, Scene
 
 AIR = np.array([[0.99, 0.99, 0.995], [0.91, 0.925, 0.94]])
@@ -32,7 +32,7 @@ def backdrop(
     Args:
         camera: Where the picture is taken from.
         width: Of the picture, in pixels.
-        height: Likewise.
+        height: Of the same, in pixels.
         floor: Height of the floor in the world, in [m].
         shadow: Camera in the place of the lamp, and how much of the lamp's light
             robots block in each pixel that it sees, from 0 to 1, shape (n, m).
@@ -55,15 +55,7 @@ def backdrop(
 
 
 def _grid(points: np.ndarray, is_floor: np.ndarray) -> np.ndarray:
-    """Find how much of each pixel is covered by lines.
-
-    Args:
-        points: Where the pixels meet the floor, in [m], shape (height, width, 3).
-        is_floor: Whether they do, shape (height, width).
-
-    Returns:
-        Shares from 0 to 1, shape (height, width).
-    """
+    """Compute how much of each pixel lines cover, from 0 to 1."""
     clear = np.ones(points.shape[:2])
     for axis in (0, 1):
         values = points[..., axis]
@@ -76,15 +68,12 @@ def _grid(points: np.ndarray, is_floor: np.ndarray) -> np.ndarray:
 
 
 def _shadow_at(points: np.ndarray, lamp: Camera, shadow_mask: np.ndarray) -> np.ndarray:
-    """Return how much of the lamp's light robots block on its way to points.
+    """Compute how much of the lamp's light robots block, from 0 to 1.
 
     Args:
         points: In the world, in [m], shape (height, width, 3).
         lamp: Camera in the place of the lamp.
-        shadow_mask: How much of its light robots block in what it sees, shape (n, m).
-
-    Returns:
-        Shares from 0 to 1, shape (height, width).
+        shadow_mask: How much they block in each of its pixels, shape (n, m).
     """
     n, m = shadow_mask.shape
     seen = lamp.seen(points.reshape(-1, 3)) * m
@@ -95,15 +84,15 @@ def _shadow_at(points: np.ndarray, lamp: Camera, shadow_mask: np.ndarray) -> np.
     down, right = row - i, column - j
     top = shadow_mask[i, j] * (1 - right) + shadow_mask[i, j + 1] * right
     bottom = shadow_mask[i + 1, j] * (1 - right) + shadow_mask[i + 1, j + 1] * right
-    shares = np.where(inside, top * (1 - down) + bottom * down, 0.0)
-    return shares.reshape(points.shape[:2])
+    fractions = np.where(inside, top * (1 - down) + bottom * down, 0.0)
+    return fractions.reshape(points.shape[:2])
 
 
-def blur(shares: np.ndarray, reach: int) -> np.ndarray:
+def blur(fractions: np.ndarray, reach: int) -> np.ndarray:
     """Blur a picture, three times by the mean of a square.
 
     Args:
-        shares: Shape (n, m).
+        fractions: Shape (n, m).
         reach: Half of the square's side, in pixels.
 
     Returns:
@@ -112,9 +101,9 @@ def blur(shares: np.ndarray, reach: int) -> np.ndarray:
     side = 2 * reach + 1
     for _ in range(3):
         for _ in ("down", "across"):
-            sums = np.cumsum(np.pad(shares, ((reach + 1, reach), (0, 0))), axis=0)
-            shares = ((sums[side:] - sums[:-side]) / side).T
-    return shares
+            sums = np.cumsum(np.pad(fractions, ((reach + 1, reach), (0, 0))), axis=0)
+            fractions = ((sums[side:] - sums[:-side]) / side).T
+    return fractions
 
 
 SUPERSAMPLING = 3
@@ -141,19 +130,29 @@ def draw(
         scene: The robots.
         camera: Where from.
         width: Of the picture, in pixels.
-        height: Likewise.
+        height: Of the same, in pixels.
         floor: Its height in the world, in [m].
 
     Returns:
         Colours as uint8, shape (height, width, 3).
     """
-    lamp = _lamp(camera, height / width)
-    behind = 255.0 * backdrop(
-        camera, width, height, floor, (lamp, _shadow_mask(scene, lamp))
-    )
+    # The lamp is on one side of the camera and sees all that this sees.
+    reach = 1.5 * camera.width * max(1.0, height / width)
+    lamp = Camera(camera.target, camera.yaw + LAMP[0], LAMP[1], reach)
+    is_seen = silhouette(scene, lamp, LAMP_PIXELS, LAMP_PIXELS) != NOTHING
+    shadow = lamp, blur(is_seen.astype(float), SHADOW_BLUR)
+    behind = 255.0 * backdrop(camera, width, height, floor, shadow)
     crop = scene.crop(camera, width, height)
-    fine = SUPERSAMPLING * width, SUPERSAMPLING * height, _supersampled(crop)
-    colors, robots = scene.render(camera, *fine, lamp.axes[2])
+    rows, columns = (
+        slice(SUPERSAMPLING * part.start, SUPERSAMPLING * part.stop) for part in crop
+    )
+    colors, robots = scene.render(
+        camera,
+        SUPERSAMPLING * width,
+        SUPERSAMPLING * height,
+        (rows, columns),
+        lamp.axes[2],
+    )
     seen = (robots != NOTHING)[..., np.newaxis]
     clear = 1.0 - _downsampled(seen)
     behind[crop] = behind[crop] * clear + _downsampled(colors * seen)
@@ -167,7 +166,7 @@ def silhouette(scene: Scene, camera: Camera, width: int, height: int) -> np.ndar
         scene: The robots.
         camera: Where from.
         width: Of the picture, in pixels.
-        height: Likewise.
+        height: Of the same, in pixels.
 
     Returns:
         The robot's number, ``NOTHING`` where there is none, shape (height, width).
@@ -176,14 +175,6 @@ def silhouette(scene: Scene, camera: Camera, width: int, height: int) -> np.ndar
     robots = np.full((height, width), NOTHING)
     robots[crop] = scene.render(camera, width, height, crop)[1]
     return robots
-
-
-def _supersampled(crop: Crop) -> Crop:
-    """Return a crop of the supersampled picture."""
-    rows, columns = (
-        slice(SUPERSAMPLING * w.start, SUPERSAMPLING * w.stop) for w in crop
-    )
-    return rows, columns
 
 
 def _downsampled(pixels: np.ndarray) -> np.ndarray:
@@ -197,15 +188,3 @@ def _downsampled(pixels: np.ndarray) -> np.ndarray:
         parts,
     )
     return fine.mean(axis=(1, 3), dtype=np.float32)
-
-
-def _lamp(camera: Camera, aspect: float) -> Camera:
-    """Place the lamp on one side of the camera, so that it sees all that this sees."""
-    width = 1.5 * camera.width * max(1.0, aspect)
-    return Camera(camera.target, camera.yaw + LAMP[0], LAMP[1], width)
-
-
-def _shadow_mask(scene: Scene, lamp: Camera) -> np.ndarray:
-    """Return how much of the lamp's light robots block, from 0 to 1."""
-    size = LAMP_PIXELS, LAMP_PIXELS
-    return blur((silhouette(scene, lamp, *size) != NOTHING).astype(float), SHADOW_BLUR)

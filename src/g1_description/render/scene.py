@@ -81,11 +81,9 @@ def _body(
 
 
 def _triangles(part: Part, scale: np.ndarray) -> Iterator[dict[str, object]]:
-    """Write a part of a mesh as PyBullet takes it: so many triangles at a time.
+    """Write a part as PyBullet takes it, ``BATCH_SIZE`` triangles at a time.
 
-    Args:
-        part: The part.
-        scale: Of the mesh, shape (3,); below zero it is mirrored.
+    A scale, shape (3,), below zero mirrors it.
     """
     turn = 1 if np.prod(scale) > 0 else -1
     with np.errstate(all="ignore"):
@@ -243,7 +241,7 @@ class Scene:
         Args:
             camera: Where from.
             width: Of the whole picture, in pixels.
-            height: Likewise.
+            height: Of the same, in pixels.
             crop: Part of the picture, n times m pixels, that is seen.
             light: Direction to the lamp in the world, shape (3,); by default it is
                 where the camera is.

@@ -214,20 +214,12 @@ def parse_poses(text: str, place: str) -> dict[str, Pose]:
         PoseFileError: If the text has another form, or has a name twice.
         InvalidValueError: If a position is not a finite number.
     """
-    return _poses(_load(text, place), place)
-
-
-def _poses(content: CommentedMap, place: str) -> dict[str, Pose]:
-    """Read the poses of a mapping."""
+    content = _load(text, place)
     return {name: _pose(name, value, place) for name, value in content.items()}
 
 
 def _load(text: str, place: str) -> CommentedMap:
-    """Read YAML whose top level is a mapping; an empty text is an empty mapping.
-
-    Raises:
-        PoseFileError: If it is not.
-    """
+    """Read YAML whose top level is a mapping; an empty text is an empty mapping."""
     try:
         # The round-trip reader knows each key's line, and takes aliases of aliases
         # in linear time.
@@ -312,15 +304,14 @@ def with_pose(text: str, pose: Pose, place: str) -> str:
         PoseFileError: If the text holds no poses, or in a form that cannot be edited.
         InvalidValueError: If a position in it is not a finite number.
     """
-    pose = replace(pose, about=_one_line(pose.about))
-    content = _load(text, place)
-    wanted = {**_poses(content, place), pose.name: pose}
-    written = _with_lines(text, content, pose.name, _lines_of(pose))
+    pose = replace(pose, about=_one_line(pose.about), place=place)
+    expected = {**parse_poses(text, place), pose.name: pose}
+    written = _with_lines(text, _load(text, place), pose.name, _lines_of(pose))
     try:
-        same = _content(parse_poses(written, place)) == _content(wanted)
+        is_same = parse_poses(written, place) == expected
     except (PoseFileError, InvalidValueError):
-        same = False
-    if not same:
+        is_same = False
+    if not is_same:
         raise PoseFileError(
             f"{place} is written in a form that cannot be edited: each pose must "
             "begin on a line of its own and refer to no other pose."
@@ -369,8 +360,3 @@ class _Representer(RoundTripRepresenter):
 
 
 _Representer.add_representer(float, _Representer.represent_float)
-
-
-def _content(poses: Mapping[str, Pose]) -> dict[str, tuple[dict[str, float], str]]:
-    """Return what the poses are, apart from the file they are from."""
-    return {name: (pose.positions, pose.about) for name, pose in poses.items()}

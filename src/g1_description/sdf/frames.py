@@ -16,15 +16,14 @@ MODEL = "__model__"
 
 
 class Frames:
-    """The named frames of a model or a world, each given in another one."""
+    """The named frames of a model or a world, each given in another one.
+
+    Args:
+        owner: Whose frames they are, for the sentences.
+        root: Name of the frame that all others are placed in.
+    """
 
     def __init__(self, owner: str, root: str) -> None:
-        """Begin with one frame.
-
-        Args:
-            owner: Whose frames they are, for the sentences.
-            root: Name of the frame that all others are placed in.
-        """
         self._owner = owner
         self._given: dict[str, tuple[np.ndarray, str]] = {}
         self._placed = {root: IDENTITY}

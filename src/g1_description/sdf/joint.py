@@ -1,4 +1,4 @@
-"""Joints of an SDF model, written as the description wants them.
+"""Joints of an SDF model, as a description has them.
 
 SDF places a joint in its child link, at zero, and says nothing of where the child
 is in its parent: that follows from the poses of both links.
@@ -49,7 +49,7 @@ def ends_of(
             return f"it has no {role}"
         link = WORLD if written == WORLD else scope.full(written)
         if link != WORLD and link not in links:
-            return f"its {role} {link} is no link of the model"
+            return f"its {role} {link} is not a link of the model"
         ends.append(link)
     parent, child = ends
     return (parent, child) if {*ends} != {WORLD} else "both of its links are the world"
@@ -62,7 +62,7 @@ def fixed_joint(
 
     Args:
         name: Name of the joint.
-        ends: Names of its parent and of its child, of which one may be ``WORLD``.
+        ends: Names of its parent and of its child, one of them may be ``WORLD``.
         frames: Where the links are.
         listed: Whether the file names the joint.
     """

@@ -17,23 +17,23 @@ from g1_description.sdf.model import SdfModel
 
 
 @dataclass(frozen=True)
-class State:
+class SavedState:
     """When a world was saved, and where its models, links and lights were."""
 
     time: float | None = None
     """Simulated time in [s]; None if it is not given."""
 
     models: dict[str, np.ndarray] = field(default_factory=dict)
-    """Poses in the world by name, shape (7,); likewise the others."""
+    """Poses in the world by name, shape (7,), as the others."""
 
     links: dict[str, dict[str, np.ndarray]] = field(default_factory=dict)
     """By names of model and link; those of models inside begin with their names."""
 
     lights: dict[str, np.ndarray] = field(default_factory=dict)
 
-    def then(self, later: State) -> State:
+    def then(self, later: SavedState) -> SavedState:
         """Return this state updated by a later one."""
-        return State(
+        return SavedState(
             time=self.time if later.time is None else later.time,
             models={**self.models, **later.models},
             links={**self.links, **later.links},
@@ -41,7 +41,7 @@ class State:
         )
 
 
-def read_state(element: etree._Element) -> State:
+def read_state(element: etree._Element) -> SavedState:
     """Read a state element of a world.
 
     Raises:
@@ -52,7 +52,7 @@ def read_state(element: etree._Element) -> State:
         seconds, nanoseconds = vector(element, "sim_time", [0, 0], "the state", 0.0)
         time = float(seconds + 1e-9 * nanoseconds)
     models = element.findall("model")
-    return State(
+    return SavedState(
         time=time,
         models=_poses(models),
         links={name_of(model): _links(model, "") for model in models},
@@ -80,7 +80,7 @@ def _poses(
     return found
 
 
-def in_state(model: SdfModel, state: State) -> SdfModel:
+def in_state(model: SdfModel, state: SavedState) -> SdfModel:
     """Put a model where a state has it: its roots, and its joints by their links.
 
     Args:

@@ -20,7 +20,7 @@ from g1_description.sdf.document import EMPTY_WORLD, whole_document
 from g1_description.sdf.frames import Frames, Scope
 from g1_description.sdf.link import Light, read_light
 from g1_description.sdf.model import SdfModel, read_model_element
-from g1_description.sdf.state import State, in_state, read_state
+from g1_description.sdf.state import SavedState, in_state, read_state
 from g1_description.sdf.unsupported import unread
 
 _PLACES = {
@@ -146,7 +146,7 @@ def read_sdf(text: str, find_model: Callable[[str], str] = no_model) -> Sdf:
     for messages in reader.read(lights, lambda el: _add_light(el, scope, read_lights)):
         left_out += messages
     state = reduce(
-        State.then, reader.read(holder.findall("state"), read_state), State()
+        SavedState.then, reader.read(holder.findall("state"), read_state), SavedState()
     )
     read = reader.read(
         models, lambda m: read_model_element(m, scope.frames.pose(name_of(m)))
@@ -182,12 +182,7 @@ class _Reader:
     """Reads all of a kind; in a world what is wrong is left out, else refused."""
 
     def __init__(self, left_out: list[str] | None) -> None:
-        """Begin.
-
-        Args:
-            left_out: Takes a message for each thing that is left out; None where
-                what is wrong is refused.
-        """
+        """Take a list for messages on what is left out; None: that is refused."""
         self._left_out = left_out
         self.refused: list[str] = []
         """The reason for each model or light that is left out."""

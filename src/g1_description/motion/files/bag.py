@@ -1,6 +1,6 @@
 """Rosbags, read by the library rosbags, which needs no ROS.
 
-A bag brings definitions of its messages. They are not used: md5 sums tell the types of
+A bag brings definitions of its messages. They are not used: md5 sums identify the
 messages, which are read by definitions of ours, so nothing in a bag becomes code.
 """
 

@@ -41,7 +41,7 @@ MAX_SAMPLES = 1_000_000
 """Most samples that are written."""
 
 OVERHEAD = 20_000
-"""Bytes of an npz beside numbers and names, at most."""
+"""Most bytes of an npz without numbers and names."""
 
 NO_BASE = "An npz needs the base, which this motion has not."
 
@@ -145,14 +145,10 @@ def _deviation(
     places: np.ndarray,
     robot: Description,
 ) -> float:
-    """Compute how far bodies are from where the robot has them, at most, in [m].
+    """Compute the largest distance of bodies from the robot's, in [m].
 
-    Args:
-        names: Joints in the order of the bodies; others are at zero.
-        positions: Their positions, shape (n, n_joints).
-        base: Poses of the root, shape (n, 7).
-        places: Of the root and the joints' child links, shape (n, n_joints + 1, 3).
-        robot: The robot.
+    Positions are those of the named joints, others are at zero; ``places`` those of the
+    root and the joints' child links, shape (n, n_joints + 1, 3).
     """
     child = {joint.name: joint.child for joint in robot.movable_joints}
     links = [robot.root, *(child[name] for name in names)]
@@ -234,14 +230,14 @@ def _even(
         raise MotionError(
             f"{n_samples} samples at {fps:g} Hz are more than {MAX_SAMPLES}."
         )
-    wanted = np.arange(n_samples) / fps
-    if n_samples == len(times) and np.abs(times - wanted).max() <= EVEN:
+    regular = np.arange(n_samples) / fps
+    if n_samples == len(times) and np.abs(times - regular).max() <= EVEN:
         return trajectory, float(fps), ()
-    found = sample(trajectory, trajectory.times[0] + wanted)
+    found = sample(trajectory, trajectory.times[0] + regular)
     velocities = None if trajectory.velocities is None else found.velocities
     names, poses = trajectory.joint_names, found.base_poses
     note = f"The times are not even: written as {n_samples} samples at {fps:g} Hz."
-    even = Trajectory(wanted, names, found.positions, velocities, poses)
+    even = Trajectory(regular, names, found.positions, velocities, poses)
     return even, float(fps), (note,)
 
 
@@ -280,11 +276,7 @@ def _bodies(
 
 
 def _between(differences: np.ndarray) -> np.ndarray:
-    """Find velocities at samples from those behind them; behind the last is none.
-
-    Args:
-        differences: Velocities between each sample and the next, shape (n, ...).
-    """
+    """Find velocities at samples from those behind each, shape (n, ...)."""
     if len(differences) < 2:
         return differences
     behind = np.concatenate([differences[:-1], differences[-2:-1]])

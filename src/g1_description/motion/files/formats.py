@@ -83,7 +83,7 @@ def _format(source: MotionSource) -> ModuleType:
         MotionError: If there is none.
     """
     if source.topic is not None and not bag.recognise(source):
-        raise MotionError(f"no bag: it has no topic {source.topic}.")
+        raise MotionError(f"Not a bag: it has no topic {source.topic}.")
     for module in FORMATS:
         if module.recognise(source):
             return module
@@ -99,8 +99,8 @@ def _problem(source: MotionSource) -> str:
         return "A zip file without arrays: not an npz."
     if names:
         found = listed(names)
-        for wanted in (beyond_mimic.ARRAYS, gmr.ARRAYS):
-            missing = [name for name in wanted if name not in names]
+        for arrays in (beyond_mimic.ARRAYS, gmr.ARRAYS):
+            missing = [name for name in arrays if name not in names]
             if len(missing) == 1:
                 return f"{missing[0]} is missing; the file has {found}."
         known = f"{listed(beyond_mimic.ARRAYS)}, or {listed(gmr.ARRAYS)}"

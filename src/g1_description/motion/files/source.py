@@ -117,7 +117,7 @@ class MotionSource:
             raise MotionError(f"{name} has numbers that are not finite.")
         if shape and not (
             array.ndim == len(shape)
-            and all(wanted in (None, n) for wanted, n in zip(shape, array.shape))
+            and all(size in (None, n) for size, n in zip(shape, array.shape))
         ):
             words = ", ".join("n" if size is None else str(size) for size in shape)
             raise MotionError(f"{name} has the shape {array.shape}, not ({words}).")

@@ -126,23 +126,23 @@ def _headed(
     ]
     velocities = [joint + VELOCITY for joint in joints]
     has_velocities = any(name.endswith(VELOCITY) for name in names)
-    wanted = [TIME, *(BASE if base else ()), *(velocities if has_velocities else ())]
-    missing = [name for name in wanted if name not in names]
+    needed = [TIME, *(BASE if base else ()), *(velocities if has_velocities else ())]
+    missing = [name for name in needed if name not in names]
     if missing:
         hint = "; columns must be separated by commas" if len(names) == 1 else ""
         is_motion = _may_be_motion(names, next(rows, (0, "0"))[1], robot)
         raise (MotionError if is_motion else NoMotionError)(
             f"Line {number} names {listed(names)}, but not {listed(missing)}{hint}."
         )
-    strange = [n for n in names if n not in (*wanted, *joints)]
+    strange = [n for n in names if n not in (*needed, *joints)]
     if strange:
         raise MotionError(
             f"Line {number} has {listed(strange)}, but no column of that joint."
         )
     values = _numbers(rows, len(names))
 
-    def columns(wanted: Sequence[str]) -> np.ndarray:
-        return values[:, [names.index(name) for name in wanted]]
+    def columns(needed: Sequence[str]) -> np.ndarray:
+        return values[:, [names.index(name) for name in needed]]
 
     return Motion(
         Trajectory(
@@ -224,26 +224,15 @@ def _rows(text: str, after: int = 0) -> Iterator[tuple[int, str]]:
 
 
 def _lines(text: str) -> Iterator[tuple[int, str]]:
-    """Go through the lines that have something, with their numbers.
-
-    One after the other: as a list, the lines of a large file need ten times its room.
-    """
-    end = "\n" if "\n" in text else "\r"
-    begin = number = 0
-    while begin < len(text):
-        found = text.find(end, begin)
-        stop = len(text) if found < 0 else found
-        number += 1
-        if number > MAX_LINES:
-            raise MotionError(f"The file has more than {MAX_LINES} lines.")
-        if stop - begin > MAX_LINE:
-            found = text.count(",", begin, stop) + 1
+    """Go through the lines that have something, with their numbers."""
+    if max(text.count("\n"), text.count("\r")) > MAX_LINES:
+        raise MotionError(f"The file has more than {MAX_LINES} lines.")
+    for number, line in enumerate(text.splitlines(), 1):
+        line = line.strip()
+        if len(line) > MAX_LINE:
             raise MotionError(
-                f"Line {number} has {found} columns and {stop - begin} characters; "
-                f"there may be {MAX_COLUMNS} and {MAX_LINE}."
+                f"Line {number} has {len(line)} characters; there may be {MAX_LINE}."
             )
-        line = text[begin:stop].strip()
-        begin = stop + 1
         if line:
             yield number, line
 

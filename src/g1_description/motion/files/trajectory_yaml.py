@@ -82,7 +82,9 @@ def read(source: MotionSource, robot: Description) -> Motion:
             np.array([_time(point, number) for number, point in enumerate(points, 1)]),
             tuple(names),
             np.array(_columns(points, "positions", len(names))),
-            _velocities(points, len(names)),
+            np.array(_columns(points, "velocities", len(names)))
+            if all(point.get("velocities") for point in points)
+            else None,
         )
     )
 
@@ -198,10 +200,3 @@ def _number(value: Any) -> float:
         return float(value)
     except ValueError:
         return np.nan
-
-
-def _velocities(points: list[dict], width: int) -> np.ndarray | None:
-    """Read the velocities; None unless all points have some."""
-    if not all(point.get("velocities") for point in points):
-        return None
-    return np.array(_columns(points, "velocities", width))

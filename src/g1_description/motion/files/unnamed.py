@@ -1,4 +1,4 @@
-"""What the numbers of a file tell where the file itself does not.
+"""What the numbers of a file show where the file itself does not say it.
 
 The names of joints, the order of a quaternion, and whether angles are in radians.
 Each has conventions that differ between publishers of files of one shape.
@@ -62,7 +62,7 @@ LOWEST_FOOT = -0.3
 """The lower foot of a robot that stands is higher, in [m]."""
 
 SAME_TILT = 3.0
-"""Tilts this near to each other do not tell the order of a quaternion, in [deg]."""
+"""Tilts this near to each other do not decide the order of a quaternion, in [deg]."""
 
 N_SAMPLES = 100
 """Most samples that are looked at for the order of a quaternion."""
@@ -92,11 +92,11 @@ def names_of_columns(
         robot: The robot; a file of as many joints has its own, in their order.
 
     Returns:
-        The names, those of the G1 with so many joints where the robot has others, and a
+        The names, those of a G1 if the robot has another number of joints, and a
         message if they are a choice.
 
     Raises:
-        MotionError: If no robot that is known has so many.
+        MotionError: If no known robot has that number.
     """
     found = layouts(positions.shape[1], robot)
     if len(found) == 1:
@@ -122,7 +122,7 @@ def layouts(n_joints: int, robot: Description) -> list[tuple[str, ...]]:
     """List what the joints of a file may be, the likeliest first.
 
     Raises:
-        MotionError: If no robot that is known has so many.
+        MotionError: If no known robot has that number.
     """
     own = tuple(joint.name for joint in robot.movable_joints)
     found = [own] if n_joints == len(own) else []
@@ -154,10 +154,10 @@ def w_last(
 ) -> tuple[Trajectory, tuple[str, ...]]:
     """Bring w behind x y z where a file has it before them.
 
-    The sole of the lower foot tells: of 67 files, 62 x y z w and 5 w x y z, its tilt
+    The sole of the lower foot decides: of 67 files, 62 x y z w and 5 w x y z, its tilt
     (the median of up to 100 samples) was smaller in the right order in all, at most 17
-    degrees, and 13 to 180 in the wrong one. It does not tell where the robot lies, and
-    a robot without ``SOLES`` is not looked at. Of a robot that stands straight in both
+    degrees, and 13 to 180 in the wrong one. It does not decide if the robot lies, and a
+    robot without ``SOLES`` is not checked. Of a robot that stands straight in both
     orders, facing along x in one and backwards in the other, x y z w is taken.
 
     Args:

@@ -135,13 +135,9 @@ def _read_all(files: list[_File]) -> dict[_File, Content]:
 def _read(paths: list[Path], timeout: float) -> tuple[list[Content], str, bool]:
     """Read files in a process of its own, up to the first that ends it.
 
-    Args:
-        paths: The files.
-        timeout: How long all of them may take, in [s].
-
     Returns:
-        What is in the first files, or why they cannot be read; a message that says why
-        the process ended, empty where the time was over; whether it began to read.
+        What is in the first files, or why they cannot be read; why the process ended,
+        empty if the time was over; whether it began to read.
     """
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

@@ -117,15 +117,9 @@ def _stl_points(path: Path, size: int, changed: int) -> np.ndarray:
 
 
 def _distinct(points: np.ndarray) -> np.ndarray:
-    """Leave out repetitions: five of six corners of a usual mesh.
+    """Leave out repetitions of points, shape (n, 3) in single precision.
 
-    PyBullet then finds the hull in half the time.
-
-    Args:
-        points: In single precision, shape (n, 3).
-
-    Returns:
-        Every point once, in any order, shape (m, 3).
+    Five of six corners of a usual mesh are; PyBullet then takes half the time.
     """
     # A key of 64 bits per point, since sorting whole rows takes seven times as long.
     # Two of a million points share one by accident with a probability of 3e-8.
@@ -253,12 +247,7 @@ def _qhull() -> Callable[..., ConvexHull]:
 
 
 def _distances(points: np.ndarray, hull: ConvexHull) -> np.ndarray:
-    """Find how far points are from a convex hull, in [m], shape (n,).
-
-    Args:
-        points: In [m], shape (n, 3).
-        hull: The hull.
-    """
+    """Find how far points are from a convex hull, in [m], shape (n,)."""
     if len(points) * len(hull.equations) > MAX_HEIGHTS and len(points) > 1:
         halves = np.array_split(points, 2)
         return np.concatenate([_distances(half, hull) for half in halves])
@@ -277,15 +266,9 @@ def _distances(points: np.ndarray, hull: ConvexHull) -> np.ndarray:
 def _distances_beside(
     points: np.ndarray, corners: np.ndarray, normals: np.ndarray
 ) -> np.ndarray:
-    """Find how far from triangles points are, along the planes of these.
+    """Find the distances of points from triangles, one each, along their planes.
 
-    Args:
-        points: One for each triangle, in [m], shape (n, 3).
-        corners: Of the triangles, in [m], shape (n, 3, 3).
-        normals: Of the triangles, shape (n, 3).
-
-    Returns:
-        In [m], shape (n,); zero above and below a triangle.
+    In [m], shape (n,); zero above and below a triangle.
     """
     normals = normals[:, np.newaxis]
     edges = np.roll(corners, -1, axis=1) - corners

@@ -37,7 +37,7 @@ from g1_description.sim.meshes.stl import (
 )
 
 BEGUN, LAST_WORDS = "begun", "last_words"
-"""Files that tell that it began to read, and of what mistake of its own it ended."""
+"""Files that it leaves when it begins to read, and when it ends by its own mistake."""
 
 MEMORY = 4 * 2**30
 """Most memory that it may take, in bytes."""
@@ -246,6 +246,8 @@ def _read(path: Path) -> dict[str, np.ndarray]:
             raise CannotReadError(
                 f"it has corners that are not finite, or beyond {MAX_VALUE:g} m"
             )
+    if not np.ptp(corners.reshape(-1, 3), axis=0).any():
+        raise CannotReadError("all its corners are in one place")
     # A normal without a direction becomes that of its triangle.
     own = triangle_normals(corners)[:, np.newaxis]
     normals = np.where(has_direction(normals)[..., np.newaxis], normals, own)

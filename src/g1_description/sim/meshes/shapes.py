@@ -44,7 +44,7 @@ def find_meshes(shapes: Iterable[Shape]) -> tuple[dict[str, Mesh], tuple[str, ..
     """Find the meshes of a model; nothing before this asks where a mesh lies.
 
     Args:
-        shapes: Its shapes; those that are no meshes are passed over.
+        shapes: Its shapes; those that are not meshes are ignored.
 
     Returns:
         The meshes by their names as written, and a message for each that is left out.

@@ -68,12 +68,7 @@ def cylinder(radius: float, length: float) -> Surface:
 
 
 def _turned(outline: np.ndarray, normals: np.ndarray) -> Surface:
-    """Turn an outline about the z axis.
-
-    Args:
-        outline: Distance from the axis and height, from below, in [m], shape (n, 2).
-        normals: Of the outline, shape (n, 2).
-    """
+    """Turn an outline, radius and height from below in [m], about the z axis."""
     angle = np.linspace(0.0, 2.0 * np.pi, AROUND + 1)
     n = np.arange(len(outline) * len(angle)).reshape(len(outline), len(angle))
     low, high = n[:-1], n[1:]
