@@ -15,9 +15,9 @@ _g1_description_poses() {
 }
 
 # Options by command, those without a value, those whose value is a file, and the links of
-# the doctor; tools/options writes them.
+# the doctor; tools/tables writes them.
 declare -gA _g1_description_options
-# options of commands
+# table of commands
 _g1_description_options[check]="--collisions --csv --dask --fixed-base --fps --help --html --jobs --json --model --no-visual-hulls --only --physics --plot --quiet --thresholds --topic"
 _g1_description_options[collision_pairs]="--help --out --samples --seed"
 _g1_description_options[doctor]="--help --json --namespace --until"

@@ -19,7 +19,7 @@ from g1_description.web.parameters import WebParameters  # noqa: E402
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tools"))
 
-import options  # noqa: E402
+import tables  # noqa: E402
 
 NODES = {
     "link_states_bridge": BridgeParameters,
@@ -68,8 +68,8 @@ def test_the_page_lists_every_parameter_with_its_default(node):
 
 
 def test_nothing_that_tells_of_options_is_stale():
-    for path, text in options.texts().items():
-        assert path.read_text() == text, f"{path.name}: run tools/options"
+    for path, text in tables.texts().items():
+        assert path.read_text() == text, f"{path.name}: run tools/tables"
 
 
 def test_the_yaml_file_holds_known_parameters_and_their_defaults():

@@ -29,56 +29,61 @@ class BridgeParameters:
     """Parameters of the bridge."""
 
     gazebo: str = "/gazebo"
-    """Namespace of the simulator's topics and services."""
+    """Namespace of the simulator."""
 
     model_name: str = "g1_robot"
     """Name of the robot in the simulated world."""
 
     robot_description: str = "robot_description"
-    """Parameter that holds the robot's URDF; searched for upward from the namespace."""
+    """Parameter that holds the robot's URDF; searched for upward from the
+    namespace."""
 
     frame_prefix: str = ""
-    """What stands before the names of the robot's frames."""
+    """Prefix of the robot's frame names."""
 
     robots: tuple[dict, ...] = ()
-    """Several robots in place of the one above: a list of dictionaries as
-    ``RobotParameters``."""
+    """Several robots instead of one; see [below](#several-robots)."""
 
     controllers: tuple[dict, ...] = ()
-    """What each action follow_joint_trajectory moves: a list of dictionaries as
-    ``Controller``; empty: one action moves all joints."""
+    """Which joints each ``follow_joint_trajectory`` moves; see
+    [motions](motions.md#controllers)."""
 
     position_threshold: float = 0.005
-    """map -> base_link is sent when the robot moved this far, in [m]."""
+    """Publish ``map -> base_link`` after moving this far, in [m]."""
 
     rotation_threshold: float = 0.01
-    """map -> base_link is sent when the robot turned this far, in [rad]."""
+    """Or after turning this far, in [rad]."""
 
     max_interval: float = 0.05
-    """map -> base_link is sent when the last one is this old, in [s]."""
+    """Or after this time; the launch files set 0.02 with ``web:=true``, in [s]."""
 
     min_interval: float = 0.0
-    """map -> base_link is never sent sooner than this after the last, in [s]."""
+    """But never more often than this, in [s]."""
 
     max_rate: float = 0.0
-    """States per second of simulated time that are taken from a simulator without
-    ``world_state``, such as Gazebo, in [Hz]; 0: all."""
+    """States used per second of ``/clock`` from a simulator without world_state,
+    such as Gazebo; 0: all, in [Hz]."""
 
     world_frame: str = "world"
+    """Topmost frame."""
+
     map_frame: str = "map"
+    """Frame below it."""
+
     base_frame: str = "base_link"
-    """Frames above the robot; base_link is the robot's root link."""
+    """Frame of the robot's base."""
 
     trails: str = ""
-    """Links whose paths are published on ``trails``, separated by spaces."""
+    """Links whose paths are published, separated by spaces."""
 
     ghost: bool = False
-    """Whether the commanded configuration is published as a second robot, on
-    ``commanded_joint_states`` and TF."""
+    """Publish the commanded configuration as a second robot."""
 
     imu_link: str = "imu_in_torso"
+    """Link that gets a second frame."""
+
     imu_frame: str = "body_imu"
-    """A second name for the frame of the IMU, where the robot has this link."""
+    """Name of that frame."""
 
     def __post_init__(self) -> None:
         """Check ranges."""

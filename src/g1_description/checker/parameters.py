@@ -21,31 +21,33 @@ class CheckerParameters:
     """Parameters of the node ``checker``."""
 
     robot_description: str = "robot_description"
-    """Parameter that holds the robot's URDF; searched for upward from the namespace."""
+    """Parameter that holds the robot's URDF; searched for upward from the
+    namespace."""
 
     frame_prefix: str = ""
-    """What stands before the names of the robot's frames."""
+    """Prefix of the robot's frame names."""
 
     map_frame: str = "map"
     """Frame whose floor the robot stands on."""
 
     thresholds: str = ""
-    """File of thresholds; empty: config/checks.yaml."""
+    """File of thresholds; empty: ``config/checks.yaml``."""
 
     pairs: str = ""
-    """File of the pairs of links that may touch by design; empty: that of the G1, and
-    for a robot with other links pairs that are found at the start."""
+    """File of the [pairs of links that may touch](checks.md#allowed-pairs); empty:
+    that of the G1, and for a robot with other links pairs that are found at the
+    start."""
 
     visual_hulls: bool = True
-    """Whether links without collision shapes have the hulls of their visual ones."""
+    """Links without collision shapes have the convex hulls of their visual ones."""
 
     rate: float = 30.0
-    """Most checks of the robot per second, in [Hz] of wall time; 0: never, there are
-    only services."""
+    """Most checks of the robot per second of wall time; 0: services only, in
+    [Hz]."""
 
     limit_margin: float = 0.05
-    """A joint this near to a limit is marked, in [rad] or [m]; of a joint with a small
-    range a tenth of the range."""
+    """Mark joints this near to a limit; of a joint with a small range a tenth of
+    the range, in [rad, m]."""
 
     def __post_init__(self) -> None:
         """Check ranges."""

@@ -32,26 +32,28 @@ class SpawnParameters:
     """A robot to spawn, where, and in which pose."""
 
     robot_description: str = ""
-    """Parameter that holds the URDF of a robot to spawn at start; empty: none."""
+    """Parameter with the URDF of the robot; empty: none is spawned."""
 
     model_name: str = "g1_robot"
-    """Name of that robot in the world."""
+    """Name of the robot."""
 
     x: float = 0.0
+    """Initial position, in [m]."""
+
     y: float = 0.0
     z: float = 0.0
-    """Where that robot is spawned in [m]."""
 
     on_floor: bool = False
-    """Whether it is put so high, instead of z, that it stands on the floor (z = 0)."""
+    """Ignore ``~z`` and put the robot on the floor (z = 0)."""
 
     roll: float = 0.0
+    """Initial orientation, in [rad]."""
+
     pitch: float = 0.0
     yaw: float = 0.0
-    """How that robot is turned about the fixed axes in [rad]."""
 
     initial_pose: str = "zero"
-    """Name of the pose that it begins in; zero: all joints at 0."""
+    """Named pose at the start; the simulator takes it after a reset, too."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +61,8 @@ class SpawnerParameters(SpawnParameters):
     """Parameters of the node that spawns a robot in the real Gazebo."""
 
     respawn: bool = False
-    """Whether to stay, and spawn the robot in each new Gazebo."""
+    """Keep running, and spawn the robot again in each Gazebo that replaces this
+    one."""
 
 
 @dataclass(frozen=True)
@@ -75,36 +78,35 @@ class GazeboParameters:
     """The physics' initial numbers, in Gazebo's words. They win over a world file."""
 
     physics: str = "kinematic"
-    """kinematic: what is set stays set; hold: motors hold the joints; limp: no
-    motors."""
+    """``kinematic``, ``hold`` or ``limp``; see [physics](launch.md#physics)."""
 
     fixed_base: bool = False
-    """Whether that robot's root link does not move in hold and limp. With on_floor it
-    hangs there so high that no joint can bring the robot to the floor."""
+    """Fix the root in ``hold`` and ``limp``; with ``~on_floor``, the robot hangs
+    clear of the floor."""
 
     motors: str = ""
-    """File of the motors that drive joints in hold, of any robot; empty: the package's,
-    for the G1 alone."""
+    """File of the [motors](motions.md#tracked-by-motors) in ``hold``; empty:
+    ``config/motors.yaml`` for the G1, none for other robots."""
 
     world: str = ""
-    """World file (SDF) to load at start; empty: a ground plane and a sun."""
+    """World file (SDF) to load at the start; empty: a ground plane and a sun."""
 
     enable_ros_network: bool = True
-    """Whether there are services, link_states and model_states; /clock always is."""
+    """False: publish ``/clock`` only, without services and states."""
 
     link_states_rate: float = 0.0
-    """Least rate of link_states and model_states per simulated second in [Hz]; each
-    n-th step is published, 0: every step."""
+    """Rate of link_states, model_states and world_state in simulated time: the
+    steps at multiples of its period, and the last one of each ``~step``; 0: every
+    step, in [Hz]."""
 
     pub_clock_frequency: float = 0.0
-    """Least rate of /clock per simulated second in [Hz]; each n-th step is published,
-    0: every step."""
+    """The same for ``/clock``, in [Hz]."""
 
     paused: bool = False
-    """Whether time stands still at first."""
+    """Start with simulated time paused."""
 
     strict_messages: bool = False
-    """Whether status messages are Gazebo's bare words, without what we add."""
+    """Use Gazebo's exact status messages, without additions."""
 
     def __post_init__(self) -> None:
         """Check ranges."""

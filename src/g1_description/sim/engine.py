@@ -41,26 +41,46 @@ class PhysicsProperties:
     """
 
     time_step: float = 0.001
-    """Length of a step in [s]; 0: time stands still."""
+    """Length of a physics step, in [s]."""
 
     max_update_rate: float = 1000.0
-    """Steps per second of wall time in [Hz]; 0: as fast as can be."""
+    """Steps per second of wall time; 0: as fast as possible, in [Hz]."""
 
     gravity_x: float = 0.0
+    """Gravity, in [m/s^2]."""
+
     gravity_y: float = 0.0
     gravity_z: float = -9.8
-    """Gravity along the world's axes in [m/s^2]."""
 
     auto_disable_bodies: bool = False
+    """Stored and returned without effect."""
+
     sor_pgs_precon_iters: int = 0
+    """Without effect."""
+
     sor_pgs_iters: int = 50
+    """Iterations of PyBullet's solver."""
+
     sor_pgs_w: float = 1.3
+    """Without effect."""
+
     sor_pgs_rms_error_tol: float = 0.0
+    """Without effect."""
+
     cfm: float = 0.0
+    """Softness of constraints."""
+
     erp: float = 0.2
+    """Share of a constraint error corrected per step."""
+
     contact_surface_layer: float = 0.001
+    """Without effect, in [m]."""
+
     contact_max_correcting_vel: float = 100.0
+    """Without effect, in [m/s]."""
+
     max_contacts: int = 20
+    """Without effect."""
 
     def __post_init__(self) -> None:
         """Check ranges.

@@ -17,17 +17,18 @@ class WebParameters:
     """Parameters of the node ``web``."""
 
     host: str = "127.0.0.1"
-    """Address to listen on; any but this machine's own needs a token, which is part of
-    the address that is logged."""
+    """Address to listen on; any but the machine's own needs a token, which is part
+    of the address in the log."""
 
     port: int = 8080
     """0: any that is free."""
 
     token: str = ""
-    """The token; empty: a new one each time."""
+    """The token; empty: a new one at each start. Whoever reaches the master reads
+    it."""
 
     read_only: bool = False
-    """Whether the page only shows: nothing is taken from browsers."""
+    """Show, and take nothing from browsers."""
 
     controls: bool = True
     """Whether there is a bridge that robots can be moved through."""
@@ -36,25 +37,26 @@ class WebParameters:
     """Namespace of the simulator; empty: there is none."""
 
     robot_description: str = "robot_description"
-    """Parameter that holds the robot's URDF; searched for upward from the namespace."""
+    """Parameter that holds the robot's URDF; searched for upward from the
+    namespace."""
 
     model_name: str = "g1_robot"
     """Name of the robot on the page."""
 
     frame_prefix: str = ""
-    """What stands before the names of the robot's frames."""
+    """Prefix of the robot's frame names."""
 
     robots: tuple[dict, ...] = ()
-    """Several robots in place of the one above, as for the bridge."""
+    """Several robots instead of one, [as for the bridge](#several-robots)."""
 
     map_frame: str = "map"
-    """Frame that is shown."""
+    """Frame that is shown; its floor is at height 0."""
 
     ghost: bool = False
     """Whether the bridge publishes the commanded configuration."""
 
     thresholds: str = ""
-    """File of the checks' thresholds; empty: config/checks.yaml."""
+    """File of the checks' thresholds; empty: ``config/checks.yaml``."""
 
     def __post_init__(self) -> None:
         """Check files."""

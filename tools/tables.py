@@ -1,11 +1,18 @@
-"""Rows of pages, lists of the completion and doc="" of launch files, from the code."""
+"""Tables of pages, completion, thresholds and launch docs, written from the code."""
 
 from __future__ import annotations
 
+import ast
+import inspect
 import re
+import textwrap
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
+from g1_description.bridge.parameters import BridgeParameters
+from g1_description.checker.parameters import CheckerParameters
+from g1_description.checks.rules import RULES
 from g1_description.cli.check_options import CheckOptions
 from g1_description.cli.collision_pairs import PairsOptions
 from g1_description.cli.doctor import DoctorOptions
@@ -15,7 +22,10 @@ from g1_description.cli.record import RecordOptions
 from g1_description.cli.snapshot import SnapshotOptions
 from g1_description.cli.web import WebOptions
 from g1_description.command_line import arguments_of, default_text
+from g1_description.gazebo.parameters import GazeboParameters, SpawnerParameters
 from g1_description.importer.command import ImportOptions
+from g1_description.ros.parameters import NAMESPACE
+from g1_description.web.parameters import WebParameters
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -31,6 +41,15 @@ COMMANDS: dict[str, tuple[str, type[Any]]] = {
     "web": ("browser.md", WebOptions),
 }
 """The page that lists a command's options, and their dataclass."""
+
+NODES = {
+    "link_states_bridge": BridgeParameters,
+    "gazebo": GazeboParameters,
+    "spawn_urdf": SpawnerParameters,
+    "checker": CheckerParameters,
+    "web": WebParameters,
+}
+"""The dataclass of a node's parameters."""
 
 LAUNCH_FILES = ("display", "bridge", "checks", "view", "replay", "web")
 """The first of these that declares an argument says what it means."""
@@ -59,6 +78,49 @@ def rows(options: type[Any], page: str) -> str:
             "|".join(["", *(f" {cell} " if cell else " " for cell in cells), ""])
         )
     return "\n".join(lines)
+
+
+def meanings_of(kind: type[Any]) -> dict[str, str]:
+    """Return the docstrings of a dataclass' fields."""
+    found: dict[str, str] = {}
+    for one in reversed(kind.__mro__[:-1]):
+        source = textwrap.dedent(inspect.getsource(one))
+        (tree,) = ast.parse(source).body
+        assert isinstance(tree, ast.ClassDef)
+        for line, after in zip(tree.body, tree.body[1:]):
+            if isinstance(line, ast.AnnAssign) and isinstance(after, ast.Expr):
+                name = ast.unparse(line.target)
+                found[name] = " ".join(ast.literal_eval(after.value).split())
+    return found
+
+
+def parameter_rows(kind: type[Any], namespace: str = "") -> list[str]:
+    """Write the rows of a node's parameters; a field's docstring is its meaning."""
+    lines, meanings, unit = [], meanings_of(kind), ""
+    for known in fields(kind):
+        inner = known.default_factory
+        if is_dataclass(inner):
+            below = namespace + known.metadata.get(NAMESPACE, "")
+            lines += parameter_rows(inner, below)
+            continue
+        default: Any = known.default
+        if isinstance(default, bool):
+            default = str(default).lower()
+        if default in ("", ()):
+            default = "(empty)"
+        elif isinstance(default, str) and default not in ("true", "false"):
+            default = f"`{default}`"
+        text = meanings.get(known.name, "")
+        if text:
+            match = re.search(r",? in \[([^\]]+)\]", text)
+            unit = match[1] if match else ""
+            text = text.replace(match[0], "") if match else text
+            text = text.rstrip(".").replace("``", "`")
+            text = text[0].lower() + text[1:]
+        cells = (f"`~{namespace}{known.name}`", default, unit, text)
+        cells = [f" {cell} " if str(cell) else " " for cell in cells]
+        lines.append("|".join(["", *cells, ""]))
+    return lines
 
 
 def flags_of(options: type[Any], *, alone: bool = False, files: bool = False) -> str:
@@ -104,12 +166,39 @@ def with_block(text: str, name: str, block: str, marks: tuple[str, str]) -> str:
     Raises:
         LookupError: If the marks are not there.
     """
-    begin, end = (f"{marks[0]}{word} {name}{marks[1]}\n" for word in ("options", "end"))
+    begin, end = (f"{marks[0]}{word} {name}{marks[1]}\n" for word in ("table", "end"))
     before, found, rest = text.partition(begin)
     _, is_closed, after = rest.partition(end)
     if not (found and is_closed):
         raise LookupError(f"there is no place for {name}: {begin.strip()}")
     return f"{before}{begin}{block}\n{end}{after}"
+
+
+def level_of(value: float | None) -> str:
+    """Write a threshold; YAML 1.1 takes 1e-06 for a text."""
+    text = "null" if value is None else repr(float(value))
+    return text.replace("1e-", "1.0e-")
+
+
+def rule_rows() -> str:
+    """Write the table of the checks."""
+    lines = ["| check | what is found | needs |", "| --- | --- | --- |"]
+    for rule in RULES:
+        lines.append(
+            f"| `{rule.name}` | {rule.about} | {rule.requires}".rstrip() + " |"
+        )
+    return "\n".join(lines)
+
+
+def levels() -> str:
+    """Write the default thresholds of the checks."""
+    lines = []
+    for rule in RULES:
+        warning, failure = map(level_of, (rule.level.warning, rule.level.failure))
+        line = f"{rule.name}: {{warning: {warning}, failure: {failure}}}"
+        worse = "; less is worse" if rule.lower_is_worse else ""
+        lines.append(f"{line:51} # {rule.limit}{worse}")
+    return "\n".join(lines)
 
 
 def launch_texts() -> dict[Path, str]:
@@ -136,12 +225,23 @@ def launch_texts() -> dict[Path, str]:
 
 
 def texts() -> dict[Path, str]:
-    """Return all files that say something of options, as they should be."""
+    """Return all files that repeat the code, as they should be."""
     found = launch_texts()
     for command, (page, options) in COMMANDS.items():
         path = ROOT / "docs" / page
         text = found.get(path) or path.read_text()
         found[path] = with_block(text, command, rows(options, page), ("<!-- ", " -->"))
+    path = ROOT / "docs" / "nodes.md"
+    text = path.read_text()
+    for node, kind in NODES.items():
+        head = ["| parameter | default | unit | meaning |", "| --- | --- | --- | --- |"]
+        table = "\n".join([*head, *parameter_rows(kind)])
+        text = with_block(text, node, table, ("<!-- ", " -->"))
+    found[path] = text
+    path = ROOT / "docs" / "checks.md"
+    found[path] = with_block(found[path], "rules", rule_rows(), ("<!-- ", " -->"))
+    path = ROOT / "config" / "checks.yaml"
+    found[path] = with_block(path.read_text(), "of checks", levels(), ("# ", ""))
     path = ROOT / "config" / "completion.bash"
     found[path] = with_block(path.read_text(), "of commands", completion(), ("# ", ""))
     return found
@@ -151,4 +251,4 @@ if __name__ == "__main__":
     for path, text in texts().items():
         if path.read_text() != text:
             path.write_text(text)
-            print(f"tools/options: wrote {path.relative_to(ROOT)}")
+            print(f"tools/tables: wrote {path.relative_to(ROOT)}")
