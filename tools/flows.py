@@ -1,4 +1,4 @@
-"""Count the modules that three flows of data enter, by a profiler in the programs.
+"""Count the modules that the flows of data enter, by a profiler in the programs.
 
 Called by tools/flows, which sets up the environment.
 """
@@ -28,6 +28,7 @@ TIMEOUT = 60.0
 STATES = "link states to joint_states"
 COMMANDS = "joint_commands to the engine"
 CHECK = "check FILE.csv"
+VERDICT = "FILE.csv to its verdict, once the robot is known"
 
 BRIDGE = {
     STATES: ("bridge.state_source:_on_stamped",),
@@ -216,8 +217,12 @@ def _answers(port):
 
 
 def run_check(file):
-    """Check a motion; return what the command has entered."""
-    return Program({CHECK: ("cli.start:run",)}, "check", str(file)).result()
+    """Check a motion; return what the command has entered, and its second half."""
+    flows = {CHECK: "cli.start:run", VERDICT: "checks.batch:outcome"}
+    found = {}
+    for flow, begin in flows.items():
+        found.update(Program({flow: (begin,)}, "check", str(file)).result())
+    return found
 
 
 def main():
