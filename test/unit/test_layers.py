@@ -99,6 +99,13 @@ def test_imports_name_modules():
         assert LAYERS.own(name) <= set(LAYERS.paths) | {"web.old_libraries"}, name
 
 
+def test_the_world_knows_no_engine():
+    """Engines know the world's models, and ``sim.engine`` finds them by name."""
+    world = [name for name in LAYERS.paths if name.startswith("sim.")]
+    for name in (name for name in world if not name.startswith("sim.bullet")):
+        assert not {m for m in LAYERS.own(name) if m.startswith("sim.bullet")}, name
+
+
 def test_nothing_imports_itself_in_a_circle():
     assert LAYERS.circles() == []
     assert LAYERS.package_circles() == []
