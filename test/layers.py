@@ -19,6 +19,12 @@ class Layers:
             for path in sorted(source.rglob("*.py"))
             if path.name != "__init__.py"
         }
+        self.paths.update(
+            {
+                ".".join(path.relative_to(source).parent.parts): path
+                for path in sorted(source.glob("*/*/__init__.py"))
+            }
+        )
         self.imports = {name: [*self._imports(name)] for name in self.paths}
 
     def _imports(self, name):

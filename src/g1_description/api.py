@@ -11,11 +11,7 @@ from typing import TYPE_CHECKING, Any, Union
 import numpy as np
 
 from g1_description.bounds import NORM_TOLERANCE
-from g1_description.checks.thresholds import (
-    Thresholds,
-    read_thresholds,
-    with_thresholds,
-)
+from g1_description.checks.thresholds import Thresholds
 from g1_description.errors import (
     DescriptionError,
     G1DescriptionError,
@@ -456,14 +452,16 @@ class Robot:
         if is_usual and not (fixed_base or physics):
             return self._usual_checker
         from g1_description.checks.checker import Checker
-        from g1_description.checks.physics import PhysicsCheck
+        from g1_description.sim.rollout import Conditions
 
-        limits = _thresholds(thresholds)
-        rollouts = None
+        conditions = None
         if physics:
-            rollouts = PhysicsCheck(self.description, limits, g1_motors(), fixed_base)
+            conditions = Conditions(
+                motors=g1_motors(), fixed_base=fixed_base, stops_at_fall=True
+            )
         shapes = collisions or self._usual_checker.collisions
-        return Checker(self.description, limits, fixed_base, shapes, rollouts)
+        limits = _thresholds(thresholds)
+        return Checker(self.description, limits, fixed_base, shapes, conditions)
 
     def collisions(
         self, positions: JointValues, base: Any = None, margin: float = 0.0
@@ -729,6 +727,8 @@ def _thresholds(given: ThresholdValues) -> Thresholds:
     """Read thresholds where that is needed."""
     if isinstance(given, Thresholds):
         return given
+    from g1_description.checks.thresholds_file import read_thresholds, with_thresholds
+
     if isinstance(given, Mapping):
         return with_thresholds(read_thresholds(), given)
     return read_thresholds(None if given is None else Path(given).expanduser())

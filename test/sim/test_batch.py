@@ -231,7 +231,7 @@ def test_a_cluster_gets_all_that_a_robot_needs():
     assert found.collisions.pairs == kinematic.checker.collisions.pairs
     assert len(found.collisions.shapes) == len(kinematic.checker.collisions.shapes)
     physics = pickle.loads(packed(FileChecker(robot.checker(physics=True))))
-    sent = physics.checker.physics.description
+    sent = physics.checker.description
     for link, own in zip(sent.links, robot.description.links):
         for shape, original in zip(link.visuals, own.visuals):
             if shape.kind == "mesh":

@@ -9,7 +9,8 @@ from scipy.spatial import ConvexHull
 
 from g1_description.checks import checker as robot_collisions
 from g1_description.checks.checker import Checker, collisions_of
-from g1_description.checks.thresholds import Level, Thresholds, with_thresholds
+from g1_description.checks.thresholds import Level, Thresholds
+from g1_description.checks.thresholds_file import with_thresholds
 from g1_description.errors import (
     AllowedPairsError,
     MotionError,
@@ -202,9 +203,9 @@ def test_a_fault_is_found_and_nothing_else(name):
 def test_a_threshold_just_beyond_a_fault_hides_it(name):
     found = FAULTS[name][0]()
     largest = max(f.worst for f in check(found).findings)
-    hidden = replace(Thresholds(), **{name: Level(None, largest * 1.001)})
+    hidden = Thresholds({name: Level(None, largest * 1.001)})
     assert check(found, hidden, [name]).findings == ()
-    shown = replace(Thresholds(), **{name: Level(None, largest * 0.999)})
+    shown = Thresholds({name: Level(None, largest * 0.999)})
     assert check(found, shown, [name]).findings != ()
 
 
@@ -433,7 +434,7 @@ def test_efforts_of_a_held_robot_are_pinocchios():
         a = (after - 2 * here + before) / window**2
         efforts = np.abs(pinocchio.rnea(model, data, here, v, a))
         share = max(share, (efforts / model.effortLimit).max())
-    limit = replace(Thresholds(), effort=Level(None, share - 1e-9))
+    limit = Thresholds({"effort": Level(None, share - 1e-9)})
     checker = Checker(ROBOT, limit, True, COLLISIONS)
     (finding,) = checker.check(found, ["effort"]).findings
     assert finding.worst == pytest.approx(share, abs=1e-9)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from g1_description.checks.checker import Checker
-from g1_description.checks.thresholds import Thresholds, with_thresholds
+from g1_description.checks.thresholds import Thresholds
+from g1_description.checks.thresholds_file import with_thresholds
 from g1_description.errors import MotionError, UnknownNameError
 from g1_description.files.uris import with_absolute_uris
 from g1_description.robot.load import absolute_urdf

@@ -94,7 +94,7 @@ def test_modules_without_a_package_import_each_other_only():
 
 
 def test_imports_name_modules():
-    """Not folders, and nothing that is not there."""
+    """Of folders only those inside a package, and nothing that is not there."""
     for name in LAYERS.paths:
         assert LAYERS.own(name) <= set(LAYERS.paths) | {"web.old_libraries"}, name
 

@@ -10,7 +10,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from g1_description.checks.finding import Finding, sorted_findings
 from g1_description.checks.report import (
     FIGURES,
     NOT_READ,
@@ -24,9 +23,10 @@ from g1_description.checks.report import (
     table,
 )
 from g1_description.checks.report_page import write_page
-from g1_description.checks.thresholds import LEVELS
-from g1_description.checks.verdict import Verdict
+from g1_description.checks.rules import RULES
+from g1_description.checks.verdict import Finding, Verdict, sorted_findings
 
+NAMES = [rule.name for rule in RULES]
 NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
 TIMES = st.floats(0.0, 1e4)
 WORDS = st.text(min_size=1, max_size=12)
@@ -54,8 +54,8 @@ def findings(checks):
 @st.composite
 def verdicts(draw):
     """Draw a verdict of any checks."""
-    checked = draw(st.sets(st.sampled_from(LEVELS), min_size=1))
-    skipped = {name: draw(WORDS) for name in LEVELS if name not in checked}
+    checked = draw(st.sets(st.sampled_from(NAMES), min_size=1))
+    skipped = {name: draw(WORDS) for name in NAMES if name not in checked}
     found = draw(st.lists(findings(sorted(checked)), max_size=5))
     return Verdict(
         draw(WORDS),
@@ -109,15 +109,22 @@ def test_csv_has_a_row_for_each_file(outcomes):
         assert row["result"] == outcome.result
         if verdict is None:
             assert row["problem"] == outcome.problem.replace("\r", " ")
-            assert {row[name] for name in (*FIGURES, *LEVELS, "failed")} == {""}
+            assert {row[name] for name in (*FIGURES, *NAMES, "failed")} == {""}
             continue
         known = {name: float(row[name]) for name in FIGURES if row[name]}
         assert known == verdict.figures
-        for name in LEVELS:
+        for name in NAMES:
             worst = [f.worst for f in verdict.findings if f.check == name]
-            assert row[f"{name}_worst"] == (repr(max(worst)) if worst else "")
+            assert row[f"{name}_worst"] in ([*map(repr, worst)] or [""])
             assert (row[name] == "skipped") == (name in verdict.skipped)
             assert (row[name] == "passed") == (name in verdict.checked and not worst)
+
+
+def test_the_worst_distance_is_the_smallest():
+    far, near = (finding(worst=worst, bound=0.5) for worst in (0.25, 0.125))
+    outcome = Outcome("a", Verdict("r", (far, near), ("position",)))
+    (row,) = csv.DictReader(io.StringIO(csv_text([outcome])))
+    assert row["position_worst"] == "0.125"
 
 
 def test_what_json_has_no_number_for_is_null():

@@ -1,6 +1,5 @@
 """Files of thresholds, and what is wrong with some."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,8 +7,11 @@ import pytest
 from checked import POST
 
 from g1_description import Robot
-from g1_description.checks import thresholds as module
-from g1_description.checks.thresholds import Level, Thresholds, read_thresholds
+from g1_description.checks import thresholds_file as module
+from g1_description.checks.rules import RULES
+from g1_description.checks.rules.limits import POSITION, VELOCITY
+from g1_description.checks.thresholds import Level, Thresholds
+from g1_description.checks.thresholds_file import read_thresholds, with_thresholds
 from g1_description.errors import ThresholdError
 
 SHIPPED = Path(__file__).parents[2] / "config" / "checks.yaml"
@@ -26,26 +28,31 @@ def defaults(tmp_path, monkeypatch):
 
 
 def test_the_shipped_file_holds_what_the_code_has():
-    assert read_thresholds() == read_thresholds(SHIPPED) == Thresholds()
-    text = SHIPPED.read_text()
-    assert all(f"\n{name}:" in text for name in vars(Thresholds()))
+    usual = Thresholds(levels={rule.name: rule.level for rule in RULES})
+    assert read_thresholds() == read_thresholds(SHIPPED) == usual
+    assert all(f"\n{name}:" in SHIPPED.read_text() for name in module.PARAMETERS)
 
 
 def test_a_file_changes_what_it_names(tmp_path):
     file = tmp_path / "checks.yaml"
     file.write_text("position: {failure: 0.1}\nwindow: 0.2\n")
     found = read_thresholds(file)
-    assert found.position == Level(1e-6, 0.1)
+    assert POSITION.level_in(found) == Level(1e-6, 0.1)
     assert found.window == 0.2
-    assert found.velocity == Thresholds().velocity
+    assert VELOCITY.level_in(found) == VELOCITY.level
 
 
 def test_the_file_of_defaults_is_read(defaults, tmp_path):
-    assert read_thresholds() == replace(Thresholds(), position=Level(1e-6, 0.25))
+    assert read_thresholds() == Thresholds({"position": Level(1e-6, 0.25)})
     own = tmp_path / "own.yaml"
     own.write_text("position: {warning: 0.125}\nwindow: 0.2\n")
     found = read_thresholds(own)
-    assert (found.position, found.window) == (Level(0.125, 0.25), 0.2)
+    assert (POSITION.level_in(found), found.window) == (Level(0.125, 0.25), 0.2)
+
+
+def test_a_threshold_that_is_not_named_stays():
+    found = with_thresholds(Thresholds(), {"skating": {"warning": None}})
+    assert found.levels == {"skating": Level(None, 0.15)}
 
 
 def thresholds_in_python(model):
@@ -83,7 +90,7 @@ def thresholds_of_the_page(model):
 def test_all_that_check_read_the_file_of_defaults(defaults, tmp_path, thresholds_of):
     model = tmp_path / "post.urdf"
     model.write_text(POST)
-    assert thresholds_of(model).position.failure == 0.25
+    assert thresholds_of(model).levels["position"].failure == 0.25
     defaults.write_text("position: {failure: x}\n")
     with pytest.raises(ThresholdError, match=r"share/config/checks\.yaml: position"):
         thresholds_of(model)

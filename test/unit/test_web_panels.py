@@ -22,8 +22,7 @@ pytest.importorskip("viser", reason="viser is not installed")
 
 import viser
 
-from g1_description.checks.finding import FAILED, WARNING, Finding
-from g1_description.checks.verdict import Verdict
+from g1_description.checks.verdict import FAILED, WARNING, Finding, Verdict
 from g1_description.errors import InvalidValueError
 from g1_description.motion.motion import Motion
 from g1_description.motion.trajectory import Trajectory

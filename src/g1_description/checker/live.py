@@ -11,10 +11,10 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from diagnostic_updater import Updater
 
 from g1_description.checker.live_markers import LiveMarkers
-from g1_description.checks.checker import NO_BASE, Checker
-from g1_description.checks.finding import FAILED, WARNING, Finding
+from g1_description.checks.checker import Checker
 from g1_description.checks.live import LiveCheck
-from g1_description.checks.verdict import Verdict
+from g1_description.checks.measured import NO_BASE
+from g1_description.checks.verdict import FAILED, WARNING, Finding, Verdict
 from g1_description.errors import G1DescriptionError
 from g1_description.ros.lifecycle import quiet_when_closing
 from g1_description.ros.robot_states import RobotStates
@@ -59,7 +59,7 @@ class CheckHealth:
             for finding in verdict.findings:
                 key = finding.check, finding.subject
                 last = self._found.get(key)
-                if last is None or last.worst < finding.worst:
+                if last is None or last.badness < finding.badness:
                     self._found[key] = finding
 
     def refuse(self, problem: str) -> None:

@@ -13,7 +13,7 @@ from g1_description.checker.markers import (
 )
 from g1_description.checker.parameters import CheckerParameters, base_frame
 from g1_description.checks.checker import Checker
-from g1_description.checks.marks import RobotMarks
+from g1_description.checks.marks import RobotMarks, red_links
 from g1_description.checks.verdict import Verdict
 from g1_description.robot.state import RobotState
 from g1_description.ros.conversions import stamp_from_ns
@@ -67,12 +67,9 @@ class LiveMarkers:
 
     def _update(self, state: RobotState, verdict: Verdict) -> None:
         """Make the markers of a state."""
-        colliding = dict.fromkeys(
-            link for finding in verdict.of("self_collision") for link in finding.subject
-        )
         frame = self._base_frame if state.base_pose is None else self._map
         others = MarkerMaker(Place(frame, stamp_from_ns(state.stamp)))
         self._marks.draw(others, verdict, state.base_pose)
         self._publisher.update(
-            self._links.links([*colliding], self._prefix), others.markers
+            self._links.links(sorted(red_links(verdict)), self._prefix), others.markers
         )

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import rospy
 
-from g1_description.checks.thresholds import Thresholds, read_thresholds
+from g1_description.checks.thresholds import Thresholds
+from g1_description.checks.thresholds_file import read_thresholds
 from g1_description.errors import InvalidValueError
 from g1_description.robot.assembly import WORLD, base_of
 from g1_description.robot.description import Description

@@ -13,8 +13,7 @@ import rospy
 from geometry_msgs.msg import Point
 
 from g1_description.checks.checker import Checker
-from g1_description.checks.finding import Finding
-from g1_description.checks.verdict import Verdict
+from g1_description.checks.verdict import Finding, Verdict
 from g1_description.errors import G1DescriptionError, MotionError
 from g1_description.motion.motion import Motion
 from g1_description.msg import Finding as FindingMessage

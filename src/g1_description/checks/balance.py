@@ -1,4 +1,4 @@
-"""Balance: the support polygon, and how far inside it the robot's weight acts."""
+"""Balance: the support polygon, and the margins of the robot's weight inside it."""
 
 from __future__ import annotations
 
@@ -8,15 +8,14 @@ from typing import Sequence, Tuple
 
 import numpy as np
 
-from g1_description.checks.finding import Fault, without_short
+from g1_description.checks.intervals import without_short
 from g1_description.robot.dynamics import Dynamics
 
 STILL_TIME = 0.2
-"""How long a robot must be still for its centre of mass to be checked, in [s]."""
+"""Shortest standstill in which the centre of mass is checked, in [s]."""
 
 LEAST_FORCE = 0.1
-"""Share of its weight that the floor must bear for a zero-moment point to mean
-something."""
+"""Fraction of its weight below which a robot has no zero-moment point."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,10 +26,10 @@ class Balance:
     """Its centre of mass in the map, in [m], shape (n, 3)."""
 
     center_margin: np.ndarray
-    """How far the centre of mass is inside what bears, in [m], shape (n,)."""
+    """Distance of the centre of mass inside the support polygon in [m], shape (n,)."""
 
     zmp_margin: np.ndarray
-    """How far the zero-moment point is inside, in [m], shape (n,)."""
+    """Distance of the zero-moment point inside of it in [m], shape (n,)."""
 
     is_still: np.ndarray
     """Where the robot is still, shape (n,)."""
@@ -73,12 +72,12 @@ def _chain(ordered: Corners) -> list[tuple[float, float]]:
 
 
 def support_margin(polygon: Corners, x: float, y: float) -> float:
-    """Compute how far inside a polygon a point is.
+    """Compute the distance of a point inside a polygon.
 
     Args:
         polygon: Its corners.
         x: Of the point, in [m].
-        y: Likewise.
+        y: Of the point, in [m].
 
     Returns:
         Distance to its border in [m], negative outside.
@@ -98,22 +97,22 @@ def support_margin(polygon: Corners, x: float, y: float) -> float:
 
 
 def margins(support: Sequence[np.ndarray], *points: np.ndarray) -> list[np.ndarray]:
-    """Compute how far inside the support polygon some points are.
+    """Compute the distances of points inside the support polygon.
 
     Args:
-        support: Points that bear, shape (k, 2) per sample.
+        support: Points of contact, shape (k, 2) per sample.
         points: In the map, in [m], shapes (n, 2); NaN where there is none.
 
     Returns:
         For each array of points: in [m], negative outside, shape (n,); NaN where
-        nothing bears.
+        nothing supports the robot.
     """
     found = [np.full(len(support), np.nan) for _ in points]
     rows = [array.tolist() for array in points]
-    for number, bearing in enumerate(support):
-        if not len(bearing):
+    for number, corners in enumerate(support):
+        if not len(corners):
             continue
-        polygon = support_polygon(bearing)
+        polygon = support_polygon(corners)
         for margin, row in zip(found, rows):
             x, y = row[number]
             if math.isfinite(x) and math.isfinite(y):
@@ -122,7 +121,7 @@ def margins(support: Sequence[np.ndarray], *points: np.ndarray) -> list[np.ndarr
 
 
 def zero_moment_points(dynamics: Dynamics, weight: float, floor: float) -> np.ndarray:
-    """Find where the floor must bear a robot that moves.
+    """Find where the floor must support a robot that moves.
 
     Source: Vukobratovic and Borovac, Zero-Moment Point, 2004: the point of the floor
     about which the wrench of gravity and inertia has no horizontal moment.
@@ -133,8 +132,8 @@ def zero_moment_points(dynamics: Dynamics, weight: float, floor: float) -> np.nd
         floor: Height of the floor in [m].
 
     Returns:
-        Along the map's x and y, in [m], shape (..., 2); NaN where the floor bears next
-        to nothing.
+        Along the map's x and y, in [m], shape (..., 2); NaN where the floor supports
+        next to nothing.
     """
     force, moment = dynamics.root_wrench[..., :3], dynamics.root_wrench[..., 3:]
     up = np.where(force[..., 2] > LEAST_FORCE * weight, force[..., 2], np.nan)
@@ -144,7 +143,7 @@ def zero_moment_points(dynamics: Dynamics, weight: float, floor: float) -> np.nd
 
 
 def long_still(times: np.ndarray, is_still: np.ndarray) -> np.ndarray:
-    """Leave out moments of standstill, as at the turn of a movement.
+    """Ignore moments of standstill, as at the turn of a movement.
 
     Args:
         times: Of the samples in [s], shape (n,).
@@ -152,23 +151,3 @@ def long_still(times: np.ndarray, is_still: np.ndarray) -> np.ndarray:
     """
     shortest = min(STILL_TIME, float(times[-1] - times[0]))
     return without_short(times, is_still, shortest)
-
-
-def balance_faults(balance: Balance, is_known: np.ndarray, floor: float) -> list[Fault]:
-    """Find where a robot would tip over.
-
-    Args:
-        balance: Where its weight acts.
-        is_known: Where accelerations, and so the zero-moment point, are known, shape
-            (n,).
-        floor: Height of the floor in [m].
-    """
-    below = balance.center.copy()
-    below[:, 2] = floor
-    still = np.where(balance.is_still, -balance.center_margin, np.nan)
-    zmp = np.where(is_known, -balance.zmp_margin, np.nan)
-    outside = "{worst:.4g} m outside of what bears at {time:.3f} s"
-    return [
-        Fault("center_of_mass", (), still, "m", f"centre of mass {outside}", below),
-        Fault("zero_moment_point", (), zmp, "m", f"zero-moment point {outside}"),
-    ]

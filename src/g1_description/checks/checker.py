@@ -2,47 +2,39 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from g1_description.checks.faults import all_faults
-from g1_description.checks.finding import compared, intervals, sorted_findings
-from g1_description.checks.ground import Ground, Outline
-from g1_description.checks.limits import check_bounds, zero_limits
-from g1_description.checks.measured import Measured, Parts, measured_motion
-from g1_description.checks.physics import CHECKS, PhysicsCheck
-from g1_description.checks.thresholds import LEVELS, Thresholds, read_thresholds
-from g1_description.checks.verdict import Verdict
+from g1_description.checks.intervals import intervals
+from g1_description.checks.measured import CheckedRobot, Measured, measure
+from g1_description.checks.rule import Rule
+from g1_description.checks.rules import RULES
+from g1_description.checks.rules.limits import check_bounds, zero_limits
+from g1_description.checks.rules.physics import physics_figures, physics_summary
+from g1_description.checks.thresholds import Thresholds
+from g1_description.checks.thresholds_file import read_thresholds
+from g1_description.checks.verdict import Verdict, sorted_findings
 from g1_description.collisions.allowed_pairs import read_allowed_pairs
-from g1_description.collisions.convex_shapes import ConvexShape
 from g1_description.collisions.find_pairs import QUICK_SAMPLES, quick_allowed_pairs
 from g1_description.collisions.self_collisions import SelfCollisions
-from g1_description.errors import AllowedPairsError, UnknownNameError
+from g1_description.errors import (
+    AllowedPairsError,
+    G1DescriptionError,
+    UnknownNameError,
+)
 from g1_description.files.model_files import share_folder
 from g1_description.motion.motion import Motion
 from g1_description.motion.trajectory import Trajectory
-from g1_description.robot.assembly import WORLD, base_of
 from g1_description.robot.description import Description
-from g1_description.robot.dynamics import Masses
-from g1_description.robot.kinematics import Kinematics
+from g1_description.sim.rollout import Conditions, rollout
 from g1_description.text import listed, similar_first
 
 G1_PAIRS = "config/collisions_g1.yaml"
 """The allowed pairs of the G1 and its revisions."""
-
-GROUND = ("penetration", "floating", "skating")
-BALANCE = ("center_of_mass", "zero_moment_point")
-RATES = ("velocity", "acceleration", "jerk", "jump", "base_jump")
-NAMES = tuple(name for name in LEVELS if name not in CHECKS)
-"""Names of the checks that need no simulation."""
-
-NO_BASE = "the motion has no base"
-"""Why the floor is not checked."""
 
 
 def collisions_of(
@@ -77,21 +69,6 @@ def collisions_of(
     return other
 
 
-def outlines_of(shapes: Iterable[ConvexShape]) -> list[Outline]:
-    """Outline the shapes that collide: one outline per link and radius.
-
-    Args:
-        shapes: Of all links.
-    """
-    points = defaultdict(list)
-    for shape in shapes:
-        points[shape.link, shape.radius].append(shape.points)
-    return [
-        Outline(row, np.concatenate(parts), radius)
-        for (row, radius), parts in points.items()
-    ]
-
-
 class Checker:
     """Checks motions and configurations of one robot."""
 
@@ -101,7 +78,7 @@ class Checker:
         thresholds: Thresholds | None = None,
         fixed_base: bool = False,
         collisions: SelfCollisions | None = None,
-        physics: PhysicsCheck | None = None,
+        physics: Conditions | None = None,
     ) -> None:
         """Prepare all that does not depend on a motion.
 
@@ -111,35 +88,23 @@ class Checker:
             fixed_base: Whether something holds the base, so that efforts are known.
             collisions: Its shapes and the pairs of links that may touch; by default
                 ``collisions_of`` it.
-            physics: Plays motions in physics; None: they are not.
+            physics: How motions are played in physics; None: they are not.
 
         Raises:
             AllowedPairsError: If the file of the G1's allowed pairs cannot be read.
             ThresholdError: If the file of the defaults cannot be read, or thresholds
                 name other joints.
         """
-        self.description = description
+        self.description, self.physics = description, physics
         self.thresholds = thresholds or read_thresholds()
         check_bounds(self.thresholds, description)
         self.collisions = collisions or collisions_of(description)
-        self.fixed_base, self.physics = fixed_base, physics
+        self.fixed_base = fixed_base
         self.notes = (*zero_limits(description), *self.collisions.notes)
         """Messages on what was assumed of the robot."""
-        names = [name for name in description.link_names if name != WORLD]
-        kinematics = Kinematics(description)
-        outlines = outlines_of(self.collisions.shapes)
-        ground = Ground(outlines, kinematics.end_links(), self.thresholds)
-        self._parts = Parts(
-            description,
-            description.movable_joints,
-            tuple(names[row] for row in ground.rows),
-            kinematics,
-            Masses(description),
-            ground,
-            self.collisions,
-            self.thresholds,
+        self._robot = CheckedRobot(
+            description, self.thresholds, self.collisions, fixed_base
         )
-        self._is_fixed = fixed_base or base_of(description)[0] == WORLD
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Go to other processes without what each prepares for itself."""
@@ -157,19 +122,12 @@ class Checker:
             UnknownNameError: If there is no such check.
             MotionError: If it is too long.
         """
-        kinematic = only
-        if self.physics is not None:
-            kinematic = [name for name in only if name not in CHECKS]
-        verdict = self._checked(motion, self._skipped(motion.trajectory), kinematic)
-        if self.physics is None:
-            return verdict
-        dynamic = [name for name in only if name in CHECKS]
-        if only and not kinematic:
-            # Figures and pictures need what was measured, but nothing else was asked.
-            verdict = replace(verdict, findings=(), checked=(), skipped={})
-        if only and not dynamic:
-            return verdict
-        return self.physics.added(verdict, motion, dynamic)
+        rules = [r for r in RULES if self.physics is not None or not r.needs_physics]
+        skipped = self._skipped(_selected(rules, only), motion.trajectory)
+        measured = self._measure(motion.trajectory, skipped)
+        if any(rule.needs_physics and not why for rule, why in skipped.items()):
+            self._play(measured, skipped)
+        return self._verdict(measured, skipped, motion.notes)
 
     def check_state(
         self,
@@ -193,121 +151,108 @@ class Checker:
 
         Raises:
             UnknownNameError: If the robot has no such joint, or there is no such check.
-            MotionError: If a number is none that a robot can have.
+            MotionError: If a value must be finite.
         """
-        known = [joint.name for joint in self._parts.joints]
+        known = [joint.name for joint in self._robot.joints]
         for name in positions:
             if name not in known:
                 raise UnknownNameError(
                     f"{self.description.name} has no movable joint {name}; it has "
                     f"{listed(similar_first(name, known))}."
                 )
+        rules = [rule for rule in RULES if not rule.needs_physics]
         trajectory = _single(positions, base, velocities)
-        skipped = self._skipped(trajectory)
-        at_rest = Motion(replace(trajectory, velocities=None))
-        return self._checked(at_rest, skipped, only, trajectory.velocities)
+        skipped = self._skipped(_selected(rules, only), trajectory)
+        measured = self._measure(replace(trajectory, velocities=None), skipped)
+        if trajectory.velocities is not None:
+            measured.velocities = trajectory.velocities
+        return self._verdict(measured, skipped, ())
 
-    def _checked(
-        self,
-        motion: Motion,
-        skipped: Mapping[str, str],
-        only: Collection[str],
-        velocities: np.ndarray | None = None,
+    def _skipped(
+        self, rules: Collection[Rule], trajectory: Trajectory
+    ) -> dict[Rule, str]:
+        """Say of each rule why it is skipped; empty if it is not."""
+        return {rule: rule.skipped(self._robot, trajectory) for rule in rules}
+
+    def _measure(self, trajectory: Trajectory, skipped: Mapping[Rule, str]) -> Measured:
+        """Measure what the rules need that are not skipped."""
+        rules = [rule for rule, why in skipped.items() if not why]
+        needs = {need for rule in rules for need in rule.needs}
+        own = {rule.name: rule.measure for rule in rules if rule.measure is not None}
+        return measure(self._robot, trajectory, needs, own)
+
+    def _play(self, measured: Measured, skipped: dict[Rule, str]) -> None:
+        """Play a motion in physics; without success, skip the rules that need it."""
+        assert self.physics is not None
+        try:
+            measured.played = rollout(
+                self.description, measured.trajectory, self.physics
+            )
+        except G1DescriptionError as error:
+            why = str(error).rstrip(".")
+            skipped.update({rule: why for rule in skipped if rule.needs_physics})
+
+    def _verdict(
+        self, measured: Measured, skipped: Mapping[Rule, str], notes: Collection[str]
     ) -> Verdict:
-        """Make the checks that are not skipped.
-
-        Args:
-            motion: It fits the robot.
-            skipped: Names of checks that cannot be made, and why not.
-            only: Names of the checks to make; none: all.
-            velocities: Of its joints at its samples, shape (n, n_joints), to compare
-                with their limits instead of the motion's own.
-        """
-        for name in only:
-            if name not in NAMES:
-                known = listed(similar_first(name, NAMES))
-                raise UnknownNameError(f"There is no check {name}; there are {known}.")
-        requested = [name for name in NAMES if not only or name in only]
-        made = tuple(name for name in requested if name not in skipped)
-        measured = measured_motion(motion.trajectory, self._parts, _needed(made))
-        if velocities is not None:
-            measured.velocities = velocities
-        findings = [
-            compared(fault, getattr(self.thresholds, fault.check), measured.times)
-            for fault in all_faults(self._parts, measured)
-            if fault.check in made
-        ]
+        """Find what exceeds the thresholds."""
+        made = [rule for rule, why in skipped.items() if not why]
+        notes = [*self.notes, *notes]
+        if measured.played is not None:
+            notes += [*measured.played.left_out, physics_summary(measured)]
         return Verdict(
             self.description.name,
-            sorted_findings(findings),
-            made,
-            {name: skipped[name] for name in requested if name in skipped},
-            self._figures(measured),
+            sorted_findings(f for rule in made for f in rule.find(rule, measured)),
+            tuple(rule.name for rule in made),
+            {rule.name: why for rule, why in skipped.items() if why},
+            _figures(measured),
             _bearing(measured),
-            (*self.notes, *motion.notes),
+            tuple(dict.fromkeys(notes)),
             measured,
         )
 
-    def _skipped(self, trajectory: Trajectory) -> dict[str, str]:
-        """Name the checks that cannot be made of a motion, and why not."""
-        parts, thresholds = self._parts, self.thresholds
-        skipped = {
-            name: "it has no threshold"
-            for name in NAMES
-            if not getattr(thresholds, name).is_checked
-        }
-        if len(trajectory.times) == 1:
-            has_speeds = trajectory.velocities is not None
-            rates = RATES[1:] if has_speeds else RATES
-            skipped.update(dict.fromkeys(rates, "there is only one configuration"))
-        has_mass = parts.masses.total > 0.0
-        if not has_mass:
-            skipped["effort"] = "the robot has no mass"
-        elif not self._is_fixed:
-            skipped["effort"] = "the base is free; only physics tells"
-        if not parts.collisions.pairs:
-            skipped["self_collision"] = "the robot has no two shapes that could touch"
-        why = self._no_ground(trajectory.base_poses is not None)
-        if why:
-            skipped.update(dict.fromkeys((*GROUND, *BALANCE, "base_jump"), why))
-        elif not has_mass:
-            skipped.update(dict.fromkeys(BALANCE, "the robot has no mass"))
-        for name in ("acceleration", "jerk"):
-            bounds = getattr(thresholds, f"{name}_bounds").of(trajectory.joint_names)
-            if not np.isfinite(bounds).any():
-                skipped.setdefault(name, "no bounds are given")
-        return skipped
 
-    def _no_ground(self, has_base: bool) -> str:
-        """Say why the floor is not checked; empty if it is."""
-        if self._is_fixed:
-            return "the base is fixed"
-        if not has_base:
-            return NO_BASE
-        return "" if self._parts.ground_links else "the robot has no shapes"
+def _selected(rules: Collection[Rule], only: Collection[str]) -> Collection[Rule]:
+    """Select rules by name; all without names.
 
-    def _figures(self, measured: Measured) -> dict[str, float]:
-        """Compute the figures of a motion."""
-        joints = measured.joints_of(self._parts.joints)
-        positions = measured.trajectory.positions
-        lower = np.array([joint.lower for joint in joints])
-        upper = np.array([joint.upper for joint in joints])
-        beyond = ((positions < lower) | (positions > upper)).any(axis=1)
-        turns = [joint.kind != "prismatic" for joint in joints]
-        speeds, balance = np.abs(measured.velocities[:, turns]), measured.balance
-        found: dict[str, float | None] = {
-            "duration": float(measured.times[-1] - measured.times[0]),
-            "samples": len(positions),
-            "samples_beyond_limits": int(beyond.sum()),
-            "largest_joint_speed": float(speeds.max()) if speeds.size else None,
-            "deepest_self_collision": _largest(measured.depth),
-        }
-        if measured.heights is not None:
-            found["lowest_height"] = float(measured.heights.min())
-        if balance is not None:
-            found["least_center_margin"] = least(balance.center_margin)
-            found["least_zmp_margin"] = least(balance.zmp_margin)
-        return {name: value for name, value in found.items() if value is not None}
+    Raises:
+        UnknownNameError: If there is no such rule.
+    """
+    known = [rule.name for rule in rules]
+    for name in only:
+        if name not in known:
+            names = listed(similar_first(name, known))
+            raise UnknownNameError(f"There is no check {name}; there are {names}.")
+    return [rule for rule in rules if rule.name in only] if only else rules
+
+
+def _figures(measured: Measured) -> dict[str, float]:
+    """Compute the figures of a motion."""
+    joints, positions = measured.joints, measured.trajectory.positions
+    lower = np.array([joint.lower for joint in joints])
+    upper = np.array([joint.upper for joint in joints])
+    beyond = ((positions < lower) | (positions > upper)).any(axis=1)
+    turns = [joint.kind != "prismatic" for joint in joints]
+    speeds, balance = np.abs(measured.velocities[:, turns]), measured.balance
+    found = {
+        "duration": float(measured.times[-1] - measured.times[0]),
+        "samples": len(positions),
+        "samples_beyond_limits": int(beyond.sum()),
+    }
+    if speeds.size:
+        found["largest_joint_speed"] = float(speeds.max())
+    if measured.contacts is not None:
+        found["deepest_self_collision"] = float(measured.depth.max())
+    if measured.heights is not None:
+        found["lowest_height"] = float(measured.heights.min())
+    if balance is not None:
+        for name in ("center_margin", "zmp_margin"):
+            margins = getattr(balance, name)
+            if np.isfinite(margins).any():
+                found[f"least_{name}"] = float(np.nanmin(margins))
+    if measured.played is not None:
+        found.update(physics_figures(measured.played))
+    return found
 
 
 def _single(
@@ -328,20 +273,6 @@ def _single(
     )
 
 
-def _needed(made: Collection[str]) -> frozenset[str]:
-    """Name what must be measured for some checks."""
-    needed = set()
-    if "self_collision" in made:
-        needed.add("contacts")
-    if {*GROUND, *BALANCE} & {*made}:
-        needed.add("ground")
-    if {*BALANCE, "floating"} & {*made}:
-        needed.add("balance")
-    if "effort" in made:
-        needed.add("efforts")
-    return frozenset(needed)
-
-
 def _bearing(measured: Measured) -> dict[str, tuple[tuple[float, float], ...]]:
     """List when links are in contact with the floor."""
     if measured.bearing is None:
@@ -352,13 +283,3 @@ def _bearing(measured: Measured) -> dict[str, tuple[tuple[float, float], ...]]:
         )
         for column in np.flatnonzero(measured.bearing.any(axis=0))
     }
-
-
-def _largest(values: np.ndarray) -> float | None:
-    """Return the greatest number; None if none is known."""
-    return float(np.nanmax(values)) if np.isfinite(values).any() else None
-
-
-def least(values: np.ndarray) -> float | None:
-    """Return the least number; None if none is known."""
-    return float(np.nanmin(values)) if np.isfinite(values).any() else None

@@ -214,8 +214,7 @@ _folders = []
 
 def _received(checker: FileChecker, meshes: Mapping[str, bytes]) -> FileChecker:
     """Write the meshes that physics reads, by the names that the robot has for them."""
-    physics = checker.checker.physics
-    if meshes and physics is not None:
+    if meshes:
         folder = TemporaryDirectory(prefix="check_")
         _folders.append(folder)
         uris = {}
@@ -223,7 +222,7 @@ def _received(checker: FileChecker, meshes: Mapping[str, bytes]) -> FileChecker:
             file = Path(folder.name, f"{number}{Path(name).suffix}")
             file.write_bytes(content)
             uris[name] = f"file://{file}"
-        physics.description = _renamed(physics.description, uris)
+        checker.checker.description = _renamed(checker.checker.description, uris)
     return checker
 
 

@@ -1,81 +1,45 @@
-"""A robot's outlines above a floor, sample by sample."""
+"""A robot above a floor: heights, contacts and points of support."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from g1_description.checks.finding import runs, without_short
+from g1_description.checks.intervals import runs, without_short
 from g1_description.checks.thresholds import Thresholds
+from g1_description.collisions.convex_shapes import ConvexShape
 from g1_description.motion.trajectory import SNAP
 from g1_description.robot.rotation import cross, to_axes
 
 SLIDE_WINDOW = 0.1
-"""Over how long a sliding link's speed is averaged, in [s]."""
+"""Time over which a sliding link's speed is averaged, in [s]."""
 
 
-def sliding_speeds(
-    slide: np.ndarray, touches: np.ndarray, times: np.ndarray
-) -> np.ndarray:
-    """Average how fast links slide, as long as they touch the floor.
-
-    A foot that is put down or lifted moves a little on its last millimetres, which
-    counts together with the time that it stands.
-
-    Args:
-        slide: Speeds of lowest points along the floor, in [m/s], shape (n, n_links).
-        touches: Where they touch the floor, shape (n, n_links).
-        times: Of the samples in [s], shape (n,).
-
-    Returns:
-        Means over ``SLIDE_WINDOW``, or the whole time of contact where that is shorter,
-        in [m/s]; NaN where a link does not touch, shape (n, n_links).
-    """
-    found = np.full(slide.shape, np.nan)
-    for column in np.flatnonzero(touches.any(axis=0)):
-        for first, last in runs(touches[:, column]):
-            rows = slice(first, last + 1)
-            inside = times[rows]
-            summed = np.append(0.0, np.cumsum(slide[rows, column]))
-            latest = max(inside[0], inside[-1] - SLIDE_WINDOW)
-            start = np.clip(inside - SLIDE_WINDOW / 2.0, inside[0], latest)
-            begin = np.searchsorted(inside, start - SNAP, side="left")
-            end = np.searchsorted(inside, start + SLIDE_WINDOW + SNAP, side="right")
-            found[rows, column] = (summed[end] - summed[begin]) / (end - begin)
-    return found
+def outlines_of(shapes: Iterable[ConvexShape]) -> list[ConvexShape]:
+    """Join the shapes of each link that have the same radius."""
+    points = defaultdict(list)
+    for shape in shapes:
+        points[shape.link, shape.radius].append(shape.points)
+    return [
+        ConvexShape(row, np.concatenate(parts), radius)
+        for (row, radius), parts in points.items()
+    ]
 
 
 @dataclass(frozen=True, eq=False)
-class Outline:
-    """Points, and a radius about them, whose convex hull is a part of a link."""
-
-    row: int
-    """Of the link."""
-
-    points: np.ndarray
-    """In the link frame, in [m], shape (k, 3)."""
-
-    radius: float
-
-    @property
-    def reach(self) -> float:
-        """How far it is from the link's origin at most, in [m]."""
-        return float(np.linalg.norm(self.points, axis=1).max()) + self.radius
-
-
-@dataclass(frozen=True, eq=False)
-class LinkHeights:
-    """Where links are above the floor, at each of some successive samples.
+class GroundPiece:
+    """What is measured of some successive samples.
 
     Of links that stay away from the floor only heights are kept: of a long motion, more
     would need much memory.
     """
 
     columns: np.ndarray
-    """Links that are ever low enough to bear, or lower than all others: places in
-    ``Ground.rows``, shape (k,)."""
+    """Links that are ever low enough to support the robot, or lower than all others:
+    places in ``Ground.rows``, shape (k,)."""
 
     heights: np.ndarray
     """Of the lowest point of each link above the floor, in [m], shape (n, n_links);
@@ -86,66 +50,66 @@ class LinkHeights:
     (n, k, 3)."""
 
     slide: np.ndarray
-    """How fast their lowest points move along the floor, the mean of those that touch
-    it when the link does, in [m/s], shape (n, k)."""
-
-
-@dataclass(frozen=True, eq=False)
-class GroundPiece(LinkHeights):
-    """What is known of some of a motion's samples alone.
-
-    Its heights are those of all links with an outline.
-    """
+    """Speeds of their lowest points along the floor, the mean of those that touch it
+    when the link does, in [m/s], shape (n, k)."""
 
     speed: np.ndarray
-    """How fast the lowest point moves, in [m/s], shape (n, k)."""
+    """Speeds of their lowest points, in [m/s], shape (n, k)."""
 
     low: np.ndarray
-    """Samples of points that are low enough to bear, and places of their links in
-    ``Ground.rows``, shape (2, n_points)."""
+    """Samples of points that are low enough to support the robot, and places of their
+    links in ``Ground.rows``, shape (2, n_points)."""
 
     low_points: np.ndarray
     """These points, along the map's x and y, in [m], shape (n_points, 2)."""
 
 
 @dataclass(frozen=True, eq=False)
-class GroundFrames(LinkHeights):
+class GroundFrames:
     """How a robot stands, at each sample of a motion.
 
-    Its heights are those of the links of ``columns``.
+    ``columns``, ``lowest`` and ``slide`` are those of a ``GroundPiece``; ``heights``
+    are those of the links of ``columns``, shape (n, k).
     """
 
-    bears: np.ndarray
-    """Whether a link bears, shape (n, k)."""
+    columns: np.ndarray
+    heights: np.ndarray
+    lowest: np.ndarray
+    slide: np.ndarray
+    in_contact: np.ndarray
+    """Whether a link supports the robot, shape (n, k)."""
 
     support: list[np.ndarray]
-    """Points that bear, along the map's x and y, in [m], shape (n_points, 2) per
+    """Points of contact along the map's x and y, in [m], shape (n_points, 2) per
     sample."""
 
 
 HYSTERESIS = 2.0
-"""A link that bears does so until it is so many times as fast as one that begins to."""
+"""A contact ends at this multiple of ``bearing_speed``, below which it begins."""
 
 
 class Ground:
     """A robot's outlines above a floor."""
 
     def __init__(
-        self, outlines: Sequence[Outline], ends: np.ndarray, thresholds: Thresholds
+        self, outlines: Sequence[ConvexShape], ends: np.ndarray, thresholds: Thresholds
     ) -> None:
         """Prepare.
 
         Args:
-            outlines: Of the links.
+            outlines: Convex parts of the links.
             ends: Which links carry none that moves against them, shape (n_links,): feet
-                and hands. Only these bear without touching the floor.
-            thresholds: Where the floor is, and how near a point bears.
+                and hands. Only these support the robot without touching the floor.
+            thresholds: Heights and speeds of contacts.
         """
-        self.rows = np.array(sorted({outline.row for outline in outlines}), dtype=int)
         self._outlines = outlines
+        self._outline_rows = [outline.link for outline in outlines]
+        self.rows = np.array(sorted({*self._outline_rows}), dtype=int)
         self._is_end = ends[self.rows]
-        self._outline_rows = [outline.row for outline in outlines]
-        self._reaches = np.array([outline.reach for outline in outlines])
+        distances = [np.linalg.norm(outline.points, axis=1) for outline in outlines]
+        self._reaches = np.array(
+            [float(far.max()) + part.radius for far, part in zip(distances, outlines)]
+        )
         self._column = {row: column for column, row in enumerate(self.rows)}
         self._thresholds = thresholds
 
@@ -163,8 +127,8 @@ class Ground:
         near = self._near(link_poses)
         for number in np.flatnonzero(near.any(axis=1)):
             outline, at = self._outlines[number], np.flatnonzero(near[number])
-            column = self._column[outline.row]
-            points = self._points(outline, link_poses[at, outline.row])
+            column = self._column[outline.link]
+            points = self._points(outline, link_poses[at, outline.link])
             best = points[..., 2].argmin(axis=1)
             lowest_points = points[np.arange(len(at)), best]
             is_lower = lowest_points[:, 2] < heights[at, column]
@@ -226,7 +190,7 @@ class Ground:
         highest = np.maximum((z + reach).min(axis=0), self._thresholds.bearing_height)
         return np.asarray(z - reach <= highest)
 
-    def _points(self, outline: Outline, poses: np.ndarray) -> np.ndarray:
+    def _points(self, outline: ConvexShape, poses: np.ndarray) -> np.ndarray:
         """Place the lowest points of an outline, relative to the floor.
 
         Returns:
@@ -271,18 +235,18 @@ class Ground:
         lowest, slide, speed = (
             _spread(pieces, name, columns) for name in ("lowest", "slide", "speed")
         )
-        bears = self._bearing(heights, speed, times, self._is_end[columns])
-        support = _support(low, points, bears)
-        return GroundFrames(columns, heights, lowest, slide, bears, support)
+        in_contact = self._contacts(heights, speed, times, self._is_end[columns])
+        support = _support(low, points, in_contact)
+        return GroundFrames(columns, heights, lowest, slide, in_contact, support)
 
-    def _bearing(
+    def _contacts(
         self,
         heights: np.ndarray,
         speed: np.ndarray,
         times: np.ndarray,
         is_end: np.ndarray,
     ) -> np.ndarray:
-        """Tell which links bear, shape (n, n_links).
+        """Tell which links support the robot, shape (n, n_links).
 
         Args:
             heights: Of the links' lowest points in [m], shape (n, n_links).
@@ -295,11 +259,11 @@ class Ground:
         is_near = (heights <= limits.bearing_height) & is_end
         if len(times) == 1:
             return touches | is_near
-        bears = touches | (is_near & (speed < limits.bearing_speed))
-        may_bear = touches | (is_near & (speed < HYSTERESIS * limits.bearing_speed))
-        for column in np.flatnonzero(bears.any(axis=0)):
-            stood = bears[:, column]
-            for first, last in runs(may_bear[:, column]):
+        in_contact = touches | (is_near & (speed < limits.bearing_speed))
+        may_stay = touches | (is_near & (speed < HYSTERESIS * limits.bearing_speed))
+        for column in np.flatnonzero(in_contact.any(axis=0)):
+            stood = in_contact[:, column]
+            for first, last in runs(may_stay[:, column]):
                 if stood[first : last + 1].any():
                     stood[first : last + 1] = True
             for first, last in runs(~stood):
@@ -308,41 +272,65 @@ class Ground:
                 if is_between and is_short and is_near[first : last + 1, column].all():
                     stood[first : last + 1] = True
             stood[:] = without_short(times, stood, limits.shortest_contact)
-        return bears
+        return in_contact
 
-    def touching(self, frames: GroundFrames, times: np.ndarray) -> np.ndarray:
-        """Tell which links slide if they move, shape (n, n_links).
+    def sliding(
+        self, frames: GroundFrames, times: np.ndarray, is_unknown: np.ndarray
+    ) -> np.ndarray:
+        """Compute the speeds of links that slide on the floor.
 
-        Those that bear and touch the floor. Where for long none bears a robot that is
-        almost on the floor, its lowest foot or hand does.
+        These touch it and support the robot. Where for long none supports a robot that
+        is almost on the floor, its lowest foot or hand does.
 
         Args:
             frames: How the robot stands.
             times: Of the samples in [s], shape (n,).
+            is_unknown: Where velocities say nothing, shape (n,).
+
+        Returns:
+            Means over ``SLIDE_WINDOW``, in [m/s]; NaN where a link does not touch the
+            floor, shape (n, n_links).
         """
         heights, limits = frames.heights, self._thresholds
-        touches = frames.bears & (heights <= limits.contact_height)
+        touches = frames.in_contact & (heights <= limits.contact_height)
         lowest = heights <= heights.min(axis=1, keepdims=True)
         lowest &= self._is_end[frames.columns]
         lowest &= heights <= limits.bearing_height
-        is_lonely = lowest.any(axis=1) & ~frames.bears.any(axis=1)
+        is_lonely = lowest.any(axis=1) & ~frames.in_contact.any(axis=1)
         is_lonely = without_short(times, is_lonely, SLIDE_WINDOW)
-        return np.asarray(touches | (lowest & is_lonely[:, np.newaxis]))
+        touches |= lowest & is_lonely[:, np.newaxis]
+        return _mean_speeds(frames.slide, touches & ~is_unknown[:, np.newaxis], times)
+
+
+def _mean_speeds(
+    slide: np.ndarray, touches: np.ndarray, times: np.ndarray
+) -> np.ndarray:
+    """Average speeds over ``SLIDE_WINDOW``, or the whole contact where that is shorter.
+
+    A foot that is put down or lifted moves a little on its last millimetres, which
+    counts together with the time that it stands.
+    """
+    found = np.full(slide.shape, np.nan)
+    for column in np.flatnonzero(touches.any(axis=0)):
+        for first, last in runs(touches[:, column]):
+            rows = slice(first, last + 1)
+            inside = times[rows]
+            summed = np.append(0.0, np.cumsum(slide[rows, column]))
+            latest = max(inside[0], inside[-1] - SLIDE_WINDOW)
+            start = np.clip(inside - SLIDE_WINDOW / 2.0, inside[0], latest)
+            begin = np.searchsorted(inside, start - SNAP, side="left")
+            end = np.searchsorted(inside, start + SLIDE_WINDOW + SNAP, side="right")
+            found[rows, column] = (summed[end] - summed[begin]) / (end - begin)
+    return found
 
 
 def _spread(
     pieces: Sequence[GroundPiece], name: str, columns: np.ndarray
 ) -> np.ndarray:
-    """Chain what pieces say of some links.
-
-    Args:
-        pieces: Of successive samples.
-        name: Of an attribute with an entry for each of a piece's columns.
-        columns: All links that are wanted, shape (n_links,).
+    """Join an attribute of pieces, of the links of ``columns``.
 
     Returns:
-        Zero where a piece says nothing, as of links that are far from the floor, shape
-        (n, n_links, ...).
+        Zero of links that are far from the floor, shape (n, n_links, ...).
     """
     values = [getattr(piece, name) for piece in pieces]
     count = sum(map(len, values))
@@ -355,18 +343,12 @@ def _spread(
 
 
 def _support(
-    low: np.ndarray, points: np.ndarray, bears: np.ndarray
+    low: np.ndarray, points: np.ndarray, in_contact: np.ndarray
 ) -> list[np.ndarray]:
-    """Sort the low points of bearing links by the sample that they belong to.
-
-    Args:
-        low: Samples and links of points, shape (2, k).
-        points: The points, shape (k, 2).
-        bears: Which links bear, shape (n, n_links).
-    """
+    """Sort the low points, shape (k, 2), of links in contact by their samples."""
     frame, column = low
-    is_kept = bears[frame, column]
+    is_kept = in_contact[frame, column]
     frame, points = frame[is_kept], points[is_kept]
     order = np.argsort(frame, kind="stable")
-    ends = np.searchsorted(frame[order], np.arange(1, len(bears)))
+    ends = np.searchsorted(frame[order], np.arange(1, len(in_contact)))
     return np.split(points[order], ends)

@@ -7,16 +7,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from g1_description.checks.checker import NAMES, Checker
+from g1_description.checks.checker import Checker
+from g1_description.checks.rules import RULES
 from g1_description.checks.verdict import Verdict
 from g1_description.errors import UnknownNameError
 from g1_description.text import listed
 
-AT_REST = ("center_of_mass", "floating")
+AT_REST = tuple(rule.name for rule in RULES if rule.only_at_rest)
 """Checks that say something of a robot at rest only."""
 
-LIVE = tuple(name for name in NAMES if name != "zero_moment_point")
-"""Checks that are made: at rest the zero-moment point is below the centre of mass."""
+LIVE = tuple(r.name for r in RULES if r.is_live and not r.needs_physics)
+"""Checks that are made."""
 
 STANDSTILL = 1e-6
 """States that are nearer in time than this, in [s], are of one time that stands

@@ -9,10 +9,10 @@ from typing import Protocol, Tuple
 import numpy as np
 
 from g1_description.checks.balance import support_polygon
-from g1_description.checks.finding import FAILED, Finding
-from g1_description.checks.limits import units
 from g1_description.checks.measured import Measured
-from g1_description.checks.verdict import Verdict
+from g1_description.checks.rule import Rule, units
+from g1_description.checks.rules import RULES
+from g1_description.checks.verdict import FAILED, Finding, Verdict
 from g1_description.robot.assembly import root_in_base
 from g1_description.robot.description import Description, Joint
 from g1_description.robot.kinematics import Kinematics
@@ -126,13 +126,16 @@ ABOVE = 0.004
 
 UP = np.array([0.0, 0.0, 1.0])
 
-CONTACT, FLOOR = "contacts", "floor"
 BALANCE, SUPPORT, LIMITS = "centre of mass", "support polygon", "joint limits"
 LABELS = "labels"
-"""Namespaces: what one can switch on and off."""
+"""Namespaces of what is drawn beside the findings, which can be switched on and off."""
 
-ON_FLOOR = ("penetration", "floating")
-"""Checks whose points are links above or below the floor."""
+
+def red_links(verdict: Verdict) -> set[str]:
+    """Return the links that are drawn in red, as those that collide."""
+    reddens = {rule.name for rule in RULES if rule.reddens}
+    found = (f.subject for f in verdict.findings if f.check in reddens)
+    return {link for subject in found for link in subject}
 
 
 class RobotMarks:
@@ -172,30 +175,18 @@ class RobotMarks:
         """
         measured = verdict.measured
         assert measured is not None
+        rules = {rule.name: rule for rule in RULES if rule.namespace}
         labels = [
-            *self._contacts(canvas, verdict),
-            *self._near_limits(canvas, measured, base),
+            _mark(canvas, rules[finding.check], finding)
+            for finding in verdict.findings
+            if finding.check in rules and finding.points
         ]
+        labels += self._near_limits(canvas, measured, base)
         labels += self._balance(canvas, measured, verdict)
         around = places(labels, IDENTITY if base is None else base)
         for label, (begin, middle) in zip(labels, around):
             canvas.line(LABELS, np.stack([label.point, begin]), 0.002, label.color)
             canvas.text(LABELS, middle, label.text, SIZE, label.color)
-
-    def _contacts(self, canvas: Canvas, verdict: Verdict) -> list[Label]:
-        """Mark where links touch each other, and where they are in the floor."""
-        labels = []
-        for finding in verdict.findings:
-            if finding.check == "self_collision":
-                text = "/".join(short_name(link) for link in finding.subject)
-                labels.append(_mark(canvas, CONTACT, finding, text))
-            elif finding.check in ON_FLOOR and finding.points:
-                where = "in" if finding.check == "penetration" else "above"
-                name = short_name(finding.name) or "the robot"
-                labels.append(
-                    _mark(canvas, FLOOR, finding, f"{name} {where} the floor")
-                )
-        return labels
 
     def _near_limits(
         self, canvas: Canvas, measured: Measured, base: np.ndarray | None
@@ -262,11 +253,15 @@ class RobotMarks:
         return RED if is_checked and not np.isnan(margin) else ORANGE
 
 
-def _mark(canvas: Canvas, namespace: str, finding: Finding, what: str) -> Label:
+def _mark(canvas: Canvas, rule: Rule, finding: Finding) -> Label:
     """Mark the points of a finding, and name it."""
     points = np.array(finding.points)
     color = RED if finding.severity == FAILED else ORANGE
     for point in points:
-        canvas.ball(namespace, point, 0.03, color)
-    text = f"{what} {1e3 * finding.worst:.0f} mm"
+        canvas.ball(rule.namespace, point, 0.03, color)
+    subject = "/".join(short_name(name) for name in finding.subject) or "the robot"
+    size = f"{finding.worst:.3g} {finding.unit}"
+    if finding.unit == "m":
+        size = f"{1e3 * finding.worst:.0f} mm"
+    text = f"{rule.label.format(subject=subject)} {size}"
     return Label(points.mean(axis=0), text, color)

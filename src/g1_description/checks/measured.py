@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import cached_property
-from typing import Any
+from typing import Any, Callable, TypeVar, Union
 
 import numpy as np
 
@@ -15,13 +14,13 @@ from g1_description.checks.balance import (
     margins,
     zero_moment_points,
 )
-from g1_description.checks.ground import Ground, GroundFrames
+from g1_description.checks.ground import Ground, GroundFrames, outlines_of
 from g1_description.checks.thresholds import Thresholds
 from g1_description.collisions.distances import Contacts
 from g1_description.collisions.self_collisions import SelfCollisions
 from g1_description.errors import MotionError
 from g1_description.motion.trajectory import Sample, Trajectory, sample
-from g1_description.robot.assembly import root_in_base
+from g1_description.robot.assembly import WORLD, base_of, root_in_base
 from g1_description.robot.description import Description, Joint
 from g1_description.robot.dynamics import (
     GRAVITY,
@@ -33,6 +32,7 @@ from g1_description.robot.dynamics import (
 from g1_description.robot.kinematics import Kinematics
 from g1_description.robot.rotation import cross, rotate, shorter_turn
 from g1_description.robot.transform import IDENTITY, compose
+from g1_description.sim.rollout import Rollout
 
 MAX_TIMES = 200_000
 """At how many times a motion can be checked: 55 minutes at 60 Hz."""
@@ -40,84 +40,138 @@ MAX_TIMES = 200_000
 CHUNK = 512
 """Samples that are worked on at once: some 20 MB of intermediate results."""
 
+NO_BASE = "the motion has no base"
+"""Why the floor is not checked."""
 
-@dataclass(frozen=True)
-class Parts:
-    """What is known of a robot before any motion."""
-
-    description: Description
-
-    joints: tuple[Joint, ...]
-    """The movable ones."""
-
-    ground_links: tuple[str, ...]
-    """Links with an outline."""
-
-    kinematics: Kinematics
-    masses: Masses
-    ground: Ground
-    collisions: SelfCollisions
-    thresholds: Thresholds
+Value = TypeVar("Value")
 
 
-@dataclass(eq=False)
+class CheckedRobot:
+    """A robot, and what is known of it before any motion."""
+
+    def __init__(
+        self,
+        description: Description,
+        thresholds: Thresholds,
+        collisions: SelfCollisions,
+        fixed_base: bool,
+    ) -> None:
+        self.description, self.thresholds = description, thresholds
+        self.collisions = collisions
+        self.joints = description.movable_joints
+        self.kinematics, self.masses = Kinematics(description), Masses(description)
+        self.is_fixed = fixed_base or base_of(description)[0] == WORLD
+        """Whether something holds the base."""
+        self.T_base_root = root_in_base(description)
+        """The root link in the base link, which is another one where the root is the
+        world and the robot floats in it, shape (7,)."""
+        outlines = outlines_of(collisions.shapes)
+        self.ground = Ground(outlines, self.kinematics.end_links(), thresholds)
+        self.links = tuple(name for name in description.link_names if name != WORLD)
+        """Links in the order of their poses."""
+
+    def lacks(self, need: str, trajectory: Trajectory) -> str:
+        """Say why something cannot be measured of a motion; empty if it can.
+
+        Args:
+            need: One of ``Rule.needs``.
+            trajectory: The motion.
+        """
+        on_floor = need in ("base", "ground", "balance")
+        is_moving = need == "neighbours"
+        if need == "velocities":
+            is_moving = trajectory.velocities is None
+        reasons = {
+            "the base is fixed": self.is_fixed and (on_floor or need == "free base"),
+            NO_BASE: on_floor and trajectory.base_poses is None,
+            "the robot has no shapes": on_floor
+            and need != "base"
+            and not len(self.ground.rows),
+            "the robot has no mass": need in ("balance", "efforts")
+            and not self.masses.total > 0.0,
+            "the base is free; only physics tells": need == "efforts"
+            and not self.is_fixed,
+            "the robot has no two shapes that could touch": need == "pairs"
+            and not self.collisions.pairs,
+            "there is only one configuration": is_moving and len(trajectory.times) == 1,
+        }
+        return next((why for why, holds in reasons.items() if holds), "")
+
+
+Measure = Callable[[CheckedRobot, np.ndarray], Union[np.ndarray, Contacts]]
+"""Measures something of poses of all links, in the order of ``CheckedRobot.links``,
+shape (n, n_links, 7): contacts, or an array of shape (n, ...)."""
+
+
 class Measured:
     """A motion, and arrays over the times that checks look at.
 
     What no check needs is None.
     """
 
-    trajectory: Trajectory
-    times: np.ndarray
-    """In [s], rising, shape (n,): those of the motion's samples, and times between
-    them where these are far apart."""
+    def __init__(self, robot: CheckedRobot, trajectory: Trajectory) -> None:
+        """Find the motion's joints at all times, piece by piece to save memory.
 
-    columns: np.ndarray
-    """Rows of the motion's joints among the robot's movable ones, shape (k,)."""
-
-    n_joints: int
-    """How many movable joints the robot has."""
-
-    T_base_root: np.ndarray = field(default_factory=lambda: IDENTITY)
-    """The root link in the base link, which is another one where the root is the world
-    and the robot floats in it, shape (7,)."""
-
-    positions: np.ndarray = field(init=False)
-    """Of the motion's joints in [rad] or [m], shape (n, k)."""
-
-    velocities: np.ndarray = field(init=False)
-    """In [rad/s] or [m/s], shape (n, k)."""
-
-    contacts: Contacts | None = None
-    """Self-collisions; ``frame`` is the row of the time."""
-
-    ground: GroundFrames | None = None
-    """How the robot stands."""
-
-    ground_links: tuple[str, ...] = ()
-    """Links that are ever low enough to bear, or lower than all others: the columns of
-    ``heights`` and ``bearing``."""
-
-    balance: Balance | None = None
-    """Where the weight acts; None where the motion has no base, or the robot no mass.
-    """
-
-    efforts: np.ndarray | None = None
-    """Of the joints of a robot that is fixed, in [N m] or [N], shape (n, n_joints)."""
-
-    def __post_init__(self) -> None:
-        """Find the motion's joints at all times, piece by piece to save memory."""
-        shape = (len(self.times), len(self.columns))
+        Raises:
+            MotionError: If there are more times than fit into memory.
+        """
+        self.robot, self.trajectory = robot, trajectory
+        self.times = _refined(trajectory.times, robot.thresholds.longest_interval)
+        """In [s], rising, shape (n,): those of the motion's samples, and times between
+        them where these are far apart."""
+        names = [joint.name for joint in robot.joints]
+        columns = [names.index(name) for name in trajectory.joint_names]
+        self.joints: list[Joint] = [robot.joints[column] for column in columns]
+        """Those of the motion."""
+        self._columns = np.array(columns, dtype=int)
+        shape = (len(self.times), len(columns))
         self.positions, self.velocities = np.empty(shape), np.empty(shape)
+        """Of the motion's joints in [rad] or [m], and per second, shape (n, k)."""
         for piece in self.chunks():
-            found = sample(self.trajectory, self.times[piece])
+            found = sample(trajectory, self.times[piece])
             self.positions[piece] = found.positions
             self.velocities[piece] = found.velocities
+        self.own: dict[str, Any] = {}
+        """What rules measure themselves, by their names."""
+        self.ground: GroundFrames | None = None
+        """How the robot stands."""
+        self.balance: Balance | None = None
+        """Where the weight acts; None where the motion has no base, or the robot no
+        mass."""
+        self.efforts: np.ndarray | None = None
+        """Of all joints of a robot that is fixed, in [N m] or [N], shape
+        (n, n_joints)."""
+        self.played: Rollout | None = None
+        """What happened in physics."""
+        self._once: dict[Callable[[Measured], Any], Any] = {}
+
+    def once(self, function: Callable[[Measured], Value]) -> Value:
+        """Return what a function finds of this motion; several rules may call it."""
+        if function not in self._once:
+            self._once[function] = function(self)
+        found: Value = self._once[function]
+        return found
 
     @property
     def joint_names(self) -> tuple[str, ...]:
         """Joints of the motion."""
         return self.trajectory.joint_names
+
+    @property
+    def contacts(self) -> Contacts | None:
+        """Self-collisions; ``frame`` is the row of the time."""
+        return self.own.get("self_collision")
+
+    @property
+    def ground_links(self) -> tuple[str, ...]:
+        """Links that are ever near the floor, or lower than all others.
+
+        They are the columns of ``heights`` and ``bearing``.
+        """
+        if self.ground is None:
+            return ()
+        rows = self.robot.ground.rows[self.ground.columns]
+        return tuple(self.robot.links[row] for row in rows)
 
     @property
     def heights(self) -> np.ndarray | None:
@@ -130,7 +184,7 @@ class Measured:
     @property
     def bearing(self) -> np.ndarray | None:
         """Which links are in contact with the floor, shape (n, n_ground_links)."""
-        return None if self.ground is None else self.ground.bears
+        return None if self.ground is None else self.ground.in_contact
 
     @property
     def support(self) -> Sequence[np.ndarray]:
@@ -168,10 +222,6 @@ class Measured:
         found[self.own_rows] = values
         return found
 
-    def joints_of(self, movable: Sequence[Joint]) -> list[Joint]:
-        """Select the motion's joints from all movable ones, in the motion's order."""
-        return [movable[column] for column in self.columns]
-
     def chunks(self) -> Iterator[slice]:
         """Cut the times into pieces that fit into memory."""
         for first in range(0, len(self.times), CHUNK):
@@ -192,12 +242,12 @@ class Measured:
             have is at the map's origin.
         """
         found = sample(self.trajectory, times)
-        positions = np.zeros((2, len(times), self.n_joints))
-        positions[0][:, self.columns] = found.positions
-        positions[1][:, self.columns] = found.velocities
+        positions = np.zeros((2, len(times), len(self.robot.joints)))
+        positions[0][:, self._columns] = found.positions
+        positions[1][:, self._columns] = found.velocities
         poses, twists = _base_of(found, len(times))
-        if self.T_base_root is not IDENTITY:
-            roots = compose(poses, self.T_base_root)
+        if self.robot.T_base_root is not IDENTITY:
+            roots = compose(poses, self.robot.T_base_root)
             lever = roots[:, :3] - poses[:, :3]
             twists = twists.copy()
             twists[:, :3] += cross(twists[:, 3:], lever)
@@ -212,17 +262,13 @@ class Measured:
             poses[piece] = _base_of(found, piece.stop - piece.start)[0]
         return poses
 
-    def dynamics(self, times: np.ndarray, window: float) -> RobotMotion:
-        """Find how the robot moves, by differences over a time before and after.
+    def dynamics(self, times: np.ndarray) -> RobotMotion:
+        """Find the robot's motion at times in [s], shape (m,), by differences.
 
-        Args:
-            times: In [s], shape (m,).
-            window: In [s].
-
-        Returns:
-            Velocities are means over the window on both sides, accelerations are
-            differences between those of both sides.
+        Velocities are means over the window of the thresholds on both sides,
+        accelerations are differences between those of both sides.
         """
+        window = self.robot.thresholds.window
         before, now, after = (self.at(times + shift) for shift in (-window, 0, window))
         back, ahead = _step(before[0], now[0]), _step(now[0], after[0])
         joints = [row[1] for row in (before, now, after)]
@@ -236,42 +282,38 @@ class Measured:
         )
 
 
-def measured_motion(
-    trajectory: Trajectory, parts: Parts, needed: Collection[str]
+def measure(
+    robot: CheckedRobot,
+    trajectory: Trajectory,
+    needs: Collection[str],
+    own: Mapping[str, Measure],
 ) -> Measured:
     """Measure a motion.
 
     Args:
-        trajectory: Of joints that the robot has.
-        parts: The robot.
-        needed: ``contacts``, ``ground``, ``balance``, ``efforts``.
+        robot: The robot.
+        trajectory: Of joints that it has.
+        needs: ``ground``, ``center``, ``balance``, ``efforts``; others are ignored.
+        own: What else to measure, by name.
 
     Raises:
         MotionError: If there are more times than fit into memory.
     """
-    names = [joint.name for joint in parts.joints]
-    columns = [names.index(name) for name in trajectory.joint_names]
-    found = Measured(
-        trajectory,
-        _refined(trajectory.times, parts.thresholds.longest_interval),
-        np.array(columns, dtype=int),
-        len(names),
-        root_in_base(parts.description),
-    )
-    pieces = [_piece(found, piece, parts, needed) for piece in found.chunks()]
+    found = Measured(robot, trajectory)
+    pieces = [_piece(found, piece, needs, own) for piece in found.chunks()]
 
     def joined(name: str) -> np.ndarray | None:
         known = [piece[name] for piece in pieces if name in piece]
         return np.concatenate(known) if known else None
 
-    if "contacts" in needed:
-        found.contacts = _joined_contacts([piece["contacts"] for piece in pieces])
+    for name in own:
+        values = [piece["own"][name] for piece in pieces]
+        is_array = isinstance(values[0], np.ndarray)
+        found.own[name] = np.concatenate(values) if is_array else _joined(values)
     found.efforts = joined("efforts")
-    if "ground" in needed:
+    if "ground" in needs or "balance" in needs:
         grounds = [piece["ground"] for piece in pieces]
-        found.ground = parts.ground.frames(grounds, found.times)
-        columns = found.ground.columns.tolist()
-        found.ground_links = tuple(parts.ground_links[column] for column in columns)
+        found.ground = robot.ground.frames(grounds, found.times)
     center, zmp, is_still = joined("center"), joined("zmp"), joined("is_still")
     if not (found.ground is None or center is None or zmp is None or is_still is None):
         of_center, of_zmp = margins(found.ground.support, center[:, :2], zmp)
@@ -281,54 +323,48 @@ def measured_motion(
 
 
 def _piece(
-    motion: Measured, piece: slice, parts: Parts, needed: Collection[str]
+    motion: Measured, piece: slice, needs: Collection[str], own: Mapping[str, Measure]
 ) -> dict[str, Any]:
     """Measure some samples."""
-    times = motion.times[piece]
+    robot, times = motion.robot, motion.times[piece]
     base, positions, twists, velocities = motion.at(times)
-    poses, moves = parts.kinematics.link_states(base, positions, twists, velocities)
-    found: dict[str, Any] = {}
-    if "contacts" in needed:
-        found["contacts"] = parts.collisions.contacts(poses)
-        found["contacts"].frame[:] += piece.start
-    if "ground" in needed:
-        found["ground"] = parts.ground.piece(poses, moves)
-    has_mass = parts.masses.total > 0.0
-    if not (has_mass and {"balance", "efforts"} & set(needed)):
+    poses, moves = robot.kinematics.link_states(base, positions, twists, velocities)
+    found: dict[str, Any] = {
+        "own": {name: find(robot, poses) for name, find in own.items()}
+    }
+    for values in found["own"].values():
+        if isinstance(values, Contacts):
+            values.frame[:] += piece.start
+    if "ground" in needs or "balance" in needs:
+        found["ground"] = robot.ground.piece(poses, moves)
+    has_mass = robot.masses.total > 0.0
+    if not (has_mass and {"center", "balance", "efforts"} & set(needs)):
         return found
-    dynamics = inverse_dynamics(
-        parts.kinematics,
-        parts.masses,
-        motion.dynamics(times, parts.thresholds.window),
-    )
-    if "efforts" in needed:
+    dynamics = inverse_dynamics(robot.kinematics, robot.masses, motion.dynamics(times))
+    if "efforts" in needs:
         found["efforts"] = dynamics.efforts
-    if "balance" in needed:
-        weight, floor = parts.masses.total * GRAVITY, parts.thresholds.floor_height
-        speed = parts.masses.robot_velocity(poses, moves)
+    if "ground" in found:
+        weight, floor = robot.masses.total * GRAVITY, robot.thresholds.floor_height
+        speed = robot.masses.robot_velocity(poses, moves)
         found["center"] = dynamics.center_of_mass
         found["zmp"] = zero_moment_points(dynamics, weight, floor)
-        found["is_still"] = _is_still(dynamics, speed, parts)
+        found["is_still"] = _is_still(dynamics, speed, robot)
     return found
 
 
-def _is_still(dynamics: Dynamics, velocity: np.ndarray, parts: Parts) -> np.ndarray:
-    """Tell where the centre of mass is still.
-
-    Args:
-        dynamics: Of the motion.
-        velocity: Of the centre of mass in [m/s], shape (n, 3).
-        parts: The robot.
-    """
-    acceleration = dynamics.root_wrench[:, :3] / parts.masses.total
+def _is_still(
+    dynamics: Dynamics, velocity: np.ndarray, robot: CheckedRobot
+) -> np.ndarray:
+    """Tell where the centre of mass, of a velocity in [m/s], shape (n, 3), is still."""
+    acceleration = dynamics.root_wrench[:, :3] / robot.masses.total
     acceleration[:, 2] -= GRAVITY
-    is_slow = np.linalg.norm(velocity, axis=1) < parts.thresholds.still_speed
-    most = parts.thresholds.still_acceleration
+    is_slow = np.linalg.norm(velocity, axis=1) < robot.thresholds.still_speed
+    most = robot.thresholds.still_acceleration
     return is_slow & (np.linalg.norm(acceleration, axis=1) < most)
 
 
-def _joined_contacts(found: Sequence[Contacts]) -> Contacts:
-    """Chain contacts of successive samples."""
+def _joined(found: Sequence[Contacts]) -> Contacts:
+    """Join contacts of successive samples."""
     names = ("frame", "pair", "distance", "points_a", "points_b", "normal")
     return Contacts(
         *(np.concatenate([getattr(part, name) for part in found]) for name in names)
@@ -366,7 +402,7 @@ def rotation_vectors(begin: np.ndarray, end: np.ndarray) -> np.ndarray:
 
     Args:
         begin: Unit quaternions (x, y, z, w) in the map, shape (m, 4).
-        end: Likewise.
+        end: Unit quaternions, shape (m, 4).
 
     Returns:
         Axis times angle in the map, in [rad], shape (m, 3).
@@ -376,6 +412,6 @@ def rotation_vectors(begin: np.ndarray, end: np.ndarray) -> np.ndarray:
 
 
 def _step(before: np.ndarray, after: np.ndarray) -> np.ndarray:
-    """Return the way and the rotation vector from poses to others, shape (m, 6)."""
+    """Return translations and rotation vectors between poses, shape (m, 6)."""
     turns = rotation_vectors(before[:, 3:], after[:, 3:])
     return np.concatenate([after[:, :3] - before[:, :3], turns], axis=1)

@@ -9,9 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from g1_description.checks.finding import FAILED, WARNING, Finding
 from g1_description.checks.measured import Measured
-from g1_description.checks.verdict import Verdict
+from g1_description.checks.verdict import FAILED, WARNING, Finding, Verdict
 from g1_description.robot.description import Joint
 
 MAX_BINS = 1200

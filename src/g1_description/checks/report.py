@@ -11,9 +11,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from g1_description.checks.finding import FAILED, PASSED, WARNING, Finding
-from g1_description.checks.thresholds import LEVELS
-from g1_description.checks.verdict import Verdict
+from g1_description.checks.rules import RULES
+from g1_description.checks.verdict import FAILED, PASSED, WARNING, Finding, Verdict
 
 NOT_READ, NOT_CHECKED = "not read", "not checked"
 NO_MOTION = "not a motion"
@@ -164,7 +163,7 @@ FIGURES = (
 COLUMNS = (
     *("file", "result", "failed", "warnings", "first_time", "problem"),
     *FIGURES,
-    *(column for check in LEVELS for column in (check, f"{check}_worst")),
+    *(column for rule in RULES for column in (rule.name, f"{rule.name}_worst")),
 )
 """Columns of the CSV."""
 
@@ -229,17 +228,18 @@ def _row(outcome: Outcome) -> dict[str, Any]:
     if verdict.first_time is not None:
         row["first_time"] = verdict.first_time
     row.update({k: verdict.figures[k] for k in FIGURES if k in verdict.figures})
-    for check in LEVELS:
-        row.update(_cells(verdict, check))
+    for rule in RULES:
+        row.update(_cells(verdict, rule.name))
     return row
 
 
 def _cells(verdict: Verdict, check: str) -> dict[str, Any]:
-    """Return what one check says: its result, and the largest fault."""
+    """Return the result of one check, and its worst size."""
     if check not in verdict.checked:
         return {check: "skipped"} if check in verdict.skipped else {}
     found = verdict.of(check)
     if not found:
         return {check: PASSED}
     severity = FAILED if FAILED in {f.severity for f in found} else WARNING
-    return {check: severity, f"{check}_worst": max(f.worst for f in found)}
+    worst = max(found, key=lambda finding: finding.badness).worst
+    return {check: severity, f"{check}_worst": worst}

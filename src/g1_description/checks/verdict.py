@@ -1,17 +1,79 @@
-"""What all checks say of a motion."""
+"""The findings of checks, and the verdict that holds all of them."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
-from g1_description.checks.finding import FAILED, PASSED, WARNING, Finding
 from g1_description.checks.measured import Measured
+
+FAILED, WARNING, PASSED = "failed", "warning", "passed"
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What one check found of one joint, link or pair of links in a whole motion."""
+
+    check: str
+    """Which check found it: position, velocity, self_collision ..."""
+
+    severity: str
+    """``failed`` or ``warning``."""
+
+    subject: tuple[str, ...]
+    """Names of the joint, of the link or of both links; empty for the whole robot."""
+
+    worst: float
+    """The size where it is worst, in ``unit``."""
+
+    bound: float
+    """The threshold that ``severity`` stands for. The worst size is above it; or below,
+    for checks such as of distances."""
+
+    unit: str
+    first_time: float
+    """When the size first exceeds ``bound``, in [s]."""
+
+    worst_time: float
+    """When it is worst, in [s]."""
+
+    share: float
+    """Fraction of the motion's time in which it exceeds ``bound``, from 0 to 1."""
+
+    intervals: tuple[tuple[float, float], ...]
+    """First and last times of each interval in which it exceeds ``bound``, in [s]."""
+
+    text: str
+    """A sentence on the worst of it."""
+
+    points: tuple[tuple[float, float, float], ...] = ()
+    """Where it is at its worst, in the map, in [m]; empty where it is nowhere."""
+
+    @property
+    def name(self) -> str:
+        """The subject in a word or two."""
+        return " - ".join(self.subject)
+
+    @property
+    def badness(self) -> float:
+        """A number that is larger for the worse one of two findings of a check."""
+        return -self.worst if self.worst < self.bound else self.worst
+
+
+def sorted_findings(findings: Iterable[Finding | None]) -> tuple[Finding, ...]:
+    """Sort findings: the failed ones first, then by time; ignore None."""
+    return tuple(
+        sorted(
+            (finding for finding in findings if finding is not None),
+            key=lambda f: (f.severity != FAILED, f.first_time, f.check, f.subject),
+        )
+    )
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What all checks say of a motion, or of a configuration."""
+    """The findings of all checks of a motion, or of a configuration."""
 
     robot: str
     findings: tuple[Finding, ...] = ()
@@ -27,7 +89,7 @@ class Verdict:
     """Figures of the motion by name, such as ``duration`` and ``largest_speed``."""
 
     bearing: dict[str, tuple[tuple[float, float], ...]] = field(default_factory=dict)
-    """Links that bear on the floor: first and last time of each stretch, in [s]."""
+    """First and last time of each contact with the floor, in [s], by link."""
 
     notes: tuple[str, ...] = ()
     """Messages on what was assumed."""

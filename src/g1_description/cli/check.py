@@ -14,7 +14,6 @@ from g1_description.api import MODEL, Robot
 from g1_description.checks.batch import FileChecker, Here, check_files
 from g1_description.checks.checker import collisions_of
 from g1_description.checks.cluster import Cluster
-from g1_description.checks.finding import FAILED
 from g1_description.checks.processes import Processes
 from g1_description.checks.report import (
     NO_MOTION,
@@ -23,6 +22,7 @@ from g1_description.checks.report import (
     Outcome,
     summary_text,
 )
+from g1_description.checks.verdict import FAILED
 from g1_description.cli.check_options import MISUSE, STDOUT, parse
 from g1_description.cli.check_reports import Reports, Results
 from g1_description.cli.motion_paths import MotionFiles, motion_files

@@ -5,8 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from g1_description.checks.checker import NAMES
-from g1_description.checks.physics import CHECKS
+from g1_description.checks.rules import RULES
 from g1_description.command_line import OneSentenceParser, number
 from g1_description.text import listed, similar_first
 
@@ -155,7 +154,8 @@ def parse(arguments: list[str]) -> argparse.Namespace:
         reader.error(f"--jobs {args.jobs} is not from 1 to {MAX_JOBS}")
     if args.dask is not None and args.jobs > 1:
         reader.error("--jobs is for this machine, --dask for others")
-    physics = [name for name in args.only if name in CHECKS]
+    played = [rule.name for rule in RULES if rule.needs_physics]
+    physics = [name for name in args.only if name in played]
     if physics and not args.physics:
         reader.error(f"{listed(physics)} goes with --physics")
     for option, ending in ENDINGS.items():
@@ -169,7 +169,7 @@ def parse(arguments: list[str]) -> argparse.Namespace:
 
 def _checks(text: str) -> tuple[str, ...]:
     """Read names of checks."""
-    known = (*NAMES, *CHECKS)
+    known = [rule.name for rule in RULES]
     names = tuple(name.strip() for name in text.split(","))
     for name in names:
         if name not in known:

@@ -14,7 +14,7 @@ from functools import partial
 from pathlib import Path
 
 from g1_description.checks.checker import Checker
-from g1_description.checks.thresholds import read_thresholds
+from g1_description.checks.thresholds_file import read_thresholds
 from g1_description.command_line import OneSentenceParser, number, say
 from g1_description.errors import G1DescriptionError
 from g1_description.files.model_files import share_folder

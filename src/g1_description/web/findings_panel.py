@@ -6,9 +6,8 @@ import html
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from g1_description.checks.finding import FAILED, Finding
 from g1_description.checks.marks import short_name
-from g1_description.checks.verdict import Verdict
+from g1_description.checks.verdict import FAILED, Finding, Verdict
 from g1_description.web.ui_loop import Desk
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from functools import partial
 from typing import TYPE_CHECKING
 
-from g1_description.checks.limits import units
+from g1_description.checks.rule import units
 from g1_description.robot.description import Joint, by_limb
 from g1_description.web.edit_guard import Held
 from g1_description.web.robot import ShownRobot, ShownState

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from g1_description.bridge.parameters import BridgeParameters, RobotParameters
-from g1_description.checks.thresholds import Thresholds, read_thresholds
+from g1_description.checks.thresholds import Thresholds
+from g1_description.checks.thresholds_file import read_thresholds
 from g1_description.errors import InvalidValueError
 from g1_description.web.server.address import ServerOptions
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from g1_description.checks.marks import RobotMarks
+from g1_description.checks.marks import RobotMarks, red_links
 from g1_description.checks.verdict import Verdict
 from g1_description.robot.rotation import angle_between
 from g1_description.web.base_controls import BasePanel
@@ -104,8 +104,7 @@ class Shown:
 
     def mark(self, state: ShownState, verdict: Verdict) -> None:
         """Mark what was found where the robot is."""
-        colliding = [f for f in verdict.findings if f.check == "self_collision"]
-        self.body.redden({link for finding in colliding for link in finding.subject})
+        self.body.redden(red_links(verdict))
         newest = self._state or state
         if state.base is not None and newest.time - state.time < STALE:
             self._marks.draw(self._canvas, verdict, state.base)

@@ -1,0 +1,36 @@
+"""The rules of all checks, a module per family; each check is listed here once."""
+
+from __future__ import annotations
+
+from g1_description.checks.rules.balance import CENTER_OF_MASS, ZERO_MOMENT_POINT
+from g1_description.checks.rules.ground import FLOATING, PENETRATION, SKATING
+from g1_description.checks.rules.jumps import BASE_JUMP, JUMP
+from g1_description.checks.rules.limits import (
+    ACCELERATION,
+    EFFORT,
+    JERK,
+    POSITION,
+    VELOCITY,
+)
+from g1_description.checks.rules.physics import FALL, SATURATION, TRACKING
+from g1_description.checks.rules.self_collision import SELF_COLLISION
+
+RULES = (
+    POSITION,
+    VELOCITY,
+    ACCELERATION,
+    JERK,
+    EFFORT,
+    JUMP,
+    BASE_JUMP,
+    SELF_COLLISION,
+    PENETRATION,
+    FLOATING,
+    SKATING,
+    CENTER_OF_MASS,
+    ZERO_MOMENT_POINT,
+    TRACKING,
+    SATURATION,
+    FALL,
+)
+"""In the order of reports."""

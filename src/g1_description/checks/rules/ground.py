@@ -1,0 +1,135 @@
+"""The robot and its floor: penetration, floating and skating."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from g1_description.checks.ground import GroundFrames
+from g1_description.checks.intervals import runs
+from g1_description.checks.measured import Measured
+from g1_description.checks.rule import Rule
+from g1_description.checks.rules.jumps import near_jumps
+from g1_description.checks.thresholds import Level
+from g1_description.checks.verdict import Finding
+from g1_description.robot.dynamics import GRAVITY
+
+FREE_FALL = 0.5
+"""A robot in the air that accelerates downwards by more than this fraction of gravity
+falls; with less it floats."""
+
+SHORTEST_FLIGHT = 0.1
+"""A robot in the air for a shorter time is not checked, in [s]: its acceleration cannot
+be told from noise."""
+
+
+def _slides(measured: Measured) -> np.ndarray:
+    """Compute the speeds of links that slide, in [m/s]; else NaN, shape (n, k)."""
+    is_unknown = measured.once(near_jumps).body
+    ground = measured.robot.ground
+    return ground.sliding(_ground(measured), measured.times, is_unknown)
+
+
+def _ground(measured: Measured) -> GroundFrames:
+    """Return how the robot stands."""
+    assert measured.ground is not None
+    return measured.ground
+
+
+def _penetrations(rule: Rule, measured: Measured) -> Iterator[Finding | None]:
+    """Find links in the floor."""
+    frames = _ground(measured)
+    is_low = frames.in_contact | ~np.isnan(measured.once(_slides))
+    for column in np.flatnonzero(is_low.any(axis=0)).tolist():
+        link, points = measured.ground_links[column], frames.lowest[:, column]
+        text = f"{link} is {{worst:.4g}} m deep in the floor{{when}}"
+        sizes = -frames.heights[:, column]
+        yield rule.compared(measured, (link,), sizes, text, points=points)
+
+
+def _skating(rule: Rule, measured: Measured) -> Iterator[Finding | None]:
+    """Find links that slide on the floor."""
+    slides = measured.once(_slides)
+    for column in rule.columns(measured, slides):
+        link, points = (
+            measured.ground_links[column],
+            _ground(measured).lowest[:, column],
+        )
+        text = f"{link} slides on the floor with {{worst:.4g}} m/s{{when}}"
+        yield rule.compared(measured, (link,), slides[:, column], text, points=points)
+
+
+def _floating(rule: Rule, measured: Measured) -> Iterator[Finding | None]:
+    """Find links that support the robot above the floor, and a robot in the air."""
+    frames = _ground(measured)
+    heights = np.where(frames.in_contact, frames.heights, np.nan)
+    for column in rule.columns(measured, heights):
+        link, points = measured.ground_links[column], frames.lowest[:, column]
+        text = f"{link} supports the robot {{worst:.4g}} m above the floor{{when}}"
+        yield rule.compared(measured, (link,), heights[:, column], text, points=points)
+    lowest = np.argmin(frames.heights, axis=1)
+    points = frames.lowest[np.arange(len(lowest)), lowest]
+    text = "the robot floats {worst:.4g} m above the floor{when}"
+    yield rule.compared(measured, (), _float_heights(measured), text, points=points)
+
+
+def _float_heights(measured: Measured) -> np.ndarray:
+    """Compute the height of a robot that is in the air and does not fall.
+
+    Returns:
+        Of its lowest point, in [m], shape (n,); NaN where it stands or falls.
+    """
+    times, balance = measured.times, measured.balance
+    center = measured.base_poses()[:, :3] if balance is None else balance.center
+    heights = _ground(measured).heights.min(axis=1)
+    floats = np.full(len(times), np.nan)
+    in_air = heights > measured.robot.thresholds.bearing_height
+    if len(times) == 1:
+        return np.where(in_air, heights, np.nan)
+    for first, last in runs(in_air):
+        rows = slice(first, last + 1)
+        if times[last] - times[first] >= SHORTEST_FLIGHT and last - first > 1:
+            elapsed = times[rows] - times[first]
+            curve = np.polyfit(elapsed, center[rows, 2], 2)[0]
+            if 2.0 * curve > -FREE_FALL * GRAVITY:
+                floats[rows] = heights[rows]
+    return floats
+
+
+PENETRATION = Rule(
+    name="penetration",
+    about="links in the floor",
+    level=Level(0.006, 0.01),
+    limit="m, depth in the floor; more than the 5 mm of some retargeters",
+    unit="m",
+    find=_penetrations,
+    needs=("ground",),
+    requires="base",
+    namespace="floor",
+    label="{subject} in the floor",
+)
+FLOATING = Rule(
+    name="floating",
+    about="links that support the robot without touching the floor; a robot in the air "
+    "that does not fall",
+    level=Level(0.015, 0.03),
+    limit="m above the floor",
+    unit="m",
+    find=_floating,
+    needs=("ground", "center"),
+    requires="base",
+    only_at_rest=True,
+    namespace="floor",
+    label="{subject} above the floor",
+)
+SKATING = Rule(
+    name="skating",
+    about="links that slide while they touch the floor",
+    level=Level(0.08, 0.15),
+    limit="m/s along the floor",
+    unit="m/s",
+    find=_skating,
+    needs=("ground",),
+    requires="base",
+)

@@ -1,0 +1,65 @@
+"""Links that overlap, and distances between links."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from g1_description.checks.measured import CheckedRobot, Measured
+from g1_description.checks.rule import Rule
+from g1_description.checks.thresholds import Level
+from g1_description.checks.verdict import Finding
+from g1_description.collisions.distances import Contacts
+
+
+def per_pair(
+    measured: Measured, contacts: Contacts
+) -> Iterator[tuple[tuple[str, str], np.ndarray, np.ndarray]]:
+    """Sort contacts by the pair of links.
+
+    Args:
+        measured: The motion.
+        contacts: Of all its times.
+
+    Yields:
+        Names of both links; distances in [m], negative where they overlap, shape (n,);
+        nearest or deepest points of both links in the map, in [m], shape (n, 2, 3). NaN
+        where there is no contact.
+    """
+    n_samples = len(measured.times)
+    for pair in np.unique(contacts.pair).tolist():
+        found = contacts[np.flatnonzero(contacts.pair == pair)]
+        distances, points = (
+            np.full(n_samples, np.nan),
+            np.full((n_samples, 2, 3), np.nan),
+        )
+        distances[found.frame] = found.distance
+        points[found.frame, 0], points[found.frame, 1] = found.points_a, found.points_b
+        yield measured.robot.collisions.pairs[pair], distances, points
+
+
+def _measure(robot: CheckedRobot, link_poses: np.ndarray) -> Contacts:
+    return robot.collisions.contacts(link_poses)
+
+
+def _find(rule: Rule, measured: Measured) -> Iterator[Finding | None]:
+    """Find links that overlap."""
+    for pair, distances, points in per_pair(measured, measured.own[rule.name]):
+        text = f"{pair[0]} is {{worst:.4g}} m deep in {pair[1]}{{when}}"
+        yield rule.compared(measured, pair, -distances, text, points=points)
+
+
+SELF_COLLISION = Rule(
+    name="self_collision",
+    about="[links that overlap](#self-collision)",
+    level=Level(0.001, 0.005),
+    limit="m, depth",
+    unit="m",
+    find=_find,
+    needs=("pairs",),
+    requires="shapes",
+    measure=_measure,
+    namespace="contacts",
+    reddens=True,
+)

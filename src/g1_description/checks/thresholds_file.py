@@ -1,0 +1,134 @@
+"""Thresholds that YAML files, or programs, change."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+from g1_description.checks.rule import Rule
+from g1_description.checks.rules import RULES
+from g1_description.checks.thresholds import JointBounds, Level, Thresholds
+from g1_description.errors import ThresholdError
+from g1_description.files.model_files import share_folder
+from g1_description.files.yaml import YamlError, finite_number, read_yaml
+from g1_description.text import listed, similar_first
+
+DEFAULTS = "config/checks.yaml"
+"""The default thresholds, in the package's folder."""
+
+BOUNDS = ("acceleration_bounds", "jerk_bounds")
+POSITIVE = ("window", "longest_interval")
+"""Parameters that cannot be zero."""
+
+PARAMETERS = tuple(part.name for part in fields(Thresholds) if part.name != "levels")
+
+
+def read_thresholds(file: Path | None = None) -> Thresholds:
+    """Read the default thresholds, and those that a YAML file changes.
+
+    Args:
+        file: The file; by default ``config/checks.yaml`` alone counts.
+
+    Raises:
+        ThresholdError: If a file cannot be read, or holds something else.
+    """
+    usual = _changed_by(share_folder() / DEFAULTS, Thresholds())
+    return usual if file is None else _changed_by(file, usual)
+
+
+def _changed_by(path: Path, thresholds: Thresholds) -> Thresholds:
+    """Change the thresholds that a file names."""
+    try:
+        content = read_yaml(path)
+    except YamlError as error:
+        raise ThresholdError(f"{path}: {error}.") from error
+    if not isinstance(content, dict):
+        raise ThresholdError(f"{path} does not hold thresholds by name.")
+    try:
+        return with_thresholds(thresholds, content)
+    except ThresholdError as error:
+        raise ThresholdError(f"{path}: {error}") from error
+
+
+def with_thresholds(thresholds: Thresholds, content: Mapping[str, Any]) -> Thresholds:
+    """Change some thresholds.
+
+    Args:
+        thresholds: Those to begin with.
+        content: Values by name: of a check ``{warning: NUMBER, failure: NUMBER}``, of
+            bounds ``{default: NUMBER, joints: {NAME: NUMBER}}``, else a number; in the
+            first two null means any size.
+
+    Raises:
+        ThresholdError: If there is no such name, or a value is not of its kind.
+    """
+    rules = {rule.name: rule for rule in RULES}
+    known = [*rules, *PARAMETERS]
+    levels = dict(thresholds.levels)
+    changed: dict[str, Any] = {}
+    for name, value in content.items():
+        if name in rules:
+            levels[name] = _level(rules[name], value, thresholds)
+        elif name not in known:
+            raise ThresholdError(
+                f"There is no threshold {name}; there are "
+                f"{listed(similar_first(str(name), known))}."
+            )
+        elif name in BOUNDS:
+            changed[name] = _bounds(name, value)
+        else:
+            changed[name] = _parameter(name, value)
+    return replace(thresholds, levels=levels, **changed)
+
+
+def _level(rule: Rule, value: Any, thresholds: Thresholds) -> Level:
+    """Read the thresholds of one check; one that is not named stays."""
+    parts = _parts(rule.name, value, ("warning", "failure"))
+    numbers = {
+        part: _optional(f"{rule.name}.{part}", number) for part, number in parts.items()
+    }
+    return replace(rule.level_in(thresholds), **numbers)
+
+
+def _bounds(name: str, value: Any) -> JointBounds:
+    """Read bounds of joints."""
+    parts = _parts(name, value, ("default", "joints"))
+    joints = parts.get("joints") or {}
+    if not isinstance(joints, Mapping):
+        raise ThresholdError(f"{name}.joints is {joints!r}, not numbers by joint.")
+    found = {str(j): _number(f"{name}.joints.{j}", v) for j, v in joints.items()}
+    default = _optional(f"{name}.default", parts.get("default"))
+    if any(bound <= 0.0 for bound in (*found.values(), default) if bound is not None):
+        raise ThresholdError(f"{name} has a bound that is not positive.")
+    return JointBounds(default, found)
+
+
+def _parameter(name: str, value: Any) -> float:
+    """Read a height, speed or time."""
+    number = _number(name, value)
+    if name != "floor_height" and number < 0.0:
+        raise ThresholdError(f"{name} is {value}; it cannot be negative.")
+    if name in POSITIVE and not number > 0.0:
+        raise ThresholdError(f"{name} is {value}; it must be positive.")
+    return number
+
+
+def _parts(name: str, value: Any, known: tuple[str, ...]) -> Mapping[str, Any]:
+    """Read a mapping with some of the allowed keys."""
+    if not isinstance(value, Mapping) or not set(value) <= set(known):
+        raise ThresholdError(f"{name} is {value!r}, not a mapping of {listed(known)}.")
+    return value
+
+
+def _optional(name: str, value: Any) -> float | None:
+    return None if value is None else _number(name, value, " or null")
+
+
+def _number(name: str, value: Any, more: str = "") -> float:
+    """Read a finite number."""
+    number = finite_number(value)
+    if number is None:
+        raise ThresholdError(f"{name} is {value!r}, not a number{more}.")
+    return number

@@ -1,0 +1,79 @@
+"""Rules are complete, and the files that are made of them are up to date."""
+
+import runpy
+from pathlib import Path
+
+import numpy as np
+import pytest
+from checked import POST as TEXT
+from checked import post_motion
+
+from g1_description.checks.checker import collisions_of
+from g1_description.checks.measured import CheckedRobot, measure
+from g1_description.checks.rule import Rule
+from g1_description.checks.rules import RULES
+from g1_description.checks.thresholds import Level, Thresholds
+from g1_description.checks.verdict import Finding
+from g1_description.robot.urdf import parse_urdf
+
+POST = parse_urdf(TEXT)
+TOOL = Path(__file__).resolve().parents[2] / "tools" / "rule_pages.py"
+
+
+def test_the_pages_say_what_the_rules_do():
+    for path, text in runpy.run_path(str(TOOL))["pages"]().items():
+        made = f"{path.name} is stale: run .venv/bin/python tools/rule_pages.py"
+        assert path.read_text() == text, made
+
+
+def test_each_rule_is_listed_once():
+    names = [rule.name for rule in RULES]
+    assert len(names) == len({*names})
+    assert not {*names} & {*vars(Thresholds())}
+
+
+@pytest.mark.parametrize(
+    ("lower_is_worse", "sizes", "severities"),
+    [
+        (
+            False,
+            [0.1, 0.11, 0.2, 0.21, np.nan],
+            ["", "warning", "warning", "failed", ""],
+        ),
+        (
+            True,
+            [0.2, 0.19, 0.1, 0.09, np.nan],
+            ["", "warning", "warning", "failed", ""],
+        ),
+    ],
+)
+def test_a_size_beyond_a_threshold_is_found(lower_is_worse, sizes, severities):
+    level = Level(0.2, 0.1) if lower_is_worse else Level(0.1, 0.2)
+    rule = Rule("size", "", level, "", lambda *_: (), lower_is_worse=lower_is_worse)
+    robot = CheckedRobot(POST, Thresholds(), collisions_of(POST), False)
+    measured = measure(robot, post_motion(seconds=0.08), (), {})
+    beyond = [column for column, severity in enumerate(severities) if severity]
+    assert rule.columns(measured, np.tile(sizes, (5, 1))) == beyond
+    finding = rule.compared(measured, ("a",), np.array(sizes), "{worst} m{when}")
+    assert (finding.worst, finding.worst_time) == (sizes[3], measured.times[3])
+    assert finding.severity == "failed"
+    assert finding.intervals == ((finding.worst_time, finding.worst_time),)
+    assert finding.text == f"{sizes[3]} m at 0.060 s"
+    one = np.full(5, np.nan)
+    for column, severity in enumerate(severities):
+        one[0] = sizes[column]
+        found = rule.compared(measured, (), one, "")
+        assert (found.severity if found else "") == severity
+
+
+def test_of_two_findings_the_worse_one_is_known():
+    texts = {"check": "a", "severity": "failed", "subject": (), "unit": "", "text": ""}
+    times = {"first_time": 0.0, "worst_time": 0.0, "share": 0.0, "intervals": ()}
+    low, lower = (
+        Finding(**texts, **times, worst=w, bound=1.0).badness for w in (0.5, 0.4)
+    )
+    high, higher = (
+        Finding(**texts, **times, worst=w, bound=1.0).badness for w in (1.5, 1.6)
+    )
+    assert lower > low
+    assert higher > high
