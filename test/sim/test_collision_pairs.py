@@ -183,8 +183,8 @@ def test_an_arm_through_the_torso_is_found(g1_robot):
 
 def test_hands_and_pelvis_have_hulls(g1_robot):
     _, collisions = g1_robot
-    assert {"pelvis", "left_rubber_hand"} <= {*collisions.by_visuals}
-    assert "imu_in_torso" in collisions.without_shapes
+    assert {"pelvis", "left_rubber_hand"} <= {*collisions.links}
+    assert "imu_in_torso" not in collisions.links
 
 
 def test_the_shipped_file_is_that_of_the_command(g1_robot):

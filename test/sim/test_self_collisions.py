@@ -145,12 +145,8 @@ def test_links_without_collisions():
     loose = robot(*links)
     with_visuals = SelfCollisions(loose, ())
     assert with_visuals.links == ("l0", "l1")
-    assert with_visuals.by_visuals == ("l1",)
-    assert with_visuals.without_shapes == ("l2",)
     without = SelfCollisions(loose, (), visual_hulls=False)
     assert without.links == ("l0",)
-    assert without.by_visuals == ()
-    assert without.without_shapes == ("l1", "l2")
     assert without.pairs == ()
 
 

@@ -309,7 +309,8 @@ def measure(
     for name in own:
         values = [piece["own"][name] for piece in pieces]
         is_array = isinstance(values[0], np.ndarray)
-        found.own[name] = np.concatenate(values) if is_array else _joined(values)
+        join = np.concatenate if is_array else Contacts.joined
+        found.own[name] = join(values)
     found.efforts = joined("efforts")
     if "ground" in needs or "balance" in needs:
         grounds = [piece["ground"] for piece in pieces]
@@ -361,14 +362,6 @@ def _is_still(
     is_slow = np.linalg.norm(velocity, axis=1) < robot.thresholds.still_speed
     most = robot.thresholds.still_acceleration
     return is_slow & (np.linalg.norm(acceleration, axis=1) < most)
-
-
-def _joined(found: Sequence[Contacts]) -> Contacts:
-    """Join contacts of successive samples."""
-    names = ("frame", "pair", "distance", "points_a", "points_b", "normal")
-    return Contacts(
-        *(np.concatenate([getattr(part, name) for part in found]) for name in names)
-    )
 
 
 def _refined(knots: np.ndarray, longest: float) -> np.ndarray:

@@ -15,8 +15,8 @@ from g1_description.sim.meshes.hulls import hull_points, outline
 from g1_description.sim.meshes.shapes import Mesh, find_meshes, is_there
 
 TOLERANCE = 5e-4
-"""How far a hull of very many points may stick out of the one that stands for it, in
-[m]: PyBullet's time grows with the points."""
+"""Largest distance by which thinning may shrink a hull of very many points, in [m]:
+PyBullet's time grows with the points."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class ConvexShape:
     """All points within a radius of the convex hull of some points."""
 
     link: int
-    """Row of its link, as of ``link_rows``."""
+    """Row of its link in ``posed_links``."""
 
     points: np.ndarray
     """Vertices of a hull in the link frame, in [m], shape (n, 3)."""
@@ -33,34 +33,10 @@ class ConvexShape:
     """In [m]: that of a sphere, of which there is one point; else 0."""
 
 
-@dataclass(frozen=True)
-class RobotShapes:
-    """What stands for the links of a robot."""
-
-    links: tuple[str, ...]
-    """The links in the order of ``Description.link_names``, without the world."""
-
-    shapes: tuple[ConvexShape, ...]
-    """In the order of the links."""
-
-    by_visuals: tuple[str, ...]
-    """Links that have no collision shape, for which their visuals stand."""
-
-    without_shapes: tuple[str, ...]
-    """Links for which nothing stands."""
-
-    left_out: tuple[str, ...]
-    """A message for each mesh that cannot be read."""
-
-    @property
-    def judged(self) -> tuple[str, ...]:
-        """Names of the links for which something stands."""
-        rows = {shape.link for shape in self.shapes}
-        return tuple(name for row, name in enumerate(self.links) if row in rows)
-
-
-def robot_shapes(description: Description, visual_hulls: bool = True) -> RobotShapes:
-    """Find what stands for the links of a robot.
+def robot_shapes(
+    description: Description, visual_hulls: bool = True
+) -> tuple[tuple[ConvexShape, ...], tuple[str, ...]]:
+    """Find the shapes of the links of a robot.
 
     Args:
         description: The robot; names of its meshes can be found from anywhere.
@@ -68,40 +44,30 @@ def robot_shapes(description: Description, visual_hulls: bool = True) -> RobotSh
             no collision shape.
 
     Returns:
-        Boxes, cylinders (as prisms) and meshes as convex hulls, a collision mesh of
-        several parts as one hull each; spheres exactly. A plane is no shape of a link.
+        In the order of the links: boxes, cylinders (as prisms) and meshes as convex
+        hulls, a collision mesh of several parts as one hull each; spheres exactly. A
+        plane is no shape of a link. Also a message for each mesh that cannot be read.
     """
-    links = [link for link in description.links if not _is_world(link, description)]
-    used = [_shapes_of(link, visual_hulls) for link in links]
+    links = posed_links(description)
+    used = [
+        [
+            shape
+            for shape in link.collisions or (link.visuals if visual_hulls else ())
+            if shape.kind != "plane"
+        ]
+        for link in links
+    ]
     meshes, left_out = find_meshes(shape for shapes in used for shape in shapes)
     found = []
     for row, (link, shapes) in enumerate(zip(links, used)):
         found += _convex(row, shapes, meshes, is_split=bool(link.collisions))
-    rows = {shape.link for shape in found}
-    return RobotShapes(
-        links=tuple(link.name for link in links),
-        shapes=tuple(found),
-        by_visuals=tuple(
-            link.name
-            for row, link in enumerate(links)
-            if row in rows and not link.collisions
-        ),
-        without_shapes=tuple(
-            link.name for row, link in enumerate(links) if row not in rows
-        ),
-        left_out=left_out,
-    )
+    return tuple(found), left_out
 
 
-def _is_world(link: Link, description: Description) -> bool:
-    """Return whether a link is the world, which has no pose."""
-    return link.name == WORLD == description.root
-
-
-def _shapes_of(link: Link, visual_hulls: bool) -> tuple[Shape, ...]:
-    """Select the shapes that count for a link."""
-    shapes = link.collisions or (link.visuals if visual_hulls else ())
-    return tuple(shape for shape in shapes if shape.kind != "plane")
+def posed_links(description: Description) -> list[Link]:
+    """List the links that have poses: all but a root that is the world."""
+    root_is_world = description.root == WORLD
+    return [x for x in description.links if not (root_is_world and x.name == WORLD)]
 
 
 def _convex(
@@ -175,7 +141,7 @@ def turn(axes: np.ndarray, vectors: np.ndarray) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class Placed:
+class ShapePairs:
     """Pairs of shapes, the second placed in the link frame of the first."""
 
     a: np.ndarray
@@ -191,16 +157,15 @@ class Placed:
     rotation: np.ndarray
     """The same as ``axes``, as quaternions (x, y, z, w), shape (n, 4)."""
 
-    def __getitem__(self, rows: np.ndarray | list[int]) -> Placed:
-        """Select some of the pairs."""
+    def __getitem__(self, rows: np.ndarray | list[int]) -> ShapePairs:
         parts = (self.a, self.b, self.axes, self.origin, self.rotation)
-        return Placed(*(part[rows] for part in parts))
+        return ShapePairs(*(part[rows] for part in parts))
 
-    def swapped(self) -> Placed:
+    def swapped(self) -> ShapePairs:
         """Return the same pairs with the first placed in the frame of the second."""
         axes = np.swapaxes(self.axes, 1, 2)
         conjugate = self.rotation * np.array([-1.0, -1.0, -1.0, 1.0])
-        return Placed(self.b, self.a, axes, -turn(axes, self.origin), conjugate)
+        return ShapePairs(self.b, self.a, axes, -turn(axes, self.origin), conjugate)
 
 
 # Parts of a product of a conjugate and a quaternion, x, y, z, w: besides that with the
@@ -216,12 +181,12 @@ def place(
     poses_a: np.ndarray,
     poses_b: np.ndarray,
     axes_a: np.ndarray,
-) -> Placed:
+) -> ShapePairs:
     """Place shapes relative to others.
 
     Args:
         a: Indices of shapes, shape (n,).
-        b: Likewise.
+        b: Indices of shapes, shape (n,).
         poses_a: Poses of the links of the first in the world, shape (n, 7).
         poses_b: Poses of the links of the second, shape (n, 7).
         axes_a: Rotations of the links of the first as matrices, shape (n, 3, 3).
@@ -231,4 +196,4 @@ def place(
     for left, right, signs in zip(_LEFT, _RIGHT, _SIGNS):
         rotation += signs * (q_a[:, left] * q_b[:, right])
     origin = turn(np.swapaxes(axes_a, 1, 2), poses_b[:, :3] - poses_a[:, :3])
-    return Placed(a, b, axes_of(rotation), origin, rotation)
+    return ShapePairs(a, b, axes_of(rotation), origin, rotation)

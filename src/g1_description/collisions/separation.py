@@ -1,4 +1,4 @@
-"""Planes between convex shapes: how wide a gap there is along a direction."""
+"""Convex shapes that are apart: spheres and boxes about them, planes between them."""
 
 from __future__ import annotations
 
@@ -6,14 +6,87 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from g1_description.collisions.convex_shapes import ConvexShape, Placed, turn
+from g1_description.collisions.convex_shapes import ConvexShape, ShapePairs, turn
 from g1_description.sim.meshes.hull_vertices import hull_normals
 
+
+class Bounds:
+    """A sphere and a box about each shape, in the frame of its link."""
+
+    def __init__(self, shapes: Sequence[ConvexShape]) -> None:
+        boxes = [_box(shape) for shape in shapes]
+        self._link = np.array([shape.link for shape in shapes], dtype=int)
+        self._center = np.array([center for center, _, _ in boxes]).reshape(-1, 3)
+        self._axes = np.array([axes for _, axes, _ in boxes]).reshape(-1, 3, 3)
+        self._half = np.array([half for _, _, half in boxes]).reshape(-1, 3)
+        self._radius = np.linalg.norm(self._half, axis=1)
+
+    def near(
+        self, T_world_link: np.ndarray, axes: np.ndarray, pairs: np.ndarray, gap: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Find the pairs whose spheres are near each other.
+
+        Args:
+            T_world_link: Poses of the links, shape (n_frames, n_links, 7).
+            axes: The same rotations as matrices, shape (n_frames, n_links, 3, 3).
+            pairs: Indices of shapes, shape (n_pairs, 2).
+            gap: Pairs this far apart or farther are left out, in [m].
+
+        Returns:
+            Frames and rows of ``pairs``, shapes (n,).
+        """
+        turned = axes[:, self._link] @ self._center[:, :, np.newaxis]
+        center = T_world_link[:, self._link, :3] + turned[..., 0]
+        apart = center[:, pairs[:, 0]] - center[:, pairs[:, 1]]
+        reach = self._radius[pairs].sum(axis=1) + gap
+        squared = np.einsum("fpi,fpi->fp", apart, apart)
+        frames, rows = np.nonzero(squared < reach**2)
+        return frames, rows
+
+    def overlap(self, placed: ShapePairs, gap: float) -> np.ndarray:
+        """Find the pairs that no side of their boxes separates.
+
+        Args:
+            placed: Pairs of shapes.
+            gap: Pairs this far apart or farther are left out, in [m].
+
+        Returns:
+            Rows of ``placed``, shape (n,).
+        """
+        a, b = placed.a, placed.b
+        axes_a, axes_b = self._axes[a], placed.axes @ self._axes[b]
+        center_b = (placed.axes @ self._center[b][:, :, np.newaxis])[..., 0]
+        apart = (placed.origin + center_b - self._center[a])[:, np.newaxis]
+        slopes = np.abs(np.swapaxes(axes_a, 1, 2) @ axes_b)
+        half_a, half_b = self._half[a][:, np.newaxis], self._half[b][:, np.newaxis]
+        reach_b = (slopes @ np.swapaxes(half_b, 1, 2))[..., 0]
+        along_a = np.abs(apart @ axes_a)[:, 0] - half_a[:, 0] - reach_b
+        along_b = np.abs(apart @ axes_b)[:, 0] - half_b[:, 0] - (half_a @ slopes)[:, 0]
+        return np.flatnonzero(np.maximum(along_a, along_b).max(axis=1) < gap)
+
+
+def _box(shape: ConvexShape) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Find the smaller of two boxes: along the link's axes, or the principal ones.
+
+    Returns:
+        Its centre, shape (3,), its axes as columns, shape (3, 3), and half its sides,
+        shape (3,), in the link frame, in [m].
+    """
+    centered = shape.points - shape.points.mean(axis=0)
+    boxes = []
+    for axes in (np.eye(3), np.linalg.svd(centered.T @ centered)[0]):
+        along = shape.points @ axes
+        low, high = along.min(axis=0) - shape.radius, along.max(axis=0) + shape.radius
+        boxes.append((axes @ (low + high) / 2.0, axes, (high - low) / 2.0))
+    return min(boxes, key=lambda box: float(np.prod(box[2])))
+
+
 ROUNDS = 4
-"""How often a direction is improved: what is not separated then mostly collides."""
+"""Improvements of a direction: what is not separated then mostly collides."""
 
 FEW = 32
-"""Up to so many directions are asked for together: it costs more memory, not time."""
+"""Up to this number, directions of all shapes are searched together, which costs more
+memory and less time."""
 
 TINY = 1e-12
 """Shortest vector that has a direction, in [m]."""
@@ -30,7 +103,7 @@ class Separation:
         self._padded = _padded([shape.points for shape in shapes])
         self._normals = [hull_normals(shape.points) for shape in shapes]
 
-    def apart(self, placed: Placed, gap: float) -> np.ndarray:
+    def apart(self, placed: ShapePairs, gap: float) -> np.ndarray:
         """Find pairs that a plane separates, by their farthest points.
 
         The search is that of Chung and Wang (1996): a direction along which the shapes
@@ -48,33 +121,33 @@ class Separation:
         for _ in range(ROUNDS):
             if not len(rows):
                 break
-            way = self._way(placed, direction)
+            step = self._between_ends(placed, direction)
             radii = self._radius[placed.a] + self._radius[placed.b]
-            is_apart = (direction * way).sum(axis=1) - radii > gap
+            is_apart = (direction * step).sum(axis=1) - radii > gap
             found[rows[is_apart]] = True
             left = np.flatnonzero(~is_apart)
             rows, placed = rows[left], placed[left]
-            way, direction = _unit(way[left]), direction[left]
-            turned = np.minimum((direction * way).sum(axis=1, keepdims=True), 0.0)
-            direction = _unit(direction - 2.0 * turned * way)
+            step, direction = _unit(step[left]), direction[left]
+            turned = np.minimum((direction * step).sum(axis=1, keepdims=True), 0.0)
+            direction = _unit(direction - 2.0 * turned * step)
         return found
 
-    def _way(self, placed: Placed, direction: np.ndarray) -> np.ndarray:
-        """Find the way from the farthest point of a along directions to the first of b.
+    def _between_ends(self, placed: ShapePairs, direction: np.ndarray) -> np.ndarray:
+        """Find vectors from the last points of a along directions to the first of b.
 
         Args:
             placed: Pairs of shapes.
             direction: Unit vectors in the frames of a, shape (n, 3).
 
         Returns:
-            Ways in the frames of a, in [m], shape (n, 3).
+            In the frames of a, in [m], shape (n, 3).
         """
         backwards = -(direction[:, np.newaxis] @ placed.axes)[:, 0]
         end_a = self._per_shape(placed.a, direction, _farthest)
         end_b = self._per_shape(placed.b, backwards, _farthest)
         return (placed.axes @ end_b[:, :, np.newaxis])[..., 0] + placed.origin - end_a
 
-    def between_middles(self, placed: Placed) -> np.ndarray:
+    def between_middles(self, placed: ShapePairs) -> np.ndarray:
         """Give the directions from the middles of shapes to those of others.
 
         Returns:
@@ -83,7 +156,7 @@ class Separation:
         middle_b = turn(placed.axes, self._middle[placed.b]) + placed.origin
         return _unit(middle_b - self._middle[placed.a])
 
-    def normals(self, placed: Placed, row: int) -> np.ndarray:
+    def normals(self, placed: ShapePairs, row: int) -> np.ndarray:
         """Give the normals of all faces of a pair, those of b turned around.
 
         Returns:
@@ -94,7 +167,7 @@ class Separation:
         return np.concatenate([of_a, -turn(placed.axes[[row] * len(of_b)], of_b)])
 
     def faces(
-        self, placed: Placed, direction: np.ndarray
+        self, placed: ShapePairs, direction: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Find where shapes end along directions.
 
