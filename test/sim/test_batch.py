@@ -21,9 +21,15 @@ from waiting import DEADLINE, wait_for
 from g1_description import Robot
 from g1_description.checks import batch
 from g1_description.checks import cluster as clusters
-from g1_description.checks.batch import DIED, FileChecker, Here, Task, check_files
+from g1_description.checks.batch import (
+    DIED,
+    FileChecker,
+    Here,
+    Processes,
+    Task,
+    check_files,
+)
 from g1_description.checks.cluster import Cluster, packed
-from g1_description.checks.processes import Processes
 from g1_description.checks.report import json_text
 from g1_description.errors import ClusterError
 from g1_description.files.model_files import find_folder
@@ -126,8 +132,7 @@ import os, sys
 sys.path[:0] = {path!r}
 from pathlib import Path
 from g1_description import Robot
-from g1_description.checks.batch import FileChecker, Task, check_files
-from g1_description.checks.processes import Processes
+from g1_description.checks.batch import FileChecker, Processes, Task, check_files
 from checked import POST, stay
 
 if __name__ == "__main__":

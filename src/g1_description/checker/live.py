@@ -10,7 +10,7 @@ import rospy
 from diagnostic_msgs.msg import DiagnosticStatus
 from diagnostic_updater import Updater
 
-from g1_description.checker.live_markers import LiveMarkers
+from g1_description.checker.markers import LiveMarkers
 from g1_description.checks.checker import Checker
 from g1_description.checks.live import LiveCheck
 from g1_description.checks.measured import NO_BASE

@@ -1,11 +1,13 @@
-"""Markers for RViz, in one line each."""
+"""Shows in RViz what was found of the robot as it is now.
+
+Publishes: ~markers (visualization_msgs/MarkerArray), while somebody subscribes
+"""
 
 from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Sequence
 
 import genpy
 import numpy as np
@@ -14,9 +16,13 @@ from geometry_msgs.msg import Point
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-from g1_description.checks.marks import RED, Color
-from g1_description.robot.description import Description, Shape
-from g1_description.ros.conversions import pose_from_array
+from g1_description.checker.parameters import CheckerParameters, base_frame
+from g1_description.checks.checker import Checker
+from g1_description.checks.marks import RED, Color, RobotMarks, red_links
+from g1_description.checks.verdict import Verdict
+from g1_description.robot.description import Shape
+from g1_description.robot.state import RobotState
+from g1_description.ros.conversions import pose_from_array, stamp_from_ns
 from g1_description.ros.publisher import DirectPublisher
 
 KINDS = {
@@ -31,19 +37,11 @@ DARK = 0.7
 """Brightness of texts as a share of that of surfaces: RViz does not shade them."""
 
 
-@dataclass(frozen=True)
-class Place:
-    """Where coordinates are meant."""
-
-    frame: str
-    stamp: genpy.Time
-
-
 class MarkerMaker:
-    """Makes markers of one place and time, and numbers them by namespace."""
+    """A canvas of markers in one frame at one time, numbered by namespace."""
 
-    def __init__(self, place: Place) -> None:
-        self._place = place
+    def __init__(self, frame: str, stamp: genpy.Time) -> None:
+        self._frame, self._stamp = frame, stamp
         self._counts: dict[str, int] = {}
         self.markers: list[Marker] = []
 
@@ -67,8 +65,8 @@ class MarkerMaker:
         marker = Marker(ns=namespace, type=kind, action=Marker.ADD)
         marker.id = self._counts.get(namespace, 0)
         self._counts[namespace] = marker.id + 1
-        marker.header.frame_id = self._place.frame
-        marker.header.stamp = self._place.stamp
+        marker.header.frame_id = self._frame
+        marker.header.stamp = self._stamp
         marker.pose.orientation.w = 1.0
         marker.color = ColorRGBA(*color, alpha)
         marker.scale.x, marker.scale.y, marker.scale.z = scale
@@ -133,42 +131,6 @@ def to_points(rows: np.ndarray | Iterable) -> list[Point]:
 LINKS = "colliding links"
 """Namespace in RViz."""
 
-
-class LinkMarkers:
-    """Makes the markers of links of one robot."""
-
-    def __init__(self, robot: Description) -> None:
-        """Prepare.
-
-        Args:
-            robot: The robot.
-        """
-        self._shapes = {
-            link.name: [s for s in link.visuals or link.collisions if s.kind in KINDS]
-            for link in robot.links
-        }
-        counts = np.cumsum([0, *(len(shapes) for shapes in self._shapes.values())])
-        self._numbers = dict(zip(self._shapes, counts.tolist()))
-
-    def links(self, names: Sequence[str], prefix: str) -> list[Marker]:
-        """Make the markers of links that collide; each stays with its link's frame.
-
-        Args:
-            names: Names of the links.
-            prefix: What stands before the names of their frames.
-        """
-        markers = []
-        for name in names:
-            maker = MarkerMaker(Place(prefix + name, genpy.Time()))
-            for shape in self._shapes[name]:
-                maker.shape(LINKS, shape, RED, 0.6)
-            for number, marker in enumerate(maker.markers):
-                marker.frame_locked = True
-                marker.id = self._numbers[name] + number
-            markers += maker.markers
-        return markers
-
-
 REFRESH_PERIOD = 1.0
 """All is sent again after this time in [s] of wall time: RViz forgets what is switched
 off there."""
@@ -177,48 +139,48 @@ QUEUE_SIZE = 2
 """Messages that wait for a slow RViz; older ones would be of no use."""
 
 
-class MarkerPublisher:
-    """Sends markers to those who subscribe, and nothing where nobody does."""
+class LiveMarkers:
+    """Makes markers of what is new, and sends them while somebody subscribes."""
 
-    def __init__(self, topic: str) -> None:
-        """Advertise the topic.
-
-        Args:
-            topic: Its name.
-        """
-        self._newcomer = threading.Event()
-        self._topic = DirectPublisher(
-            topic, MarkerArray, QUEUE_SIZE, on_newcomer=self._newcomer.set
-        )
+    def __init__(self, checker: Checker, parameters: CheckerParameters) -> None:
+        robot = checker.description
+        self._prefix, self._map = parameters.frame_prefix, parameters.map_frame
+        self._base_frame = base_frame(robot, parameters)
+        floor = checker.thresholds.floor_height
+        self._marks = RobotMarks(robot, floor, parameters.limit_margin)
+        self._shapes = {
+            link.name: [s for s in link.visuals or link.collisions if s.kind in KINDS]
+            for link in robot.links
+        }
+        self._newest: tuple[RobotState, Verdict] | None = None
+        self._content: tuple | None = None
         self._shown: dict[tuple[str, int], Marker] = {}
         self._refreshed = 0.0
-        rospy.on_shutdown(self.clear)
+        self._newcomer = threading.Event()
+        self._topic = DirectPublisher(
+            "~markers", MarkerArray, QUEUE_SIZE, on_newcomer=self._newcomer.set
+        )
+        rospy.on_shutdown(self._clear)
 
-    @property
-    def is_wanted(self) -> bool:
-        """Whether anybody subscribes."""
-        return self._topic.get_num_connections() > 0
+    def show(self, state: RobotState, verdict: Verdict) -> None:
+        """Show what was found of a state."""
+        self._newest = state, verdict
 
-    def update(self, fixed: Sequence[Marker], moving: Sequence[Marker]) -> None:
-        """Show these markers and no others.
-
-        Args:
-            fixed: Those that are sent once, as they stay with a frame.
-            moving: Those that are sent each time.
-        """
-        shown = {_key(marker): marker for marker in (*fixed, *moving)}
-        last, self._shown = self._shown, shown
-        gone = [_removed(marker) for key, marker in last.items() if key not in shown]
-        new = [marker for marker in fixed if _key(marker) not in last]
-        if gone or new or moving:
-            self._topic.publish(MarkerArray([*gone, *new, *moving]))
-
-    def keep_up(self, stamp: genpy.Time) -> None:
-        """Send all again where that is due, and what waited for a slow reader.
-
-        Args:
-            stamp: Until when the markers are valid: the newest time that TF knows.
-        """
+    def keep_up(self) -> None:
+        """Send what is new, and all again to newcomers or where that is due."""
+        if self._newest is None or not self._topic.get_num_connections():
+            self._content, self._shown = None, {}
+            return
+        state, verdict = self._newest
+        place = None if state.base_pose is None else state.base_pose.tobytes()
+        content = verdict.measured.positions.tobytes(), place, verdict.checked
+        stamp = stamp_from_ns(state.stamp)
+        if content != self._content:
+            self._content = content
+            frame = self._base_frame if state.base_pose is None else self._map
+            canvas = MarkerMaker(frame, stamp)
+            self._marks.draw(canvas, verdict, state.base_pose)
+            self._send(self._link_markers(red_links(verdict)), canvas.markers)
         self._topic.flush()
         is_due = time.monotonic() - self._refreshed > REFRESH_PERIOD
         if self._newcomer.is_set() or is_due:
@@ -230,13 +192,31 @@ class MarkerPublisher:
             if self._shown:
                 self._topic.publish(MarkerArray([*self._shown.values()]))
 
-    def forget(self) -> None:
-        """Begin again, as nobody has seen anything."""
-        self._shown = {}
+    def _send(self, fixed: Sequence[Marker], moving: Sequence[Marker]) -> None:
+        """Show these markers and no others; fixed ones stay with a frame."""
+        shown = {_key(marker): marker for marker in (*fixed, *moving)}
+        last, self._shown = self._shown, shown
+        gone = [_removed(marker) for key, marker in last.items() if key not in shown]
+        new = [marker for marker in fixed if _key(marker) not in last]
+        if gone or new or moving:
+            self._topic.publish(MarkerArray([*gone, *new, *moving]))
 
-    def clear(self) -> None:
+    def _link_markers(self, links: Collection[str]) -> list[Marker]:
+        """Make the markers of links that collide; each stays with its link's frame."""
+        markers, number = [], 0
+        for name, shapes in self._shapes.items():
+            canvas = MarkerMaker(self._prefix + name, genpy.Time())
+            for shape in shapes if name in links else ():
+                canvas.shape(LINKS, shape, RED, 0.6)
+            for marker in canvas.markers:
+                marker.frame_locked = True
+                marker.id += number
+            markers += canvas.markers
+            number += len(shapes)
+        return markers
+
+    def _clear(self) -> None:
         """Show nothing any more."""
-        self._shown = {}
         self._topic.publish(MarkerArray([Marker(action=Marker.DELETEALL)]))
 
 

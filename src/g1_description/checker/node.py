@@ -20,7 +20,7 @@ from pathlib import Path
 import rospy
 
 from g1_description.checker.live import LiveChecks
-from g1_description.checker.live_markers import LiveMarkers
+from g1_description.checker.markers import LiveMarkers
 from g1_description.checker.parameters import (
     CheckerParameters,
     base_frame,

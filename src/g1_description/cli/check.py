@@ -11,10 +11,9 @@ from collections.abc import Collection
 from contextlib import closing
 
 from g1_description.api import MODEL, Robot
-from g1_description.checks.batch import FileChecker, Here, check_files
+from g1_description.checks.batch import FileChecker, Here, Processes, check_files
 from g1_description.checks.checker import collisions_of
 from g1_description.checks.cluster import Cluster
-from g1_description.checks.processes import Processes
 from g1_description.checks.report import (
     NO_MOTION,
     NOT_CHECKED,
