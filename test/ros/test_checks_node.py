@@ -100,7 +100,7 @@ class TestChecks(unittest.TestCase):
         self.assertNotIn("penetration", answer.checked)
         self.assertIn("penetration: the motion has no base", answer.skipped)
 
-    def test_velocities_are_judged_where_they_are_given(self):
+    def test_velocities_are_checked_where_they_are_given(self):
         limit = self.joints[KNEE].velocity
         joints = JointState(name=[KNEE], position=[0.1], velocity=[1.1 * limit])
         answer = self.check_state(joints, False, Pose(), ["velocity"])
@@ -247,17 +247,17 @@ class TestChecks(unittest.TestCase):
         )
         late.close()
 
-    def test_live_1_without_a_base_the_floor_is_not_judged(self):
+    def test_live_1_without_a_base_the_floor_is_not_checked(self):
         values = self.wait_for_status(OK, "nothing is wrong", height=None)
-        reason = values["penetration is not judged"]
+        reason = values["penetration is not checked"]
         self.assertIn("left/pelvis", reason)
         values = self.wait_for_status(ERROR, "torso_link", height=None, **ARM_IN_TORSO)
         self.assertTrue(any("self_collision" in key for key in values))
         edge = transform(rospy.Time(), "left/base_link", "left/pelvis", [0] * 6 + [1])
         self.static.publish(TFMessage([edge]))
         values = self.wait_for_status(OK, "nothing is wrong")
-        self.assertNotIn("penetration is not judged", values)
-        self.assertIn("left_ankle_roll_link", values["bears"])
+        self.assertNotIn("penetration is not checked", values)
+        self.assertIn("left_ankle_roll_link", values["in contact with the floor"])
 
     def test_live_2_what_is_wrong_is_on_diagnostics(self):
         lower = self.joints[KNEE].lower
@@ -324,10 +324,10 @@ class TestChecks(unittest.TestCase):
         values = self.wait_for_status(
             OK, "nothing is wrong", height=STANDING + 0.05, speed=1.0
         )
-        self.assertEqual(values["center_of_mass is not judged"], "the robot moves")
+        self.assertEqual(values["center_of_mass is not checked"], "the robot moves")
 
     def test_live_7_joints_wait_for_the_base_of_their_time(self):
-        """States whose base is not known yet collide; none of them is judged.
+        """States whose base is not known yet collide; none of them is checked.
 
         They follow each other so closely that the base does not become a second older
         than the joints, however late TF is read: from then on it would be unknown.
@@ -349,7 +349,7 @@ class TestChecks(unittest.TestCase):
         TestChecks.time = 10.0
         self.wait_for_status(ERROR, "torso_link", **ARM_IN_TORSO)
         values = self.wait_for_status(OK, "nothing is wrong")
-        self.assertIn("left_ankle_roll_link", values["bears"])
+        self.assertIn("left_ankle_roll_link", values["in contact with the floor"])
 
     def test_live_8_a_motion_in_another_frame_takes_nothing_from_it(self):
         """It stands where the robot stands."""
@@ -368,7 +368,7 @@ class TestChecks(unittest.TestCase):
         self.assertTrue(answer.success, answer.status_message)
         self.assertTrue(answer.valid, answer.findings)
         values = self.wait_for_status(OK, "nothing is wrong")
-        self.assertIn("left_ankle_roll_link", values["bears"])
+        self.assertIn("left_ankle_roll_link", values["in contact with the floor"])
 
     def show_until(self, stopped):
         """Show the robot standing again and again."""

@@ -7,7 +7,7 @@ import pytest
 from checked import ARM, POST, post_motion
 
 from g1_description.checks.checker import Checker
-from g1_description.checks.report import Outcome, outcome_text
+from g1_description.checks.report import FileResult, outcome_text
 from g1_description.checks.thresholds import Level, Thresholds
 from g1_description.motion.motion import Motion
 from g1_description.robot.urdf import parse_urdf
@@ -70,7 +70,7 @@ def test_a_verdict_without_findings_says_what_physics_found():
     assert verdict.notes[-1] == note
     assert verdict.figures["rms_tracking_error"] == pytest.approx(rms)
     assert verdict.figures["largest_tracking_error"] == largest
-    assert note in outcome_text(Outcome("a.csv", verdict))
+    assert note in outcome_text(FileResult("a.csv", verdict))
 
 
 def test_a_fall_is_told_and_ends_the_figures():

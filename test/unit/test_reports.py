@@ -14,7 +14,7 @@ from g1_description.checks.report import (
     FIGURES,
     NOT_READ,
     RESULTS,
-    Outcome,
+    FileResult,
     counted,
     csv_text,
     json_text,
@@ -68,8 +68,8 @@ def verdicts(draw):
     )
 
 
-OUTCOMES = st.builds(Outcome, WORDS, verdicts()) | st.builds(
-    Outcome, WORDS, st.none(), WORDS, st.sampled_from(RESULTS[3:])
+OUTCOMES = st.builds(FileResult, WORDS, verdicts()) | st.builds(
+    FileResult, WORDS, st.none(), WORDS, st.sampled_from(RESULTS[3:])
 )
 
 
@@ -122,13 +122,13 @@ def test_csv_has_a_row_for_each_file(outcomes):
 
 def test_the_worst_distance_is_the_smallest():
     far, near = (finding(worst=worst, bound=0.5) for worst in (0.25, 0.125))
-    outcome = Outcome("a", Verdict("r", (far, near), ("position",)))
+    outcome = FileResult("a", Verdict("r", (far, near), ("position",)))
     (row,) = csv.DictReader(io.StringIO(csv_text([outcome])))
     assert row["position_worst"] == "0.125"
 
 
 def test_what_json_has_no_number_for_is_null():
-    outcome = Outcome("a", Verdict("r", (finding(worst=math.inf),), ("position",)))
+    outcome = FileResult("a", Verdict("r", (finding(worst=math.inf),), ("position",)))
     assert json.loads(json_text([outcome]))["files"][0]["findings"][0]["worst"] is None
 
 
@@ -182,7 +182,7 @@ def test_the_page_needs_nothing_from_elsewhere(tmp_path_factory, outcomes):
 def test_names_on_the_page_are_text(tmp_path):
     name = '<b>&amp;"x"</b>'
     verdict = Verdict(name, (finding(subject=(name,)),), ("position",), notes=(name,))
-    write_page(tmp_path / "page.html", [Outcome(name, verdict)], [None])
+    write_page(tmp_path / "page.html", [FileResult(name, verdict)], [None])
     page = Page((tmp_path / "page.html").read_text(encoding="utf-8"))
     assert "b" not in page.tags
     assert page.text.count(name) == 5
@@ -197,7 +197,7 @@ def test_the_table_says_what_was_found():
         {"duration": 3.0, "samples": 91},
         notes=("30 Hz assumed.",),
     )
-    lines = outcome_text(Outcome("a.csv", verdict)).splitlines()
+    lines = outcome_text(FileResult("a.csv", verdict)).splitlines()
     assert lines[0] == "a.csv: failed, 3.00 s, 91 samples"
     words = [" ".join(line.split()) for line in lines]
     assert words[2] == "failed position elbow 0.5 rad 1.250 s 50.0 %"
@@ -224,8 +224,8 @@ def test_columns_are_aligned():
 )
 def test_the_last_line_counts(results, not_done, text):
     kinds = {
-        "p": Outcome("a", Verdict("r")),
-        "f": Outcome("a", Verdict("r", (finding(),), ("position",))),
-        "n": Outcome("a", problem="empty", without_verdict=NOT_READ),
+        "p": FileResult("a", Verdict("r")),
+        "f": FileResult("a", Verdict("r", (finding(),), ("position",))),
+        "n": FileResult("a", problem="empty", without_verdict=NOT_READ),
     }
     assert summary_text([kinds[result] for result in results], not_done) == text

@@ -84,7 +84,7 @@ class CheckHealth:
             else:
                 self._summarize(status)
                 if self._verdict is not None:
-                    status.add("states judged per s", f"{rate:.1f}")
+                    status.add("states checked per s", f"{rate:.1f}")
                     self._add_values(status, self._verdict)
             self._count, self._reported = 0, now
         return status
@@ -92,7 +92,7 @@ class CheckHealth:
     def _summarize(self, status) -> None:
         """Say what is wrong in few words."""
         if self._problem:
-            status.summary(ERROR, f"joint_states cannot be judged: {self._problem}")
+            status.summary(ERROR, f"joint_states cannot be checked: {self._problem}")
             return
         found = sorted(self._found.values(), key=lambda f: f.severity != FAILED)
         status.summary(OK, "nothing is wrong")
@@ -109,12 +109,16 @@ class CheckHealth:
             status.add(name, f"{finding.severity}: {finding.worst:.4g} {finding.unit}")
         if "least_center_margin" in verdict.figures:
             margin = f"{verdict.figures['least_center_margin']:.4f}"
-            status.add("centre of mass inside of what bears, at rest, in m", margin)
+            status.add(
+                "centre of mass inside the support polygon, at rest, in m", margin
+            )
         if "penetration" in verdict.checked:
-            status.add("bears", listed(verdict.bearing) or "nothing")
+            status.add(
+                "in contact with the floor", listed(verdict.bearing) or "nothing"
+            )
         for name in SHOWN_IF_SKIPPED:
             if name in verdict.skipped:
-                status.add(f"{name} is not judged", verdict.skipped[name])
+                status.add(f"{name} is not checked", verdict.skipped[name])
 
 
 REPORT_PERIOD = 1.0

@@ -25,7 +25,7 @@ from tempfile import TemporaryDirectory
 from typing import Any, Callable, Optional, Union
 
 from g1_description.checks.checker import Checker
-from g1_description.checks.report import NO_MOTION, NOT_READ, Outcome
+from g1_description.checks.report import NO_MOTION, NOT_READ, FileResult
 from g1_description.errors import G1DescriptionError, MotionError, NoMotionError, cause
 from g1_description.motion.files.read import read_motion
 from g1_description.motion.motion import Motion
@@ -71,15 +71,15 @@ class FileChecker:
     reader: Reader | None = None
     """Reads files, bags too; None: what can be read without ROS."""
 
-    def outcome(self, name: str, content: Content) -> Outcome:
+    def outcome(self, name: str, content: Content) -> FileResult:
         """Check a file; one that cannot be checked never ends the work on others."""
         try:
             motion = self.read(name, content)
-            if isinstance(motion, Outcome):
+            if isinstance(motion, FileResult):
                 return motion
             verdict = self.checker.check(motion, self.only)
             if verdict.nothing_made:
-                return Outcome(name, problem=verdict.nothing_made)
+                return FileResult(name, problem=verdict.nothing_made)
             plot = b""
             if self.plot:
                 # Only now: matplotlib takes most of a second.
@@ -88,12 +88,12 @@ class FileChecker:
                 joints = self.checker.description.movable_joints
                 plot = motion_plot(name, verdict, joints)
         except G1DescriptionError as error:
-            return Outcome(name, problem=str(error))
+            return FileResult(name, problem=str(error))
         except Exception as error:
-            return Outcome(name, problem=_mishap(error))
-        return Outcome(name, replace(verdict, measured=None), plot=plot)
+            return FileResult(name, problem=_mishap(error))
+        return FileResult(name, replace(verdict, measured=None), plot=plot)
 
-    def read(self, name: str, content: Content) -> Motion | Outcome:
+    def read(self, name: str, content: Content) -> Motion | FileResult:
         """Read a motion; the outcome where there is none."""
         robot = self.checker.description
         try:
@@ -113,9 +113,9 @@ class FileChecker:
             problem = problem[len(begin) :] if problem.startswith(begin) else problem
             is_other = isinstance(error, NoMotionError)
             result = NO_MOTION if is_other else NOT_READ
-            return Outcome(name, problem=problem, without_verdict=result)
+            return FileResult(name, problem=problem, without_verdict=result)
         except Exception as error:  # whatever a library finds in a file
-            return Outcome(name, problem=_mishap(error))
+            return FileResult(name, problem=_mishap(error))
 
 
 def _mishap(error: Exception) -> str:
@@ -125,7 +125,7 @@ def _mishap(error: Exception) -> str:
     return f"internal error {type(error).__name__}: {cause(error)} ({place})"
 
 
-def check_content(pickled: bytes, name: str, content: Content) -> Outcome:
+def check_content(pickled: bytes, name: str, content: Content) -> FileResult:
     """Check a file with a pickled FileChecker, in whatever process this is."""
     with _LOCK:
         return _unpickled(pickled).outcome(name, content)
@@ -149,17 +149,17 @@ class Here:
     def __init__(self, checker: FileChecker) -> None:
         self.checker = checker
 
-    def submit(self, task: Task) -> Future[Outcome]:
+    def submit(self, task: Task) -> Future[FileResult]:
         """Begin to check a file.
 
         Raises:
             BrokenExecutor: If the pool must be restarted.
         """
-        future: Future[Outcome] = Future()
+        future: Future[FileResult] = Future()
         future.set_result(self.checker.outcome(task.name, task.path))
         return future
 
-    def result(self, task: Task, future: Future[Outcome]) -> Outcome:
+    def result(self, task: Task, future: Future[FileResult]) -> FileResult:
         """Return the outcome of a file that is done.
 
         Raises:
@@ -197,7 +197,7 @@ class Processes(Here):
         context = multiprocessing.get_context(START_METHOD)
         return ProcessPoolExecutor(self._count, context, _prepare)
 
-    def submit(self, task: Task) -> Future[Outcome]:
+    def submit(self, task: Task) -> Future[FileResult]:
         """Begin to check a file; with the first ones processes start."""
         with _signals_held():
             return self._pool.submit(check_content, self._pickled, task.name, task.path)
@@ -250,7 +250,7 @@ PATIENCE = 10.0
 """How long nothing may be done until the pool is looked at, in [s]."""
 
 
-def check_files(pool: Here, tasks: Sequence[Task]) -> Iterator[tuple[Task, Outcome]]:
+def check_files(pool: Here, tasks: Sequence[Task]) -> Iterator[tuple[Task, FileResult]]:
     """Check files.
 
     When a process dies, nobody knows which of the submitted files it died of, so they
@@ -272,14 +272,14 @@ def check_files(pool: Here, tasks: Sequence[Task]) -> Iterator[tuple[Task, Outco
                 if deaths < MOST_DEATHS:
                     alone.extend(lost)
                 else:
-                    yield task, Outcome(task.name, problem=DIED)
+                    yield task, FileResult(task.name, problem=DIED)
 
 
 def _until_a_death(
     pool: Here, waiting: deque[Task]
-) -> Generator[tuple[Task, Outcome], None, list[Task]]:
+) -> Generator[tuple[Task, FileResult], None, list[Task]]:
     """Check files until all are done, or a process dies; return those lost by that."""
-    running: dict[Future[Outcome], Task] = {}
+    running: dict[Future[FileResult], Task] = {}
     lost: list[Task] = []
     has_died = False
     while running or (waiting and not has_died):

@@ -27,7 +27,7 @@ from g1_description.checks.batch import (
     Task,
     check_content,
 )
-from g1_description.checks.report import Outcome
+from g1_description.checks.report import FileResult
 from g1_description.errors import ClusterError, MotionError, cause
 from g1_description.files.model_files import find_folder, share_folder
 from g1_description.files.uris import local_path
@@ -129,21 +129,21 @@ class Cluster(Here):
             )
         return sum(self._client.nthreads().values())
 
-    def submit(self, task: Task) -> Future[Outcome]:
+    def submit(self, task: Task) -> Future[FileResult]:
         """Send a file; one that cannot be read here is done at once."""
         content = self._content(task)
-        if isinstance(content, Outcome):
-            done: Future[Outcome] = Future()
+        if isinstance(content, FileResult):
+            done: Future[FileResult] = Future()
             done.set_result(content)
             return done
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", message=".*[Ll]arge.*")
-            future: Future[Outcome] = self._executor.submit(
+            future: Future[FileResult] = self._executor.submit(
                 check_content, self._pickled, task.name, content
             )
             return future
 
-    def _content(self, task: Task) -> Content | Outcome:
+    def _content(self, task: Task) -> Content | FileResult:
         """Read a file; the outcome where that says all."""
         try:
             size = task.path.stat().st_size
@@ -155,12 +155,12 @@ class Cluster(Here):
         # Bags need ROS, which workers may not have.
         return self.checker.read(task.name, task.path)
 
-    def result(self, task: Task, future: Future[Outcome]) -> Outcome:
+    def result(self, task: Task, future: Future[FileResult]) -> FileResult:
         """Return the outcome of a file that is done."""
         try:
             return future.result()
         except self._dask.scheduler.KilledWorker:
-            return Outcome(task.name, problem="the workers that checked it died")
+            return FileResult(task.name, problem="the workers that checked it died")
         except (
             CancelledError,
             self._dask.CancelledError,
@@ -169,7 +169,7 @@ class Cluster(Here):
             # It names the file's key, which says nothing to anybody.
             raise ClusterError(f"The cluster {self._address} has gone.") from error
         except Exception as error:  # such as a full disk
-            return Outcome(task.name, problem=f"its worker failed: {cause(error)}")
+            return FileResult(task.name, problem=f"its worker failed: {cause(error)}")
 
     def check_alive(self) -> None:
         """Raise a ClusterError if no worker is left."""

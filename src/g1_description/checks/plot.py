@@ -169,7 +169,7 @@ def _panels(verdict: Verdict, measured: Measured) -> list[tuple[str, float, Pane
         )
     if measured.heights is not None:
         add(
-            "links that bear on the floor; marked: they slide",
+            "links in contact with the floor; marked: they slide",
             ROW * max(len(verdict.bearing), 1),
             lambda axes: plot_panels.contacts_panel(axes, measured, verdict),
         )
@@ -182,7 +182,7 @@ def _panels(verdict: Verdict, measured: Measured) -> list[tuple[str, float, Pane
         )
     if measured.balance is not None:
         add(
-            "balance: distance inside of what bears [m], negative outside",
+            "balance: distance inside the support polygon [m], negative outside",
             LINES,
             lambda axes: plot_panels.margins_panel(axes, measured),
             "center_of_mass",

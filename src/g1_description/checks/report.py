@@ -22,7 +22,7 @@ RESULTS = (PASSED, WARNING, FAILED, NOT_READ, NOT_CHECKED, NO_MOTION)
 
 
 @dataclass(frozen=True)
-class Outcome:
+class FileResult:
     """A verdict on the motion of a file, or why there is none."""
 
     file: str
@@ -46,7 +46,7 @@ class Outcome:
             return self.verdict.severity
         return self.without_verdict
 
-    def without_plot(self) -> Outcome:
+    def without_plot(self) -> FileResult:
         """Leave the picture out."""
         return replace(self, plot=b"")
 
@@ -60,7 +60,7 @@ def counted(results: Iterable[str]) -> dict[str, int]:
 HEAD = ("", "check", "joint, link or pair", "worst", "first at", "share of time")
 
 
-def outcome_text(outcome: Outcome) -> str:
+def outcome_text(outcome: FileResult) -> str:
     """Describe what was found of a file, in a line or in a table."""
     head = f"{outcome.file}: {outcome.result}"
     verdict = outcome.verdict
@@ -75,7 +75,7 @@ def outcome_text(outcome: Outcome) -> str:
     return "\n".join(lines)
 
 
-def summary_text(outcomes: Sequence[Outcome], not_done: int = 0) -> str:
+def summary_text(outcomes: Sequence[FileResult], not_done: int = 0) -> str:
     """Count the outcomes, in a sentence.
 
     Args:
@@ -168,7 +168,7 @@ COLUMNS = (
 """Columns of the CSV."""
 
 
-def json_text(outcomes: Sequence[Outcome], not_done: int = 0) -> str:
+def json_text(outcomes: Sequence[FileResult], not_done: int = 0) -> str:
     """Write outcomes as JSON.
 
     Args:
@@ -184,7 +184,7 @@ def json_text(outcomes: Sequence[Outcome], not_done: int = 0) -> str:
     return json.dumps(_finite(content), indent=1, allow_nan=False) + "\n"
 
 
-def _as_dict(outcome: Outcome) -> dict[str, Any]:
+def _as_dict(outcome: FileResult) -> dict[str, Any]:
     """Return an outcome for JSON."""
     found: dict[str, Any] = {"file": outcome.file, "result": outcome.result}
     if outcome.verdict is None:
@@ -203,7 +203,7 @@ def _finite(value: Any) -> Any:
     return value
 
 
-def csv_text(outcomes: Sequence[Outcome]) -> str:
+def csv_text(outcomes: Sequence[FileResult]) -> str:
     """Write outcomes as CSV; what is not known is empty.
 
     Lines end as Unix has it. A carriage return in a name, which would end one, too,
@@ -217,7 +217,7 @@ def csv_text(outcomes: Sequence[Outcome]) -> str:
     return text.getvalue().replace("\r", " ")
 
 
-def _row(outcome: Outcome) -> dict[str, Any]:
+def _row(outcome: FileResult) -> dict[str, Any]:
     """Return the row of a file."""
     row: dict[str, Any] = {"file": outcome.file, "result": outcome.result}
     verdict = outcome.verdict

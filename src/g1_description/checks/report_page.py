@@ -9,7 +9,7 @@ from pathlib import Path
 
 from g1_description.checks.report import (
     HEAD,
-    Outcome,
+    FileResult,
     counted,
     finding_row,
     skipped_text,
@@ -37,7 +37,7 @@ a { color: #0060a0; }
 
 def write_page(
     path: Path,
-    outcomes: Sequence[Outcome],
+    outcomes: Sequence[FileResult],
     pictures: Sequence[Path | None],
     not_done: int = 0,
 ) -> None:
@@ -59,7 +59,7 @@ def write_page(
 
 
 def _page(
-    outcomes: Sequence[Outcome], pictures: Sequence[Path | None], not_done: int
+    outcomes: Sequence[FileResult], pictures: Sequence[Path | None], not_done: int
 ) -> Iterator[str]:
     """Write the parts of a page."""
     yield (
@@ -75,7 +75,7 @@ def _page(
     yield "</body>\n</html>\n"
 
 
-def _overview(outcomes: Sequence[Outcome]) -> Iterator[str]:
+def _overview(outcomes: Sequence[FileResult]) -> Iterator[str]:
     """Write the table of all files."""
     heads = ("file", "result", "failed", "warnings", "first at", "checks that failed")
     yield f"<table>\n{_row('th', heads)}"
@@ -95,7 +95,7 @@ def _overview(outcomes: Sequence[Outcome]) -> Iterator[str]:
     yield "</table>\n"
 
 
-def _section(number: int, outcome: Outcome, picture: Path | None) -> Iterator[str]:
+def _section(number: int, outcome: FileResult, picture: Path | None) -> Iterator[str]:
     """Write what was found of a file."""
     yield (
         f'<h2 id="file{number}">{escape(outcome.file)} {_badge(outcome.result)}</h2>\n'

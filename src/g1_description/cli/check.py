@@ -18,7 +18,7 @@ from g1_description.checks.report import (
     NO_MOTION,
     NOT_CHECKED,
     NOT_READ,
-    Outcome,
+    FileResult,
     summary_text,
 )
 from g1_description.checks.verdict import FAILED
@@ -109,7 +109,7 @@ def _summarize(results: Results, files: MotionFiles, stream) -> None:
     say(f"{text}{more}.", stream)
 
 
-def exit_code(outcomes: Collection[Outcome], named: Collection[str]) -> int:
+def exit_code(outcomes: Collection[FileResult], named: Collection[str]) -> int:
     """Decide what the command ends with.
 
     Args:

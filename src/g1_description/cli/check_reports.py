@@ -14,7 +14,7 @@ from typing import TextIO
 from tqdm import tqdm
 
 from g1_description.checks.batch import Task
-from g1_description.checks.report import Outcome, csv_text, json_text, outcome_text
+from g1_description.checks.report import FileResult, csv_text, json_text, outcome_text
 from g1_description.checks.report_page import write_page
 from g1_description.cli.check_options import STDOUT
 from g1_description.cli.motion_paths import picture_names
@@ -51,7 +51,7 @@ class Reports:
         # A page has all pictures in the end; until then they need no memory.
         self._kept = TemporaryDirectory(prefix="check_") if args.html else None
 
-    def add(self, task: Task, outcome: Outcome) -> None:
+    def add(self, task: Task, outcome: FileResult) -> None:
         """Write the picture of a file."""
         if outcome.plot and task.number in self._pictures:
             with self._going_on():
@@ -59,7 +59,7 @@ class Reports:
         if outcome.plot and self._kept:
             Path(self._kept.name, str(task.number)).write_bytes(outcome.plot)
 
-    def write(self, outcomes: Mapping[int, Outcome], not_done: int) -> None:
+    def write(self, outcomes: Mapping[int, FileResult], not_done: int) -> None:
         """Write the rest.
 
         Args:
@@ -151,12 +151,12 @@ class Results:
             n_files: Number of files.
             stream: Where tables are printed; None: nowhere.
         """
-        self.outcomes: dict[int, Outcome] = {}
+        self.outcomes: dict[int, FileResult] = {}
         """By the number of the file."""
         self._n_files, self._stream, self._next = n_files, stream, 0
         self._bar = tqdm(total=n_files, unit="file", disable=not _is_shown(n_files))
 
-    def add(self, task: Task, outcome: Outcome) -> None:
+    def add(self, task: Task, outcome: FileResult) -> None:
         """Add the outcome of a file."""
         self.outcomes[task.number] = outcome
         while self._next in self.outcomes:
