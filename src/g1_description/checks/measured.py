@@ -203,11 +203,6 @@ class Measured:
         np.maximum.at(depth, self.contacts.frame, -self.contacts.distance)
         return depth
 
-    @cached_property
-    def own_rows(self) -> np.ndarray:
-        """Rows of the motion's own samples among the times, shape (n_samples,)."""
-        return np.searchsorted(self.times, self.trajectory.times)
-
     def spread(self, values: np.ndarray, fill: float) -> np.ndarray:
         """Put values of the motion's own samples among all times.
 
@@ -219,7 +214,7 @@ class Measured:
             Shape (n, ...).
         """
         found = np.full((len(self.times), *values.shape[1:]), fill)
-        found[self.own_rows] = values
+        found[np.searchsorted(self.times, self.trajectory.times)] = values
         return found
 
     def chunks(self) -> Iterator[slice]:
@@ -256,11 +251,7 @@ class Measured:
 
     def base_poses(self) -> np.ndarray:
         """Find the poses of the base at all times, shape (n, 7)."""
-        poses = np.empty((len(self.times), 7))
-        for piece in self.chunks():
-            found = sample(self.trajectory, self.times[piece])
-            poses[piece] = _base_of(found, piece.stop - piece.start)[0]
-        return poses
+        return _base_of(sample(self.trajectory, self.times), len(self.times))[0]
 
     def dynamics(self, times: np.ndarray) -> RobotMotion:
         """Find the robot's motion at times in [s], shape (m,), by differences.
