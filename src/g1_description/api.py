@@ -50,8 +50,7 @@ from g1_description.text import listed, similar_first
 if TYPE_CHECKING:
     from g1_description.checks.checker import Checker
     from g1_description.checks.verdict import Verdict
-    from g1_description.collisions.distances import Contacts
-    from g1_description.collisions.self_collisions import SelfCollisions
+    from g1_description.collisions.self_collisions import Contacts, SelfCollisions
 
 MODEL = "package://g1_description/urdf/g1_29dof.urdf"
 """The robot of this package."""

@@ -16,8 +16,7 @@ from g1_description.checks.balance import (
 )
 from g1_description.checks.ground import Ground, GroundFrames, outlines_of
 from g1_description.checks.thresholds import Thresholds
-from g1_description.collisions.distances import Contacts
-from g1_description.collisions.self_collisions import SelfCollisions
+from g1_description.collisions.self_collisions import Contacts, SelfCollisions
 from g1_description.errors import MotionError
 from g1_description.motion.trajectory import Sample, Trajectory, sample
 from g1_description.robot.assembly import WORLD, base_of, root_in_base
