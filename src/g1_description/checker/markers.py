@@ -18,7 +18,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from g1_description.checker.parameters import CheckerParameters, base_frame
 from g1_description.checks.checker import Checker
-from g1_description.checks.marks import RED, Color, RobotMarks, red_links
+from g1_description.checks.marks import RED, Color, draw_marks, red_links
 from g1_description.checks.verdict import Verdict
 from g1_description.robot.description import Shape
 from g1_description.robot.state import RobotState
@@ -146,8 +146,7 @@ class LiveMarkers:
         robot = checker.description
         self._prefix, self._map = parameters.frame_prefix, parameters.map_frame
         self._base_frame = base_frame(robot, parameters)
-        floor = checker.thresholds.floor_height
-        self._marks = RobotMarks(robot, floor, parameters.limit_margin)
+        self._limit_margin = parameters.limit_margin
         self._shapes = {
             link.name: [s for s in link.visuals or link.collisions if s.kind in KINDS]
             for link in robot.links
@@ -179,7 +178,7 @@ class LiveMarkers:
             self._content = content
             frame = self._base_frame if state.base_pose is None else self._map
             canvas = MarkerMaker(frame, stamp)
-            self._marks.draw(canvas, verdict, state.base_pose)
+            draw_marks(canvas, verdict, self._limit_margin)
             self._send(self._link_markers(red_links(verdict)), canvas.markers)
         self._topic.flush()
         is_due = time.monotonic() - self._refreshed > REFRESH_PERIOD

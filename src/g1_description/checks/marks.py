@@ -1,4 +1,4 @@
-"""What was found of the robot as it is now, drawn beside it."""
+"""The findings of the robot as it is now, drawn beside it."""
 
 from __future__ import annotations
 
@@ -13,9 +13,6 @@ from g1_description.checks.measured import Measured
 from g1_description.checks.rule import Rule, units
 from g1_description.checks.rules import RULES
 from g1_description.checks.verdict import FAILED, Finding, Verdict
-from g1_description.robot.assembly import root_in_base
-from g1_description.robot.description import Description, Joint
-from g1_description.robot.kinematics import Kinematics
 from g1_description.robot.rotation import rotate
 from g1_description.robot.transform import IDENTITY, compose
 
@@ -66,7 +63,7 @@ WIDTH = 0.5
 """Of a character, as a share of its height."""
 
 REACH = 0.36
-"""How far beside the middle of the robot texts begin, in [m]."""
+"""Distance of texts from the middle of the robot, in [m]."""
 
 SPACING = 1.4
 """Least difference in height of texts on one side of the robot, in heights."""
@@ -114,7 +111,7 @@ def places(
 
 
 def short_name(name: str) -> str:
-    """Leave out what ends the names of most links or joints."""
+    """Remove the endings that most names of links or joints have."""
     for ending in ("_link", "_joint"):
         if name.endswith(ending):
             return name[: -len(ending)]
@@ -122,7 +119,7 @@ def short_name(name: str) -> str:
 
 
 ABOVE = 0.004
-"""What lies on the floor is drawn so much above it, in [m]."""
+"""Height above the floor of what is drawn on it, in [m]."""
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -138,119 +135,86 @@ def red_links(verdict: Verdict) -> set[str]:
     return {link for subject in found for link in subject}
 
 
-class RobotMarks:
-    """Draws the marks of one robot."""
+def draw_marks(canvas: Canvas, verdict: Verdict, limit_margin: float) -> None:
+    """Draw all marks of one state.
 
-    def __init__(self, robot: Description, floor: float, limit_margin: float) -> None:
-        """Prepare.
+    Args:
+        canvas: In the map; of a state without a base in the frame of the base.
+        verdict: What was found and measured.
+        limit_margin: Joints this near to a limit are marked, in [rad] or [m]; of
+            joints with a small range a tenth of it.
+    """
+    measured = verdict.measured
+    assert measured is not None
+    poses = measured.trajectory.base_poses
+    base = IDENTITY if poses is None else poses[0]
+    rules = {rule.name: rule for rule in RULES if rule.namespace}
+    labels = [
+        _mark(canvas, rules[finding.check], finding)
+        for finding in verdict.findings
+        if finding.check in rules and finding.points
+    ]
+    labels += _near_limits(canvas, measured, base, limit_margin)
+    labels += _balance(canvas, measured, verdict)
+    for label, (begin, middle) in zip(labels, places(labels, base)):
+        canvas.line(LABELS, np.stack([label.point, begin]), 0.002, label.color)
+        canvas.text(LABELS, middle, label.text, SIZE, label.color)
 
-        Args:
-            robot: The robot.
-            floor: Height of the floor in the map, in [m].
-            limit_margin: Joints this near to a limit are marked, in [rad] or [m]; of
-                joints with a small range a tenth of it.
-        """
-        self._floor = floor + ABOVE
-        self._joints = robot.movable_joints
-        self._row = {joint.name: row for row, joint in enumerate(self._joints)}
-        self._lower = np.array([joint.lower for joint in self._joints])
-        self._upper = np.array([joint.upper for joint in self._joints])
-        ranges = np.maximum(self._upper - self._lower, 0.0)
-        self._margin = np.minimum(limit_margin, 0.1 * ranges)
-        self._kinematics = Kinematics(robot)
-        self._T_base_root = root_in_base(robot)
 
-    def draw(
-        self,
-        canvas: Canvas,
-        verdict: Verdict,
-        base: np.ndarray | None,
-    ) -> None:
-        """Draw all marks.
-
-        Args:
-            canvas: What draws, in the map; without a base in the base's own frame.
-            verdict: What was found and measured of one state.
-            base: T_map_base, shape (7,); None: that frame is the base's.
-        """
-        measured = verdict.measured
-        assert measured is not None
-        rules = {rule.name: rule for rule in RULES if rule.namespace}
-        labels = [
-            _mark(canvas, rules[finding.check], finding)
-            for finding in verdict.findings
-            if finding.check in rules and finding.points
-        ]
-        labels += self._near_limits(canvas, measured, base)
-        labels += self._balance(canvas, measured, verdict)
-        around = places(labels, IDENTITY if base is None else base)
-        for label, (begin, middle) in zip(labels, around):
-            canvas.line(LABELS, np.stack([label.point, begin]), 0.002, label.color)
-            canvas.text(LABELS, middle, label.text, SIZE, label.color)
-
-    def _near_limits(
-        self, canvas: Canvas, measured: Measured, base: np.ndarray | None
-    ) -> list[Label]:
-        """Mark joints that are near their limits, or beyond."""
-        rows = np.array([self._row[name] for name in measured.joint_names], dtype=int)
-        positions = np.zeros(len(self._joints))
-        positions[rows] = measured.positions[0]
-        room = np.minimum(positions - self._lower, self._upper - positions)[rows]
-        near = rows[np.flatnonzero(room < self._margin[rows])]
-        if not near.size:
-            return []
-        pose = IDENTITY if base is None else base
-        root = compose(pose, self._T_base_root)
-        origins = self._kinematics.place(root, positions)[1]
-        labels = [
-            self._limit_label(self._joints[row], positions[row], origins[row])
-            for row in near.tolist()
-        ]
-        for label in labels:
-            canvas.ball(LIMITS, label.point, 0.13, label.color, 0.45)
-        return labels
-
-    @staticmethod
-    def _limit_label(joint: Joint, position: float, origin: np.ndarray) -> Label:
-        """Say how far a joint is from its nearer limit, or beyond."""
+def _near_limits(
+    canvas: Canvas, measured: Measured, base: np.ndarray, limit_margin: float
+) -> list[Label]:
+    """Mark joints that are near their limits, or beyond."""
+    near = {}
+    for joint, position in zip(measured.joints, measured.positions[0].tolist()):
         above, below = joint.upper - position, position - joint.lower
         room, bound = min((above, "upper"), (below, "lower"))
-        color, word = (RED, "beyond") if room < 0.0 else (ORANGE, "to")
-        text = f"{abs(room):.3f} {units(joint)[0]} {word} {bound} limit"
-        return Label(origin, f"{short_name(joint.name)} {text}", color)
+        if room < min(limit_margin, 0.1 * max(joint.upper - joint.lower, 0.0)):
+            word = "beyond" if room < 0.0 else "to"
+            text = f"{abs(room):.3f} {units(joint)[0]} {word} {bound} limit"
+            color = RED if room < 0.0 else ORANGE
+            near[joint.name] = f"{short_name(joint.name)} {text}", color
+    if not near:
+        return []
+    robot = measured.robot
+    positions = measured.at(measured.times[:1])[1][0]
+    root = compose(base, robot.T_base_root)
+    placed = zip(robot.joints, robot.kinematics.place(root, positions)[1])
+    origins = {joint.name: origin for joint, origin in placed}
+    labels = [Label(origins[name], text, color) for name, (text, color) in near.items()]
+    for label in labels:
+        canvas.ball(LIMITS, label.point, 0.13, label.color, 0.45)
+    return labels
 
-    def _balance(
-        self, canvas: Canvas, measured: Measured, verdict: Verdict
-    ) -> list[Label]:
-        """Show the centre of mass above the support polygon."""
-        balance = measured.balance
-        if balance is None:
-            return []
-        center, margin = balance.center[0], float(balance.center_margin[0])
-        color = self._balance_color(margin, verdict)
-        below = np.append(center[:2], self._floor)
-        canvas.ball(BALANCE, center, 0.07, color)
-        canvas.line(BALANCE, np.stack([center, below]), 0.006, color)
-        canvas.disc(BALANCE, below + 0.001 * UP, 0.05, color)
-        if np.isnan(margin):
-            return []
-        corners = np.array(support_polygon(measured.support[0]))
-        polygon = np.column_stack([corners, np.full(len(corners), self._floor)])
-        canvas.line(SUPPORT, np.concatenate([polygon, polygon[:1]]), 0.01, color)
-        if len(polygon) > 2:
-            fan = [polygon[[0, k, k + 1]] for k in range(1, len(polygon) - 1)]
-            canvas.triangles(SUPPORT, np.concatenate(fan), color, 0.25)
-        side = "inside" if margin >= 0.0 else "outside"
-        text = f"centre of mass {1e3 * abs(margin):.0f} mm {side}"
-        return [Label(below, text, color)]
 
-    @staticmethod
-    def _balance_color(margin: float, verdict: Verdict) -> Color:
-        """Choose green inside, red outside, orange where that is no fault."""
-        if margin >= 0.0:
-            return GREEN
-        is_checked = "center_of_mass" in verdict.checked
-        return RED if is_checked and not np.isnan(margin) else ORANGE
+def _balance(canvas: Canvas, measured: Measured, verdict: Verdict) -> list[Label]:
+    """Show the centre of mass above the support polygon.
+
+    Green inside, red outside, orange where that is not checked.
+    """
+    balance = measured.balance
+    if balance is None:
+        return []
+    center, margin = balance.center[0], float(balance.center_margin[0])
+    is_checked = "center_of_mass" in verdict.checked
+    color = RED if is_checked and margin < 0.0 else ORANGE
+    color = GREEN if margin >= 0.0 else color
+    floor = measured.robot.thresholds.floor_height + ABOVE
+    below = np.append(center[:2], floor)
+    canvas.ball(BALANCE, center, 0.07, color)
+    canvas.line(BALANCE, np.stack([center, below]), 0.006, color)
+    canvas.disc(BALANCE, below + 0.001 * UP, 0.05, color)
+    if np.isnan(margin):
+        return []
+    corners = np.array(support_polygon(measured.support[0]))
+    polygon = np.column_stack([corners, np.full(len(corners), floor)])
+    canvas.line(SUPPORT, np.concatenate([polygon, polygon[:1]]), 0.01, color)
+    if len(polygon) > 2:
+        fan = [polygon[[0, k, k + 1]] for k in range(1, len(polygon) - 1)]
+        canvas.triangles(SUPPORT, np.concatenate(fan), color, 0.25)
+    side = "inside" if margin >= 0.0 else "outside"
+    text = f"centre of mass {1e3 * abs(margin):.0f} mm {side}"
+    return [Label(below, text, color)]
 
 
 def _mark(canvas: Canvas, rule: Rule, finding: Finding) -> Label:

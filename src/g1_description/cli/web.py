@@ -146,7 +146,6 @@ def web(args: argparse.Namespace) -> None:
             world,
             options,
             lambda robot: Checker(robot, thresholds),
-            thresholds.floor_height,
         )
         for (file, motion), robot in zip(motions, world.robots):
             show.page.motion.open(file.name, robot, motion)

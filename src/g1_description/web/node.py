@@ -137,7 +137,6 @@ def make_show(parameters: WebParameters) -> Show:
         world,
         parameters.server,
         lambda robot: Checker(robot, thresholds),
-        thresholds.floor_height,
     )
 
 

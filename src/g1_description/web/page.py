@@ -54,7 +54,6 @@ class Page:
         world: ShownWorld,
         make_checker: MakeChecker,
         read_only: bool = False,
-        floor: float = 0.0,
     ) -> None:
         """Build the page.
 
@@ -63,7 +62,6 @@ class Page:
             world: The robots.
             make_checker: Prepares the checks of a robot.
             read_only: Whether people can only look.
-            floor: Height of the floor in the map, in [m].
         """
         self._server, self._world = server, world
         self.desk = Desk(server, world.changed)
@@ -72,8 +70,7 @@ class Page:
         self._pointer = Pointer(server)
         names: set[str] = set()
         self._shown = [
-            Shown(server, robot, free_name(robot.name, names), floor)
-            for robot in world.robots
+            Shown(server, robot, free_name(robot.name, names)) for robot in world.robots
         ]
         for row, shown in enumerate(self._shown if len(self._shown) > 1 else ()):
             shown.body.tag(shown.robot.name, row)

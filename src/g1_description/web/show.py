@@ -29,7 +29,6 @@ class Show:
         world: ShownWorld,
         options: ServerOptions,
         make_checker: MakeChecker,
-        floor: float = 0.0,
     ) -> None:
         """Open the page.
 
@@ -37,7 +36,6 @@ class Show:
             world: The robots.
             options: Who may come in, and where.
             make_checker: Prepares the checks of a robot.
-            floor: Height of the floor in the map, in [m].
 
         Raises:
             PageServerError: If the page cannot be opened.
@@ -51,9 +49,7 @@ class Show:
                 "configuration.sh": lambda: configuration_command(first),
             },
         )
-        self.page = Page(
-            self._server.viser, world, make_checker, options.read_only, floor
-        )
+        self.page = Page(self._server.viser, world, make_checker, options.read_only)
         self.page.watched = lambda: self._server.browsers
 
     @property

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from g1_description.checks.marks import RobotMarks, red_links
+from g1_description.checks.marks import draw_marks, red_links
 from g1_description.checks.verdict import Verdict
 from g1_description.robot.rotation import angle_between
 from g1_description.web.base_controls import BasePanel
@@ -38,16 +38,13 @@ NEAR = 0.01
 class Shown:
     """One robot in the scene, with its ghost, its trails and its marks."""
 
-    def __init__(
-        self, server: ViserServer, robot: ShownRobot, name: str, floor: float
-    ) -> None:
+    def __init__(self, server: ViserServer, robot: ShownRobot, name: str) -> None:
         """Add the robot.
 
         Args:
             server: Where to.
             robot: The robot.
             name: Its own name in the scene.
-            floor: Height of the floor in the map, in [m].
         """
         self.robot = robot
         self._scene = server.scene
@@ -60,7 +57,6 @@ class Shown:
         self._ghost: SceneRobot | None = None
         self._trails = Trails(self._scene, f"{MAP}/trails/{self._name}", description)
         self._canvas = SceneMarks(self._scene, f"{MAP}/checks/{self._name}")
-        self._marks = RobotMarks(description, floor, LIMIT_MARGIN)
         self._state: ShownState | None = None
         self._checked: ShownState | None = None
 
@@ -107,7 +103,7 @@ class Shown:
         self.body.redden(red_links(verdict))
         newest = self._state or state
         if state.base is not None and newest.time - state.time < STALE:
-            self._marks.draw(self._canvas, verdict, state.base)
+            draw_marks(self._canvas, verdict, LIMIT_MARGIN)
         self._canvas.show()
 
     def unmark(self) -> None:
