@@ -1,8 +1,8 @@
-"""Pairs of links whose contact says nothing, each with the reason."""
+"""Pairs of links that are not checked for collisions, each with the reason."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -47,21 +47,21 @@ class AllowedPairs:
     """Name of the robot."""
 
     links: tuple[str, ...]
-    """The links that have shapes: for these it was found out."""
+    """Those with shapes, which were examined."""
 
     pairs: tuple[AllowedPair, ...]
 
     samples: int = 0
-    """Random configurations that it was found out with."""
+    """Number of random configurations in which they were examined."""
 
     seed: int = 0
-    """Of the random numbers."""
+    """Seed of the random numbers."""
 
     place: str = ""
     """The file it is from."""
 
     def check_links(self, robot: str, links: Iterable[str]) -> None:
-        """Check that it was found out for a robot.
+        """Check that a robot has no other links than were examined.
 
         Args:
             robot: Its name.
@@ -79,18 +79,13 @@ class AllowedPairs:
             )
 
 
-def names_of(pairs: Collection[AllowedPair]) -> set[frozenset[str]]:
-    """Give the names of the links of pairs."""
-    return {pair.links for pair in pairs}
-
-
 def with_pairs(allowed: AllowedPairs, pairs: Iterable[AllowedPair]) -> AllowedPairs:
     """Add pairs, each in place of the one of the same links if there is one.
 
-    Pairs of links that the robot does not have are left out.
+    Pairs of links that the robot does not have are ignored.
     """
     added = [pair for pair in pairs if pair.links <= {*allowed.links}]
-    names = names_of(added)
+    names = {pair.links for pair in added}
     kept = [pair for pair in allowed.pairs if pair.links not in names]
     return replace(allowed, pairs=(*kept, *added))
 
@@ -116,51 +111,41 @@ def _allowed_pairs(content: object, place: str) -> AllowedPairs:
     """Read what a file holds."""
     if not isinstance(content, dict) or not set(KEYS) <= set(content):
         raise AllowedPairsError(f"it must have {', '.join(KEYS)}")
-    links = _names(content["links"])
-    pairs = content["pairs"]
+    links, pairs = content["links"], content["pairs"]
+    if not isinstance(links, list) or not all(isinstance(n, str) for n in links):
+        raise AllowedPairsError("links must be a list of names")
     if not isinstance(pairs, list):
         raise AllowedPairsError("pairs must be a list")
+    for key in ("samples", "seed"):
+        count = content[key]
+        if not isinstance(count, int) or isinstance(count, bool) or count < 0:
+            raise AllowedPairsError(f"{key} must be a whole number of at least 0")
     return AllowedPairs(
-        robot=str(content["robot"]),
-        links=links,
-        pairs=tuple(_pair(pair, links) for pair in pairs),
-        samples=_count(content, "samples"),
-        seed=_count(content, "seed"),
-        place=place,
+        str(content["robot"]),
+        tuple(links),
+        tuple(_pair(pair, links) for pair in pairs),
+        content["samples"],
+        content["seed"],
+        place,
     )
 
 
-def _names(value: object) -> tuple[str, ...]:
-    """Check a list of names."""
-    if isinstance(value, list) and all(isinstance(name, str) for name in value):
-        return tuple(value)
-    raise AllowedPairsError("links must be a list of names")
-
-
-def _count(content: Mapping[str, object], key: str) -> int:
-    """Check a number that counts something."""
-    value = content[key]
-    if isinstance(value, int) and not isinstance(value, bool) and value >= 0:
-        return value
-    raise AllowedPairsError(f"{key} must be a whole number of at least 0")
-
-
-def _pair(value: object, links: tuple[str, ...]) -> AllowedPair:
+def _pair(value: object, links: Collection[str]) -> AllowedPair:
     """Read an entry."""
     if not (isinstance(value, list) and len(value) == 3):
         raise AllowedPairsError(
             f"each of pairs must be [link, link, reason], not {value!r}"
         )
-    link_a, link_b, reason = map(str, value)
-    unknown = [name for name in (link_a, link_b) if name not in links]
+    pair = AllowedPair(*map(str, value))
+    unknown = [name for name in (pair.link_a, pair.link_b) if name not in links]
     if unknown:
         raise AllowedPairsError(f"pairs name {listed(unknown)}, which is not in links")
-    if reason not in REASONS:
+    if pair.reason not in REASONS:
         raise AllowedPairsError(
-            f"{link_a} and {link_b} have the reason '{reason}'; there are "
-            f"{listed(REASONS)}"
+            f"{pair.link_a} and {pair.link_b} have the reason '{pair.reason}'; there "
+            f"are {listed(REASONS)}"
         )
-    return AllowedPair(link_a, link_b, reason)
+    return pair
 
 
 def write_allowed_pairs(file: Path, allowed: AllowedPairs, about: str) -> None:

@@ -1,8 +1,7 @@
-"""Which pairs of links may touch by design, found as MoveIt's setup assistant does."""
+"""Finds pairs of links that may touch by design, as MoveIt's setup assistant does."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import Callable
 
@@ -34,13 +33,13 @@ NEAR = 0.02
 """A pair that comes nearer than this is checked, though it may never touch, in [m]."""
 
 REACH = 1.0
-"""How far a joint that slides without limits is moved to both sides, in [m]."""
+"""Range of a joint that slides without limits, to both sides, in [m]."""
 
 BATCH = 2000
 """Configurations between two reports of progress."""
 
 Progress = Callable[[int, int], None]
-"""Is told how many samples are done, and of how many."""
+"""Called with the number of samples that are done, and of all."""
 
 
 def find_allowed_pairs(
@@ -58,60 +57,32 @@ def find_allowed_pairs(
         description: The robot; names of its meshes can be found from anywhere.
         samples: Number of random configurations inside the limits.
         seed: Of the random numbers.
-        progress: What is told how far it is.
+        progress: Called after each batch.
 
     Returns:
         The pairs with their reasons, the same for the same arguments.
     """
     adjacent = adjacent_pairs(description)
     collisions = SelfCollisions(description, adjacent)
-    batches = _random_batches(description, samples, seed)
-    was_near, was_apart = _watch(collisions, batches, progress or _tell_nobody, samples)
-    reasons = np.where(was_near | (samples == 0), "", NEVER).astype(object)
-    reasons[collisions.contacts(zero_poses(description)).pair] = DEFAULT
-    reasons[was_near & ~was_apart] = ALWAYS
-    found = zip(collisions.pairs, reasons.tolist())
-    links = collisions.links
-    pairs = [pair for pair in adjacent if pair.links <= {*links}]
-    pairs += [AllowedPair(*pair, reason) for pair, reason in found if reason]
-    return AllowedPairs(description.name, links, tuple(pairs), samples, seed)
-
-
-def _tell_nobody(done: int, total: int) -> None:
-    """Report no progress."""
-
-
-def _random_batches(
-    description: Description, samples: int, seed: int
-) -> Iterator[np.ndarray]:
-    """Give poses of the links in random configurations, batch by batch."""
+    links, n_pairs = collisions.links, len(collisions.pairs)
+    was_near, was_apart = np.zeros(n_pairs, bool), np.zeros(n_pairs, bool)
     random = np.random.RandomState(seed)
     for first in range(0, samples, BATCH):
-        yield random_poses(description, random, min(BATCH, samples - first))
-
-
-def _watch(
-    collisions: SelfCollisions,
-    batches: Iterable[np.ndarray],
-    progress: Progress,
-    total: int,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Find which pairs are ever near, and which do not overlap at least once.
-
-    Returns:
-        Whether a pair was, shapes (n_pairs,).
-    """
-    n_pairs, done = len(collisions.pairs), 0
-    was_near, was_apart = np.zeros(n_pairs, bool), np.zeros(n_pairs, bool)
-    for poses in batches:
+        poses = random_poses(description, random, min(BATCH, samples - first))
         unknown = np.flatnonzero(~(was_near & was_apart))
         near = collisions.contacts(poses, NEAR, unknown)
         was_near[near.pair] = True
         overlaps = np.bincount(near.pair[near.distance < 0.0], minlength=n_pairs)
         was_apart[unknown] |= overlaps[unknown] < len(poses)
-        done += len(poses)
-        progress(done, total)
-    return was_near, was_apart
+        if progress is not None:
+            progress(first + len(poses), samples)
+    reasons = np.where(was_near | (samples == 0), "", NEVER).astype(object)
+    reasons[collisions.contacts(zero_poses(description)).pair] = DEFAULT
+    reasons[was_near & ~was_apart] = ALWAYS
+    found = zip(collisions.pairs, reasons.tolist())
+    pairs = [pair for pair in adjacent if pair.links <= {*links}]
+    pairs += [AllowedPair(*pair, reason) for pair, reason in found if reason]
+    return AllowedPairs(description.name, links, tuple(pairs), samples, seed)
 
 
 def quick_allowed_pairs(description: Description) -> AllowedPairs:
@@ -127,9 +98,9 @@ def quick_allowed_pairs(description: Description) -> AllowedPairs:
 def adjacent_pairs(description: Description) -> tuple[AllowedPair, ...]:
     """List pairs of links that a joint connects.
 
-    What fixed joints hold together counts as one body, so that each link of one is
-    adjacent to each of the other. A body without any shape is passed over: what hangs
-    on it is adjacent to what carries it.
+    Links that fixed joints connect count as one body, so that each link of one is
+    adjacent to each of the other. A body without any shape is ignored: its
+    children are adjacent to its parent.
     """
     groups: dict[str, list[str]] = {}
     for tree in description.trees:

@@ -17,7 +17,7 @@ from typing import Any, Tuple
 
 import numpy as np
 
-from g1_description.collisions.allowed_pairs import AllowedPair, AllowedPairs, names_of
+from g1_description.collisions.allowed_pairs import AllowedPair, AllowedPairs
 from g1_description.collisions.convex_shapes import (
     ConvexShape,
     ShapePairs,
@@ -191,7 +191,9 @@ class SelfCollisions:
         if isinstance(allowed, AllowedPairs):
             allowed.check_links(description.name, self.links)
             allowed = allowed.pairs
-        self.pairs = _checked_pairs(description, self.links, names_of(allowed))
+        self.pairs = _checked_pairs(
+            description, self.links, {pair.links for pair in allowed}
+        )
         """The pairs of links that are checked."""
         self._link = np.array([shape.link for shape in self.shapes], dtype=int)
         self._prepare()
