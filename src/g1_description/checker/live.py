@@ -24,18 +24,18 @@ OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.E
 LEVELS = {FAILED: ERROR, WARNING: WARN}
 
 MAX_AGE = 2.0
-"""Age of the last state in [s] of wall time from which on only that is reported: what
-was found of it may no longer be true."""
+"""Age of the last state in [s] of wall time from which on only that is reported:
+older findings may no longer be true."""
 
 SHOWN_IF_SKIPPED = ("self_collision", "penetration", "center_of_mass")
-"""Checks of which it is told why they are not made."""
+"""Checks whose reason for being skipped is reported."""
 
 MAX_TEXTS = 3
-"""Most findings whose words are in the summary; values tell all of them."""
+"""Most findings whose sentences are in the summary; the values list all."""
 
 
 class CheckHealth:
-    """Gathers what was found since the last report, so that nothing short is missed."""
+    """Gathers the findings since the last report, so that nothing short is missed."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -126,7 +126,7 @@ REPORT_PERIOD = 1.0
 
 
 class LiveChecks:
-    """A thread that checks, at most so often, and one that reports."""
+    """A thread that checks at a limited rate, and one that reports."""
 
     def __init__(
         self,
@@ -143,7 +143,7 @@ class LiveChecks:
             lock: Held while it does.
             states: Where the robot is.
             markers: Shows what was found.
-            rate: How often it is checked at most, in [Hz] of wall time.
+            rate: Most checks per second of wall time, in [Hz].
         """
         self._lock = lock
         self._states, self._markers = states, markers
@@ -164,9 +164,9 @@ class LiveChecks:
                 self._states.changed.clear()
                 due = time.monotonic() + self._period
                 with quiet_when_closing():
-                    self._tell_newest()
+                    self._check_newest()
                     self._markers.keep_up()
-        finally:  # after an error the node ends: what it told is no longer true
+        finally:  # after an error the node ends: its report is no longer true
             rospy.signal_shutdown("no state is checked any more")
 
     def _report_forever(self) -> None:
@@ -175,7 +175,7 @@ class LiveChecks:
             with quiet_when_closing():
                 self._health.publish()
 
-    def _tell_newest(self) -> None:
+    def _check_newest(self) -> None:
         """Check the newest state if there is a new one, and show what was found."""
         try:
             state = self._states.newest()
@@ -195,14 +195,10 @@ class LiveChecks:
             self._health.refuse(str(error))
             return
         if state.base_pose is None:
-            verdict = _renamed(verdict, NO_BASE, self._states.no_base)
+            why = {NO_BASE: self._states.no_base}
+            skipped = {
+                n: why.get(reason, reason) for n, reason in verdict.skipped.items()
+            }
+            verdict = replace(verdict, skipped=skipped)
         self._health.add(verdict)
         self._markers.show(state, verdict)
-
-
-def _renamed(verdict: Verdict, reason: str, better: str) -> Verdict:
-    """Give another reason why checks were not made."""
-    skipped = {
-        name: why.replace(reason, better) for name, why in verdict.skipped.items()
-    }
-    return replace(verdict, skipped=skipped)

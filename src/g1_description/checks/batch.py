@@ -35,7 +35,7 @@ Reader = Callable[[Path, Description, Optional[float], Optional[str]], Motion]
 """Reads a motion of a robot from a file, at a rate, from a topic."""
 
 Content = Union[Path, bytes, Motion]
-"""What is checked: a file, all that is in it, or a motion that was read."""
+"""A file, its bytes, or a motion that was read."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class FileChecker:
     """Topic of bags with the joints."""
 
     reader: Reader | None = None
-    """Reads files, bags too; None: what can be read without ROS."""
+    """Reads files, also bags; None: only those that need no ROS."""
 
     def outcome(self, name: str, content: Content) -> FileResult:
         """Check a file; one that cannot be checked never ends the work on others."""
@@ -144,7 +144,7 @@ class Here:
     """Checks files in this process; other pools have the same methods."""
 
     ahead = 1
-    """How many files are submitted before the first of them is done."""
+    """Number of files that are submitted before the first of them is done."""
 
     def __init__(self, checker: FileChecker) -> None:
         self.checker = checker
@@ -172,7 +172,7 @@ class Here:
         """Begin again after a process died."""
 
     def check_alive(self) -> None:
-        """Raise a ClusterError if nobody is left who works."""
+        """Raise a ClusterError if no worker is left."""
 
     def close(self) -> None:
         """End all work at once."""
@@ -241,13 +241,13 @@ def _end_with_parent() -> None:
 
 
 MOST_DEATHS = 2
-"""A file is given up after so many processes died of it alone."""
+"""A file is given up after this number of processes died of it alone."""
 
 DIED = "the process that checked it died, twice"
 """Why a file is given up."""
 
 PATIENCE = 10.0
-"""How long nothing may be done until the pool is looked at, in [s]."""
+"""Time without a result after which the pool is examined, in [s]."""
 
 
 def check_files(pool: Here, tasks: Sequence[Task]) -> Iterator[tuple[Task, FileResult]]:

@@ -122,12 +122,11 @@ class Checker:
             UnknownNameError: If there is no such check.
             MotionError: If it is too long.
         """
-        rules = [r for r in RULES if self.physics is not None or not r.needs_physics]
-        skipped = self._skipped(_selected(rules, only), motion.trajectory)
-        measured = self._measure(motion.trajectory, skipped)
-        if any(rule.needs_physics and not why for rule, why in skipped.items()):
-            self._play(measured, skipped)
-        return self._verdict(measured, skipped, motion.notes)
+        rules = self._rules(motion.trajectory, only, self.physics is not None)
+        measured = self._measure(motion.trajectory, rules)
+        if any(rule.needs_physics and not why for rule, why in rules.items()):
+            self._play(measured, rules)
+        return self._verdict(measured, rules, motion.notes)
 
     def check_state(
         self,
@@ -160,43 +159,50 @@ class Checker:
                     f"{self.description.name} has no movable joint {name}; it has "
                     f"{listed(similar_first(name, known))}."
                 )
-        rules = [rule for rule in RULES if not rule.needs_physics]
         trajectory = _single(positions, base, velocities)
-        skipped = self._skipped(_selected(rules, only), trajectory)
-        measured = self._measure(replace(trajectory, velocities=None), skipped)
+        rules = self._rules(trajectory, only, physics=False)
+        measured = self._measure(replace(trajectory, velocities=None), rules)
         if trajectory.velocities is not None:
             measured.velocities = trajectory.velocities
-        return self._verdict(measured, skipped, ())
+        return self._verdict(measured, rules, ())
 
-    def _skipped(
-        self, rules: Collection[Rule], trajectory: Trajectory
+    def _rules(
+        self, trajectory: Trajectory, only: Collection[str], physics: bool
     ) -> dict[Rule, str]:
-        """Say of each rule why it is skipped; empty if it is not."""
-        return {rule: rule.skipped(self._robot, trajectory) for rule in rules}
+        """Select rules, all without names; say why each is skipped, or nothing."""
+        rules = {rule.name: rule for rule in RULES if physics or not rule.needs_physics}
+        for name in only:
+            if name not in rules:
+                known = listed(similar_first(name, rules))
+                raise UnknownNameError(f"There is no check {name}; there are {known}.")
+        return {
+            rule: rule.skipped(self._robot, trajectory)
+            for rule in rules.values()
+            if not only or rule.name in only
+        }
 
-    def _measure(self, trajectory: Trajectory, skipped: Mapping[Rule, str]) -> Measured:
+    def _measure(self, trajectory: Trajectory, rules: Mapping[Rule, str]) -> Measured:
         """Measure what the rules need that are not skipped."""
-        rules = [rule for rule, why in skipped.items() if not why]
-        needs = {need for rule in rules for need in rule.needs}
-        own = {rule.name: rule.measure for rule in rules if rule.measure is not None}
+        made = [rule for rule, why in rules.items() if not why]
+        needs = {need for rule in made for need in rule.needs}
+        own = {rule.name: rule.measure for rule in made if rule.measure is not None}
         return measure(self._robot, trajectory, needs, own)
 
-    def _play(self, measured: Measured, skipped: dict[Rule, str]) -> None:
+    def _play(self, measured: Measured, rules: dict[Rule, str]) -> None:
         """Play a motion in physics; without success, skip the rules that need it."""
         assert self.physics is not None
+        trajectory = measured.trajectory
         try:
-            measured.played = rollout(
-                self.description, measured.trajectory, self.physics
-            )
+            measured.played = rollout(self.description, trajectory, self.physics)
         except G1DescriptionError as error:
             why = str(error).rstrip(".")
-            skipped.update({rule: why for rule in skipped if rule.needs_physics})
+            rules.update({rule: why for rule in rules if rule.needs_physics})
 
     def _verdict(
-        self, measured: Measured, skipped: Mapping[Rule, str], notes: Collection[str]
+        self, measured: Measured, rules: Mapping[Rule, str], notes: Collection[str]
     ) -> Verdict:
         """Find what exceeds the thresholds."""
-        made = [rule for rule, why in skipped.items() if not why]
+        made = [rule for rule, why in rules.items() if not why]
         notes = [*self.notes, *notes]
         if measured.played is not None:
             notes += [*measured.played.left_out, physics_summary(measured)]
@@ -204,26 +210,12 @@ class Checker:
             self.description.name,
             sorted_findings(f for rule in made for f in rule.find(rule, measured)),
             tuple(rule.name for rule in made),
-            {rule.name: why for rule, why in skipped.items() if why},
+            {rule.name: why for rule, why in rules.items() if why},
             _figures(measured),
             _bearing(measured),
             tuple(dict.fromkeys(notes)),
             measured,
         )
-
-
-def _selected(rules: Collection[Rule], only: Collection[str]) -> Collection[Rule]:
-    """Select rules by name; all without names.
-
-    Raises:
-        UnknownNameError: If there is no such rule.
-    """
-    known = [rule.name for rule in rules]
-    for name in only:
-        if name not in known:
-            names = listed(similar_first(name, known))
-            raise UnknownNameError(f"There is no check {name}; there are {names}.")
-    return [rule for rule in rules if rule.name in only] if only else rules
 
 
 def _figures(measured: Measured) -> dict[str, float]:

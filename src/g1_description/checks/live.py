@@ -20,19 +20,14 @@ LIVE = tuple(r.name for r in RULES if r.is_live and not r.needs_physics)
 """Checks that are made."""
 
 STANDSTILL = 1e-6
-"""States that are nearer in time than this, in [s], are of one time that stands
-still: the robot is placed, it does not move."""
+"""Between states that are nearer in time than this, in [s], time stands still: the
+robot is placed, it does not move."""
 
 
 class LiveCheck:
     """Checks states of one robot; one that has not changed is not checked again."""
 
     def __init__(self, checker: Checker) -> None:
-        """Begin.
-
-        Args:
-            checker: The robot's checks.
-        """
         self._checker = checker
         joints = checker.description.movable_joints
         self._joints = frozenset(joint.name for joint in joints)
@@ -82,11 +77,7 @@ class LiveCheck:
         return verdict
 
     def _own(self, values: Mapping[str, float]) -> dict[str, float]:
-        """Leave out joints of others, such as hands.
-
-        Raises:
-            UnknownNameError: If there are only such.
-        """
+        """Ignore joints of others, such as hands; raise if there are only such."""
         own = {name: value for name, value in values.items() if name in self._joints}
         if values and not own:
             raise UnknownNameError(
@@ -111,11 +102,11 @@ class LiveCheck:
 
 
 def _without(verdict: Verdict, checks: tuple[str, ...], reason: str) -> Verdict:
-    """Leave out what some checks found."""
-    left_out = [name for name in verdict.checked if name in checks]
+    """Remove some checks from a verdict, with their findings."""
+    removed = [name for name in verdict.checked if name in checks]
     return replace(
         verdict,
         findings=tuple(f for f in verdict.findings if f.check not in checks),
         checked=tuple(name for name in verdict.checked if name not in checks),
-        skipped={**verdict.skipped, **dict.fromkeys(left_out, reason)},
+        skipped={**verdict.skipped, **dict.fromkeys(removed, reason)},
     )

@@ -1,4 +1,4 @@
-"""A picture of a motion: what was measured, and when something was wrong with it."""
+"""A picture of a motion: its measurements, and the times of its findings."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def motion_plot(name: str, verdict: Verdict, joints: Sequence[Joint]) -> bytes:
 
     Args:
         name: Of its file.
-        verdict: What was found and measured.
+        verdict: With what was measured.
         joints: Movable joints of the robot.
 
     Returns:
@@ -132,7 +132,7 @@ def _joints(
 
 
 def _title(figure: Figure, name: str, verdict: Verdict, total: float) -> None:
-    """Name the motion and what was found of it."""
+    """Name the motion and the result."""
     color = plot_panels.COLORS.get(verdict.severity, plot_panels.GREEN)
     y = 1.0 - 0.3 / total
     figure.text(0.012, y, Path(name).name, fontsize=13, weight="bold", va="center")

@@ -14,14 +14,14 @@ from g1_description.checks.verdict import FAILED, WARNING, Finding, Verdict
 from g1_description.robot.description import Joint
 
 MAX_BINS = 1200
-"""In how many pieces a long series is cut: a picture has no more columns of pixels."""
+"""Number of bins of a long series: a picture has no more columns of pixels."""
 
 LEAST_WIDTH = 0.003
 """Least width of a marked time, as a share of the picture's."""
 
 
 def thinned(times: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Leave out of a long series what no picture shows.
+    """Thin a long series to what a picture shows.
 
     Args:
         times: In [s], rising, shape (n,).
@@ -64,7 +64,7 @@ def in_limits(joint: Joint, positions: np.ndarray) -> np.ndarray:
 def bars(
     intervals: Iterable[Sequence[float]], times: np.ndarray
 ) -> list[tuple[float, float]]:
-    """Return beginnings and widths of stretches, wide enough to be seen.
+    """Return beginnings and widths of intervals, wide enough to be seen.
 
     Args:
         intervals: First and last times of each, in [s]; they may overlap.
@@ -94,7 +94,7 @@ HALF = 0.42
 """Half the height of a strip between the limits of its joint; strips are 1 apart."""
 
 MOST_BEYOND = 1.35
-"""Farther beyond its limits, of 1, a joint is not drawn."""
+"""A joint is drawn up to this multiple of its limits."""
 
 MAX_LABEL = 52
 """Longest label of a row, in characters."""
@@ -112,8 +112,8 @@ def shade(
     """Mark over the whole height when checks found something; failures on top.
 
     Args:
-        axes: Where.
-        verdict: What was found.
+        axes: Of the panel.
+        verdict: Its findings are shown.
         checks: Names of the checks.
         times: Of the motion in [s], shape (n,).
     """
@@ -134,14 +134,7 @@ def shade(
 def joint_strips(
     axes: Axes, joints: Sequence[Joint], measured: Measured, verdict: Verdict
 ) -> None:
-    """Draw joints between their limits, a strip for each, and their speeds.
-
-    Args:
-        axes: Where.
-        joints: Those to draw, of the motion.
-        measured: What was measured.
-        verdict: What was found.
-    """
+    """Draw joints between their limits, a strip for each, and their speeds."""
     times = measured.times
     marker = "." if len(times) == 1 else ""
     for row, joint in enumerate(joints):
@@ -218,7 +211,7 @@ def findings_panel(axes: Axes, verdict: Verdict, times: np.ndarray) -> None:
 
 
 def contacts_panel(axes: Axes, measured: Measured, verdict: Verdict) -> None:
-    """Draw when links bear on the floor."""
+    """Draw when links are in contact with the floor."""
     times = measured.times
     links = [*verdict.bearing]
     for row, link in enumerate(links):
@@ -235,7 +228,7 @@ def contacts_panel(axes: Axes, measured: Measured, verdict: Verdict) -> None:
 
 
 def heights_panel(axes: Axes, measured: Measured, verdict: Verdict) -> None:
-    """Draw the heights of links that bear at some time."""
+    """Draw the heights of links that are ever in contact."""
     assert measured.heights is not None
     colors = (BLUE, PURPLE, GREEN, GREY)
     for number, link in enumerate([*verdict.bearing][: len(colors)]):
@@ -249,7 +242,7 @@ def heights_panel(axes: Axes, measured: Measured, verdict: Verdict) -> None:
 
 
 def margins_panel(axes: Axes, measured: Measured) -> None:
-    """Draw how far inside the support polygon the weight acts."""
+    """Draw the margins to the support polygon."""
     assert measured.balance is not None
     lines = (
         ("zero-moment point", measured.balance.zmp_margin, PURPLE, 0.8),
@@ -272,7 +265,7 @@ def depth_panel(axes: Axes, measured: Measured) -> None:
 
 
 def _label(finding: Finding) -> str:
-    """Name a finding, in as many letters as there is room for."""
+    """Name a finding, with at most ``MAX_LABEL`` characters."""
     text = f"{finding.check}  {finding.name.replace('_link', '')}".strip()
     return text if len(text) <= MAX_LABEL else f"{text[: MAX_LABEL - 3]}..."
 

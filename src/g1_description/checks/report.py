@@ -1,4 +1,4 @@
-"""Outcomes for people at a terminal."""
+"""Results of files as tables, JSON and CSV."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ NOT_READ, NOT_CHECKED = "not read", "not checked"
 NO_MOTION = "not a motion"
 
 RESULTS = (PASSED, WARNING, FAILED, NOT_READ, NOT_CHECKED, NO_MOTION)
-"""What may become of a file."""
+"""Results of a file."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ HEAD = ("", "check", "joint, link or pair", "worst", "first at", "share of time"
 
 
 def outcome_text(outcome: FileResult) -> str:
-    """Describe what was found of a file, in a line or in a table."""
+    """Describe the result of a file, in a line or in a table."""
     head = f"{outcome.file}: {outcome.result}"
     verdict = outcome.verdict
     if verdict is None:
@@ -76,12 +76,7 @@ def outcome_text(outcome: FileResult) -> str:
 
 
 def summary_text(outcomes: Sequence[FileResult], not_done: int = 0) -> str:
-    """Count the outcomes, in a sentence.
-
-    Args:
-        outcomes: Of the files that are done.
-        not_done: Number of files that are not.
-    """
+    """Count the results, and the files that are not done, in a sentence."""
     counts = counted(outcome.result for outcome in outcomes)
     parts = [f"{n} {_plural(word, n)}" for word, n in counts.items() if n]
     files = f"{len(outcomes)} file{'s' if len(outcomes) != 1 else ''}"
@@ -131,7 +126,7 @@ def table(rows: Sequence[Sequence[str]], n_left: int) -> list[str]:
 
     Args:
         rows: Cells, as many in each.
-        n_left: So many columns are aligned to the left, the others to the right.
+        n_left: Number of columns that are aligned to the left; the others to the right.
     """
     widths = [max(map(len, column)) for column in zip(*rows)]
 
@@ -169,12 +164,7 @@ COLUMNS = (
 
 
 def json_text(outcomes: Sequence[FileResult], not_done: int = 0) -> str:
-    """Write outcomes as JSON.
-
-    Args:
-        outcomes: Of the files that are done.
-        not_done: Number of files that were left out, as the work was interrupted.
-    """
+    """Write results as JSON, with the number of files that are not done."""
     content = {
         "interrupted": not_done > 0,
         "not_done": not_done,
