@@ -9,11 +9,13 @@ from checked import POST as TEXT
 from checked import post_motion
 
 from g1_description.checks.checker import collisions_of
-from g1_description.checks.measured import CheckedRobot, measure
+from g1_description.checks.measured import CHUNK, CheckedRobot, measure
 from g1_description.checks.rule import Rule
 from g1_description.checks.rules import RULES
+from g1_description.checks.rules.self_collision import per_pair
 from g1_description.checks.thresholds import Level, Thresholds
 from g1_description.checks.verdict import Finding
+from g1_description.collisions.self_collisions import SelfCollisions
 from g1_description.robot.urdf import parse_urdf
 
 POST = parse_urdf(TEXT)
@@ -64,6 +66,26 @@ def test_a_size_beyond_a_threshold_is_found(lower_is_worse, sizes, severities):
         one[0] = sizes[column]
         found = rule.compared(measured, (), one, "")
         assert (found.severity if found else "") == severity
+
+
+def test_what_rules_measure_is_joined_over_all_samples():
+    """A long motion is measured piece by piece."""
+    robot = CheckedRobot(POST, Thresholds(), SelfCollisions(POST, ()), False)
+    motion = post_motion(1.2, seconds=30.0)
+    own = {
+        "height": lambda robot, poses: poses[:, robot.links.index("arm"), 2],
+        "near": lambda robot, poses: robot.collisions.contacts(poses, 0.5, [0]),
+    }
+    measured = measure(robot, motion, (), own)
+    assert len(measured.times) > CHUNK
+    assert measured.own["height"].shape == measured.times.shape
+    frames = measured.own["near"].frame
+    assert (np.diff(frames) > 0).all() and frames[-1] > CHUNK
+    for pair, distances, points in per_pair(measured, measured.own["near"]):
+        assert pair == robot.collisions.pairs[0]
+        np.testing.assert_array_equal(np.flatnonzero(~np.isnan(distances)), frames)
+        apart = np.linalg.norm(points[frames, 1] - points[frames, 0], axis=1)
+        np.testing.assert_allclose(apart, np.abs(distances[frames]), atol=1e-9)
 
 
 def test_of_two_findings_the_worse_one_is_known():
