@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from g1_description.checks import checker as robot_collisions
-from g1_description.checks.checker import Checker, collisions_of
+from g1_description.checks.checker import Checker
 from g1_description.checks.thresholds import Level, Thresholds
 from g1_description.checks.thresholds_file import with_thresholds
+from g1_description.collisions import find_pairs
+from g1_description.collisions.find_pairs import collisions_of
 from g1_description.errors import (
     AllowedPairsError,
     MotionError,
@@ -373,10 +374,10 @@ def test_feet_as_deep_as_a_retargeter_puts_them_are_no_finding(depth, found):
 
 def test_a_damaged_file_of_pairs_is_told(tmp_path, monkeypatch):
     """Its robot is not taken for another one, whose pairs are found at random."""
-    file = tmp_path / robot_collisions.G1_PAIRS
+    file = tmp_path / find_pairs.G1_PAIRS
     file.parent.mkdir()
-    file.write_text((MODEL.parents[1] / robot_collisions.G1_PAIRS).read_text()[:2000])
-    monkeypatch.setattr(robot_collisions, "share_folder", lambda: tmp_path)
+    file.write_text((MODEL.parents[1] / find_pairs.G1_PAIRS).read_text()[:2000])
+    monkeypatch.setattr(find_pairs, "share_folder", lambda: tmp_path)
     with pytest.raises(AllowedPairsError, match=r"config/collisions_g1\.yaml: "):
         Checker(ROBOT)
 

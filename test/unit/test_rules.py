@@ -8,13 +8,13 @@ import pytest
 from checked import POST as TEXT
 from checked import post_motion
 
-from g1_description.checks.checker import collisions_of
 from g1_description.checks.measured import CHUNK, CheckedRobot, measure
 from g1_description.checks.rule import Rule
 from g1_description.checks.rules import RULES
 from g1_description.checks.rules.self_collision import per_pair
 from g1_description.checks.thresholds import Level, Thresholds
 from g1_description.checks.verdict import Finding
+from g1_description.collisions.find_pairs import collisions_of
 from g1_description.collisions.self_collisions import SelfCollisions
 from g1_description.robot.urdf import parse_urdf
 

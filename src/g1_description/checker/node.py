@@ -27,7 +27,8 @@ from g1_description.checker.parameters import (
     wait_for_robot,
 )
 from g1_description.checker.services import CheckServices
-from g1_description.checks.checker import Checker, collisions_of
+from g1_description.checks.checker import Checker
+from g1_description.collisions.find_pairs import collisions_of
 from g1_description.errors import G1DescriptionError
 from g1_description.robot.description import Description
 from g1_description.ros.lifecycle import start_node

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,55 +17,14 @@ from g1_description.checks.rules.physics import physics_figures, physics_summary
 from g1_description.checks.thresholds import Thresholds
 from g1_description.checks.thresholds_file import read_thresholds
 from g1_description.checks.verdict import Verdict, sorted_findings
-from g1_description.collisions.allowed_pairs import read_allowed_pairs
-from g1_description.collisions.find_pairs import QUICK_SAMPLES, quick_allowed_pairs
+from g1_description.collisions.find_pairs import collisions_of
 from g1_description.collisions.self_collisions import SelfCollisions
-from g1_description.errors import (
-    AllowedPairsError,
-    G1DescriptionError,
-    UnknownNameError,
-)
-from g1_description.files.model_files import share_folder
+from g1_description.errors import G1DescriptionError, UnknownNameError
 from g1_description.motion.motion import Motion
 from g1_description.motion.trajectory import Trajectory
 from g1_description.robot.description import Description
 from g1_description.sim.rollout import Conditions, rollout
 from g1_description.text import listed, similar_first
-
-G1_PAIRS = "config/collisions_g1.yaml"
-"""The allowed pairs of the G1 and its revisions."""
-
-
-def collisions_of(
-    description: Description, file: Path | None = None, visual_hulls: bool = True
-) -> SelfCollisions:
-    """Prepare a robot's self-collisions.
-
-    Args:
-        description: The robot.
-        file: Its allowed pairs. By default those of the G1, and for a robot with other
-            links pairs that are found now.
-        visual_hulls: Whether links without collision shapes have the hulls of their
-            visual ones.
-
-    Raises:
-        AllowedPairsError: If a file cannot be read, or the given one is another
-            robot's.
-    """
-    if file is not None:
-        return SelfCollisions(description, read_allowed_pairs(file), visual_hulls)
-    known = read_allowed_pairs(share_folder() / G1_PAIRS)
-    try:
-        return SelfCollisions(description, known, visual_hulls)
-    except AllowedPairsError:
-        found = quick_allowed_pairs(description)
-    other = SelfCollisions(description, found, visual_hulls)
-    note = (
-        f"Which links of {description.name} overlap by design was found in "
-        f"{QUICK_SAMPLES} random configurations; collision_pairs makes a file of it."
-    )
-    other.notes = (note, *other.notes)
-    return other
 
 
 class Checker:

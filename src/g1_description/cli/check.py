@@ -12,7 +12,6 @@ from contextlib import closing
 
 from g1_description.api import MODEL, Robot
 from g1_description.checks.batch import FileChecker, Here, Processes, check_files
-from g1_description.checks.checker import collisions_of
 from g1_description.checks.cluster import Cluster
 from g1_description.checks.report import (
     NO_MOTION,
@@ -26,6 +25,7 @@ from g1_description.cli.check_options import MISUSE, STDOUT, parse
 from g1_description.cli.check_reports import Reports, Results
 from g1_description.cli.motion_paths import MotionFiles, motion_files
 from g1_description.cli.start import INTERRUPTED
+from g1_description.collisions.find_pairs import collisions_of
 from g1_description.command_line import say
 from g1_description.errors import ClusterError, G1DescriptionError
 from g1_description.motion.files.read_any import read_motion_file

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Callable
 
 import numpy as np
@@ -14,8 +15,11 @@ from g1_description.collisions.allowed_pairs import (
     NEVER,
     AllowedPair,
     AllowedPairs,
+    read_allowed_pairs,
 )
 from g1_description.collisions.self_collisions import SelfCollisions
+from g1_description.errors import AllowedPairsError
+from g1_description.files.model_files import share_folder
 from g1_description.robot.assembly import rigid_frames
 from g1_description.robot.description import Description
 from g1_description.robot.kinematics import Kinematics
@@ -28,6 +32,9 @@ configurations one is missed with a probability of 5 % at most."""
 
 QUICK_SAMPLES = 1000
 """Random configurations for a robot that has no file of allowed pairs."""
+
+G1_PAIRS = "config/collisions_g1.yaml"
+"""The allowed pairs of the G1 and its revisions."""
 
 NEAR = 0.02
 """A pair that comes nearer than this is checked, though it may never touch, in [m]."""
@@ -93,6 +100,38 @@ def quick_allowed_pairs(description: Description) -> AllowedPairs:
     found = find_allowed_pairs(description, QUICK_SAMPLES)
     pairs = tuple(pair for pair in found.pairs if pair.reason != NEVER)
     return replace(found, pairs=pairs)
+
+
+def collisions_of(
+    description: Description, file: Path | None = None, visual_hulls: bool = True
+) -> SelfCollisions:
+    """Prepare a robot's self-collisions.
+
+    Args:
+        description: The robot.
+        file: Its allowed pairs. By default those of the G1, and for a robot with other
+            links pairs that are found now.
+        visual_hulls: Whether links without collision shapes have the hulls of their
+            visual ones.
+
+    Raises:
+        AllowedPairsError: If a file cannot be read, or the given one is another
+            robot's.
+    """
+    if file is not None:
+        return SelfCollisions(description, read_allowed_pairs(file), visual_hulls)
+    known = read_allowed_pairs(share_folder() / G1_PAIRS)
+    try:
+        return SelfCollisions(description, known, visual_hulls)
+    except AllowedPairsError:
+        found = quick_allowed_pairs(description)
+    other = SelfCollisions(description, found, visual_hulls)
+    note = (
+        f"Which links of {description.name} overlap by design was found in "
+        f"{QUICK_SAMPLES} random configurations; collision_pairs makes a file of it."
+    )
+    other.notes = (note, *other.notes)
+    return other
 
 
 def adjacent_pairs(description: Description) -> tuple[AllowedPair, ...]:
