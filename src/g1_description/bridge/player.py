@@ -218,8 +218,6 @@ class MotionPlayer:
 
     def observe(self, state: RobotState) -> bool:
         """Go on with the motions; return whether they reach a sample."""
-        if self.is_idle:
-            return False
         with self._lock:
             # The first states of a motion come before the answer.
             if self._is_awaited:
@@ -228,9 +226,7 @@ class MotionPlayer:
             return bool(self._playlist) and self._advance(state)
 
     def with_commands(self, state: RobotState) -> RobotState:
-        """Return a state with what motions and commands want, where that is kept."""
-        if not self._keeps_commands:
-            return state
+        """Return a state with what motions and commands want, if that is kept."""
         with self._lock:
             return replace(
                 state,

@@ -60,7 +60,7 @@ class BridgedRobot:
         self.player = MotionPlayer(p.gazebo, status, self.commands, p.ghost)
         """What plays its motions."""
         self._warnings = RobotWarnings(status, log)
-        self._map_frame = p.map_frame
+        self._map_frame, self._keeps_commands = p.map_frame, p.ghost
         base = base_child(p, status.description)
         self._base = base and robot.frame_prefix + base
         self._tf_filter = TfFilter(
@@ -99,7 +99,7 @@ class BridgedRobot:
         Returns:
             The base in the map in the state before this one, if that is worth sending.
         """
-        is_sample = self.player.observe(state)
+        is_sample = not self.player.is_idle and self.player.observe(state)
         is_news = problems is not self.status.problems
         self.status.state, self.status.problems = state, problems
         if is_news or problems.are_any:
@@ -109,7 +109,8 @@ class BridgedRobot:
             for topic in self._topics:
                 topic.forget()
             return None
-        state = self.player.with_commands(state)
+        if self._keeps_commands:
+            state = self.player.with_commands(state)
         if self._overlays:
             with quiet_when_closing():
                 for overlay in self._overlays:
