@@ -188,9 +188,8 @@ def _motion(bag: Reader, robot: Description, topic: str | None) -> Motion:
     topics = _topics(bag, *JOINTS)
     name = _chosen(bag, topics, topic)
     joints = topics.pop(name)
-    is_state = _kind(joints[0]) == "JointState"
     messages = _messages(bag, joints)
-    if is_state:
+    if _kind(joints[0]) == "JointState":
         rows: list[_Row] = []
         for time, state in messages:
             # Most messages have equal names, which need be kept but once.
@@ -368,7 +367,8 @@ def _base(bag: Reader, joints: str, robot: Description, has_stamps: bool) -> _Pa
                 of_root = frame[: -len(BASE_FRAME)] + root
                 for _, pose in edges.get((frame, of_root), [])[-1:]:
                     if (pose != IDENTITY).any():
-                        path = [(stamp, compose(base, pose)) for stamp, base in path]
+                        stamps, bases = zip(*path)
+                        path = list(zip(stamps, compose(np.array(bases), pose)))
             return f"/tf ({parent} to {frame})", path
     return _odometry(bag, namespace, has_stamps)
 
