@@ -13,7 +13,7 @@ from typing import Any
 from g1_description.bridge.parameters import BridgeParameters
 from g1_description.checker.parameters import CheckerParameters
 from g1_description.checks.rules import RULES
-from g1_description.cli.check_options import CheckOptions
+from g1_description.cli.check import CheckOptions
 from g1_description.cli.collision_pairs import PairsOptions
 from g1_description.cli.doctor import DoctorOptions
 from g1_description.cli.play import PlayOptions

@@ -16,7 +16,7 @@ from conftest import REPOSITORY
 from waiting import wait_for
 
 from g1_description.cli import check
-from g1_description.cli.check_options import MISUSE, CheckOptions
+from g1_description.cli.check import MISUSE, CheckOptions
 from g1_description.cli.motion_paths import motion_files, picture_names
 from g1_description.command_line import parse
 

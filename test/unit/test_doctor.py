@@ -90,7 +90,7 @@ def faults():
 def test_all_faults_and_links_are_on_the_page():
     assert {"no_pybullet", "two_clocks", "no_diagnostics", "paused"} <= faults()
     listed = {*re.findall(r"^\| `(\w+)` \|", PAGE, flags=re.M)}
-    assert listed == {"doctor", *doctor.LINKS, *faults()}
+    assert listed == {*doctor.LINKS, *faults()}
 
 
 def test_a_check_that_fails_is_reported_without_a_traceback(monkeypatch):

@@ -5,30 +5,323 @@ It needs ROS to read rosbags, but neither a master nor a screen.
 
 from __future__ import annotations
 
+import argparse
+import os
 import sys
-from collections.abc import Collection
-from contextlib import closing
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TextIO
+
+from tqdm import tqdm
 
 from g1_description.api import MODEL, Robot
-from g1_description.checks.batch import FileChecker, Here, Processes, check_files
+from g1_description.checks.batch import FileChecker, Here, Processes, Task, check_files
 from g1_description.checks.cluster import Cluster
 from g1_description.checks.report import (
     NO_MOTION,
     NOT_CHECKED,
     NOT_READ,
     FileResult,
+    csv_text,
+    json_text,
+    outcome_text,
     summary_text,
 )
+from g1_description.checks.report_page import write_page
+from g1_description.checks.rules import RULES
 from g1_description.checks.verdict import FAILED
-from g1_description.cli.check_options import MISUSE, STDOUT, CheckOptions
-from g1_description.cli.check_reports import Reports, Results
-from g1_description.cli.motion_paths import MotionFiles, motion_files
+from g1_description.cli import options
+from g1_description.cli.motion_paths import MotionFiles, motion_files, picture_names
 from g1_description.cli.start import INTERRUPTED
 from g1_description.collisions.find_pairs import collisions_of
-from g1_description.command_line import parse, say
-from g1_description.errors import ClusterError, G1DescriptionError
+from g1_description.command_line import argument, option, parse, say, within
+from g1_description.errors import ClusterError, G1DescriptionError, InvalidValueError
+from g1_description.files.atomic import whole_file, write_whole
 from g1_description.motion.files.formats import read_motion
 from g1_description.ros.lifecycle import own_arguments
+from g1_description.text import listed, similar_first
+
+MISUSE = 2
+"""Exit code where the command line is wrong, or something cannot be checked."""
+
+STDOUT = "-"
+
+ENDINGS = {"json": ".json", "csv": ".csv", "html": ".html"}
+"""What names of reports end in."""
+
+
+def checks(text: str) -> tuple[str, ...]:
+    """Read names of checks."""
+    known = [rule.name for rule in RULES]
+    names = tuple(name.strip() for name in text.split(","))
+    for name in names:
+        if name not in known:
+            near = ", ".join(similar_first(name, known))
+            raise argparse.ArgumentTypeError(f"unknown check '{name}'; known: {near}")
+    return names
+
+
+@dataclass(frozen=True)
+class CheckOptions:
+    """Check motions in files.
+
+    Limits, jumps, self-collisions, the floor, balance, and with --physics what motors
+    make of them. The exit code is 0 if nothing failed, 1 if a motion failed, 2 if
+    something could not be checked.
+    """
+
+    files: list[Path] = argument(
+        "a motion (CSV, npz, pickle, bag, YAML of a trajectory), or a folder with "
+        "motions below it",
+        Path,
+        nargs="+",
+        metavar="FILE",
+    )
+    model: str | None = options.model()
+    fps: float | None = options.fps()
+    topic: str | None = options.topic()
+    thresholds: Path | None = options.thresholds()
+    only: tuple[str, ...] = option(
+        "make only these checks, such as position,self_collision",
+        (),
+        checks,
+        metavar="CHECK,...",
+    )
+    fixed_base: bool = option(
+        "the base is fixed: efforts are checked, the floor is not", False
+    )
+    no_visual_hulls: bool = option(
+        "do not substitute hulls of visual shapes for missing collision shapes", False
+    )
+    collisions: Path | None = option(
+        "file of the pairs of links that may touch by design, as collision_pairs "
+        "writes it",
+        None,
+        Path,
+        metavar="YAML",
+        see="[allowed pairs](checks.md#allowed-pairs)",
+    )
+    physics: bool = option(
+        "also simulate the motions with motors, about as fast as real time",
+        False,
+        see="[physics](checks.md#what-physics-says)",
+    )
+    json: str | None = option(
+        "write a report with all findings; -: to stdout, instead of the tables",
+        None,
+        str,
+        metavar="FILE",
+    )
+    csv: str | None = option(
+        "write a table with a row per file; -: to stdout, instead of the tables",
+        None,
+        str,
+        metavar="FILE",
+    )
+    plot: Path | None = option(
+        "draw a .png for one motion, or a folder of them for several",
+        None,
+        Path,
+        metavar="OUT",
+    )
+    html: Path | None = option(
+        "write a page with all findings and plots", None, Path, metavar="FILE"
+    )
+    quiet: bool = option("print only the last line, with the counts", False)
+    jobs: int = option(
+        "number of worker processes", 1, within(1, 256, int), metavar="N"
+    )
+    dask: str | None = option(
+        "check on the workers of this Dask scheduler", None, str, metavar="HOST:PORT"
+    )
+
+    def __post_init__(self) -> None:
+        """Check what goes together.
+
+        Raises:
+            InvalidValueError: If options contradict each other.
+        """
+        if self.dask is not None and self.jobs > 1:
+            raise InvalidValueError("--jobs and --dask cannot be combined")
+        played = [rule.name for rule in RULES if rule.needs_physics]
+        physics = [name for name in self.only if name in played]
+        if physics and not self.physics:
+            raise InvalidValueError(f"--only {listed(physics)} needs --physics")
+        for name, ending in ENDINGS.items():
+            file = getattr(self, name)
+            if file not in (None, STDOUT) and Path(file).suffix.lower() != ending:
+                raise InvalidValueError(f"--{name} {file} does not end in {ending}")
+        if self.json == self.csv == STDOUT:
+            raise InvalidValueError("--json and --csv cannot both be on stdout")
+
+
+PICTURE = ".png"
+
+
+class Reports:
+    """Writes what was asked for; pictures at once, the rest in the end."""
+
+    def __init__(self, args: CheckOptions, tasks: Sequence[Task]) -> None:
+        """Check that all can be written.
+
+        Args:
+            args: Of the command line.
+            tasks: The files.
+
+        Raises:
+            InvalidValueError: If something cannot.
+        """
+        self._args = args
+        self.problems: list[str] = []
+        """Why something that was asked for is not written."""
+        self._pictures = _pictures(args.plot, tasks)
+        for name in (args.json, args.csv, args.html):
+            if name not in (None, STDOUT):
+                check_place(Path(name))
+        motions = {os.path.realpath(task.path) for task in tasks}
+        if args.csv and os.path.realpath(args.csv) in motions:
+            raise InvalidValueError(f"--csv {args.csv} is a motion to check.")
+        # A page has all pictures in the end; until then they need no memory.
+        self._kept = TemporaryDirectory(prefix="check_") if args.html else None
+
+    def add(self, task: Task, outcome: FileResult) -> None:
+        """Write the picture of a file."""
+        if outcome.plot and task.number in self._pictures:
+            with self._going_on():
+                write_whole(self._pictures[task.number], outcome.plot)
+        if outcome.plot and self._kept:
+            Path(self._kept.name, str(task.number)).write_bytes(outcome.plot)
+
+    def write(self, outcomes: Mapping[int, FileResult], not_done: int) -> None:
+        """Write the rest.
+
+        Args:
+            outcomes: By the number of the file.
+            not_done: Number of files that are not done.
+        """
+        found = [outcomes[number] for number in sorted(outcomes)]
+        if self._args.json:
+            with self._going_on():
+                _write(self._args.json, json_text(found, not_done))
+        if self._args.csv:
+            with self._going_on():
+                _write(self._args.csv, csv_text(found))
+        if self._args.html:
+            with self._going_on(), whole_file(self._args.html) as part:
+                pictures = [self._picture(number) for number in sorted(outcomes)]
+                write_page(part, found, pictures, not_done)
+
+    @contextmanager
+    def _going_on(self) -> Iterator[None]:
+        """Take note of what cannot be written, and go on with the rest."""
+        try:
+            yield
+        except InvalidValueError as error:
+            self.problems.append(str(error))
+
+    def _picture(self, number: int) -> Path | None:
+        """Return where the picture of a file was kept; None if it has none."""
+        assert self._kept is not None
+        path = Path(self._kept.name, str(number))
+        return path if path.exists() else None
+
+
+def _pictures(out: Path | None, tasks: Sequence[Task]) -> dict[int, Path]:
+    """Decide where pictures are written, by the numbers of the files."""
+    if out is None:
+        return {}
+    if out.suffix.lower() == PICTURE and not out.is_dir():
+        if len(tasks) > 1:
+            raise InvalidValueError(
+                f"--plot {out} is one picture for {len(tasks)} files: name a folder."
+            )
+        check_place(out)
+        return {tasks[0].number: out}
+    if out.exists() and not out.is_dir():
+        raise InvalidValueError(f"--plot {out} is neither a folder nor a .png.")
+    _check_writable(next(place for place in (out, *out.parents) if place.exists()))
+    names = picture_names(tasks)
+    return {task.number: out / name for task, name in zip(tasks, names)}
+
+
+def check_place(path: Path) -> None:
+    """Check that a file can be written, before the work is done.
+
+    Raises:
+        InvalidValueError: If it cannot.
+    """
+    if not path.parent.is_dir():
+        raise InvalidValueError(f"There is no folder {path.parent} for {path.name}.")
+    if path.is_dir():
+        raise InvalidValueError(f"{path} is a folder.")
+    _check_writable(path.parent)
+
+
+def _check_writable(folder: Path) -> None:
+    """Check that something can be written into a folder."""
+    if not os.access(folder, os.W_OK):
+        raise InvalidValueError(f"Nothing can be written into {folder}.")
+
+
+def _write(name: str, text: str) -> None:
+    """Write a text into a file, or on stdout."""
+    # Names of files may hold bytes that are no text.
+    data = text.encode("utf-8", "backslashreplace")
+    if name == STDOUT:
+        sys.stdout.write(data.decode("utf-8"))
+        sys.stdout.flush()
+    else:
+        write_whole(Path(name), data)
+
+
+class Results:
+    """Collects outcomes; shows each as soon as all before it are there."""
+
+    def __init__(self, n_files: int, stream: TextIO | None) -> None:
+        """Show that nothing is done yet.
+
+        Args:
+            n_files: Number of files.
+            stream: Where tables are printed; None: nowhere.
+        """
+        self.outcomes: dict[int, FileResult] = {}
+        """By the number of the file."""
+        self._n_files, self._stream, self._next = n_files, stream, 0
+        self._bar = tqdm(total=n_files, unit="file", disable=not _is_shown(n_files))
+
+    def add(self, task: Task, outcome: FileResult) -> None:
+        """Add the outcome of a file."""
+        self.outcomes[task.number] = outcome
+        while self._next in self.outcomes:
+            self._show(self._next)
+            self._next += 1
+        self._bar.update()
+
+    def close(self) -> None:
+        """Show those that waited for others, which are not done."""
+        self._bar.close()
+        for number in sorted(self.outcomes):
+            if number > self._next:
+                self._show(number)
+
+    @property
+    def n_missing(self) -> int:
+        """Number of files that are not done."""
+        return self._n_files - len(self.outcomes)
+
+    def _show(self, number: int) -> None:
+        """Print the table of a file."""
+        if self._stream is not None:
+            with tqdm.external_write_mode(self._stream):
+                say(outcome_text(self.outcomes[number]), self._stream)
+
+
+def _is_shown(n_files: int) -> bool:
+    """Return whether somebody looks, and there is something to wait for."""
+    return n_files > 1 and sys.stderr.isatty()
 
 
 def notify(text: str) -> None:

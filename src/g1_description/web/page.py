@@ -227,7 +227,7 @@ class Page:
             if robot not in states:
                 lacks.append(f"{plain(robot.name)}: no joint states have come yet.")
             elif states[robot].base_pose is None:
-                lacks.append(f"{plain(robot.name)}: TF does not tell where it is.")
+                lacks.append(f"{plain(robot.name)}: the pose of its base is unknown.")
         text = "  \n".join(lacks)
         if self._lack.content != text:
             self._lack.content = text
