@@ -89,7 +89,8 @@ def meanings_of(kind: type[Any]) -> dict[str, str]:
         assert isinstance(tree, ast.ClassDef)
         for line, after in zip(tree.body, tree.body[1:]):
             if isinstance(line, ast.AnnAssign) and isinstance(after, ast.Expr):
-                name = ast.unparse(line.target)
+                assert isinstance(line.target, ast.Name)
+                name = line.target.id
                 found[name] = " ".join(ast.literal_eval(after.value).split())
     return found
 
