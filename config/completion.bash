@@ -34,12 +34,14 @@ _g1_description_links="python packages master address nodes description meshes s
 
 _g1_description_rosrun() {
     local word=${COMP_WORDS[COMP_CWORD]} before=${COMP_WORDS[COMP_CWORD-1]}
-    if [[ $COMP_CWORD -ge 3 && ${COMP_WORDS[1]} == g1_description && ${COMP_WORDS[2]} =~ ^(check|collision_pairs|import_model|play|record|snapshot|web)$ ]]; then
-        _g1_description_file "$word" "$before"
-    elif [[ $COMP_CWORD -ge 3 && ${COMP_WORDS[1]} == g1_description && ${COMP_WORDS[2]} == doctor ]]; then
-        _g1_description_doctor "$word" "$before"
-    elif [[ $COMP_CWORD -lt 3 || ${COMP_WORDS[1]} != g1_description || ${COMP_WORDS[2]} != pose ]]; then
+    local command=
+    [[ $COMP_CWORD -ge 3 && ${COMP_WORDS[1]} == g1_description ]] && command=${COMP_WORDS[2]}
+    if [[ -z $command || -z ${_g1_description_options[$command]-} ]]; then
         _g1_description_otherwise rosrun "$@"
+    elif [[ $command == doctor ]]; then
+        _g1_description_doctor "$word" "$before"
+    elif [[ $command != pose ]]; then
+        _g1_description_file "$word" "$before"
     elif [[ $before == --file ]]; then
         compopt -o filenames 2>/dev/null
         mapfile -t COMPREPLY < <(compgen -f -- "$word")

@@ -9,9 +9,7 @@ from pathlib import Path
 
 from g1_description.checks.batch import Task
 from g1_description.errors import InvalidValueError
-
-ENDINGS = (".bag", ".csv", ".npz", ".pickle", ".pkl", ".yaml", ".yml")
-"""What names of motions in folders end in; files that are named may have any name."""
+from g1_description.motion.files.formats import ENDINGS
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,8 @@ from g1_description.robot.description import Description
 from g1_description.robot.transform import IDENTITY, compose
 from g1_description.text import listed
 
+ENDINGS = (".bag",)
+
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection
     from rosbags.rosbag1 import Reader

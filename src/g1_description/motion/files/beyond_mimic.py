@@ -23,7 +23,7 @@ from g1_description.robot.tree import below
 
 ARRAYS = ("fps", "joint_pos", "body_pos_w", "body_quat_w")
 
-ENDING = ".npz"
+ENDINGS = (".npz",)
 
 BODY_MISMATCH = 0.002
 """Bodies farther than this from where the robot has them are reported, in [m]."""

@@ -1,8 +1,9 @@
 """Motions from files and to files: one table of formats.
 
 A format is a module with ``recognise(source)``, which says by a file's content whether
-it is of that format, and ``read(source, robot)``. Formats that are written have
-``ENDING``, ``write(trajectory, robot, rate)`` and ``most_samples``, too.
+it is of that format, ``read(source, robot)`` and ``ENDINGS``, which its files in
+folders have. One that is written, too, has ``write(trajectory, robot, rate)`` and
+``most_samples``, and the first of its ``ENDINGS`` tells it.
 """
 
 from __future__ import annotations
@@ -23,10 +24,13 @@ from g1_description.robot.description import Description
 from g1_description.text import listed
 
 FORMATS: Sequence[ModuleType] = (bag, beyond_mimic, gmr, trajectory_yaml, table)
-"""The first one that recognises a file reads it."""
+"""The first one that recognises a file reads it; a table is any other text."""
+
+ENDINGS = tuple(sorted({ending for module in FORMATS for ending in module.ENDINGS}))
+"""What names of motions in folders end in; files that are named may have any name."""
 
 WRITTEN: Mapping[str, ModuleType] = {
-    module.ENDING: module for module in (table, beyond_mimic)
+    module.ENDINGS[0]: module for module in (table, beyond_mimic)
 }
 """Formats that are written, by the ending of the file's name."""
 

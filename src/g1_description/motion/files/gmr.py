@@ -13,6 +13,8 @@ from g1_description.motion.motion import Motion
 from g1_description.motion.trajectory import Trajectory
 from g1_description.robot.description import Description
 
+ENDINGS = (".pkl", ".pickle", ".npz")
+
 ARRAYS = ("fps", "root_pos", "root_rot", "dof_pos")
 
 

@@ -50,7 +50,7 @@ MAX_NUMBERS = 8_000_000
 NUMBER_LENGTH = 25
 """Longest number that is written, with its comma: -1.2345678901234567e-300."""
 
-ENDING = ".csv"
+ENDINGS = (".csv",)
 
 _SEPARATOR = re.compile(r"[,;\t ]+")
 """Separates the columns of tables, if not of those that are read."""

@@ -25,6 +25,8 @@ from g1_description.motion.motion import Motion
 from g1_description.motion.trajectory import Trajectory
 from g1_description.robot.description import Description
 
+ENDINGS = (".yaml", ".yml")
+
 MAX_JOINTS = 1000
 
 MAX_TEXT = 3_000_000
