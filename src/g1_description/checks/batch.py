@@ -68,8 +68,8 @@ class FileChecker:
     topic: str | None = None
     """Topic of bags with the joints."""
 
-    reader: Reader | None = None
-    """Reads files, also bags; None: only those that need no ROS."""
+    reader: Reader = read_motion
+    """Reads files."""
 
     def outcome(self, name: str, content: Content) -> FileResult:
         """Check a file; one that cannot be checked never ends the work on others."""
@@ -104,9 +104,7 @@ class FileChecker:
                     path = Path(folder, Path(name).name)
                     path.write_bytes(content)
                     return read_motion(path, robot, self.rate)
-            if self.reader is not None:
-                return self.reader(content, robot, self.rate, self.topic)
-            return read_motion(content, robot, self.rate)
+            return self.reader(content, robot, self.rate, self.topic)
         except MotionError as error:
             begin = f"{Path(name).name}: "
             problem = str(error)

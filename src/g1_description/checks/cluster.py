@@ -1,8 +1,7 @@
 """Files checked by the workers of a Dask cluster.
 
-Their contents are sent, so that workers need not see the disks of this machine, nor
-have ROS: bags are read here. Scheduler and workers have this package, installed with
-pip.
+Their contents are sent, so that workers need not see the disks of this machine; bags
+are read here. Scheduler and workers have this package, installed with pip.
 """
 
 from __future__ import annotations
@@ -32,6 +31,7 @@ from g1_description.errors import ClusterError, MotionError, cause
 from g1_description.files.model_files import find_folder, share_folder
 from g1_description.files.uris import local_path
 from g1_description.motion.files import bag
+from g1_description.motion.files.formats import read_motion
 from g1_description.motion.files.source import MAX_FILE_SIZE, MotionSource
 from g1_description.robot.description import Description, Shape
 
@@ -153,7 +153,7 @@ class Cluster(Here):
                 return task.path.read_bytes()
         except (OSError, MotionError):
             pass  # the reader says what is wrong
-        # Bags need ROS, which workers may not have.
+        # Of a bag most may be other topics, which need not be sent.
         return self.checker.read(task.name, task.path)
 
     def result(self, task: Task, future: Future[FileResult]) -> FileResult:
@@ -188,7 +188,7 @@ def packed(checker: FileChecker) -> bytes:
     Raises:
         OSError: If a mesh cannot be read.
     """
-    sent = replace(checker, reader=None, topic=None)
+    sent = replace(checker, reader=read_motion, topic=None)
     meshes = {}
     if checker.checker.physics is not None:
         for link in checker.checker.description.links:

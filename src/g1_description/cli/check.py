@@ -40,7 +40,6 @@ from g1_description.collisions.find_pairs import collisions_of
 from g1_description.command_line import argument, option, parse, say, within
 from g1_description.errors import ClusterError, G1DescriptionError, InvalidValueError
 from g1_description.files.atomic import whole_file, write_whole
-from g1_description.motion.files.formats import read_motion
 from g1_description.ros.lifecycle import own_arguments
 from g1_description.text import listed, similar_first
 
@@ -380,7 +379,6 @@ def file_checker(args: CheckOptions) -> FileChecker:
         bool(args.plot or args.html),
         args.fps,
         args.topic,
-        read_motion,
     )
 
 
