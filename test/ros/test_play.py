@@ -237,9 +237,9 @@ class TestPlay(unittest.TestCase):
             ((self.file.with_name("none.csv"),), "There is no file"),
             ((bad,), "bad.csv: Line 3 has 'ten' where a number is expected."),
             ((self.file, "--from", 2, "--to", 9), "lasts from 0 to 4 s; 2 to 9 s is"),
-            ((self.file, "--speed", 0), "0 is not positive"),
+            ((self.file, "--speed", 0), "--speed: must be a number from"),
             ((self.file, "--speed", 1e9), "--speed: must be a number from"),
-            ((self.file, "--fps", 1e12), "--fps 1e+12 is no number"),
+            ((self.file, "--fps", 1e12), "--fps: must be greater than 0 and at most"),
             (
                 (self.file, "--start-here", "--base-frame", "right/base_link"),
                 "there is no frame 'right/base_link'",
