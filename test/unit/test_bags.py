@@ -301,6 +301,19 @@ def test_stamps_that_are_missing_equal_or_go_back_are_dealt_with(bag):
     assert "Time goes back after 1.000 s" in notes[1]
 
 
+@pytest.mark.parametrize("options", [{}, {"chunk_threshold": 500}])
+def test_the_run_before_a_reset_is_read_where_recorded_times_go_back(bag, options):
+    # rosbag record writes simulated time, so both runs have the same times.
+    runs = [
+        ("/joint_states", state(1 + 0.01 * n, left_knee=knee), 1 + 0.01 * n)
+        for knee, count in ((0.1, 30), (0.9, 20))
+        for n in range(count)
+    ]
+    motion = read_motion(bag(*runs, **options), G1)
+    assert motion.trajectory.positions[:, 0].tolist() == [0.1] * 30
+    assert "Time goes back after 0.290 s" in motion.notes[1]
+
+
 def test_a_rate_for_a_bag_is_told_to_be_ignored(bag):
     path = bag(("/joint_states", state(1, left_knee=1.0), 1))
     notes = read_motion(path, G1, 30.0).notes

@@ -119,16 +119,30 @@ def _opened(source: MotionSource) -> Reader:
     }
 
     class BoundedReader(Reader):
-        """Unpacks ``MAX_CHUNK`` bytes of a chunk at most."""
+        """Unpacks ``MAX_CHUNK`` bytes of a chunk at most, and each chunk once."""
+
+        def messages(self, connections: Any = (), *_: Any) -> Any:
+            # In the order of the file: recorded times go back at a reset, and by them
+            # the messages of two runs would be mixed.
+            entries = [e for known in connections for e in self.indexes[known.id]]
+            entries.sort(key=lambda entry: (entry.chunk_pos, entry.offset))
+            self.indexes[-1] = entries
+            return super().messages([next(iter(connections))._replace(id=-1)])
 
         def read_chunk(self) -> Any:
             chunk = super().read_chunk()
             make = decompressors.get(chunk.decompressor)
             if make is None:
                 return chunk
-            return chunk._replace(
-                decompressor=lambda data: make().decompress(data, MAX_CHUNK)
-            )
+
+            def unpacked(data: bytes) -> bytes:
+                found: bytes = make().decompress(data, MAX_CHUNK)
+                if len(found) == MAX_CHUNK:
+                    most = f"{MAX_CHUNK // 10**6} MB"
+                    raise MotionError(f"A chunk of the bag has more than {most}.")
+                return found
+
+            return chunk._replace(decompressor=unpacked)
 
     return BoundedReader(source.path)
 
