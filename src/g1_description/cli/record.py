@@ -141,7 +141,8 @@ def states_of(robot: Description, recorder: Recorder, args: RecordOptions) -> St
         published = {name for name, _ in rospy.get_published_topics()}
         if args.namespace or topic in published:
             return BridgeStates(topic, recorder)
-    return SimulatorStates(robot, args.model, args.gazebo, recorder)
+    simulator = (args.gazebo, args.model, args.namespace)
+    return SimulatorStates(robot, *simulator, recorder)
 
 
 class _Stop:
@@ -171,8 +172,7 @@ def _wait_for_first(recorder: Recorder, states: States) -> None:
     def is_known() -> bool:
         nonlocal missed
         states.keep_up()
-        if states.problem:
-            missed = min(missed, time.monotonic())
+        missed = min(missed, time.monotonic()) if states.problem else math.inf
         is_late = time.monotonic() > missed + SPAWN_TIMEOUT
         return bool(recorder.refusal or recorder.states or is_late)
 

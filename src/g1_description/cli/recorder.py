@@ -58,6 +58,8 @@ class Recorder:
         self._find_room, self._room = find_room, Room(0, False)
         self._due = 0
         self._ignored = 0
+        self._last = 0
+        """Stamp of the last state that came, also of one that was not due, in [ns]."""
         self.states: list[RobotState] = []
         self.heard = time.monotonic()
         """When the last state came, on the monotonic clock."""
@@ -78,11 +80,12 @@ class Recorder:
             except MotionError as error:
                 self.refuse(error)
                 return
-        elif state.stamp < self.states[-1].stamp:
+        elif state.stamp < self._last:
             self.end("time went back")
             return
-        elif state.stamp == self.states[-1].stamp:  # it is latched
+        elif state.stamp == self._last:  # it is latched
             return
+        self._last = state.stamp
         if state.stamp < self._due - EARLY:
             return
         if self.states and not _are_alike(state, self.states[0]):
@@ -203,13 +206,20 @@ class BridgeStates:
 class SimulatorStates:
     """The states of a robot, measured from those of all links of a simulator.
 
-    Without a name of its model, it is the only one with its links.
+    Without a name of its model, it is the only one with its links, or of several the
+    one that is called like the namespace.
     """
 
     def __init__(
-        self, robot: Description, model: str, gazebo: str, recorder: Recorder
+        self,
+        robot: Description,
+        gazebo: str,
+        model: str,
+        namespace: str,
+        recorder: Recorder,
     ) -> None:
         self._robot, self._model, self._recorder = robot, model, recorder
+        self._namespace = namespace
         self._estimator: JointStateEstimator | None = None
         self._stamps = RisingStamps()
         self.problem: G1DescriptionError | None = None
@@ -241,7 +251,9 @@ class SimulatorStates:
             return
         if self._estimator is None:
             try:
-                self._model = self._model or find_model(states.names, self._robot)
+                self._model = self._model or find_model(
+                    states.names, self._robot, self._namespace
+                )
             except SeveralModelsError as error:
                 self._recorder.refuse(error)
                 return
@@ -263,12 +275,13 @@ class SeveralModelsError(UnknownNameError):
     """Several models may be meant."""
 
 
-def find_model(links: Sequence[str], robot: Description) -> str:
+def find_model(links: Sequence[str], robot: Description, namespace: str = "") -> str:
     """Find the model whose links are the robot's.
 
     Args:
         links: Scoped names of all links of the simulator.
         robot: The robot.
+        namespace: Name of the one of several models that is meant.
 
     Returns:
         The model's name.
@@ -283,6 +296,8 @@ def find_model(links: Sequence[str], robot: Description) -> str:
         counts[model] = counts.get(model, 0) + (link in own)
     most = max(counts.values(), default=0)
     found = [model for model, count in counts.items() if count == most and most]
+    if namespace in found:
+        return namespace
     if len(found) == 1:
         return found[0]
     error, what = UnknownNameError, f"only {listed(counts) or 'nothing'}"
