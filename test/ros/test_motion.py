@@ -7,7 +7,7 @@ import numpy as np
 import rospy
 import rostest
 import tf2_ros
-from g1_description.msg import RobotTrajectory
+from g1_description.msg import RobotState, RobotTrajectory
 from g1_description.srv import PlayMotion, Step
 from genpy import Duration, Time
 from geometry_msgs.msg import PoseStamped, Transform
@@ -467,6 +467,28 @@ class TestMotion(unittest.TestCase):
             np.testing.assert_allclose(
                 [end.x, end.y, end.z], [t.x, t.y, t.z], atol=1e-9
             )
+
+    def test_robot_state_has_what_is_commanded(self):
+        states = Connected("/robot_state", RobotState, queue_size=None)
+        self.addCleanup(states.close)
+
+        def commanded(message):
+            return dict(zip(message.commanded_name, message.commanded_position))
+
+        self.publish("joint_trajectory", elbow((0.0, 0.0), (0.05, 0.7)))
+        states.wait(lambda m: commanded(m).get(ELBOW) == 0.7, "the motion's end")
+        self.publish("joint_commands", JointState(name=[KNEE], position=[0.4]))
+        both = states.wait(lambda m: commanded(m).get(KNEE) == 0.4, "the command")
+        self.assertEqual(commanded(both)[ELBOW], 0.7, "the other one stays")
+        base = PoseStamped()
+        base.header.frame_id = "map"
+        base.pose.position.x, base.pose.position.z = 0.25, 0.9
+        base.pose.orientation.w = 1.0
+        self.publish("base_command", base)
+        states.wait(
+            lambda m: m.has_commanded_base and m.commanded_base_pose.position.x == 0.25,
+            "the commanded base",
+        )
 
     def test_the_ghost_is_where_the_robot_is_wanted(self):
         wanted = Connected("/commanded_joint_states", JointState, queue_size=None)

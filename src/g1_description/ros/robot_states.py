@@ -134,9 +134,9 @@ class RobotStates:
     def close(self) -> None:
         """Unsubscribe."""
         self._subscriber.unregister()
-        with self._lock:
-            if self._joined is not None:
-                self._joined.close()
+        joined = self._joined
+        if joined is not None:
+            joined.close()
 
     @property
     def is_published(self) -> bool:
@@ -167,22 +167,24 @@ class RobotStates:
     def newest(self) -> RobotState | None:
         """Return the newest state; None where there is none that is new.
 
-        To be called several times a second, also when nothing has changed.
+        To be called several times a second, also when nothing has changed, and by one
+        thread at a time.
 
         Raises:
             InvalidValueError: If names and numbers of it are not as many.
         """
         with self._lock:
             data, self._newest = self._newest, None
-            state = None if data is None else self._read(data)
-            if state is not None:
-                if self._joined is not None:
-                    self._joined.close()
-                    self._joined = None
-                return state
-            if self._joined is None and not self._subscriber.get_num_connections():
-                self._joined = self._join()
-            return None if self._joined is None else self._joined.newest()
+        state = None if data is None else self._read(data)
+        joined = self._joined
+        if state is not None:
+            self._joined = None
+            if joined is not None:
+                joined.close()
+            return state
+        if joined is None and not self._subscriber.get_num_connections():
+            joined = self._joined = self._join()
+        return None if joined is None else joined.newest()
 
     def _read(self, data: bytes) -> RobotState | None:
         """Read a message; None if it is damaged or its poses are in another frame."""
@@ -351,6 +353,8 @@ class JoinedStates:
         except genpy.DeserializationError as error:
             self._log.warn("joints", f"A message is not joint states: {error}.")
             return None
+        if len(message.velocity) != len(message.name):
+            message.velocity = []  # positions alone will do
         return RobotState(stamp, *joint_states_to_arrays(message), base)
 
     def _pair(self) -> tuple[tuple[int, bytes], np.ndarray | None] | None:

@@ -82,7 +82,7 @@ class RobotView:
         self._heard = self._advanced = 0.0
         """When the last state, and the last with a new stamp, came: monotonic."""
         self._stamp = 0
-        self._reported = ""
+        self._reported = self._refused = ""
         self._alone: float | None = None
         """Since when nobody publishes its state, on the monotonic clock."""
 
@@ -91,7 +91,9 @@ class RobotView:
         try:
             state = self._states.newest()
         except InvalidValueError as error:
-            self._notify(str(error))
+            if str(error) != self._refused:
+                self._refused = str(error)
+                self._notify(self._refused)
             return
         if state is None:
             return
