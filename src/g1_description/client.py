@@ -119,11 +119,6 @@ class SteppedState(RobotState):
         return self.stamp
 
     @property
-    def time(self) -> float:
-        """The stamp in [s]."""
-        return 1e-9 * self.stamp
-
-    @property
     def base(self) -> np.ndarray | None:
         """Pose of the root link in the world, shape (7,)."""
         return self.base_pose

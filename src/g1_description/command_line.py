@@ -200,7 +200,8 @@ def within(
     low: float, high: float = math.inf, kind: Callable[[str], Any] = number
 ) -> Callable[[str], Any]:
     """Return what reads a number from ``low`` to ``high``, both included."""
-    words = f"from {low:g} to {high:g}" if high < math.inf else f"at least {low:g}"
+    ends = [f"{end:g}" if isinstance(end, float) else str(end) for end in (low, high)]
+    words = f"from {ends[0]} to {ends[1]}" if high < math.inf else f"at least {ends[0]}"
 
     def read(text: str) -> Any:
         try:
@@ -222,8 +223,9 @@ def positive(high: float) -> Callable[[str], float]:
         value = number(text)
         if 0.0 < value <= high:
             return value
+        most = f" and at most {high:g}" if high < math.inf else ""
         raise argparse.ArgumentTypeError(
-            f"must be greater than 0 and at most {high:g} (got {text.strip()})"
+            f"must be greater than 0{most} (got {text.strip()})"
         )
 
     return read

@@ -11,24 +11,12 @@ import yaml
 rospy = pytest.importorskip("rospy", reason="rospy is not installed")
 
 from g1_description.bridge.parameters import BridgeParameters  # noqa: E402
-from g1_description.checker.parameters import CheckerParameters  # noqa: E402
-from g1_description.gazebo.parameters import GazeboParameters, SpawnerParameters  # noqa: E402
 from g1_description.ros.parameters import default_parameters  # noqa: E402
-from g1_description.web.parameters import WebParameters  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tools"))
 
 import tables  # noqa: E402
-
-NODES = {
-    "link_states_bridge": BridgeParameters,
-    "gazebo": GazeboParameters,
-    "spawn_urdf": SpawnerParameters,
-    "checker": CheckerParameters,
-    "web": WebParameters,
-}
-
 
 LAUNCH = ROOT / "launch"
 OWN_DEFAULT = {(file, "rvizconfig") for file in ("two_robots", "view", "replay")}
@@ -51,12 +39,12 @@ def launch_arguments(file):
     return {arg.get("name"): arg for arg in args if arg.get("value") is None}
 
 
-@pytest.mark.parametrize("node", NODES)
+@pytest.mark.parametrize("node", tables.NODES)
 def test_the_page_lists_every_parameter_with_its_default(node):
     table = section("nodes.md", node).split("| parameter |")[1]
     rows = re.findall(r"^\| `~([\w/]+)` \| `?([^|`]*)`? \|", table, flags=re.M)
     listed = {name: default.strip() for name, default in rows}
-    known = default_parameters(NODES[node])
+    known = default_parameters(tables.NODES[node])
     written = {
         name: str(default).lower() if isinstance(default, bool) else str(default)
         for name, default in known.items()

@@ -25,6 +25,11 @@ from g1_description.ros.log import SHORT_PERIOD, ThrottledLog
 from g1_description.ros.master import SERVICE_ERRORS
 from g1_description.text import listed
 
+MAX_NAMES = 50
+"""Ignored names that are counted one by one: names come from outside."""
+
+OTHERS = "(other names)"
+
 
 class CommandTally:
     """Finds what of one robot's commands can be obeyed, and counts the rest."""
@@ -80,7 +85,8 @@ class CommandTally:
                     self.clamped[name] += 1
                     self._last_clamped[name] = now
                 continue
-            self.ignored[name or ""] += 1
+            known = name in self.ignored or len(self.ignored) < MAX_NAMES
+            self.ignored[(name or "") if known else OTHERS] += 1
             if name is None or position is None:
                 continue  # told by the lengths
             if joint:

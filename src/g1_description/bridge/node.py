@@ -1,11 +1,12 @@
 """The bridge's node: link states to joint states and TF, commands to the simulator.
 
 Publishes: joint_states (sensor_msgs/JointState): for each state, with its stamp;
-    tf_joint_states (sensor_msgs/JointState): those of them that go to TF;
+    robot_state (g1_description/RobotState): the same with the base, and what is
+    commanded; tf_joint_states (sensor_msgs/JointState): those that go to TF;
     /diagnostics (diagnostic_msgs/DiagnosticArray)
 Subscribes: <gazebo>/world_state (gazebo_msgs/WorldState) or, where there is none,
     <gazebo>/link_states (gazebo_msgs/LinkStates); joint_commands
-    (sensor_msgs/JointState), and the topics of motion.topics.MotionTopics
+    (sensor_msgs/JointState), and the topics of motion_topics.MotionTopics
 Actions: <controller>/follow_joint_trajectory (control_msgs/FollowJointTrajectory)
 Broadcasts: map -> base_link, throttled; static world -> map, base_link -> the
     robot's root, imu_in_torso -> body_imu; fixed joints while time stands still

@@ -1,6 +1,6 @@
 """A picture or a film of the robot as it is now, or of a motion, without a screen.
 
-Subscribes: joint_states (sensor_msgs/JointState), /tf, /tf_static
+Subscribes: robot_state, or joint_states, /tf and /tf_static without a bridge
 Reads: robot_description; with --model or --motion nothing of ROS at all.
 """
 
