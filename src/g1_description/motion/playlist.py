@@ -109,7 +109,7 @@ class Playback:
         self._trajectory = replace(old, **added)
 
     def reaches_sample(self, time_ns: int) -> bool:
-        """Return whether a sample lies between the time of the last call and this one."""
+        """Return whether there is a sample since the time of the last call."""
         times, before = self._trajectory.times, self._n_reached
         until = self._elapsed(time_ns) + SNAP
         self._n_reached = int(np.searchsorted(times, until, side="right"))
