@@ -347,8 +347,10 @@ class System:
         """Process ids of the nodes that answer."""
         self.here: set[str] = set()
         """The nodes on this machine."""
-        self.place = ""
-        """Parameter of the robot's description."""
+        self.place = (
+            ""
+            """Parameter of the robot's description."""
+        )
         self.description: Description = None  # type: ignore[assignment]
         self.is_paused = False
         self.links: tuple[list[str], np.ndarray] = None  # type: ignore[assignment]
@@ -397,7 +399,7 @@ class System:
         names = {field.name for field in fields(BridgeParameters)}
         try:
             return BridgeParameters(**{name: own[name] for name in names & {*own}})
-        except (G1DescriptionError, TypeError): # a bridge does not start with these
+        except (G1DescriptionError, TypeError):  # a bridge does not start with these
             return BridgeParameters()
 
     @property
@@ -598,7 +600,7 @@ def _ask_node(system: System, node: str) -> Fault | None:
     try:
         uri = str(ask(system.uri, "lookupNode", node))
     except LookupError:
-        return None # it has just unregistered
+        return None  # it has just unregistered
     addresses = []
     with contextlib.suppress(ValueError):
         host, port = host_of(uri)
@@ -619,8 +621,10 @@ def _ask_node(system: System, node: str) -> Fault | None:
     if addresses and is_here and (system.master_is_here or not are_loopback(addresses)):
         place = f"{node} is registered at {uri}, but"
         if isinstance(problem, TimeoutError):
-            sentence = f"{place} does not respond ({reason}): it hangs, or was "
-                       "stopped with Ctrl-Z."
+            sentence = (
+                f"{place} does not respond ({reason}): it hangs, or was "
+                "stopped with Ctrl-Z."
+            )
             process = f"$(fuser -n tcp {port} 2>/dev/null)"
             cure = f"kill -CONT {process}  # if it still hangs: kill -9"
             return Fault("hung_node", sentence, cure)
@@ -661,7 +665,7 @@ def check_description(system: System) -> Fault | str:
     found = ((place, system.parameter(place)) for place in places)
     place, text = next((pair for pair in found if pair[1] is not None), ("", ""))
     cure = DISPLAY
-    if system.simulators: # launch files refuse to start a second one
+    if system.simulators:  # launch files refuse to start a second one
         cure = (
             "rosrun g1_description absolute_urdf.py "
             "package://g1_description/urdf/g1_29dof.urdf > /tmp/g1.urdf && "
@@ -755,8 +759,9 @@ def check_clock(system: System) -> Fault | str:
             "advance.",
             "rosparam set /use_sim_time false  # then restart the nodes",
         )
-    sentence = f"Several nodes publish /clock, {listed(nodes)}: time jumps back and "
-               "forth."
+    sentence = (
+        f"Several nodes publish /clock, {listed(nodes)}: time jumps back and forth."
+    )
     return several("two_clocks", nodes, system.simulators, sentence) or listed(nodes)
 
 
@@ -786,8 +791,9 @@ def check_link_states(system: System) -> Fault | str:
     nodes = system.publishers[topic]
     if not nodes:
         node = system.simulators[0]
-        sentence = f"{node} runs, but nothing publishes {topic}, which the bridge "
-                   "needs."
+        sentence = (
+            f"{node} runs, but nothing publishes {topic}, which the bridge needs."
+        )
         return Fault("no_link_states", sentence, _restart(system, node))
     message = first_message(topic, LinkStates)
     if message is None:
@@ -926,8 +932,8 @@ def check_joint_states(system: System) -> Fault | str:
     topic = system.topic("joint_states")
     nodes = system.publishers[topic]
     own = system.bridges or nodes[:1]
-    sentence = f"Several nodes publish {topic}, {listed(nodes)}; only {listed(own)} "
-               "should. "
+    publishers = f"Several nodes publish {topic}, {listed(nodes)}"
+    sentence = f"{publishers}; only {listed(own)} should."
     two = several("two_joint_states", nodes, own, sentence)
     if two:
         return two
@@ -1134,7 +1140,7 @@ def run_checks(namespace: str, names: Sequence[str]) -> Iterator[Result]:
             else:
                 found = check(system)
         except (OSError, LookupError, TypeError, ValueError, SystemExit) as error:
-            found = check_master(system) # it may have died meanwhile
+            found = check_master(system)  # it may have died meanwhile
             if not isinstance(found, Fault):
                 sentence = f"The check '{name}' failed: {reason_of(error)}."
                 again = f"{DOCTOR}  # run again when this machine is less busy"

@@ -95,7 +95,7 @@ class Keyboard:
             return b""
 
     def _take(self) -> str:
-        """Remove the first supported key from the bytes; return its name, or nothing."""
+        """Remove the first supported key from the bytes; return its name or nothing."""
         while self._pending and not PART_OF_KEY.match(self._pending):
             key = ONE_KEY.match(self._pending)
             length = key.end() if key else 1

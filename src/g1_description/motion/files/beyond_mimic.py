@@ -46,9 +46,7 @@ OVERHEAD = 20_000
 
 NO_BASE = "An npz needs base poses, and this motion has none; write .csv."
 
-UNKNOWN_ORDER = (
-    "The joint order is unknown; assuming that of the robot's file."
-)
+UNKNOWN_ORDER = "The joint order is unknown; assuming that of the robot's file."
 
 
 def recognise(source: MotionSource) -> bool:
@@ -75,8 +73,9 @@ def read(source: MotionSource, robot: Description) -> Motion:
     if "joint_names" in source.arrays:
         named = source.names("joint_names")
         if len(named) != n_joints:
-            raise MotionError(f"joint_names has {len(named)} names for {n_joints} "
-                              "joints.")
+            raise MotionError(
+                f"joint_names has {len(named)} names for {n_joints} joints."
+            )
     times, of_times = source.times(n_samples)
     base = np.concatenate([places[:, 0], turns[:, 0, 1:], turns[:, 0, :1]], axis=1)
     names, notes = _names(named, positions, base, places, robot)
@@ -239,8 +238,10 @@ def _even(
     found = sample(trajectory, trajectory.times[0] + regular)
     velocities = None if trajectory.velocities is None else found.velocities
     names, poses = trajectory.joint_names, found.base_poses
-    note = f"The times are not evenly spaced: resampled to {n_samples} samples at "
-           f"{fps:g} Hz."
+    note = (
+        f"The times are not evenly spaced: resampled to {n_samples} samples at "
+        f"{fps:g} Hz."
+    )
     even = Trajectory(regular, names, found.positions, velocities, poses)
     return even, float(fps), (note,)
 
