@@ -39,10 +39,8 @@ class CommandTally:
         """Requests that the simulator answered with success."""
         self.refused = 0
         """Requests that it refused."""
-        self.reason = (
-            ""
-            """Why it refused the last request; empty if it did not."""
-        )
+        self.reason = ""
+        """Why it refused the last request; empty if it did not."""
         self.waiting_since: float | None = None
         """Since when a request waits for its answer, on the monotonic clock."""
         self.clamped: Counter[str] = Counter()

@@ -94,10 +94,8 @@ class Model:
         self._moving = np.concatenate([np.zeros(0, dtype=int), *rows])
         self.T_carrier_model = self._find_model_frame()
         """Pose of the model frame in the frame of ``carrier_pose``, shape (7,)."""
-        self.robot_namespace = (
-            ""
-            """Namespace that its spawner gave it; kept as data."""
-        )
+        self.robot_namespace = ""
+        """Namespace that its spawner gave it; kept as data."""
         self.ode_joints: dict[str, dict[str, float]] = {}
         """Properties of set_joint_properties, in Gazebo's words, by joint name."""
         self.hull_deviations: dict[str, float] = {}
