@@ -234,8 +234,8 @@ class TestPlay(unittest.TestCase):
         arms = self.file.with_name("arms.csv")
         arms.write_text("time,left_elbow_joint\n0,0\n1,1\n")
         for arguments, text in (
-            ((self.file.with_name("none.csv"),), "There is no file"),
-            ((bad,), "bad.csv: Line 3 has 'ten' where a number is expected."),
+            ((self.file.with_name("none.csv"),), "does not exist"),
+            ((bad,), "bad.csv: Line 3: expected a number (got 'ten')."),
             ((self.file, "--from", 2, "--to", 9), "lasts from 0 to 4 s; 2 to 9 s is"),
             ((self.file, "--speed", 0), "0 is not positive"),
             ((self.file, "--speed", 1e9), "--speed: must be a number from"),

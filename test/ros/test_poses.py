@@ -138,7 +138,7 @@ class TestPoses(unittest.TestCase):
         file = home / "g1_description" / "poses.yaml"
         self.put("wave")
         code, output, _ = run("--save", "mine", "--about", "my own", home=home)
-        self.assertEqual((code, output), (0, f"pose: mine is saved in {file}\n"))
+        self.assertEqual((code, output), (0, f"pose: mine saved in {file}\n"))
         saved = yaml.safe_load(file.read_text())["mine"]
         self.assertEqual(saved.pop("about"), "my own")
         wanted = {joint: v for joint, v in POSES["wave"].items() if joint != "about"}
@@ -151,7 +151,7 @@ class TestPoses(unittest.TestCase):
         self.assert_shown("wave")
         self.assertIn("There is no pose 'mine'", run("mine")[2])
         other = home / "other.yaml"
-        told = f"pose: mine is saved in {other}\n"
+        told = f"pose: mine saved in {other}\n"
         saved = run("--save", "mine", "--file", other, home=home)
         self.assertEqual(saved, (0, told, ""))
 

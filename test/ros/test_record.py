@@ -266,7 +266,7 @@ class TestRecord(unittest.TestCase):
                 with errors.open("w") as stream:
                     arguments = 40, file, "--rate", rate
                     self.python(FULL, *arguments, stderr=stream, timeout=DEADLINE)
-                self.assertIn("the file can hold no more after", errors.read_text())
+                self.assertIn("the file is full after", errors.read_text())
                 found, _, _ = self.read(file)
                 self.assertIn(len(found["times"]), (39, 40))
 
@@ -278,7 +278,7 @@ class TestRecord(unittest.TestCase):
             self.python(FULL, *arguments, **options)
         self.assertEqual(
             errors.read_text(),
-            "record: An npz needs the base, which this motion has not.\n",
+            "record: An npz needs base poses, and this motion has none; write .csv.\n",
         )
 
     def test_of_several_robots_one_must_be_named(self):
@@ -314,7 +314,7 @@ class TestRecord(unittest.TestCase):
     def test_what_cannot_be_recorded_is_told(self):
         (self.folder / "there.csv").write_text("")
         wrong = (
-            ("already; --force replaces it", "there.csv"),
+            ("already; use --force to replace it", "there.csv"),
             ("ends in none of .csv, .npz, .bag", "a.txt"),
             ("cannot be written: No such file", "no/a.csv"),
             ("--rate: must be a number from 0", "a.csv", "--rate", "-1"),

@@ -81,7 +81,7 @@ def alone(checker, files):
 def test_one_process_checks_all(alone):
     results = [outcome.result for outcome in alone]
     assert results == ["passed", "failed", "passed", "not read"]
-    assert alone[-1].problem == "Line 1 names a, b, but not time."
+    assert alone[-1].problem == "Line 1 has the columns a, b, but lacks time."
     assert all(outcome.plot for outcome in alone[:-1])
 
 

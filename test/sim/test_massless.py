@@ -63,9 +63,9 @@ def test_one_warning_names_what_gazebo_would_leave_out(make_world, inside, told)
 @pytest.mark.parametrize(
     ("hand", "told"),
     [
-        ("", "arm, hand have no mass: Gazebo would leave them out"),
-        (MASS, "arm has no mass and hand hangs on it: Gazebo would leave them out"),
-        (None, "arm has no mass: Gazebo would leave it out"),
+        ("", "arm, hand have no mass: Gazebo would ignore them"),
+        (MASS, "arm has no mass and hand hangs on it: Gazebo would ignore them"),
+        (None, "arm has no mass: Gazebo would ignore it"),
     ],
 )
 def test_of_one_link_the_warning_speaks_as_of_one(make_world, hand, told):
@@ -122,7 +122,10 @@ CALF = arm(MASS, MASS, MASS).replace('lower="-2" upper="2"', 'lower="-2" upper="
 def test_joints_that_cannot_be_at_zero_begin_inside_their_limits(make_world):
     world = make_world()
     told = world.spawn_urdf("m", CALF, HIGH)
-    assert told == ("joints that cannot be at zero begin: a at -0.5, b at -0.5",)
+    assert told == (
+        "0 is outside the limits of some joints, which begin at the nearest limit: a "
+        "at -0.5, b at -0.5",
+    )
     begin = [-0.5, -0.5]
     np.testing.assert_array_equal(world.model("m").position, begin)
     world.set_joint_positions("m", {"a": -1.0})

@@ -67,7 +67,7 @@ ACTORS = "file,actor\nwalk.csv,Jo\n"
 @pytest.mark.parametrize(
     ("name", "text", "problem"),
     [
-        ("actors.csv", ACTORS, "Line 1 names file, actor, but not time."),
+        ("actors.csv", ACTORS, "Line 1 has the columns file, actor, but lacks time."),
         ("gains.yaml", "knee:\n  p: 10.0\n", "Not a JointTrajectory: 'joint_names' "),
         ("robots.yaml", "robots: [a, b]\n", "Not a JointTrajectory: 'joint_names' "),
         ("bends.yml", "knee: !degrees 90\n", "Line 1 has a tag; "),
@@ -86,7 +86,7 @@ def test_other_files_of_a_folder_are_told_and_change_nothing(
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith(f"motions/{name}: not a motion: {problem}")
     assert lines[-1] == (
-        "2 files: 1 passed, 1 not a motion; 1 with other endings left out."
+        "2 files: 1 passed, 1 not a motion; ignored 1 with other extensions."
     )
 
 
@@ -155,8 +155,11 @@ def test_a_failure_counts_more_than_a_file_that_is_not_read(folder, capsys):
     ("arguments", "sentence"),
     [
         (["a.csv"], "check: a.csv does not exist."),
-        (["/dev/null"], "check: /dev/null is no file."),
-        (["empty"], "check: The folder empty has no file that ends in .bag, .csv, "),
+        (["/dev/null"], "check: /dev/null is not a file."),
+        (
+            ["empty"],
+            "check: The folder empty has no motions (files that end in .bag, .csv, ",
+        ),
         (["motion0.csv", "--json", "no/a.json"], "check: There is no folder no for "),
         (["motion0.csv", "--json", "a.txt"], "check: --json a.txt does not end in "),
         (["motion0.csv", "--html", "empty"], "check: --html empty does not end in "),

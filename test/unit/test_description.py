@@ -63,7 +63,7 @@ def robot(inside):
         ),
         (
             robot(A_B + joint() + joint(parent="b", child="a").replace('"ab"', '"ba"')),
-            "none \\(its joints make a loop of b, a\\)",
+            "none \\(its joints form a loop: b, a\\)",
         ),
     ],
 )

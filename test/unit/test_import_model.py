@@ -757,7 +757,7 @@ def command(*arguments, first="", ignored=(), **options):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["no.urdf"], "The model no.urdf cannot be used: There is no file no.urdf"),
+        (["no.urdf"], "Cannot use the model no.urdf: There is no file no.urdf"),
         (["."], "There is no .urdf in the folder ."),
         (["r.urdf", "--decimate", "3"], "must be a whole number at least 4 (got 3)"),
         (["r.urdf", "--tolerance", "-1"], "must be a number at least 0 (got -1)"),
@@ -900,7 +900,7 @@ def test_names_that_rviz_wants_are_given_and_told(bring, source):
     report = (urdf.parents[1] / "report.md").read_text()
     changed = report[report.index("### Changed") :]
     for sentence in (
-        "The robot, which had no name, is named r, as its file.",
+        "The robot has no name; using that of its file: r.",
         "Materials that had no name are named material_1 (link base), material_2 "
         "(link base).",
     ):

@@ -113,19 +113,19 @@ def test_the_robot_is_put_on_the_floor_unless_its_height_is_given(sim, node):
     [
         (
             "model:=/nowhere.urdf",
-            "The model /nowhere.urdf cannot be used: There is no file /nowhere.urdf",
+            "Cannot use the model /nowhere.urdf: There is no file /nowhere.urdf",
         ),
         (
             "model:=package://g1_description/urdf/g1_29dfo.urdf",
             "like it is g1_29dof.urdf",
         ),
-        ("sim:=mujoco", "There is no sim 'mujoco'; there are standin, gazebo."),
-        ("sim:=gazbo", "There is no sim 'gazbo'; there are gazebo, standin."),
+        ("sim:=mujoco", "Unknown sim 'mujoco'. Known values: standin, gazebo."),
+        ("sim:=gazbo", "Unknown sim 'gazbo'. Known values: gazebo, standin."),
         ("physics:=holdd", "no physics 'holdd'; there are hold, kinematic, limp."),
         ("initial_pose:=standd", "no pose 'standd'; there are stand, zero, squat,"),
-        ("x:=abc", "x is 'abc', which is no finite number."),
-        ("Y:=inf", "Y is 'inf', which is no finite number."),
-        ("paused:=yes", "paused is 'yes'; it is either true or false."),
+        ("x:=abc", "x must be a number (got 'abc')."),
+        ("Y:=inf", "Y must be a number (got 'inf')."),
+        ("paused:=yes", "paused must be true or false (got 'yes')."),
     ],
 )
 def test_a_wrong_argument_ends_the_launch_with_a_sentence(argument, words):
@@ -136,13 +136,19 @@ def test_a_wrong_argument_ends_the_launch_with_a_sentence(argument, words):
     ("argument", "words"),
     [
         ("model:=", "model:= is empty; without it, /"),
-        ("physics:=", "physics:= is empty; without it, kinematic is taken."),
-        ("robot_name:=", "robot_name:= is empty; without it, g1_robot is taken."),
+        (
+            "physics:=",
+            "physics:= is empty; leave it out to use the default, kinematic.",
+        ),
+        (
+            "robot_name:=",
+            "robot_name:= is empty; leave it out to use the default, g1_robot.",
+        ),
         ("trails:=pelvs", "trails has pelvs, which no robot has; there are pelvis,"),
-        ("port:=99999", "port is '99999'; it is a whole number from 0 to 65535."),
-        ("ghost:=ja", "ghost is 'ja'; it is either true or false."),
-        ("web:=2", "web is '2'; it is either true or false."),
-        ("use_sim_time:=1", "use_sim_time is '1'; it is either true or false."),
+        ("port:=99999", "port must be a whole number from 0 to 65535 (got '99999')."),
+        ("ghost:=ja", "ghost must be true or false (got 'ja')."),
+        ("web:=2", "web must be true or false (got '2')."),
+        ("use_sim_time:=1", "use_sim_time must be true or false (got '1')."),
         ("motors:=my.yaml", "motors is 'my.yaml', which is not an absolute path."),
         ("thresholds:=/nowhere.yaml", "no file /nowhere.yaml, which thresholds names."),
         ("rvizconfig:=/nowhere.rviz", "no file /nowhere.rviz, which rvizconfig names."),

@@ -86,7 +86,7 @@ def test_a_config_that_is_wrong_is_told(folder):
         ("<model>", "model.config is not XML"),
         ("<model/>", "names no SDF file"),
         ("<model><sdf/></model>", "names no SDF file"),
-        ("<model><sdf>x.sdf</sdf></model>", "names x.sdf, which is no file"),
+        ("<model><sdf>x.sdf</sdf></model>", "names x.sdf, which is not a file"),
     ):
         config.write_text(text)
         with pytest.raises(DescriptionError, match=words):

@@ -208,14 +208,14 @@ def test_an_argument_for_what_takes_none_is_refused(write):
 def test_what_is_not_there_is_told_with_what_is_near(write, tmp_path):
     write("robots/urdf/g1.urdf")
     assert refusal(tmp_path / "robots" / "urdf" / "g2.urdf").endswith(
-        "g2.urdf; like it is g1.urdf."
+        "g2.urdf; did you mean g1.urdf?"
     )
     assert refusal(tmp_path / "robots" / "x").endswith("there is urdf/g1.urdf.")
     assert refusal(tmp_path / "robot" / "g1.urdf").endswith(
-        f"There is no folder {tmp_path}/robot; like it is robots."
+        f"There is no folder {tmp_path}/robot; did you mean robots?"
     )
     folder = refusal(tmp_path / "robots")
-    assert folder.endswith("robots is a folder; there is urdf/g1.urdf.")
+    assert folder.endswith("robots is a folder; it contains urdf/g1.urdf.")
     assert "There is no package 'no_such_package'" in refusal(
         "package://no_such_package/r.urdf"
     )
@@ -296,5 +296,5 @@ def test_the_command_prints_the_robot_or_one_sentence(write, monkeypatch, capfd)
     launched_robot.main()
     assert 'name="ä"' in capfd.readouterr().out
     monkeypatch.setattr(sys, "argv", ["absolute_urdf", f"{file}x"])
-    with pytest.raises(SystemExit, match=r"The model .* cannot be used: There is no"):
+    with pytest.raises(SystemExit, match=r"Cannot use the model .*: There is no"):
         launched_robot.main()

@@ -125,7 +125,7 @@ def test_the_order_of_isaac_lab_is_told_from_the_bodies(clip, revision, file):
     for name in ("body_pos_w", "body_quat_w"):
         arrays[name] = arrays[name][:, bodies]
     motion = read_motion(file(npz(**arrays)), revision)
-    assert motion.notes == ("The joints are in the order of Isaac Lab.",)
+    assert motion.notes == ("Joint order: Isaac Lab.",)
     wanted = read_motion(clip.with_suffix(".npz"), revision).trajectory
     column = [motion.trajectory.joint_names.index(name) for name in names]
     np.testing.assert_array_equal(
@@ -273,7 +273,7 @@ def test_what_rostopic_echo_prints_is_read(g1, file):
 def test_a_rate_for_a_file_with_times_is_told_to_be_ignored(g1, file, content):
     times = read_motion(file(content), g1).trajectory.times
     motion = read_motion(file(content), g1, 25.0)
-    assert "its own times: 25 samples per second are ignored" in motion.notes[0]
+    assert "the rate of its own times: 25 Hz is ignored" in motion.notes[0]
     np.testing.assert_array_equal(motion.trajectory.times, times)
 
 
@@ -552,8 +552,8 @@ def test_folders_pipes_and_large_files_are_told(g1, tmp_path):
     with open(large, "wb") as stream:
         stream.truncate(10_000_000_000)
     for path, words in (
-        (tmp_path, "is no file"),
-        (pipe, "is no file"),
+        (tmp_path, "is not a file"),
+        (pipe, "is not a file"),
         (large, "has 10000 MB"),
         (tmp_path / "nothing", "No such file"),
     ):

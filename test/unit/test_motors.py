@@ -71,9 +71,15 @@ def test_an_empty_file_has_no_motors(file):
     ("text", "problem"),
     [
         ("- knee", "must map patterns of joint names to numbers"),
-        ("knee: 5", "'knee' must have effort, position_gain, velocity_gain, not 5"),
-        ("knee: {torque: 5}", "'knee' has torque; known are effort, position_gain"),
-        ("knee: {effort: -1}", "effort of 'knee' must be a number at least 0, not -1"),
+        (
+            "knee: 5",
+            "'knee' must map effort, position_gain, velocity_gain to numbers (got 5)",
+        ),
+        (
+            "knee: {torque: 5}",
+            "unknown key torque of 'knee'. Known keys: effort, position_gain",
+        ),
+        ("knee: {effort: -1}", "effort of 'knee' must be a number at least 0 (got -)1"),
         ("knee: {effort: .nan}", "effort of 'knee' must be a number at least 0"),
         ("knee: {effort: true}", "effort of 'knee' must be a number at least 0"),
         ("knee: {position_gain: 2}", "position_gain of 'knee' .* from 0 to 1, not 2"),

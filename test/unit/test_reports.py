@@ -193,7 +193,7 @@ def test_the_table_says_what_was_found():
         "r",
         (finding(), finding(severity="warning", check="fall", subject=(), unit="")),
         ("position", "fall"),
-        {"jerk": "no bounds are given", "acceleration": "no bounds are given"},
+        {"jerk": "no bounds are set", "acceleration": "no bounds are set"},
         {"duration": 3.0, "samples": 91},
         notes=("30 Hz assumed.",),
     )
@@ -204,7 +204,7 @@ def test_the_table_says_what_was_found():
     assert words[3] == "warning fall the robot 1.250 s"
     assert lines[4:] == [
         "  note: 30 Hz assumed.",
-        "  skipped: jerk, acceleration (no bounds are given)",
+        "  skipped: jerk, acceleration (no bounds are set)",
     ]
 
 

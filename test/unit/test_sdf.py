@@ -884,7 +884,7 @@ def test_a_file_that_does_not_tell_leaves_the_world_alone():
     found = read_sdf(sdf(model(link()) + model(link(), name="second")))
     assert (found.gravity, found.physics) == (None, {})
     assert [read.name for read in found.models] == ["m"]
-    told = "model second is left out: of a file the first model is read"
+    told = "model second is ignored: only the first model of a file is read"
     assert found.left_out == (told,)
 
 
@@ -893,7 +893,7 @@ def test_what_stands_beside_a_world_is_named():
     found = read_sdf(sdf(inside))
     assert (found.models, found.lights) == ((), ())
     assert set(found.left_out) == {
-        f"{which} is left out: of a file the first world is read"
+        f"{which} is ignored: of a file the first world is read"
         for which in ("world v", "light l", "model m")
     }
 
@@ -1006,9 +1006,9 @@ def test_what_of_an_include_has_no_effect_is_named():
     )
     found = read_sdf(world(inside), find_box)
     assert found.left_out == (
-        "include of model://nowhere is left out: There is no model://nowhere in the "
+        "include of model://nowhere is ignored: There is no model://nowhere in the "
         "cellar",
-        "placement_frame of the include of model://box is left out",
+        "placement_frame of the include of model://box is ignored",
     )
     assert found.models[0].assembly.left_out == (
         "plugin of model box is not simulated",
@@ -1019,9 +1019,9 @@ def test_what_of_an_include_has_no_effect_is_named():
     ("uri", "words"),
     [
         ("model://itself", "model://itself includes itself"),
-        ("model://twice", "model://twice includes itself, by .*twice and .*again"),
-        ("model://broken", "SDF behind model://broken is not XML"),
-        ("model://nothing", "SDF behind model://nothing has no model or light"),
+        ("model://twice", "model://twice includes itself, through .*twice and .*again"),
+        ("model://broken", "SDF of model://broken is not XML"),
+        ("model://nothing", "SDF of model://nothing has no model or light"),
     ],
 )
 def test_a_wrong_include_is_refused_with_facts_or_left_out_of_a_world(uri, words):
@@ -1068,7 +1068,7 @@ def test_an_odd_model_is_left_out_of_a_world_with_the_reason(why):
     found = read_sdf(world(model(link(), name="good") + odd + rest))
     assert [read.name for read in found.models] == ["good", "second"]
     (told,) = found.left_out
-    assert re.match(f"model.* is left out: .*{why}", told)
+    assert re.match(f"model.* is ignored: .*{why}", told)
     (reason,) = found.refused
     assert re.search(why, reason) and told.endswith(f"is left out: {reason[:-1]}")
 
@@ -1086,8 +1086,8 @@ def test_an_odd_light_or_frame_is_left_out_of_a_world_with_the_reason():
         "light m is left out",
     ]
     assert found.refused == (
-        "Light l is of type 'laser'; there are: point, directional, spot.",
-        "There are two lights of the name m.",
+        "Unknown type 'laser' of light l. Known types: point, directional, spot.",
+        "There are two lights called m.",
     )
 
 
@@ -1097,7 +1097,7 @@ def test_a_static_model_needs_no_usable_inertia(inertia):
     assembly = read_model(inside, static=True).assembly
     assert assembly.link_names == ("a",)
     (told,) = assembly.left_out
-    assert told.startswith("inertial of link a is left out: The ")
+    assert told.startswith("inertial of link a is ignored: The ")
     with pytest.raises(DescriptionError, match="link a"):
         read_model(inside)
 
@@ -1162,7 +1162,7 @@ def test_a_joint_that_closes_a_loop_is_left_out_by_name(inside, left, kept, stat
         name for name in kept if not (static and name == "wa")
     ]
     (told,) = assembly.left_out
-    assert told.startswith(f"joint {left} is left out: it closes a loop of joints")
+    assert told.startswith(f"joint {left} is ignored: it closes a loop of joints")
 
 
 @pytest.mark.parametrize(
@@ -1183,7 +1183,7 @@ def test_a_joint_without_its_links_is_left_out_with_the_reason(ends, why, static
     assembly = read_model(inside, static=static).assembly
     found = [one.name for one in assembly.description.joints if one.listed]
     assert found == ["ad"]
-    assert assembly.left_out == (f"joint ab is left out: {why}",)
+    assert assembly.left_out == (f"joint ab is ignored: {why}",)
 
 
 def test_collisions_of_one_name_are_all_there_and_named():
@@ -1198,8 +1198,8 @@ def test_collisions_of_one_name_are_all_there_and_named():
         [("box", "c"), ("sphere", "c")]
     ] * 2
     assert assembly.left_out == (
-        "link a has 2 collisions of the name c",
-        "link inner::a has 2 collisions of the name c",
+        "link a has 2 collisions called c",
+        "link inner::a has 2 collisions called c",
     )
 
 
@@ -1282,7 +1282,7 @@ def test_a_joint_that_is_not_simulated_holds_its_links_together(kind):
 def test_a_joint_that_is_not_simulated_is_left_out_beside_one_that_is():
     assembly = read_model(A_B + joint("gearbox", name="gear") + joint()).assembly
     assert [one.name for one in assembly.description.joints] == ["ab"]
-    told = "joint gear is left out: it is gearbox, which is not simulated"
+    told = "joint gear is ignored: it is gearbox, which is not simulated"
     assert assembly.left_out == (told,)
 
 

@@ -65,7 +65,7 @@ def last_line(run):
         (["a.gif", "--gif", "--seconds", "0"], "--seconds 0, only more than 0"),
         (["a.gif", "--gif", "--fps", "31"], "--fps 31, only more than 0 and at most"),
         (["a.png", "--seconds", "3"], "--seconds and --fps need an animation"),
-        (["a.png", "--joints", "a"], "must be such as a=1.2,b=-0.3 (got 'a')"),
+        (["a.png", "--joints", "a"], "must be like a=1.2,b=-0.3 (got 'a')"),
         (["a.png", "--joints", "a=x"], "must be a number (got 'x')"),
         (["a.png"], "There is no master at http://localhost:9"),
         (["a.png", "--model", "nowhere.urdf"], "The model nowhere.urdf cannot be used"),

@@ -118,7 +118,10 @@ def test_bounds_are_by_joint(tmp_path):
         ("- 1", "does not hold thresholds by name"),
         ("a: [", "is not valid YAML: line 1"),
         ("window: 1\nwindow: 2", "is not valid YAML: line 2: found duplicate key"),
-        ("positon: {failure: 1}", "There is no threshold positon; there are position"),
+        (
+            "positon: {failure: 1}",
+            "Unknown threshold 'positon'. Known thresholds: position",
+        ),
         ("position: 1", "position is 1, not a mapping of warning, failure"),
         ("position: {fail: 1}", "not a mapping of warning, failure"),
         ("position: {failure: x}", "position.failure is 'x', not a number or null"),

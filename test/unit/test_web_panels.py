@@ -172,7 +172,7 @@ def test_a_verdict_in_a_line():
     skipped = {"floating": "there is no base"}
     assert "*Not judged: floating.*" in told(checked=("velocity",), skipped=skipped)
     assert told(skipped=skipped) == (
-        "No check could be made: floating: there is no base."
+        "All checks were skipped: floating: there is no base."
     )
     assert findings.title(finding((1.5, 2.0), subject=("l", "r"))) == (
         "1.50 s  velocity l - r"

@@ -89,7 +89,7 @@ def named_path(name: str) -> Path:
     folder = find_folder(package)
     if folder is None:
         near = _similar(package, package_names())
-        raise DescriptionError(f"There is no package '{package}'{near}.")
+        raise DescriptionError(f"There is no package '{package}'{near or '.'}")
     return Path(folder) / unquote(inside)
 
 
@@ -108,7 +108,8 @@ def _absent(path: Path) -> str:
     near = _similar(missing.name, _names_in(missing.parent))
     if not near and kind == "file":
         near = with_robots(missing.parent)
-    return f"There is no {kind} {missing}{near}."
+    end = "" if near.endswith("?") else "."
+    return f"There is no {kind} {missing}{near}{end}"
 
 
 def _names_in(folder: Path) -> list[str]:
