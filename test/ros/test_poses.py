@@ -180,7 +180,7 @@ class TestPoses(unittest.TestCase):
         for words, told in (
             (["sqaut"], "There is no pose 'sqaut'; there are squat, "),
             (["squat", "--file", "/no/file"], "/no/file cannot be read: No such file"),
-            (["--save", "two words"], "cannot be called 'two words'"),
+            (["--save", "two words"], "Invalid name of a pose: 'two words'"),
         ):
             code, output, errors = run(*words)
             self.assertEqual((code, output), (1, ""), words)

@@ -314,7 +314,7 @@ def changed(joint, tag, old, new):
     ("spawned", "told"),
     [
         (URDF, ""),
-        (URDF.replace("left_knee_link", "left_shin"), "no link left_knee_link"),
+        (URDF.replace("left_knee_link", "left_shin"), "lacks the link left_knee_link"),
         (
             changed("left_knee_joint", "axis", r'xyz="[^"]*"', 'xyz="1 0 0"'),
             "axes of left_knee_joint",

@@ -116,8 +116,8 @@ def test_constraints_have_the_form_of_ros_control():
 @pytest.mark.parametrize(
     ("found", "words"),
     [
-        ([], "not a dictionary"),
-        ({"nose": {}}, "name nose"),
+        ([], "must be a dictionary"),
+        ({"nose": {}}, "unknown key nose"),
         ({"knee": 0.1}, "of knee"),
         ({"knee": {"path": 0.1}}, "of knee"),
         ({"knee": {"goal": "0.1"}}, "knee/goal"),

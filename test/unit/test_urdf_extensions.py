@@ -225,7 +225,7 @@ def test_what_is_not_simulated_is_named_once(blocks, clauses):
     [
         (
             gazebo("<static>maybe</static>"),
-            "static is ignored: The static is 'maybe', neither true nor false",
+            "static is ignored: static must be true or false (got 'maybe')",
         ),
         (
             gazebo(f"<static>{'x' * 1000}</static>"),
@@ -238,11 +238,11 @@ def test_what_is_not_simulated_is_named_once(blocks, clauses):
         ),
         (
             gazebo("<gravity>9.8</gravity>", "a"),
-            "gravity of a is ignored: The gravity is '9.8', neither true nor false",
+            "gravity of a is ignored: gravity must be true or false (got '9.8')",
         ),
         (
             gazebo("<mu1>much</mu1>", "a"),
-            "mu1 of a is ignored: The mu1 is 'much', which is not a number",
+            "mu1 of a is ignored: The mu1 must be a number (got 'much')",
         ),
         (
             gazebo("<mu1>nan</mu1>", "a"),

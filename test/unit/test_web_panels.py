@@ -170,7 +170,7 @@ def test_a_verdict_in_a_line():
         "**failed**: 1 failure, 2 warnings"
     )
     skipped = {"floating": "there is no base"}
-    assert "*Not judged: floating.*" in told(checked=("velocity",), skipped=skipped)
+    assert "*Not checked: floating.*" in told(checked=("velocity",), skipped=skipped)
     assert told(skipped=skipped) == (
         "All checks were skipped: floating: there is no base."
     )

@@ -100,7 +100,7 @@ def _triangles(part: Part, scale: np.ndarray) -> Iterator[dict[str, object]]:
 
 
 def _primitive(shape: Shape) -> dict[str, object]:
-    """Convert a primitive to PyBullet's arguments; PyBullet's round shapes are coarse."""
+    """Convert a primitive to PyBullet's arguments; its own round shapes are coarse."""
     if shape.kind == "mesh":
         return {}
     if shape.kind == "box":
