@@ -151,7 +151,7 @@ class TestDeviations(unittest.TestCase):
             ("this is not xml", "not XML"),
             ("", "not XML"),
             ("<html/>", "not URDF"),
-            (two_roots, "one root link, it has a and b"),
+            (two_roots, "one root link (got a and b)"),
         ):
             fields = {"model_name": "b", "model_xml": text}
             self.assert_refused("spawn_urdf_model", words, **fields)
@@ -206,7 +206,7 @@ class TestDeviations(unittest.TestCase):
         self.assertIn("; joint b is ball, which is not", answer["status_message"])
         two = BALL.replace("</sdf>", '<model name="n"/></sdf>')
         answer = self.spawn("two", two, "spawn_sdf_model")
-        self.assertIn("; model n is left out", answer["status_message"])
+        self.assertIn("; model n is ignored", answer["status_message"])
         for name in ("eye", "ball", "two"):
             self.call("delete_model", model_name=name)
 

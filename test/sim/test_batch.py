@@ -221,7 +221,7 @@ def test_that_all_workers_went_is_told(files, checker, monkeypatch, tmp_path):
     ) as made:
         connected = Cluster(checker, made.scheduler_address)
         try:
-            with pytest.raises(ClusterError, match="has no workers any more"):
+            with pytest.raises(ClusterError, match="has no workers left"):
                 for _ in check_files(connected, tasks_of(files * 3)):
                     made.scale(0)
         finally:

@@ -465,7 +465,7 @@ def test_unknown_names_are_refused():
     checker = Checker(ROBOT, collisions=COLLISIONS)
     with pytest.raises(UnknownNameError, match="left_elbow_joint"):
         checker.check_state({"left_elbow": 0.0})
-    with pytest.raises(UnknownNameError, match="There is no check colision"):
+    with pytest.raises(UnknownNameError, match="Unknown check 'colision'"):
         checker.check_state({}, only=["colision"])
     with pytest.raises(MotionError):
         checker.check_state({"left_elbow_joint": float("nan")})

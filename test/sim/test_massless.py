@@ -51,20 +51,20 @@ def test_links_without_mass_are_there_and_move(make_world, inside):
     [
         ({"root": MASS, "tip": MASS}, "middle has no mass and tip, wart hang on it"),
         ({"root": MASS}, "middle, tip, wart have no mass"),
-        ({"tip": MASS}, "root, middle have no mass and tip, wart hang on them"),
+        ({"tip": MASS}, "root, middle have no mass and tip, wart are below them"),
         ({"middle": MASS, "tip": MASS}, "root has no mass and middle, tip, wart hang"),
     ],
 )
 def test_one_warning_names_what_gazebo_would_leave_out(make_world, inside, told):
     (line,) = make_world().spawn_urdf("m", arm(**inside), HIGH)
-    assert line.startswith(told) and line.endswith(": Gazebo would leave them out")
+    assert line.startswith(told) and line.endswith(": Gazebo would ignore them")
 
 
 @pytest.mark.parametrize(
     ("hand", "told"),
     [
         ("", "arm, hand have no mass: Gazebo would ignore them"),
-        (MASS, "arm has no mass and hand hangs on it: Gazebo would ignore them"),
+        (MASS, "arm has no mass and hand is below it: Gazebo would ignore them"),
         (None, "arm has no mass: Gazebo would ignore it"),
     ],
 )

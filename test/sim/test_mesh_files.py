@@ -410,7 +410,7 @@ def test_hostile_files_end_no_one_and_take_no_other_file_with_them(
     for name in names:
         if not name.endswith("flat.stl"):
             (clause,) = (clause for clause in left_out if name in clause)
-            assert "its reader ended" not in clause
+            assert "its reader exited" not in clause
     assert not [clause for clause in left_out if "good" in clause]
     (bomb,) = (clause for clause in left_out if "nodes.dae" in clause)
     # On a machine with much else to do its time of the wall is over before.

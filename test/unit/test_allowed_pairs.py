@@ -74,7 +74,10 @@ HEAD = "robot: r\nsamples: 1\nseed: 0\n"
         (HEAD + "links: [a]\npairs: a", "pairs must be a list"),
         (HEAD + "links: [a, b]\npairs: [[a, b]]", r"\[link, link, reason\]"),
         (HEAD + "links: [a, b]\npairs: [[a, c, user]]", "contain c, missing in links"),
-        (HEAD + "links: [a, b]\npairs: [[a, b, maybe]]", "'maybe' of a and b. Known reasons: adjacent"),
+        (
+            HEAD + "links: [a, b]\npairs: [[a, b, maybe]]",
+            "'maybe' of a and b. Known reasons: adjacent",
+        ),
         ("robot: r\nsamples: -1\nseed: 0\nlinks: []\npairs: []", "samples must be"),
         ("robot: r\nsamples: 1\nseed: x\nlinks: []\npairs: []", "seed must be"),
     ],

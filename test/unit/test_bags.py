@@ -250,7 +250,9 @@ def test_configurations_that_are_streamed_are_samples(bag):
         ("/motion", message(0.0), 5),
         ("/motion", RobotTrajectory(several, MultiDOFJointTrajectory()), 6),
     )
-    with pytest.raises(MotionError, match="Message 2 on /motion must have exactly one point"):
+    with pytest.raises(
+        MotionError, match="Message 2 on /motion must have exactly one point"
+    ):
         read_motion(path, G1)
 
 
@@ -275,7 +277,7 @@ def test_the_topic_is_the_usual_one_or_named(bag):
         (
             (("/a", state(1, left_knee=4.0), 1), ("/b", state(1, left_knee=4.0), 1)),
             None,
-            "name the topic with the joints; it has /a, /b",
+            "Choose the topic of the joints with --topic: /a, /b",
         ),
     ):
         with pytest.raises(MotionError) as error:

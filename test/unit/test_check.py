@@ -70,7 +70,7 @@ ACTORS = "file,actor\nwalk.csv,Jo\n"
         ("actors.csv", ACTORS, "Line 1 has the columns file, actor, but lacks time."),
         ("gains.yaml", "knee:\n  p: 10.0\n", "Not a JointTrajectory: 'joint_names' "),
         ("robots.yaml", "robots: [a, b]\n", "Not a JointTrajectory: 'joint_names' "),
-        ("bends.yml", "knee: !degrees 90\n", "Line 1 has a tag; "),
+        ("bends.yml", "knee: !degrees 90\n", "Line 1 has a tag, "),
     ],
 )
 def test_other_files_of_a_folder_are_told_and_change_nothing(
@@ -160,9 +160,9 @@ def test_a_failure_counts_more_than_a_file_that_is_not_read(folder, capsys):
             ["empty"],
             "check: The folder empty has no motions (files that end in .bag, .csv, ",
         ),
-        (["motion0.csv", "--json", "no/a.json"], "check: There is no folder no for "),
-        (["motion0.csv", "--json", "a.txt"], "check: --json a.txt does not end in "),
-        (["motion0.csv", "--html", "empty"], "check: --html empty does not end in "),
+        (["motion0.csv", "--json", "no/a.json"], "check: The folder no for "),
+        (["motion0.csv", "--json", "a.txt"], "check: --json must end in "),
+        (["motion0.csv", "--html", "empty"], "check: --html must end in "),
         (["motion0.csv", "--json", "-", "--csv", "-"], "check: --json and --csv "),
         (["motion0.csv", "--jobs", "0"], "check: argument --jobs: must be a whole "),
         (["motion0.csv", "--jobs", "2", "--dask", "a:1"], "check: --jobs and --dask "),
@@ -249,7 +249,7 @@ def test_no_report_takes_the_place_of_a_motion(folder, capsys, monkeypatch):
     (file,) = write_motions(folder, PASSES)
     before, name = Path(file).read_bytes(), Path(file).name
     line = refused(capsys, monkeypatch, str(file), "--csv", f"./{name}")
-    assert line.endswith("is a motion to check.")
+    assert line.endswith("which is one of the motions to check.")
     assert Path(file).read_bytes() == before
 
 

@@ -20,7 +20,7 @@ pytest.importorskip("rospy", reason="rospy is not installed")
 @pytest.mark.parametrize(
     ("argument", "words"),
     [
-        ("physics:=holdd", "There is Unknown physics 'holdd'. Known values: hold,"),
+        ("physics:=holdd", "Unknown physics 'holdd'. Known values: hold,"),
         ("model:=", "model:= is empty"),
     ],
 )

@@ -33,15 +33,24 @@ def robot(inside):
         (robot('<link name="\ud800"/>'), "not XML"),
         (robot('<link name="\ufffe"/>'), "not XML|not URDF"),
         (robot('<link name="\x01"/>'), "not XML"),
-        ('<robot name="r"/>', r"must have one root link, but has none \(it has no links"),
+        (
+            '<robot name="r"/>',
+            r"must have one root link, but has none \(it has no links",
+        ),
         ('<sdf version="1.6"/>', "not URDF: the root element is <sdf>"),
         (robot(A_B), "one root link (got a and b)"),
         (robot('<link name="a"/><link name="a"/>'), "two links called a"),
         (robot(A_B + joint(child="c")), "child link c, which does not exist"),
         (robot(A_B + joint() + joint()), "two joints called ab"),
         (robot(A_B + joint("wheel")), "Invalid joint type: wheel"),
-        (robot(A_B + joint("revolute")), "Joint ab is revolute and must have a <limit>"),
-        (robot(A_B + joint(inside='<axis xyz="0 0 0"/>')), "axis of joint ab must not be zero"),
+        (
+            robot(A_B + joint("revolute")),
+            "Joint ab is revolute and must have a <limit>",
+        ),
+        (
+            robot(A_B + joint(inside='<axis xyz="0 0 0"/>')),
+            "axis of joint ab must not be zero",
+        ),
         (robot(A_B + joint(inside='<axis xyz="0 0"/>')), "not URDF"),
         (
             robot(A_B + joint("revolute", inside=LIMIT.format("nan", "1"))),

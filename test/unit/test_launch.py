@@ -202,7 +202,9 @@ def test_an_argument_that_the_file_does_not_have_is_not_checked():
 def test_a_relative_file_is_told_with_its_full_path(tmp_path):
     (tmp_path / "own.yaml").touch()
     run = started("--nodes", "thresholds:=own.yaml", cwd=tmp_path)
-    assert_refused(run, f"which is not an absolute path; {tmp_path / 'own.yaml'} is.")
+    assert_refused(
+        run, f"must be an absolute path (got 'own.yaml'); use {tmp_path / 'own.yaml'}."
+    )
 
 
 def test_arguments_of_others_launch_files_are_theirs(tmp_path):

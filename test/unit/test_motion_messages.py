@@ -63,7 +63,11 @@ TWO = [(0.0, 1.0), (2.0, 3.0)]
         (message_of(TWO, names=("knee", "nose")), UnknownNameError, "nose"),
         (message_of(TWO, names=()), UnknownNameError, "names no joints"),
         (message_of([]), MotionError, "no points"),
-        (message_of(TWO, names=("knee", "knee")), MotionError, "duplicate joints: knee"),
+        (
+            message_of(TWO, names=("knee", "knee")),
+            MotionError,
+            "duplicate joints: knee",
+        ),
         (message_of([TWO[0], (1.0,)]), MotionError, "Point 2 has 1 positions"),
         (message_of(TWO, [(1.0,), (1.0,)]), MotionError, "Point 1 has 1 velocities"),
         (message_of(TWO, [(1.0, 1.0), ()]), MotionError, "Point 2 has no velocities"),

@@ -132,7 +132,7 @@ def test_names_tell_the_order_of_the_joints(tmp_path):
     assert (motion.trajectory.joint_names, motion.notes) == (wanted.joint_names, ())
     for names, words in (
         (np.array(["left_elbow_joint"]), "joint_names has 1 names for 29 joints"),
-        (np.zeros(29), "joint_names holds no list of names"),
+        (np.zeros(29), "joint_names must be a list of names"),
     ):
         np.savez(path, **{**np.load(path), "joint_names": names})
         with pytest.raises(MotionError, match=words):
@@ -147,7 +147,7 @@ def test_what_cannot_be_written_is_told(tmp_path):
     for name, wanted, error, words in (
         ("a.txt", motion, MotionError, "must end in .csv or .npz"),
         ("a.npz", without_base, MotionError, "needs base poses"),
-        ("a.csv", strange, MotionError, "no joint called 'a.velocity'"),
+        ("a.csv", strange, MotionError, "cannot have a joint called 'a.velocity'"),
         ("file/a.csv", motion, InvalidValueError, "cannot be written"),
     ):
         with pytest.raises(error, match=words):
@@ -182,8 +182,8 @@ def test_a_motion_that_no_file_can_hold_is_told():
     many = [f"joint_{number}" for number in range(2000)]
     for ending, names, base, words in (
         (".npz", NAMES, False, "needs base poses"),
-        (".csv", ["a.velocity"], True, "no joint called 'a.velocity'"),
-        (".csv", many, True, "A .csv can hold no motion of 2000 joints"),
+        (".csv", ["a.velocity"], True, "cannot have a joint called 'a.velocity'"),
+        (".csv", many, True, ".csv files cannot hold 2000 joints"),
     ):
         with pytest.raises(MotionError, match=words):
             most_samples(ending, names, base)

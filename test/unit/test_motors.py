@@ -83,7 +83,7 @@ def test_an_empty_file_has_no_motors(file):
         ("knee: {effort: .nan}", "effort of 'knee' must be a number at least 0"),
         ("knee: {effort: true}", "effort of 'knee' must be a number at least 0"),
         ("knee: {position_gain: 2}", "position_gain of 'knee' .* from 0 to 1, not 2"),
-        ("knee: {velocity_gain: high}", "velocity_gain of 'knee' .* not 'high'"),
+        ("knee: {velocity_gain: high}", "velocity_gain of 'knee' .*got 'high'"),
         ("'(knee': {effort: 5}", "'(knee' is not a regular expression"),
         ("knee: {effort: 5", "line 1"),
         ("knee: {effort: 5}\nknee: {effort: 6}", "line 2: found duplicate key"),

@@ -128,7 +128,7 @@ def test_joints_that_are_not_named_are_neutral():
 def test_an_unknown_joint_is_refused_with_those_like_it():
     text = refused(G1.positions, {"left_elbow": 1.0})
     assert text.startswith(
-        "There is no movable joint left_elbow; there are left_elbow_"
+        "Unknown movable joint left_elbow. Known joints: left_elbow_"
     )
 
 
@@ -301,7 +301,7 @@ def test_the_base_link_is_where_the_base_is(name):
     ("base", "words"),
     [
         ([0.0, 0.0, 0.8], "seven"),
-        ([0.0, 0.0, 0.8, 0.0, 0.0, 0.0, 0.0], "length 0"),
+        ([0.0, 0.0, 0.8, 0.0, 0.0, 0.0, 0.0], "length 1 (got 0)"),
         ([np.nan, 0.0, 0.8, 0.0, 0.0, 0.0, 1.0], "finite"),
         ("here", "here"),
         (np.tile(HERE, (3, 1)), "(3,) and (2,)"),

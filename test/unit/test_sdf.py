@@ -893,7 +893,7 @@ def test_what_stands_beside_a_world_is_named():
     found = read_sdf(sdf(inside))
     assert (found.models, found.lights) == ((), ())
     assert set(found.left_out) == {
-        f"{which} is ignored: of a file the first world is read"
+        f"{which} is ignored: only the first world of a file is read"
         for which in ("world v", "light l", "model m")
     }
 
@@ -1070,7 +1070,7 @@ def test_an_odd_model_is_left_out_of_a_world_with_the_reason(why):
     (told,) = found.left_out
     assert re.match(f"model.* is ignored: .*{why}", told)
     (reason,) = found.refused
-    assert re.search(why, reason) and told.endswith(f"is left out: {reason[:-1]}")
+    assert re.search(why, reason) and told.endswith(f"is ignored: {reason[:-1]}")
 
 
 def test_an_odd_light_or_frame_is_left_out_of_a_world_with_the_reason():
@@ -1081,9 +1081,9 @@ def test_an_odd_light_or_frame_is_left_out_of_a_world_with_the_reason():
     found = read_sdf(world(inside))
     assert [light.name for light in found.lights] == ["m"]
     assert [clause.split(":")[0] for clause in found.left_out] == [
-        "frame is left out",
-        "light l is left out",
-        "light m is left out",
+        "frame is ignored",
+        "light l is ignored",
+        "light m is ignored",
     ]
     assert found.refused == (
         "Unknown type 'laser' of light l. Known types: point, directional, spot.",

@@ -229,12 +229,12 @@ def test_what_is_not_simulated_is_named_once(blocks, clauses):
         ),
         (
             gazebo(f"<static>{'x' * 1000}</static>"),
-            f"static is ignored: The static is '{'x' * 40}', neither true nor false",
+            f"static is ignored: static must be true or false (got '{'x' * 40}')",
         ),
         (
             gazebo("<turnGravityOff/>", "a"),
-            "turnGravityOff of a is ignored: The turnGravityOff is '', neither true "
-            "nor false",
+            "turnGravityOff of a is ignored: turnGravityOff must be true or "
+            "false (got '')",
         ),
         (
             gazebo("<gravity>9.8</gravity>", "a"),

@@ -436,11 +436,13 @@ def fail(error):
 
 def test_errors_are_told_and_the_rest_is_done(ui, client, caplog):
     done = []
-    ui.post("a", lambda: fail(InvalidValueError("The pose has no name.")))
+    ui.post("a", lambda: fail(InvalidValueError("Enter a name for the pose.")))
     ui.post("b", lambda: done.append(2))
     ui.do_all()
     assert done == [2]
-    client.wait_for(lambda: "The pose has no name." in told(client), "the sentence")
+    client.wait_for(
+        lambda: "Enter a name for the pose." in told(client), "the sentence"
+    )
     with caplog.at_level(logging.ERROR):
         ui.guarded(lambda: fail(ZeroDivisionError("of ours")))
     client.wait_for(
