@@ -230,7 +230,7 @@ def test_trajectories_are_read(bag):
         assert found.times.tolist() == [0.5, 1.5]
         assert found.positions.tolist() == [[0.0], [2.0]]
         assert found.velocities.tolist() == [[1.0], [3.0]]
-        assert f"that of {topic}, the first of 2 messages" in motion.notes[0]
+        assert f"Motion from {topic}, the first of 2 messages" in motion.notes[0]
         assert poses is found.base_poses or found.base_poses[:, 0].tolist() == poses
 
 
@@ -272,8 +272,8 @@ def test_the_topic_is_the_usual_one_or_named(bag):
     for messages, topic, words in (
         ((left, right), None, "several robots, /left/joint_states, /right/joint_st"),
         ((states,), "/none", "no joints on /none. Its topics: /joint_states"),
-        ((("/noise", String("x"), 1),), None, "it has /noise (std_msgs/String)"),
-        ((), None, "it has nothing"),
+        ((("/noise", String("x"), 1),), None, "--topic: /noise (std_msgs/String)"),
+        ((), None, "--topic: nothing"),
         (
             (("/a", state(1, left_knee=4.0), 1), ("/b", state(1, left_knee=4.0), 1)),
             None,
@@ -318,7 +318,11 @@ def test_wrong_messages_are_told(bag):
         ("/joint_states", sizes, "Message 1 on /joint_states has 1 positions of 2"),
         ("/joint_states", infinite, "The position of sample 1"),
         ("/joint_states", state(1, a=1.0), "none of the motion's joints, a_joint"),
-        ("/joint_trajectory", ragged, "On /joint_trajectory: Point 1 has 2 numbers"),
+        (
+            "/joint_trajectory",
+            ragged,
+            "Point 1 on /joint_trajectory must have 1 numbers",
+        ),
         ("/joint_trajectory", empty, "no points of joints"),
     ):
         with pytest.raises(MotionError, match=words):

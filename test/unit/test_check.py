@@ -172,11 +172,17 @@ def test_a_failure_counts_more_than_a_file_that_is_not_read(folder, capsys):
             "check: argument --only: unknown check ",
         ),
         (["motion0.csv", "--fps", "0"], "check: argument --fps: must be greater "),
-        (["motion0.csv", "--model", "no.urdf"], "check: The model no.urdf cannot be "),
+        (
+            ["motion0.csv", "--model", "no.urdf"],
+            "check: Cannot use the model no.urdf: ",
+        ),
         (["motion0.csv", "--thresholds", "post.urdf"], "check: post.urdf "),
         (["motion0.csv", "--collisions", "no.yaml"], "check: The file of allowed "),
-        (["motion0.csv", "motion1.csv", "--plot", "a.png"], "check: --plot a.png is "),
-        (["motion0.csv", "--plot", "post.urdf"], "check: --plot post.urdf is neither "),
+        (
+            ["motion0.csv", "motion1.csv", "--plot", "a.png"],
+            "check: --plot must be a folder for ",
+        ),
+        (["motion0.csv", "--plot", "post.urdf"], "check: --plot must be a folder or "),
     ],
 )
 def test_bad_input_is_refused_in_a_sentence(

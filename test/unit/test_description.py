@@ -38,7 +38,7 @@ def robot(inside):
             r"must have one root link, but has none \(it has no links",
         ),
         ('<sdf version="1.6"/>', "not URDF: the root element is <sdf>"),
-        (robot(A_B), "one root link (got a and b)"),
+        (robot(A_B), "one root link .got a and b"),
         (robot('<link name="a"/><link name="a"/>'), "two links called a"),
         (robot(A_B + joint(child="c")), "child link c, which does not exist"),
         (robot(A_B + joint() + joint()), "two joints called ab"),

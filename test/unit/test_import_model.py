@@ -681,13 +681,13 @@ def test_the_source_is_never_replaced(tmp_path):
     path.write_text(robot(shape("visual", "../meshes/x.stl")))
     before = contents(tmp_path)
     with pytest.raises(
-        DescriptionError, match=r"r\.urdf which is one of the imported files"
+        DescriptionError, match=r"r\.urdf, which is one of the imported files"
     ):
         run([str(path), "--out", str(tmp_path), "--force"])
     path.rename(tmp_path / "r2.urdf")
     (tmp_path / "r2.urdf").write_text(robot(shape("visual", "meshes/x.stl")))
     with pytest.raises(
-        DescriptionError, match=r"x\.stl which is one of the imported files"
+        DescriptionError, match=r"x\.stl, which is one of the imported files"
     ):
         run([str(tmp_path / "r2.urdf"), "--out", str(tmp_path), "--force"])
     assert contents(tmp_path)["meshes/x.stl"] == before["meshes/x.stl"]

@@ -444,7 +444,7 @@ BAD = {
     "words": ("hello world\n", "Line 1"),
     "binary": (b"\xff\xfe\x00\x01" * 100, "Unknown format: not an npz, pickle, ros"),
     "line": (b"time,a\n0,\x80", r"UTF-8 text .see line 2\)"),
-    "npy": (npy, r"npy files are not supported; .*  numpy\.savez"),
+    "npy": (npy, r"npy files are not supported; .* numpy\.savez"),
     "joblib": (
         lambda: zlib.compress(pickle.dumps(gmr())),
         r"^motion: Compressed fil",
@@ -521,7 +521,7 @@ BAD = {
     ),
     "no time": (
         ECHO.replace("secs: 2", "secs: x"),
-        "Point 2 has must have a time_from_start",
+        "Point 2 must have a time_from_start",
     ),
     "bag": (b"#ROSBAG V2.0\n", "The bag cannot be read"),
 }

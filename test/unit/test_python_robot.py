@@ -138,7 +138,7 @@ def test_an_unknown_joint_is_refused_with_those_like_it():
         (np.zeros(28), "(28,)"),
         (0.0, "()"),
         ([float("nan")] + 28 * [0.0], "left_hip_pitch_joint must be finite (got nan)"),
-        ({ELBOW: float("inf")}, f"{ELBOW} is inf"),
+        ({ELBOW: float("inf")}, f"{ELBOW} must be finite (got inf)"),
         ("wave", "must be an array of numbers"),
         ({ELBOW: "high"}, ELBOW),
         ({ELBOW: [0.0, 1.0], KNEE: [0.0, 0.0, 0.0]}, "do not match"),
