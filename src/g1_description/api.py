@@ -57,14 +57,14 @@ MODEL = "package://g1_description/urdf/g1_29dof.urdf"
 Seed = Union[int, np.random.Generator, None]
 
 JointValues = Union["Mapping[str, Any]", "Sequence[Any]", np.ndarray]
-"""A dictionary by joint, or an array in the order of the joints; see ``as_array``."""
+"""A dictionary by joint name, or an array in the order of the joints."""
 
 ThresholdValues = Union[Thresholds, "Mapping[str, Any]", str, "PathLike[str]", None]
-"""A YAML file, or what it would hold; None: the defaults."""
+"""A YAML file or its content; None: the defaults."""
 
 
 class Robot:
-    """A robot, and what can be computed of it.
+    """A robot: its kinematics, dynamics, motions and checks.
 
     Joints are the movable ones. Joints and links have the order of the file. Positions
     are in [rad] or [m], poses are rows of x y z and quaternion x y z w.
@@ -80,32 +80,33 @@ class Robot:
 
         Args:
             model: URDF or xacro file, as a path, ``package://PACKAGE/PATH`` or
-                ``file://``; arguments for xacro behind it, ``robot.xacro hand=true``;
-                or the text of a URDF, such as the parameter robot_description has.
+                ``file://``, optionally followed by arguments for xacro, as in
+                ``robot.xacro hand=true``; or the text of a URDF, such as the parameter
+                robot_description.
 
         Raises:
-            DescriptionError: If there is no such file, or no robot in it.
+            DescriptionError: If the file cannot be read, or is not a robot.
         """
         name = fspath(model)
         text = name if name.lstrip().startswith("<") else absolute_urdf(name)
         self.description = parse_urdf(text)
-        """Links and joints with all that was read of them."""
+        """Links and joints, as read from the file."""
         joints = self.description.movable_joints
         self.name = self.description.name
         self.joint_names = tuple(joint.name for joint in joints)
         self.link_names = tuple(n for n in self.description.link_names if n != WORLD)
         self.base_link = base_of(self.description)[0]
-        """The link whose pose is the robot's."""
+        """The link whose pose is that of the robot."""
         self.lower = _each(joints, lambda joint: joint.lower)
-        """Least positions, -inf where there is no limit, shape (n_joints,)."""
+        """Lower limits, -inf without a limit, shape (n_joints,)."""
         self.upper = _each(joints, lambda joint: joint.upper)
-        """Greatest positions, inf where there is no limit, shape (n_joints,)."""
+        """Upper limits, inf without a limit, shape (n_joints,)."""
         self.velocity_limits = _each(joints, lambda joint: joint.velocity)
-        """In [rad/s] or [m/s], inf where there is no limit, shape (n_joints,)."""
+        """In [rad/s] or [m/s], inf without a limit, shape (n_joints,)."""
         self.effort_limits = _each(joints, lambda joint: joint.effort)
-        """In [N m] or [N], inf where there is no limit, shape (n_joints,)."""
+        """In [N m] or [N], inf without a limit, shape (n_joints,)."""
         self.mass = self.description.mass
-        """In [kg]; None where the file gives no masses."""
+        """In [kg]; None if the file has no masses."""
 
     def __repr__(self) -> str:
         """Show what it is."""
@@ -119,14 +120,14 @@ class Robot:
 
     @property
     def pose_names(self) -> tuple[str, ...]:
-        """The named poses that this robot can take, the user's own among them."""
+        """Names of the poses that fit this robot, the user's own included."""
         return tuple(n for n, pose in read_poses().items() if self._can_take(pose))
 
     def pose(self, name: str) -> np.ndarray:
         """Return the positions of a named pose, shape (n_joints,).
 
         Raises:
-            UnknownNameError: If there is none of the name, or it names other joints.
+            UnknownNameError: If there is no such pose, or it has unknown joints.
             InvalidValueError: If a position is outside the limits.
         """
         pose = find_pose(name, read_poses())
@@ -136,18 +137,18 @@ class Robot:
     def random_configuration(
         self, rng: Seed = None, size: int | tuple[int, ...] = ()
     ) -> np.ndarray:
-        """Draw positions, evenly between the limits.
+        """Draw uniformly distributed positions between the limits.
 
         Args:
-            rng: Generator or seed; None: another result each time.
-            size: How many, or the leading axes.
+            rng: Generator or seed; None: a different result each time.
+            size: Number of configurations, or leading axes.
 
         Returns:
             Positions, shape (*size, n_joints); a joint that turns without limits is
             within half a turn of 0, or within a turn of its only limit.
 
         Raises:
-            InvalidValueError: If a joint slides without limits.
+            InvalidValueError: If a prismatic joint has no limits.
         """
         lower, upper = self._ranges
         lead = (size,) if isinstance(size, int) else tuple(size)
@@ -159,31 +160,30 @@ class Robot:
 
         Args:
             given: An array of shape (..., n_joints), or a dictionary by joint of
-                numbers or arrays of shape (...); joints that it does not name are
-                neutral.
+                numbers or arrays of shape (...); other joints are neutral.
 
         Returns:
             A new array, shape (..., n_joints).
 
         Raises:
-            UnknownNameError: If the robot has no joint of a name.
+            UnknownNameError: If a joint is unknown.
             InvalidValueError: If shapes do not fit, or a number is not finite.
         """
         return as_array(given, self.joint_names, self.neutral)
 
     def link_row(self, link: str) -> int:
-        """Return the place of a link in ``link_names``.
+        """Return the index of a link in ``link_names``.
 
         Raises:
-            UnknownNameError: If there is none.
+            UnknownNameError: If it is unknown.
         """
         return _row("link", link, self.link_names)
 
     def joint_row(self, joint: str) -> int:
-        """Return the place of a joint in ``joint_names``.
+        """Return the index of a joint in ``joint_names``.
 
         Raises:
-            UnknownNameError: If there is none.
+            UnknownNameError: If it is unknown.
         """
         return _row("movable joint", joint, self.joint_names)
 
@@ -197,14 +197,14 @@ class Robot:
             (..., n_links, 7).
 
         Raises:
-            G1DescriptionError: If positions or base are none of this robot.
+            G1DescriptionError: If positions or base are invalid.
         """
         return self._kinematics.link_poses(*self._placed(positions, base))
 
     def link_poses(
         self, positions: JointValues, base: Any = None
     ) -> dict[str, np.ndarray]:
-        """Place all links: poses by name, shapes (..., 7), else the same."""
+        """Like ``forward_kinematics``; returns poses by link name, shapes (..., 7)."""
         poses = self.forward_kinematics(positions, base)
         return {link: poses[..., row, :] for row, link in enumerate(self.link_names)}
 
@@ -219,13 +219,13 @@ class Robot:
             world's axes, shape (..., 6, 6 + n_joints).
 
         Raises:
-            G1DescriptionError: If there is no such link, or positions or base are none
-                of this robot.
+            G1DescriptionError: If the link is unknown, or positions or base are
+                invalid.
         """
         row = self.link_row(link)
         roots, placed = self._placed(positions, base)
         found = link_jacobian(self._kinematics, roots, placed, row)
-        # Its columns are those of the root, which the base carries along.
+        # Convert the columns of the root to those of the base.
         base_row = self.link_names.index(self.base_link)
         bases = self._kinematics.link_poses(roots, placed)[..., base_row, :3]
         lever = (roots[..., :3] - bases)[..., np.newaxis, :]
@@ -238,7 +238,7 @@ class Robot:
 
         Raises:
             DescriptionError: If the robot has no masses.
-            G1DescriptionError: If positions or base are none of this robot.
+            G1DescriptionError: If positions or base are invalid.
         """
         return self._masses.robot_center(self.forward_kinematics(positions, base))
 
@@ -249,12 +249,12 @@ class Robot:
         accelerations: JointValues | None = None,
         base: Any = None,
     ) -> np.ndarray:
-        """Compute the efforts that hold or move the robot while its base is held fast.
+        """Compute joint efforts of a configuration or motion with a fixed base.
 
         Args:
             positions: Of the joints.
-            velocities: In [rad/s] or [m/s], like positions; by default none.
-            accelerations: In [rad/s^2] or [m/s^2], likewise.
+            velocities: In [rad/s] or [m/s], like positions; by default 0.
+            accelerations: In [rad/s^2] or [m/s^2], like positions; by default 0.
             base: Pose of the base link.
 
         Returns:
@@ -263,10 +263,12 @@ class Robot:
 
         Raises:
             DescriptionError: If the robot has no masses.
-            G1DescriptionError: If numbers are none of this robot.
+            G1DescriptionError: If an argument is invalid.
         """
         if not self._masses.total > 0.0:
-            raise DescriptionError(f"{self.name} has no masses: no effort moves it.")
+            raise DescriptionError(
+                f"{self.name} has no masses, so efforts cannot be computed."
+            )
         root, placed = self._placed(positions, base)
         rates = [
             self._rates(velocities, placed.shape, "velocity"),
@@ -287,15 +289,18 @@ class Robot:
 
         Returns:
             The motion with the joints that the robot has, in the order of the file;
-            ``notes`` say what was assumed and what does not fit.
+            ``notes`` are messages on assumptions and on joints that do not fit.
 
         Raises:
-            MotionError: If there is no such file, or no motion in it that fits.
+            MotionError: If the file cannot be read, or its motion does not fit the
+                robot.
         """
         if rate is not None and not (
             isinstance(rate, (int, float, np.number)) and 0.0 < rate < np.inf
         ):
-            raise MotionError(f"The rate is {rate!r}; it must be a number above 0.")
+            raise MotionError(
+                f"The rate must be a number greater than 0 (got {rate!r})."
+            )
         return read_motion(Path(path).expanduser(), self.description, rate)
 
     def write_motion(
@@ -307,15 +312,15 @@ class Robot:
         """Write a motion to a file.
 
         Args:
-            path: Ending in .csv or .npz; a file that is there is replaced.
+            path: Ending in .csv or .npz; an existing file is replaced.
             trajectory: The motion.
-            rate: Samples per second of an npz; by default those of the motion.
+            rate: Samples per second of an npz; None: the average rate of the motion.
 
         Returns:
-            Messages on what is not as in the motion.
+            Messages on differences from the motion.
 
         Raises:
-            MotionError: If the format cannot hold it.
+            MotionError: If the format does not support it.
             InvalidValueError: If the file cannot be written.
         """
         return write_motion(Path(path).expanduser(), trajectory, self.description, rate)
@@ -330,14 +335,15 @@ class Robot:
         """Make a motion of all joints.
 
         Args:
-            times: In [s], rising, shape (n_samples,).
+            times: In [s], increasing, shape (n_samples,).
             positions: Of the joints, shape (n_samples, n_joints).
-            velocities: Likewise; by default unknown: joints move in straight lines.
-            base_poses: Of the base link, shape (n_samples, 7); by default the base does
-                not belong to the motion.
+            velocities: In [rad/s] or [m/s], like positions; None: unknown, positions
+                are interpolated linearly.
+            base_poses: Of the base link, shape (n_samples, 7); None: the motion has no
+                base.
 
         Raises:
-            G1DescriptionError: If that is no motion of this robot.
+            G1DescriptionError: If an argument is invalid.
         """
         placed = self.positions(positions)
         rates = (
@@ -353,11 +359,10 @@ class Robot:
         """Arrange the positions of a motion in the order of the robot's joints.
 
         Returns:
-            Positions, shape (n_samples, n_joints); joints that it does not move are
-            neutral.
+            Positions, shape (n_samples, n_joints); joints missing from it are neutral.
 
         Raises:
-            UnknownNameError: If it moves joints that the robot does not have.
+            UnknownNameError: If it has unknown joints.
         """
         if not trajectory.joint_names:
             return np.tile(self.neutral, (len(trajectory.times), 1))
@@ -375,17 +380,16 @@ class Robot:
         Args:
             motion: The motion, or its file.
             only: Names of the checks to make; none: all.
-            thresholds: What is a warning and what a failure: a YAML file, or its
-                content such as ``{"skating": {"failure": 0.5}}``.
-            fixed_base: Whether something holds the base, so that efforts are known.
+            thresholds: Changes of the default thresholds: a YAML file, or its content
+                such as ``{"skating": {"failure": 0.5}}``.
+            fixed_base: Whether the base is fixed, so that efforts are determined.
 
         Returns:
-            What was found, and what was measured; ``passed`` is False if anything
-            failed.
+            The findings and measurements; ``passed`` is False if any check failed.
 
         Raises:
-            G1DescriptionError: If the motion is none of this robot, or there is no such
-                check or threshold.
+            G1DescriptionError: If the motion does not fit the robot, or a check or
+                threshold is unknown.
         """
         if isinstance(motion, Trajectory):
             motion = Motion(motion)
@@ -406,22 +410,23 @@ class Robot:
 
         Args:
             positions: Of the joints, shape (n_joints,), or by joint.
-            base: Pose of the base link, shape (7,); by default unknown: the floor is
-                not checked.
+            base: Pose of the base link, shape (7,); None: unknown, the floor is not
+                checked.
             only: Names of the checks to make; none: all.
             thresholds: As for ``check``.
 
         Raises:
-            G1DescriptionError: If that is no configuration of this robot, or there is
-                no such check or threshold.
+            G1DescriptionError: If the configuration is invalid, or a check or threshold
+                is unknown.
         """
         placed = self.positions(positions)
         pose = None if base is None else as_poses(base)
         for array, shape in ((placed, (len(self.joint_names),)), (pose, (7,))):
             if array is not None and array.shape != shape:
                 raise InvalidValueError(
-                    f"An array of shape {array.shape} is given; a configuration has "
-                    f"positions of shape ({len(self.joint_names)},) and a base of (7,)."
+                    "A configuration must have positions of shape "
+                    f"({len(self.joint_names)},) and a base of shape (7,) (got "
+                    f"{array.shape})."
                 )
         checker = self.checker(thresholds)
         by_name = dict(zip(self.joint_names, placed.tolist()))
@@ -434,17 +439,17 @@ class Robot:
         collisions: SelfCollisions | None = None,
         physics: bool = False,
     ) -> Checker:
-        """Prepare checks of many motions.
+        """Create a checker for many motions.
 
         Args:
             thresholds: As for ``check``.
-            fixed_base: Whether something holds the base, so that efforts are known.
-            collisions: The pairs of links that may touch, of the robot's shapes; by
-                default those of the G1, or pairs that are found for another robot.
-            physics: Whether motions are also played in physics, by the G1's motors.
+            fixed_base: Whether the base is fixed, so that efforts are determined.
+            collisions: Shapes and allowed pairs of the robot; by default those of the
+                G1, or estimated pairs for another robot.
+            physics: Whether motions are also simulated, with the G1's motors.
 
         Raises:
-            G1DescriptionError: If a file cannot be read, or there is no such threshold.
+            G1DescriptionError: If a file cannot be read, or a threshold is unknown.
         """
         is_usual = thresholds is None and collisions is None
         if is_usual and not (fixed_base or physics):
@@ -464,20 +469,19 @@ class Robot:
     def collisions(
         self, positions: JointValues, base: Any = None, margin: float = 0.0
     ) -> Contacts:
-        """Find where links touch each other, besides those that may by design.
+        """Find self-collisions, except of allowed pairs.
 
         Args:
             positions: Of the joints, shape (n, n_joints) or (n_joints,), or by joint.
             base: Poses of the base link, shape (n, 7) or (7,).
-            margin: In [m]; links that are nearer are found; 0: those that overlap.
+            margin: In [m]; links nearer than this are found; 0: only overlaps.
 
         Returns:
-            The contacts; ``frame`` is the row of the configuration, ``pair`` the row of
-            the links in ``collision_pairs``, ``distance`` is negative where they
-            overlap.
+            The contacts; ``frame`` is the index of the configuration, ``pair`` that of
+            the links in ``collision_pairs``, ``distance`` is negative for overlaps.
 
         Raises:
-            G1DescriptionError: If that are no configurations of this robot.
+            G1DescriptionError: If positions or base are invalid.
         """
         poses = self.forward_kinematics(positions, base)
         poses = poses.reshape(-1, len(self.link_names), 7)
@@ -500,19 +504,19 @@ class Robot:
             return np.broadcast_to(rates, shape)
         except ValueError as error:
             raise InvalidValueError(
-                f"An array of shape {rates.shape} for each {what} does not go with "
-                f"positions of shape {shape}."
+                f"The {what} array of shape {rates.shape} does not match positions of "
+                f"shape {shape}."
             ) from error
 
     @cached_property
     def _ranges(self) -> tuple[np.ndarray, np.ndarray]:
-        """Between which positions joints are drawn, shapes (n_joints,)."""
+        """Ranges of random positions, shapes (n_joints,)."""
         rows = [_range(joint) for joint in self.description.movable_joints]
         lower, upper = np.array(rows).reshape(-1, 2).T
         return lower, upper
 
     def _can_take(self, pose: Pose) -> bool:
-        """Return whether the robot can take a pose."""
+        """Return whether a pose fits the robot."""
         try:
             check_pose(pose, self.description)
         except G1DescriptionError:
@@ -547,8 +551,8 @@ class Robot:
 
     @cached_property
     def _usual_checker(self) -> Checker:
-        """All checks with the usual thresholds; their preparation takes a second."""
-        # PyBullet and scipy take a while, and most programs check nothing.
+        """The checker with default arguments; preparing it takes a second."""
+        # Imported late: PyBullet and scipy are slow, and most programs check nothing.
         from g1_description.checks.checker import Checker
 
         return Checker(self.description)
@@ -563,14 +567,14 @@ def as_array(
         given: An array of shape (..., n_joints), or a dictionary by joint of numbers or
             arrays of shape (...).
         joints: Names of the robot's movable joints.
-        rest: Numbers of the joints that a dictionary does not name, shape (n_joints,).
-        what: What the numbers are, for messages.
+        rest: Numbers of joints that a dictionary does not contain, shape (n_joints,).
+        what: Meaning of the numbers, for messages.
 
     Returns:
         A new array, shape (..., n_joints).
 
     Raises:
-        UnknownNameError: If the robot has no joint of a name.
+        UnknownNameError: If a joint is unknown.
         InvalidValueError: If shapes do not fit, or a number is not finite.
     """
     if isinstance(given, Mapping):
@@ -579,30 +583,29 @@ def as_array(
         array = _numbers(given, what)
         if array.ndim == 0 or array.shape[-1] != len(joints):
             raise InvalidValueError(
-                f"An array of shape {array.shape} is given for each {what}; the last "
-                f"axis must be that of the {len(joints)} joints."
+                f"The last axis of the {what} array must have the {len(joints)} "
+                f"joints (got shape {array.shape})."
             )
     wrong = np.argwhere(~np.isfinite(array))
     if len(wrong):
         first = tuple(wrong[0])
         raise InvalidValueError(
-            f"The {what} of {joints[first[-1]]} is {array[first]}, which is no finite "
-            "number."
+            f"The {what} of {joints[first[-1]]} must be finite (got {array[first]})."
         )
     return array
 
 
 def check_names(names: Sequence[str], joints: Sequence[str]) -> None:
-    """Check that a robot has joints.
+    """Check names of joints.
 
     Raises:
-        UnknownNameError: If one is missing; the message begins with the nearest names.
+        UnknownNameError: If one is unknown; the message suggests similar names.
     """
     unknown = [name for name in names if name not in joints]
     if unknown:
         known = listed(similar_first(unknown[0], joints)) or "none"
         raise UnknownNameError(
-            f"There is no movable joint {listed(unknown)}; there are {known}."
+            f"Unknown movable joint {listed(unknown)}. Known joints: {known}."
         )
 
 
@@ -618,7 +621,7 @@ def _from_names(
     except ValueError as error:
         shapes = listed(f"{name} {v.shape}" for name, v in zip(given, values))
         raise InvalidValueError(
-            f"The shapes given for each {what} do not go together: {shapes}."
+            f"The shapes of each {what} do not match: {shapes}."
         ) from error
     array = np.empty((*(rows[0].shape if rows else ()), len(joints)))
     array[...] = rest
@@ -628,12 +631,12 @@ def _from_names(
 
 
 def _numbers(given: Any, what: str) -> np.ndarray:
-    """Copy what is given into an array of numbers."""
+    """Convert to a new array of numbers."""
     try:
         return np.array(given, dtype=float)
     except (TypeError, ValueError) as error:
         raise InvalidValueError(
-            f"The {what} given is {str(given)[:80]}, which is no array of numbers."
+            f"The {what} must be an array of numbers (got {str(given)[:80]})."
         ) from error
 
 
@@ -647,7 +650,7 @@ def as_poses(given: Any) -> np.ndarray:
         A new array of the same shape, with quaternions of unit length.
 
     Raises:
-        InvalidValueError: If they are no poses.
+        InvalidValueError: If they are not poses.
     """
     try:
         poses = np.array(given, dtype=float)
@@ -655,15 +658,15 @@ def as_poses(given: Any) -> np.ndarray:
         poses = np.zeros(0)
     if poses.shape[-1:] != (7,) or not np.isfinite(poses).all():
         raise InvalidValueError(
-            f"The base given is {str(given)[:80]}; a pose is seven finite numbers, "
-            "x y z and quaternion x y z w."
+            "The base must be seven finite numbers, x y z and quaternion x y z w "
+            f"(got {str(given)[:80]})."
         )
     lengths = np.linalg.norm(poses[..., 3:], axis=-1)
     errors = np.abs(lengths - 1.0)
     if (errors > NORM_TOLERANCE).any():
         raise InvalidValueError(
-            "The base has a quaternion of length "
-            f"{lengths.flat[int(np.argmax(errors))]:.6g}, not 1."
+            "The base quaternion must have length 1 (got "
+            f"{lengths.flat[int(np.argmax(errors))]:.6g})."
         )
     rounded = errors > UNIT_TOLERANCE
     poses[rounded, 3:] = normalized(poses[rounded, 3:])
@@ -671,14 +674,14 @@ def as_poses(given: Any) -> np.ndarray:
 
 
 def _range(joint: Joint) -> tuple[float, float]:
-    """Return between which positions a joint is drawn."""
+    """Return the range of random positions of a joint."""
     lower, upper = joint.lower, joint.upper
     if np.isfinite(lower) and np.isfinite(upper):
         return lower, upper
     if joint.kind == "prismatic":
         raise InvalidValueError(
-            f"{joint.name} slides from {lower:g} to {upper:g}: nothing can be drawn "
-            "evenly from that."
+            f"{joint.name} needs finite limits for random positions (got {lower:g} to "
+            f"{upper:g})."
         )
     if np.isfinite(lower):
         return lower, lower + 2.0 * np.pi
@@ -688,41 +691,41 @@ def _range(joint: Joint) -> tuple[float, float]:
 
 
 def _row(kind: str, name: str, names: Sequence[str]) -> int:
-    """Return the place of a name; UnknownNameError begins with those like it."""
+    """Return the index of a name."""
     if name not in names:
         known = listed(similar_first(name, names)) or "none"
-        raise UnknownNameError(f"There is no {kind} '{name}'; there are {known}.")
+        raise UnknownNameError(f"Unknown {kind} '{name}'. Known: {known}.")
     return names.index(name)
 
 
 def _each(joints: Sequence[Joint], value: Callable[[Joint], float]) -> np.ndarray:
-    """Gather a number of each joint, shape (n_joints,)."""
+    """Collect a number of each joint, shape (n_joints,)."""
     return _frozen(np.array([value(joint) for joint in joints], dtype=float))
 
 
 def _frozen(array: np.ndarray) -> np.ndarray:
-    """Make an array that nobody changes by mistake."""
+    """Make an array read-only."""
     array.setflags(write=False)
     return array
 
 
 def _common(first: tuple[int, ...], second: tuple[int, ...]) -> tuple[int, ...]:
-    """Return the leading axes that arrays with these are broadcast to."""
+    """Broadcast leading axes."""
     try:
         return np.broadcast(np.broadcast_to(0, first), np.broadcast_to(0, second)).shape
     except ValueError as error:
         raise InvalidValueError(
-            f"The leading axes {first} and {second} do not go together."
+            f"The leading axes {first} and {second} do not match."
         ) from error
 
 
 def _names(only: Collection[str]) -> Collection[str]:
-    """Take a single name as well: as a collection, it is one of letters."""
+    """Accept a single name, too."""
     return (only,) if isinstance(only, str) else only
 
 
 def _thresholds(given: ThresholdValues) -> Thresholds:
-    """Read thresholds where that is needed."""
+    """Read thresholds, if necessary."""
     if isinstance(given, Thresholds):
         return given
     from g1_description.checks.thresholds_file import read_thresholds, with_thresholds

@@ -1,4 +1,4 @@
-"""Command lines declared as dataclasses, whose errors are one sentence."""
+"""Command lines declared as dataclasses."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ MAX_FPS = 1e6
 
 
 class OneSentenceParser(argparse.ArgumentParser):
-    """A parser whose errors fit into one line of a launch's output."""
+    """A parser with errors in one line, as in the output of roslaunch."""
 
     misuse = 1
     """Exit code where the command line is wrong."""
 
     def error(self, message: str) -> Any:
         """End with a sentence, without the usage."""
-        self.exit(self.misuse, f"{self.prog}: {message}; {self.prog} -h shows more.\n")
+        self.exit(self.misuse, f"{self.prog}: {message}; see {self.prog} -h.\n")
 
 
 class Ignored(argparse.Action):
-    """Remember that an option was given which means nothing here.
+    """Record an option without effect.
 
-    It needs ``ignored`` among the parser's defaults.
+    The parser must have a default for ``ignored``.
     """
 
     def __call__(
@@ -41,24 +41,24 @@ class Ignored(argparse.Action):
         values: str | Sequence[Any] | None,
         option_string: str | None = None,
     ) -> None:
-        """Put the option into the list, once."""
+        """Add the option to the list, once."""
         namespace.ignored = [*dict.fromkeys([*namespace.ignored, option_string])]
 
 
 @dataclass(frozen=True)
 class Argument:
-    """What a field of a command's dataclass is on its command line."""
+    """The command-line argument of a field of a command's dataclass."""
 
     about: str
-    """What it means, for ``--help`` and the row of the command's page."""
+    """Description, for ``--help`` and the row of the command's page."""
 
     names: tuple[str, ...] = ()
-    """Its options; empty: ``--`` and the field's name, or the value's position."""
+    """Its names; empty: ``--`` and the field's name."""
 
     is_positional: bool = False
 
     shown: str = ""
-    """The default as people read it; empty: the default itself, if it says anything."""
+    """Description of the default; empty: the default itself."""
 
     see: str = ""
     """A link for the row of the page, in Markdown."""
@@ -67,7 +67,7 @@ class Argument:
     """Further arguments of ``ArgumentParser.add_argument``."""
 
     def flags(self, name: str) -> tuple[str, ...]:
-        """Return the names on the command line of a field with this name."""
+        """Return the names on the command line for a field's name."""
         if self.is_positional:
             return (name,)
         return self.names or (f"--{name.replace('_', '-')}",)
@@ -86,11 +86,11 @@ def option(
     """Declare an option as a field of a command's dataclass.
 
     Args:
-        about: What it means, in a line.
-        default: Its value where it is not given; False: it is a flag.
-        type: Reads its value; by default the type of ``default``.
-        names: What it is called, if not as the field.
-        shown: The default as people read it.
+        about: Description in a line.
+        default: Its default; False: it is a flag.
+        type: Parses its value; by default the type of ``default``.
+        names: Its names, if different from the field's.
+        shown: Description of the default.
         see: A link for the row of the page, in Markdown.
         given: Further arguments of ``ArgumentParser.add_argument``.
     """
@@ -108,7 +108,7 @@ def option(
 def argument(
     about: str, type: Callable[[str], Any], shown: str = "", **given: Any
 ) -> Any:
-    """Declare an argument that has a position instead of a name, such as a file."""
+    """Declare a positional argument, such as a file."""
     given["type"] = type
     declared = Argument(about, is_positional=True, shown=shown, given=given)
     if "default" in given:
@@ -122,12 +122,12 @@ def arguments_of(options: type[Any]) -> dict[str, Argument]:
 
 
 def parser(options: type[Any], command: str, misuse: int = 1) -> OneSentenceParser:
-    """Make a parser of a command's dataclass, whose docstring is the description.
+    """Make a parser from a command's dataclass; its docstring is the description.
 
     Args:
         options: The dataclass.
         command: Name of the command.
-        misuse: Exit code where the command line is wrong.
+        misuse: Exit code if the command line is wrong.
     """
     made = OneSentenceParser(prog=command, description=options.__doc__)
     made.misuse = misuse
@@ -142,7 +142,7 @@ def parser(options: type[Any], command: str, misuse: int = 1) -> OneSentencePars
 
 
 def default_text(declared: Argument) -> str:
-    """Return a default as people read it; empty where there is nothing to say."""
+    """Return the description of a default; may be empty."""
     default = declared.given.get("default")
     if declared.shown or default is False or default in (None, "", ()):
         return declared.shown
@@ -155,14 +155,14 @@ def parse(
     words: Sequence[str] | None = None,
     misuse: int = 1,
 ) -> Options:
-    """Read a command line; end the program with a sentence when it is wrong.
+    """Parse a command line; exit with a message if it is wrong.
 
     Args:
-        options: The command's dataclass. Its ``__post_init__`` raises
-            InvalidValueError where values do not go together.
+        options: The command's dataclass. Its ``__post_init__`` raises InvalidValueError
+            for options that cannot be combined.
         command: Name of the command.
         words: The command line; by default the program's own.
-        misuse: Exit code where it is wrong.
+        misuse: Exit code if it is wrong.
     """
     reader = parser(options, command, misuse)
     given = vars(reader.parse_args(words))
@@ -174,14 +174,14 @@ def parse(
 
 
 def say(text: str, stream: TextIO | None = None) -> None:
-    """Print a line at once; a terminal that was closed takes none.
+    """Print and flush a line; errors of a closed terminal are ignored.
 
     Args:
         text: The line.
-        stream: Where to; by default the standard output.
+        stream: By default the standard output.
     """
     with suppress(OSError):
-        # In one piece: a signal may come between the text and the end of the line.
+        # With the end of the line: a signal may come between two writes.
         print(f"{text}\n", end="", file=stream, flush=True)
 
 
@@ -199,7 +199,7 @@ def number(text: str) -> float:
 def within(
     low: float, high: float = math.inf, kind: Callable[[str], Any] = number
 ) -> Callable[[str], Any]:
-    """Return what reads a number from ``low`` to ``high``, both included."""
+    """Return a parser of numbers from ``low`` to ``high``, both included."""
     ends = [f"{end:g}" if isinstance(end, float) else str(end) for end in (low, high)]
     words = f"from {ends[0]} to {ends[1]}" if high < math.inf else f"at least {ends[0]}"
 
@@ -217,7 +217,7 @@ def within(
 
 
 def positive(high: float) -> Callable[[str], float]:
-    """Return what reads a number greater than 0 and at most ``high``."""
+    """Return a parser of numbers greater than 0 and at most ``high``."""
 
     def read(text: str) -> float:
         value = number(text)

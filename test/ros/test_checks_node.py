@@ -118,7 +118,7 @@ class TestChecks(unittest.TestCase):
             ([], [], far, [], "inf"),
             ([], [], turned, [], "quaternion"),
             ([], [], None, ["balance"], "no check balance"),
-            ([KNEE], [0.0], None, ["velocity"], "No check could be made: velocity"),
+            ([KNEE], [0.0], None, ["velocity"], "All checks were skipped: velocity"),
         ):
             joints = JointState(name=names, position=positions)
             answer = self.check_state(joints, where is not None, where or pose(), only)

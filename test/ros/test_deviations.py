@@ -151,7 +151,7 @@ class TestDeviations(unittest.TestCase):
             ("this is not xml", "not XML"),
             ("", "not XML"),
             ("<html/>", "not URDF"),
-            (two_roots, "one root link, it has a and b"),
+            (two_roots, "one root link (got a and b)"),
         ):
             fields = {"model_name": "b", "model_xml": text}
             self.assert_refused("spawn_urdf_model", words, **fields)
@@ -206,7 +206,7 @@ class TestDeviations(unittest.TestCase):
         self.assertIn("; joint b is ball, which is not", answer["status_message"])
         two = BALL.replace("</sdf>", '<model name="n"/></sdf>')
         answer = self.spawn("two", two, "spawn_sdf_model")
-        self.assertIn("; model n is left out", answer["status_message"])
+        self.assertIn("; model n is ignored", answer["status_message"])
         for name in ("eye", "ball", "two"):
             self.call("delete_model", model_name=name)
 
@@ -214,8 +214,8 @@ class TestDeviations(unittest.TestCase):
         answer = self.spawn("eye", EYE)
         self.assertEqual(
             answer["status_message"],
-            "SpawnModel: Successfully spawned entity; of the <gazebo> elements these "
-            "are not simulated: provideFeedback, kp",
+            "SpawnModel: Successfully spawned entity; unsupported <gazebo> elements: "
+            "provideFeedback, kp",
         )
         found = self.call("get_model_properties", model_name="eye")
         self.assertEqual(found["body_names"], ["body", "eye", "lid"])
@@ -239,8 +239,7 @@ class TestDeviations(unittest.TestCase):
         answer = self.spawn("twins", TWINS, "spawn_sdf_model")
         self.assertEqual(
             answer["status_message"],
-            "SpawnModel: Successfully spawned entity; link l has 2 collisions of the "
-            "name c",
+            "SpawnModel: Successfully spawned entity; link l has 2 collisions called c",
         )
         told = self.call("get_model_properties", model_name="twins")
         self.assertEqual(told["geom_names"], ["c", "c"])
@@ -250,7 +249,7 @@ class TestDeviations(unittest.TestCase):
         self.assertEqual(
             answer["status_message"],
             "SpawnModel: Successfully spawned entity; link upper has no mass; link "
-            "lower hangs on upper, which has no mass",
+            "lower is below upper, which has no mass",
         )
         answer = self.spawn("free", odd.replace("<x:y/>", f"<x:y/>{MASS}"))
         self.assertEqual(

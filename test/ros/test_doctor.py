@@ -196,7 +196,7 @@ class TestDoctor(unittest.TestCase):
         code, text = doctor("--json", "--until", "master", PATH=path)
         told = json.loads(text)
         self.assertEqual((code, told["fault"]), (0, None))
-        self.assertIn(f"python3 on PATH is {bare}", told["links"][0]["remark"])
+        self.assertIn(f"python3 on PATH ({bare}", told["links"][0]["remark"])
 
     def test_pybullet_is_absent(self):
         """In an environment that has everything else."""

@@ -264,7 +264,7 @@ class TestFollowJointTrajectory(unittest.TestCase):
             (goal_of(elbow(t100=math.nan)), "nan"),
             (goal_of(elbow(t100=math.inf)), "inf"),
             (ragged, "2 positions"),
-            (falling, "do not rise"),
+            (falling, "must increase"),
             (some, "no velocities"),
             (strict, "NaN"),
         ):

@@ -335,12 +335,12 @@ class TestMotion(unittest.TestCase):
         flat.pose.position.x = nan
         for topic, message, text in (
             ("joint_trajectory", elbow((0.0, nan)), "position nan"),
-            ("joint_trajectory", elbow((0.1, 0.1), (0.1, 0.2)), "do not rise"),
+            ("joint_trajectory", elbow((0.1, 0.1), (0.1, 0.2)), "must increase"),
             ("joint_trajectory", elbow((0.0,)), "has 0 positions"),
             ("joint_trajectory", ear, "names left_ear"),
             ("motion", two_bases, "The base is one joint"),
             ("motion", apart, "not at the times"),
-            ("motion", bent, "quaternion of length 2"),
+            ("motion", bent, "length 1 (got 2)"),
             ("motion", lost, "no frame 'nowhere'"),
             ("base_command", flat, "base pose nan"),
         ):

@@ -102,7 +102,7 @@ class TestPlay(unittest.TestCase):
         self.states.wait(lambda m: m.velocity[self.index] > 0.0)
         playing.press(CTRL_C)
         self.assertEqual(playing.end(), 130)
-        self.assertIn("the robot stays where it is", playing.text)
+        self.assertIn("the robot keeps its position", playing.text)
         self.assertTrue(0.0 < self.assert_still() < 0.8)
 
     def test_a_signal_leaves_it_there_too(self):
@@ -234,12 +234,12 @@ class TestPlay(unittest.TestCase):
         arms = self.file.with_name("arms.csv")
         arms.write_text("time,left_elbow_joint\n0,0\n1,1\n")
         for arguments, text in (
-            ((self.file.with_name("none.csv"),), "There is no file"),
-            ((bad,), "bad.csv: Line 3 has 'ten' where a number is expected."),
+            ((self.file.with_name("none.csv"),), "does not exist"),
+            ((bad,), "bad.csv: Line 3: expected a number (got 'ten')."),
             ((self.file, "--from", 2, "--to", 9), "lasts from 0 to 4 s; 2 to 9 s is"),
             ((self.file, "--speed", 0), "--speed: must be a number from"),
             ((self.file, "--speed", 1e9), "--speed: must be a number from"),
-            ((self.file, "--fps", 1e12), "--fps: must be greater than 0 and at most"),
+            ((self.file, "--fps", 1e12), "must be greater than 0 and at most 1e+06"),
             (
                 (self.file, "--start-here", "--base-frame", "right/base_link"),
                 "there is no frame 'right/base_link'",

@@ -61,7 +61,7 @@ class TestPlaySlow(unittest.TestCase):
         self.assertEqual(self.asked(), "stop")
         self.answer()
         self.assertEqual(playing.end(), 130)
-        self.assertIn("stopped; the robot stays where it is", playing.text)
+        self.assertIn("stopped; the robot keeps its position", playing.text)
 
     def test_that_it_may_go_on_is_told(self):
         playing = self.play()
@@ -72,7 +72,7 @@ class TestPlaySlow(unittest.TestCase):
         self.bridge.wait()
         playing.press(CTRL_C)
         self.assertEqual(playing.end(), 130)
-        self.assertIn("the robot may go on", playing.text)
+        self.assertIn("the robot may keep moving", playing.text)
 
     def test_that_time_is_paused_is_told_and_waited_for(self):
         playing = self.play("--speed", "0.1")

@@ -254,7 +254,7 @@ class TestRecord(unittest.TestCase):
         rospy.ServiceProxy("/gazebo/reset_simulation", Empty)()
         _, err = run.communicate(timeout=DEADLINE)
         self.assertEqual(run.returncode, 0, err)
-        self.assertRegex(err, "time went back after .* s: it ends there")
+        self.assertRegex(err, "the recording ends after .* s: time went back")
         found, _, _ = self.read(self.folder / "a.bag")
         # How many depends on when the recorder heard of the first state.
         self.assertGreater(len(found["times"]), 1)
@@ -266,7 +266,7 @@ class TestRecord(unittest.TestCase):
                 with errors.open("w") as stream:
                     arguments = 40, file, "--rate", rate
                     self.python(FULL, *arguments, stderr=stream, timeout=DEADLINE)
-                self.assertIn("the file can hold no more after", errors.read_text())
+                self.assertIn("s: the file is full", errors.read_text())
                 found, _, _ = self.read(file)
                 self.assertIn(len(found["times"]), (39, 40))
 
@@ -278,7 +278,7 @@ class TestRecord(unittest.TestCase):
             self.python(FULL, *arguments, **options)
         self.assertEqual(
             errors.read_text(),
-            "record: An npz needs the base, which this motion has not.\n",
+            "record: An npz needs base poses, and this motion has none; write .csv.\n",
         )
 
     def test_of_several_robots_one_must_be_named(self):
@@ -292,8 +292,8 @@ class TestRecord(unittest.TestCase):
         run = start("record", self.folder / "a.csv", "--gazebo", "gazebo")
         _, err = run.communicate(timeout=DEADLINE)
         self.assertEqual(run.returncode, 1)
-        self.assertIn("several such", err)
-        self.assertIn("--model names one", err)
+        self.assertIn("several match", err)
+        self.assertIn("choose one with --model", err)
         self.states.clear()
         play = rospy.ServiceProxy("/play_motion", PlayMotion)
         bent = JointTrajectoryPoint(positions=[0.7])
@@ -314,11 +314,11 @@ class TestRecord(unittest.TestCase):
     def test_what_cannot_be_recorded_is_told(self):
         (self.folder / "there.csv").write_text("")
         wrong = (
-            ("already; --force replaces it", "there.csv"),
-            ("ends in none of .csv, .npz, .bag", "a.txt"),
+            ("already; use --force to replace it", "there.csv"),
+            ("must end in .csv or .npz or .bag", "a.txt"),
             ("cannot be written: No such file", "no/a.csv"),
             ("--rate: must be a number from 0", "a.csv", "--rate", "-1"),
-            ("No state of the robot came", "a.csv", "--gazebo", "/nowhere"),
+            ("There was no state of the robot", "a.csv", "--gazebo", "/nowhere"),
         )
         missing = (
             ("The simulator has no model 'nobody' with", "--model", "nobody"),

@@ -176,7 +176,9 @@ class TestSnapshot(unittest.TestCase):
 
     def test_joints_that_never_come_are_told(self):
         _, err = self.run_snapshot("a.png", "--namespace", "half", expected=1)
-        self.assertIn("No joint states of 'g1_29dof' came on /half/joint_states", err)
+        self.assertIn(
+            "There were no joint states of 'g1_29dof' on /half/joint_states", err
+        )
         self.assertEqual(list(self.folder.iterdir()), [])
 
     def test_a_clock_that_stands_still_is_told(self):
@@ -188,7 +190,7 @@ class TestSnapshot(unittest.TestCase):
         self.addCleanup(unpause)
         _, err = process.communicate(timeout=DEADLINE)
         self.assertEqual(process.returncode, 1)
-        self.assertRegex(err, "The clock stood still|No joint states")
+        self.assertRegex(err, "The clock did not advance|no joint states")
         self.assertEqual(list(self.folder.iterdir()), [])
 
     def test_a_film_may_wait_long_for_its_next_picture(self):

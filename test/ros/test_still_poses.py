@@ -114,7 +114,7 @@ class TestStillPoses(unittest.TestCase):
                 self.assertIn(quiet, errors)
         self.assertIn("left_knee_joint at 0 instead of 2.35", done[3][1])
         self.assertIn("; simulated time stands still.", done[3][1])
-        self.assertIn("Nobody listens to /nobody/joint_commands", done[4][1])
+        self.assertIn("Nothing subscribes to /nobody/joint_commands", done[4][1])
 
 
 if __name__ == "__main__":

@@ -81,7 +81,7 @@ def alone(checker, files):
 def test_one_process_checks_all(alone):
     results = [outcome.result for outcome in alone]
     assert results == ["passed", "failed", "passed", "not read"]
-    assert alone[-1].problem == "Line 1 names a, b, but not time."
+    assert alone[-1].problem == "Line 1 has the columns a, b, but lacks time."
     assert all(outcome.plot for outcome in alone[:-1])
 
 
@@ -221,7 +221,7 @@ def test_that_all_workers_went_is_told(files, checker, monkeypatch, tmp_path):
     ) as made:
         connected = Cluster(checker, made.scheduler_address)
         try:
-            with pytest.raises(ClusterError, match="has no workers any more"):
+            with pytest.raises(ClusterError, match="has no workers left"):
                 for _ in check_files(connected, tasks_of(files * 3)):
                     made.scale(0)
         finally:

@@ -391,20 +391,20 @@ def test_a_limit_of_zero_is_unknown():
     checker = Checker(replace(ROBOT, joints=joints), collisions=COLLISIONS)
     verdict = checker.check(motion(standing()))
     assert verdict.findings == ()
-    assert "limits the velocity of left_elbow_joint to 0" in verdict.notes[0]
+    assert "velocity limit of left_elbow_joint in" in verdict.notes[0]
 
 
 def test_bounds_of_joints_that_are_not_there_are_refused():
     content = {"jerk_bounds": {"joints": {"left_elbow": 1.0}}}
     thresholds = with_thresholds(Thresholds(), content)
-    with pytest.raises(ThresholdError, match="names left_elbow; g1_29dof has left_el"):
+    with pytest.raises(ThresholdError, match="g1_29dof has no joint 'left_elbow'"):
         Checker(ROBOT, thresholds, collisions=COLLISIONS)
 
 
 def test_a_motion_that_is_too_long_is_refused():
     times = np.array([0.0, 1e8])
     found = Motion(Trajectory(times, JOINTS, np.zeros((2, len(JOINTS)))))
-    with pytest.raises(MotionError, match="200000 are possible"):
+    with pytest.raises(MotionError, match="200000 is the limit"):
         check(found)
 
 
@@ -465,7 +465,7 @@ def test_unknown_names_are_refused():
     checker = Checker(ROBOT, collisions=COLLISIONS)
     with pytest.raises(UnknownNameError, match="left_elbow_joint"):
         checker.check_state({"left_elbow": 0.0})
-    with pytest.raises(UnknownNameError, match="There is no check colision"):
+    with pytest.raises(UnknownNameError, match="Unknown check 'colision'"):
         checker.check_state({}, only=["colision"])
     with pytest.raises(MotionError):
         checker.check_state({"left_elbow_joint": float("nan")})

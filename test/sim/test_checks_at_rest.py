@@ -114,9 +114,9 @@ def test_velocities_are_compared_with_their_limits(checker):
 @pytest.mark.parametrize(
     ("positions", "only", "error", "words"),
     [
-        ({"left_nee_joint": 0.0}, (), UnknownNameError, "it has left_knee_joint"),
+        ({"left_nee_joint": 0.0}, (), UnknownNameError, "Its joints: left_knee_joint"),
         ({"left_knee_joint": np.nan}, (), MotionError, "nan"),
-        ({}, ("balance",), UnknownNameError, "no check balance"),
+        ({}, ("balance",), UnknownNameError, "Unknown check 'balance'"),
     ],
 )
 def test_what_is_no_configuration_is_refused(checker, positions, only, error, words):

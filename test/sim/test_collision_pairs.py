@@ -226,7 +226,7 @@ def test_the_command_writes_a_file_and_keeps_what_is_by_hand(command, tmp_path):
     run = command("--samples", "300", "--seed", "5", "-o", str(file))
     out, err = run.communicate()
     assert (run.returncode, err) == (0, "")
-    assert "5 links; pairs that are not checked: 4 adjacent" in out
+    assert "5 links; allowed pairs: 4 adjacent" in out
     first = read_allowed_pairs(file)
     assert first == replace(
         find_allowed_pairs(parse_urdf(SLIDERS), 300, 5), place=str(file)
@@ -265,7 +265,7 @@ def test_a_missing_model_is_told(command):
     run = command(robot="none.urdf")
     _, err = run.communicate()
     assert run.returncode == 1
-    assert err.startswith("collision_pairs: The model none.urdf cannot be used: ")
+    assert err.startswith("collision_pairs: Cannot use the model none.urdf: ")
 
 
 def test_an_interrupted_command_writes_nothing(command, tmp_path):

@@ -49,23 +49,26 @@ def test_links_without_mass_are_there_and_move(make_world, inside):
 @pytest.mark.parametrize(
     ("inside", "told"),
     [
-        ({"root": MASS, "tip": MASS}, "middle has no mass and tip, wart hang on it"),
+        ({"root": MASS, "tip": MASS}, "middle has no mass and tip, wart are below it"),
         ({"root": MASS}, "middle, tip, wart have no mass"),
-        ({"tip": MASS}, "root, middle have no mass and tip, wart hang on them"),
-        ({"middle": MASS, "tip": MASS}, "root has no mass and middle, tip, wart hang"),
+        ({"tip": MASS}, "root, middle have no mass and tip, wart are below them"),
+        (
+            {"middle": MASS, "tip": MASS},
+            "root has no mass and middle, tip, wart are below",
+        ),
     ],
 )
 def test_one_warning_names_what_gazebo_would_leave_out(make_world, inside, told):
     (line,) = make_world().spawn_urdf("m", arm(**inside), HIGH)
-    assert line.startswith(told) and line.endswith(": Gazebo would leave them out")
+    assert line.startswith(told) and line.endswith(": Gazebo would ignore them")
 
 
 @pytest.mark.parametrize(
     ("hand", "told"),
     [
-        ("", "arm, hand have no mass: Gazebo would leave them out"),
-        (MASS, "arm has no mass and hand hangs on it: Gazebo would leave them out"),
-        (None, "arm has no mass: Gazebo would leave it out"),
+        ("", "arm, hand have no mass: Gazebo would ignore them"),
+        (MASS, "arm has no mass and hand is below it: Gazebo would ignore them"),
+        (None, "arm has no mass: Gazebo would ignore it"),
     ],
 )
 def test_of_one_link_the_warning_speaks_as_of_one(make_world, hand, told):
@@ -122,7 +125,10 @@ CALF = arm(MASS, MASS, MASS).replace('lower="-2" upper="2"', 'lower="-2" upper="
 def test_joints_that_cannot_be_at_zero_begin_inside_their_limits(make_world):
     world = make_world()
     told = world.spawn_urdf("m", CALF, HIGH)
-    assert told == ("joints that cannot be at zero begin: a at -0.5, b at -0.5",)
+    assert told == (
+        "0 is outside the limits of some joints, which begin at the nearest limit: a "
+        "at -0.5, b at -0.5",
+    )
     begin = [-0.5, -0.5]
     np.testing.assert_array_equal(world.model("m").position, begin)
     world.set_joint_positions("m", {"a": -1.0})

@@ -410,11 +410,11 @@ def test_hostile_files_end_no_one_and_take_no_other_file_with_them(
     for name in names:
         if not name.endswith("flat.stl"):
             (clause,) = (clause for clause in left_out if name in clause)
-            assert "its reader ended" not in clause
+            assert "its reader exited" not in clause
     assert not [clause for clause in left_out if "good" in clause]
     (bomb,) = (clause for clause in left_out if "nodes.dae" in clause)
     # On a machine with much else to do its time of the wall is over before.
-    taken = "cannot be read: it took more than (2 s of the processor|20 s)$"
+    taken = "cannot be read: it took more than (2 s of processor time|20 s)$"
     assert re.search(taken, bomb)
     with Scene() as scene:
         _, left_out = scene.add(parse_urdf(body(good[0], *names, good[1])))
@@ -515,7 +515,7 @@ def test_a_death_of_the_reader_is_told_of_the_file_that_it_read(
     for found in (before, after):
         np.testing.assert_allclose(bounds(found), BALL.bounds, atol=1e-6)
     assert clause == (
-        f"mesh file://{waiting[1]} cannot be read: its reader died of signal "
+        f"mesh file://{waiting[1]} cannot be read: its reader was killed by signal "
         f"{int(number)} ({signal.strsignal(number)})"
     )
     assert len(counted) == 2
@@ -558,7 +558,7 @@ def test_a_reader_that_cannot_start_is_told_of_all_files_and_forgotten(
     with monkeypatch.context() as patched:
         patched.syspath_prepend(str(tmp_path))
         for clause in read(*files):
-            words = "cannot be read: its reader ended with code 3 before it began"
+            words = "cannot be read: its reader exited with code 3 before it began"
             assert clause.endswith(words)
     assert len(counted) == 1
     assert not [found for found in read(*files) if isinstance(found, str)]
@@ -579,7 +579,7 @@ def test_a_mistake_in_the_reader_is_told_in_its_own_words(tmp_path):
         (clause,) = read(tmp_path / "x.obj")
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-    assert "its reader ended with code 1: OSError: " in clause
+    assert "its reader exited with code 1: OSError: " in clause
 
 
 def test_a_file_that_is_no_mesh_is_told_in_the_words_of_the_library(tmp_path):
@@ -623,22 +623,22 @@ NO_STL = 'it is not text that begins with "solid" in small letters, and its '
         (
             "x.stl",
             re.sub(rb"vertex \S+", b"vertex nan", TEXT, count=1),
-            "it has corners that are not finite, or beyond 1e+09 m",
+            "it has vertices that are not finite, or beyond 1e+09 m",
         ),
         (
             "x.stl",
             BINARY[:96] + b"\0\0\xc0\x7f" + BINARY[100:],
-            "it has corners that are not finite, or beyond 1e+09 m",
+            "it has vertices that are not finite, or beyond 1e+09 m",
         ),
         (
             "x.stl",
             BINARY[:96] + np.array(1e12, "<f4").tobytes() + BINARY[100:],
-            "it has corners that are not finite, or beyond 1e+09 m",
+            "it has vertices that are not finite, or beyond 1e+09 m",
         ),
         (
             "x.obj",
             b"v 0 0 0\nv nan 0 0\nv 0 1 0\nf 1 2 3\n",
-            "it has corners that are not finite, or beyond 1e+09 m",
+            "it has vertices that are not finite, or beyond 1e+09 m",
         ),
     ],
     ids=[

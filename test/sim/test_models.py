@@ -282,7 +282,7 @@ def test_a_model_that_cannot_be_loaded_is_left_out_of_the_world(make_world):
     world = make_world("limp", content=read_sdf(text))
     assert list(world.models) == ["ball"]
     (told,) = world.left_out
-    assert told.startswith("model large is left out: ")
+    assert told.startswith("model large is ignored: ")
 
 
 def test_too_many_links_are_refused_before_anything_is_made(make_world):
@@ -326,18 +326,19 @@ BAD_HAS_NO_LINKS = "Model 'bad' has no links."
         (f'<world name="w"><scene/>{WRONG}</world>', BAD_HAS_NO_LINKS),
         (
             f'<world name="w">{WRONG}{DARK}</world>',
-            "Light dark is of type 'laser'; there are: point, directional, spot. "
+            "Unknown type 'laser' of light dark. Known types: point, directional, "
+            "spot. "
             f"{BAD_HAS_NO_LINKS}",
         ),
         (
             '<world name="w"><include><uri>lamp</uri></include></world>',
-            "It has no model and no light (include of lamp is left out: Models are "
-            "found by model://NAME, file://FOLDER and a folder's absolute path).",
+            "It has no model and no light (include of lamp is ignored: A model must "
+            "be given as model://NAME, file://FOLDER or an absolute path).",
         ),
         (
             f'<world name="w">{GOOD}{GOOD.replace("good", "fine")}{WRONG}</world>',
             "It has 2 models and 0 lights; one model or light can be spawned at a time "
-            "(model bad is left out: Model 'bad' has no links).",
+            "(model bad is ignored: Model 'bad' has no links).",
         ),
     ],
 )

@@ -66,7 +66,7 @@ def test_a_verdict_without_findings_says_what_physics_found():
     verdict = judged(motion)
     rms, largest = report.rms_errors[0], report.largest_errors[0]
     errors = f"tracking error of 1 joint: rms {rms:.4f} rad, largest {largest:.4f} rad"
-    note = f"In physics the robot does not fall; {errors} ({ARM})."
+    note = f"In simulation the robot does not fall; {errors} ({ARM})."
     assert verdict.notes[-1] == note
     assert verdict.figures["rms_tracking_error"] == pytest.approx(rms)
     assert verdict.figures["largest_tracking_error"] == largest
@@ -78,7 +78,7 @@ def test_a_fall_is_told_and_ends_the_figures():
     (fall,) = verdict.of("fall")
     assert fall.first_time == verdict.figures["fall_time"]
     assert 0.5 < fall.first_time < 1.0  # it leans by 45 degrees after 0.65 s
-    begin = f"In physics the robot falls at {fall.first_time:.3f} s; tracking error"
+    begin = f"In simulation the robot falls at {fall.first_time:.3f} s; tracking error"
     assert verdict.notes[-1].startswith(begin)
     assert fall.severity == "warning"
 
@@ -98,10 +98,10 @@ def test_what_cannot_be_judged_is_skipped():
     verdict = judged(post_motion(), {"saturation": Level()}, fixed_base=True)
     assert verdict.checked == ("tracking",)
     assert verdict.skipped == {
-        "saturation": "it has no threshold",
+        "saturation": "disabled: no threshold is set",
         "fall": "the base is fixed",
     }
-    begin = "In physics the base is fixed; tracking error"
+    begin = "In simulation the base is fixed; tracking error"
     assert verdict.notes[-1].startswith(begin)
 
 

@@ -58,7 +58,7 @@ def test_a_checker_also_plays_motions_in_physics():
     assert alone.checked == ("tracking",)
     error = "largest_tracking_error"
     assert alone.figures[error] == verdict.figures[error]
-    with pytest.raises(UnknownNameError, match="There is no check tracking"):
+    with pytest.raises(UnknownNameError, match="Unknown check 'tracking'"):
         ROBOT.checker().check(motion, ["tracking"])
 
 
@@ -86,9 +86,9 @@ def test_contacts_are_those_of_each_configuration():
 
 
 def test_mistakes_are_told():
-    with pytest.raises(UnknownNameError, match="There is no check"):
+    with pytest.raises(UnknownNameError, match="Unknown check"):
         ROBOT.check_state({}, only=["colision"])
-    with pytest.raises(ThresholdError, match="There is no threshold"):
+    with pytest.raises(ThresholdError, match="Unknown threshold"):
         ROBOT.check_state({}, thresholds={"colision": 1})
     with pytest.raises(UnknownNameError, match="left_elbow_joint"):
         ROBOT.check_state({"left_elbow": 0.0})

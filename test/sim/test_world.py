@@ -497,7 +497,7 @@ def test_a_mesh_of_another_kind_is_named(make_world, tmp_path):
     mesh = f'<mesh filename="file://{file}"/>'
     text = TOP.replace('<box size="0.2 0.2 0.2"/>', mesh)
     (clause,) = make_world().spawn_urdf("top", text, UPRIGHT)
-    assert clause == f"mesh file://{file} is none of .dae, .obj, .stl"
+    assert clause == f"mesh file://{file} must be one of .dae, .obj, .stl"
 
 
 def test_a_models_twist_is_its_roots_wherever_the_file_has_it(make_world):

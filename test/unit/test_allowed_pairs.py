@@ -64,17 +64,20 @@ HEAD = "robot: r\nsamples: 1\nseed: 0\n"
 @pytest.mark.parametrize(
     ("text", "problem"),
     [
-        ("", "must have robot, samples, seed, links, pairs"),
+        ("", "must have the keys robot, samples, seed, links, pairs"),
         ("robot: a\nrobot: b", "line 2: found duplicate key"),
-        ("- a", "must have robot"),
-        (HEAD, "must have robot"),
+        ("- a", "must have the keys robot"),
+        (HEAD, "must have the keys robot"),
         ("{", "line"),
         (HEAD + "links: a\npairs: []", "links must be a list of names"),
         (HEAD + "links: [1]\npairs: []", "links must be a list of names"),
         (HEAD + "links: [a]\npairs: a", "pairs must be a list"),
         (HEAD + "links: [a, b]\npairs: [[a, b]]", r"\[link, link, reason\]"),
-        (HEAD + "links: [a, b]\npairs: [[a, c, user]]", "name c, which is not"),
-        (HEAD + "links: [a, b]\npairs: [[a, b, maybe]]", "'maybe'; there are adjacent"),
+        (HEAD + "links: [a, b]\npairs: [[a, c, user]]", "contain c, missing in links"),
+        (
+            HEAD + "links: [a, b]\npairs: [[a, b, maybe]]",
+            "'maybe' of a and b. Known reasons: adjacent",
+        ),
         ("robot: r\nsamples: -1\nseed: 0\nlinks: []\npairs: []", "samples must be"),
         ("robot: r\nsamples: 1\nseed: x\nlinks: []\npairs: []", "seed must be"),
     ],
@@ -95,7 +98,7 @@ def test_a_file_that_is_not_there_is_told(tmp_path):
 def test_links_of_another_robot_are_told():
     allowed = AllowedPairs("r", ("a", "b"), (), place="r.yaml")
     allowed.check_links("part of r", ["b"])
-    with pytest.raises(AllowedPairsError, match=r"of r\.yaml .*'r'.*'other': c, d\."):
+    with pytest.raises(AllowedPairsError, match=r"in r\.yaml .*'r'.*'other': c, d\."):
         allowed.check_links("other", ["a", "c", "d"])
 
 

@@ -110,7 +110,7 @@ def test_a_bag_is_read_as_it_was_written(tmp_path, velocities, base):
         assert write_motion_file(tmp_path / "a.bag", wanted, G1, None, begin) == ()
         motion = read_motion(tmp_path / "a.bag", G1)
         assert_same(motion.trajectory, wanted)
-        assert "those of /joint_states" in motion.notes[0]
+        assert "Joints from /joint_states" in motion.notes[0]
         assert ("/tf (map to base_link)" in motion.notes[0]) == base
 
 
@@ -176,7 +176,7 @@ def test_a_base_in_the_map_counts_before_one_in_the_odometry(bag):
     for messages, wanted in ((both, 3.0), (both[::2], 4.0)):
         motion = read_motion(bag(*messages), G1)
         assert motion.trajectory.base_poses[0, 0] == wanted
-    assert "the base that of /odom" in motion.notes[0]
+    assert "base from /odom" in motion.notes[0]
 
 
 def test_a_root_beside_base_link_is_placed(bag):
@@ -230,7 +230,7 @@ def test_trajectories_are_read(bag):
         assert found.times.tolist() == [0.5, 1.5]
         assert found.positions.tolist() == [[0.0], [2.0]]
         assert found.velocities.tolist() == [[1.0], [3.0]]
-        assert f"that of {topic}, the first of 2 messages" in motion.notes[0]
+        assert f"Motion from {topic}, the first of 2 messages" in motion.notes[0]
         assert poses is found.base_poses or found.base_poses[:, 0].tolist() == poses
 
 
@@ -250,7 +250,9 @@ def test_configurations_that_are_streamed_are_samples(bag):
         ("/motion", message(0.0), 5),
         ("/motion", RobotTrajectory(several, MultiDOFJointTrajectory()), 6),
     )
-    with pytest.raises(MotionError, match="Message 2 on /motion has not one point"):
+    with pytest.raises(
+        MotionError, match="Message 2 on /motion must have exactly one point"
+    ):
         read_motion(path, G1)
 
 
@@ -269,13 +271,13 @@ def test_the_topic_is_the_usual_one_or_named(bag):
     right = ("/right/joint_states", state(1, left_knee=4.0), 1)
     for messages, topic, words in (
         ((left, right), None, "several robots, /left/joint_states, /right/joint_st"),
-        ((states,), "/none", "no joints on /none; it has /joint_states"),
-        ((("/noise", String("x"), 1),), None, "it has /noise (std_msgs/String)"),
-        ((), None, "it has nothing"),
+        ((states,), "/none", "no joints on /none. Its topics: /joint_states"),
+        ((("/noise", String("x"), 1),), None, "--topic: /noise (std_msgs/String)"),
+        ((), None, "--topic: nothing"),
         (
             (("/a", state(1, left_knee=4.0), 1), ("/b", state(1, left_knee=4.0), 1)),
             None,
-            "name the topic with the joints; it has /a, /b",
+            "Choose the topic of the joints with --topic: /a, /b",
         ),
     ):
         with pytest.raises(MotionError) as error:
@@ -294,7 +296,7 @@ def test_stamps_that_are_missing_equal_or_go_back_are_dealt_with(bag):
         return found.times.tolist(), found.positions[:, 0].tolist(), motion.notes
 
     assert read(0, 0, 0)[:2] == ([0.0, 1.0, 2.0], [0.0, 1.0, 2.0])
-    assert "times of the recording count" in read(0, 0)[2][1]
+    assert "times of recording are used" in read(0, 0)[2][1]
     assert read(1, 2, 2, 3)[:2] == ([0.0, 1.0, 2.0], [0.0, 2.0, 3.0])
     times, positions, notes = read(1, 2, 1, 3)
     assert (times, positions) == ([0.0, 1.0], [0.0, 1.0])
@@ -327,9 +329,13 @@ def test_wrong_messages_are_told(bag):
     infinite = state(1, left_knee=float("inf"))
     for topic, message, words in (
         ("/joint_states", sizes, "Message 1 on /joint_states has 1 positions of 2"),
-        ("/joint_states", infinite, "Sample 1 of the motion has the position"),
+        ("/joint_states", infinite, "The position of sample 1"),
         ("/joint_states", state(1, a=1.0), "none of the motion's joints, a_joint"),
-        ("/joint_trajectory", ragged, "On /joint_trajectory: Point 1 has 2 numbers"),
+        (
+            "/joint_trajectory",
+            ragged,
+            "Point 1 on /joint_trajectory must have 1 numbers",
+        ),
         ("/joint_trajectory", empty, "no points of joints"),
     ):
         with pytest.raises(MotionError, match=words):
@@ -353,7 +359,7 @@ def test_a_bag_without_an_index_is_told_what_to_do(bag, tmp_path):
 def test_what_is_no_bag_has_no_topic(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text(f"time,{KNEE}\n0,1\n")
-    with pytest.raises(MotionError, match="Not a bag: it has no topic joint_states"):
+    with pytest.raises(MotionError, match="--topic joint_states needs one"):
         read_motion(path, G1, topic="joint_states")
 
 

@@ -67,10 +67,10 @@ ACTORS = "file,actor\nwalk.csv,Jo\n"
 @pytest.mark.parametrize(
     ("name", "text", "problem"),
     [
-        ("actors.csv", ACTORS, "Line 1 names file, actor, but not time."),
+        ("actors.csv", ACTORS, "Line 1 has the columns file, actor, but lacks time."),
         ("gains.yaml", "knee:\n  p: 10.0\n", "Not a JointTrajectory: 'joint_names' "),
         ("robots.yaml", "robots: [a, b]\n", "Not a JointTrajectory: 'joint_names' "),
-        ("bends.yml", "knee: !degrees 90\n", "Line 1 has a tag; "),
+        ("bends.yml", "knee: !degrees 90\n", "Line 1 has a tag, "),
     ],
 )
 def test_other_files_of_a_folder_are_told_and_change_nothing(
@@ -86,7 +86,7 @@ def test_other_files_of_a_folder_are_told_and_change_nothing(
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith(f"motions/{name}: not a motion: {problem}")
     assert lines[-1] == (
-        "2 files: 1 passed, 1 not a motion; 1 with other endings left out."
+        "2 files: 1 passed, 1 not a motion; ignored 1 with other extensions."
     )
 
 
@@ -155,11 +155,14 @@ def test_a_failure_counts_more_than_a_file_that_is_not_read(folder, capsys):
     ("arguments", "sentence"),
     [
         (["a.csv"], "check: a.csv does not exist."),
-        (["/dev/null"], "check: /dev/null is no file."),
-        (["empty"], "check: The folder empty has no file that ends in .bag, .csv, "),
-        (["motion0.csv", "--json", "no/a.json"], "check: There is no folder no for "),
-        (["motion0.csv", "--json", "a.txt"], "check: --json a.txt does not end in "),
-        (["motion0.csv", "--html", "empty"], "check: --html empty does not end in "),
+        (["/dev/null"], "check: /dev/null is not a file."),
+        (
+            ["empty"],
+            "check: The folder empty has no motions (files that end in .bag, .csv, ",
+        ),
+        (["motion0.csv", "--json", "no/a.json"], "check: The folder no for "),
+        (["motion0.csv", "--json", "a.txt"], "check: --json must end in "),
+        (["motion0.csv", "--html", "empty"], "check: --html must end in "),
         (["motion0.csv", "--json", "-", "--csv", "-"], "check: --json and --csv "),
         (["motion0.csv", "--jobs", "0"], "check: argument --jobs: must be a whole "),
         (["motion0.csv", "--jobs", "2", "--dask", "a:1"], "check: --jobs and --dask "),
@@ -169,11 +172,17 @@ def test_a_failure_counts_more_than_a_file_that_is_not_read(folder, capsys):
             "check: argument --only: unknown check ",
         ),
         (["motion0.csv", "--fps", "0"], "check: argument --fps: must be greater "),
-        (["motion0.csv", "--model", "no.urdf"], "check: The model no.urdf cannot be "),
+        (
+            ["motion0.csv", "--model", "no.urdf"],
+            "check: Cannot use the model no.urdf: ",
+        ),
         (["motion0.csv", "--thresholds", "post.urdf"], "check: post.urdf "),
         (["motion0.csv", "--collisions", "no.yaml"], "check: The file of allowed "),
-        (["motion0.csv", "motion1.csv", "--plot", "a.png"], "check: --plot a.png is "),
-        (["motion0.csv", "--plot", "post.urdf"], "check: --plot post.urdf is neither "),
+        (
+            ["motion0.csv", "motion1.csv", "--plot", "a.png"],
+            "check: --plot must be a folder for ",
+        ),
+        (["motion0.csv", "--plot", "post.urdf"], "check: --plot must be a folder or "),
     ],
 )
 def test_bad_input_is_refused_in_a_sentence(
@@ -231,7 +240,7 @@ def test_a_motion_that_nothing_can_be_said_of_has_not_passed(folder, capsys):
     (file,) = write_motions(folder, PASSES)
     assert run(file, "--only", "effort,jerk") == MISUSE
     output = capsys.readouterr().out
-    assert "not checked: No check could be made: " in output
+    assert "not checked: All checks were skipped: " in output
 
 
 def test_a_file_with_two_names_is_one_file(folder):
@@ -246,7 +255,7 @@ def test_no_report_takes_the_place_of_a_motion(folder, capsys, monkeypatch):
     (file,) = write_motions(folder, PASSES)
     before, name = Path(file).read_bytes(), Path(file).name
     line = refused(capsys, monkeypatch, str(file), "--csv", f"./{name}")
-    assert line.endswith("is a motion to check.")
+    assert line.endswith("which is one of the motions to check.")
     assert Path(file).read_bytes() == before
 
 

@@ -46,7 +46,7 @@ def test_without_joints_it_has_all_of_them():
         ([{"name": "arm", "joints": ["elbo"]}], "'elbo'; there are elbow"),
         ([{"name": "arm", "joints": [["knee"]]}], "no movable joint"),
         ([{"name": "arm", "joints": ["knee", "knee"]}], "twice"),
-        ([{**ARM, "constraints": {"knee": {}}}], "name knee"),
+        ([{**ARM, "constraints": {"knee": {}}}], "unknown key knee"),
         ([ARM, ARM], "have the name 'arm'"),
         ([ARM, {"name": "b", "joints": ["elbow"]}], "arm and b, have elbow"),
     ],

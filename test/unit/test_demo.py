@@ -20,7 +20,7 @@ pytest.importorskip("rospy", reason="rospy is not installed")
 @pytest.mark.parametrize(
     ("argument", "words"),
     [
-        ("physics:=holdd", "There is no physics 'holdd'; there are hold,"),
+        ("physics:=holdd", "Unknown physics 'holdd'. Known values: hold,"),
         ("model:=", "model:= is empty"),
     ],
 )

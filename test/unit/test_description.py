@@ -33,15 +33,24 @@ def robot(inside):
         (robot('<link name="\ud800"/>'), "not XML"),
         (robot('<link name="\ufffe"/>'), "not XML|not URDF"),
         (robot('<link name="\x01"/>'), "not XML"),
-        ('<robot name="r"/>', r"needs one root link, it has none \(it has no links"),
-        ('<sdf version="1.6"/>', "not URDF, its root is <sdf>"),
-        (robot(A_B), "one root link, it has a and b"),
-        (robot('<link name="a"/><link name="a"/>'), "the link a twice"),
-        (robot(A_B + joint(child="c")), "child c, which is no link"),
-        (robot(A_B + joint() + joint()), "joint ab twice"),
+        (
+            '<robot name="r"/>',
+            r"must have one root link, but has none \(it has no links",
+        ),
+        ('<sdf version="1.6"/>', "not URDF: the root element is <sdf>"),
+        (robot(A_B), "one root link .got a and b"),
+        (robot('<link name="a"/><link name="a"/>'), "two links called a"),
+        (robot(A_B + joint(child="c")), "child link c, which does not exist"),
+        (robot(A_B + joint() + joint()), "two joints called ab"),
         (robot(A_B + joint("wheel")), "Invalid joint type: wheel"),
-        (robot(A_B + joint("revolute")), "Joint ab is revolute and has no limit"),
-        (robot(A_B + joint(inside='<axis xyz="0 0 0"/>')), "no direction"),
+        (
+            robot(A_B + joint("revolute")),
+            "Joint ab is revolute and must have a <limit>",
+        ),
+        (
+            robot(A_B + joint(inside='<axis xyz="0 0 0"/>')),
+            "axis of joint ab must not be zero",
+        ),
         (robot(A_B + joint(inside='<axis xyz="0 0"/>')), "not URDF"),
         (
             robot(A_B + joint("revolute", inside=LIMIT.format("nan", "1"))),
@@ -59,11 +68,11 @@ def robot(inside):
                 + joint(parent="c", child="d").replace('"ab"', '"cd"')
                 + joint(parent="d", child="c").replace('"ab"', '"dc"')
             ),
-            "Robot 'r' has a loop of joints, of d, c; it is not below a",
+            "Robot 'r' has a loop of joints: d, c; it is not below a",
         ),
         (
             robot(A_B + joint() + joint(parent="b", child="a").replace('"ab"', '"ba"')),
-            "none \\(its joints make a loop of b, a\\)",
+            "none \\(its joints form a loop: b, a\\)",
         ),
     ],
 )

@@ -141,7 +141,7 @@ def test_another_python_on_path_is_remarked_with_what_it_breaks(monkeypatch, fir
     monkeypatch.setattr(doctor, "find_spec", lambda name: object())
     monkeypatch.setattr("shutil.which", lambda name: first)
     remark = doctor.check_python(doctor.System(""))
-    assert remark.startswith(f"{sys.executable}; python3 on PATH is {first or 'missi'}")
+    assert remark.startswith(f"{sys.executable}; python3 on PATH ({first or 'missi'}")
     assert "export PATH=/usr/bin:$PATH" in remark
 
 
@@ -314,7 +314,7 @@ def changed(joint, tag, old, new):
     ("spawned", "told"),
     [
         (URDF, ""),
-        (URDF.replace("left_knee_link", "left_shin"), "no link left_knee_link"),
+        (URDF.replace("left_knee_link", "left_shin"), "lacks the link left_knee_link"),
         (
             changed("left_knee_joint", "axis", r'xyz="[^"]*"', 'xyz="1 0 0"'),
             "axes of left_knee_joint",

@@ -88,7 +88,7 @@ def test_the_worst_joint_is_named():
     errors = np.array([[0.2, -0.3], [0.0, 0.5]])
     allowed = np.array([[0.1, 0.1], [np.inf, 0.4]])
     message = worst_violation(NAMES, errors, allowed)
-    assert message == "elbow is 0.3 off its desired position; 0.1 is allowed"
+    assert message == "elbow is 0.3 off its desired position (tolerance 0.1)"
 
 
 def test_an_error_that_is_unknown_is_too_large():
@@ -116,8 +116,8 @@ def test_constraints_have_the_form_of_ros_control():
 @pytest.mark.parametrize(
     ("found", "words"),
     [
-        ([], "not a dictionary"),
-        ({"nose": {}}, "name nose"),
+        ([], "must be a dictionary"),
+        ({"nose": {}}, "unknown key nose"),
         ({"knee": 0.1}, "of knee"),
         ({"knee": {"path": 0.1}}, "of knee"),
         ({"knee": {"goal": "0.1"}}, "knee/goal"),

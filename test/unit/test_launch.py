@@ -113,19 +113,25 @@ def test_the_robot_is_put_on_the_floor_unless_its_height_is_given(sim, node):
     [
         (
             "model:=/nowhere.urdf",
-            "The model /nowhere.urdf cannot be used: There is no file /nowhere.urdf",
+            "Cannot use the model /nowhere.urdf: There is no file /nowhere.urdf",
         ),
         (
             "model:=package://g1_description/urdf/g1_29dfo.urdf",
-            "like it is g1_29dof.urdf",
+            "did you mean g1_29dof.urdf?",
         ),
-        ("sim:=mujoco", "There is no sim 'mujoco'; there are standin, gazebo."),
-        ("sim:=gazbo", "There is no sim 'gazbo'; there are gazebo, standin."),
-        ("physics:=holdd", "no physics 'holdd'; there are hold, kinematic, limp."),
-        ("initial_pose:=standd", "no pose 'standd'; there are stand, zero, squat,"),
-        ("x:=abc", "x is 'abc', which is no finite number."),
-        ("Y:=inf", "Y is 'inf', which is no finite number."),
-        ("paused:=yes", "paused is 'yes'; it is either true or false."),
+        ("sim:=mujoco", "Unknown sim 'mujoco'. Known values: standin, gazebo."),
+        ("sim:=gazbo", "Unknown sim 'gazbo'. Known values: gazebo, standin."),
+        (
+            "physics:=holdd",
+            "Unknown physics 'holdd'. Known values: hold, kinematic, limp.",
+        ),
+        (
+            "initial_pose:=standd",
+            "Unknown pose 'standd'. Known poses: stand, zero, squat,",
+        ),
+        ("x:=abc", "x must be a number (got 'abc')."),
+        ("Y:=inf", "Y must be a number (got 'inf')."),
+        ("paused:=yes", "paused must be true or false (got 'yes')."),
     ],
 )
 def test_a_wrong_argument_ends_the_launch_with_a_sentence(argument, words):
@@ -135,17 +141,29 @@ def test_a_wrong_argument_ends_the_launch_with_a_sentence(argument, words):
 @pytest.mark.parametrize(
     ("argument", "words"),
     [
-        ("model:=", "model:= is empty; without it, /"),
-        ("physics:=", "physics:= is empty; without it, kinematic is taken."),
-        ("robot_name:=", "robot_name:= is empty; without it, g1_robot is taken."),
-        ("trails:=pelvs", "trails has pelvs, which no robot has; there are pelvis,"),
-        ("port:=99999", "port is '99999'; it is a whole number from 0 to 65535."),
-        ("ghost:=ja", "ghost is 'ja'; it is either true or false."),
-        ("web:=2", "web is '2'; it is either true or false."),
-        ("use_sim_time:=1", "use_sim_time is '1'; it is either true or false."),
-        ("motors:=my.yaml", "motors is 'my.yaml', which is not an absolute path."),
-        ("thresholds:=/nowhere.yaml", "no file /nowhere.yaml, which thresholds names."),
-        ("rvizconfig:=/nowhere.rviz", "no file /nowhere.rviz, which rvizconfig names."),
+        ("model:=", "model:= is empty; leave it out to use the default, /"),
+        (
+            "physics:=",
+            "physics:= is empty; leave it out to use the default, kinematic.",
+        ),
+        (
+            "robot_name:=",
+            "robot_name:= is empty; leave it out to use the default, g1_robot.",
+        ),
+        ("trails:=pelvs", "Unknown link pelvs in trails. Known links: pelvis,"),
+        ("port:=99999", "port must be a whole number from 0 to 65535 (got '99999')."),
+        ("ghost:=ja", "ghost must be true or false (got 'ja')."),
+        ("web:=2", "web must be true or false (got '2')."),
+        ("use_sim_time:=1", "use_sim_time must be true or false (got '1')."),
+        ("motors:=my.yaml", "motors must be an absolute path (got 'my.yaml')."),
+        (
+            "thresholds:=/nowhere.yaml",
+            "The file /nowhere.yaml of thresholds does not exist.",
+        ),
+        (
+            "rvizconfig:=/nowhere.rviz",
+            "The file /nowhere.rviz of rvizconfig does not exist.",
+        ),
     ],
 )
 def test_what_is_on_the_command_line_alone_is_checked_too(argument, words):
@@ -155,8 +173,8 @@ def test_what_is_on_the_command_line_alone_is_checked_too(argument, words):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["base:=a b c d e f"], "base is 'a b c d e f'; it is 'X Y Z YAW PITCH ROLL'"),
-        (["base:=1,2"], "base is '1,2'; it is 'X Y Z YAW PITCH ROLL', six numbers"),
+        (["base:=a b c d e f"], "base must be 'X Y Z YAW PITCH ROLL' in [m] and [rad]"),
+        (["base:=1,2"], "base must be 'X Y Z YAW PITCH ROLL' in [m] and [rad]"),
         (["base:=0 0 1 0 0 0", "root:=pelvs"], "root is 'pelvs', but the links are p"),
     ],
 )
@@ -184,7 +202,9 @@ def test_an_argument_that_the_file_does_not_have_is_not_checked():
 def test_a_relative_file_is_told_with_its_full_path(tmp_path):
     (tmp_path / "own.yaml").touch()
     run = started("--nodes", "thresholds:=own.yaml", cwd=tmp_path)
-    assert_refused(run, f"which is not an absolute path; {tmp_path / 'own.yaml'} is.")
+    assert_refused(
+        run, f"must be an absolute path (got 'own.yaml'); use {tmp_path / 'own.yaml'}."
+    )
 
 
 def test_arguments_of_others_launch_files_are_theirs(tmp_path):
@@ -205,7 +225,9 @@ def test_others_files_are_theirs_in_the_folder_of_our_launch_files_too(monkeypat
 @pytest.mark.parametrize("name", ["display", "display_and_gazebo"])
 def test_own_launch_files_are_known_by_their_paths_too(name):
     file = REPOSITORY / "launch" / f"{name}.launch"
-    assert_refused(roslaunch_itself("--nodes", file, "port:=-1"), "port is '-1'; it is")
+    assert_refused(
+        roslaunch_itself("--nodes", file, "port:=-1"), "port must be a whole number"
+    )
 
 
 class Master:
@@ -280,7 +302,7 @@ def test_a_pose_that_does_not_suit_the_robot_ends_the_launch(tmp_path):
     assert run.returncode != 0
     told = run.stderr.splitlines()[0]
     assert "Pose stand of " in told
-    assert "no movable joint of 'r'" in told
+    assert "'r' has no movable joint" in told
 
 
 def test_arguments_that_are_right_or_may_be_empty_are_taken():
@@ -319,7 +341,7 @@ def test_two_robots_have_one_simulator_and_one_bridge():
     assert nodes() == alike | {"/gazebo"}
     assert nodes("sim:=gazebo") == alike | {"/gazebo", "/spawn_urdf"}
     run = roslaunch("--nodes", "physics:=holdd", file="two_robots.launch")
-    assert "no physics 'holdd'" in run.stderr
+    assert "Unknown physics 'holdd'" in run.stderr
 
 
 def test_a_view_has_no_simulator_and_only_what_is_wanted():

@@ -104,8 +104,8 @@ def test_a_link_without_mass_vanishes_with_all_below_it():
     assert lumped.left_out == (
         "link ghost has no mass",
         "link shade has no mass",
-        "link hand hangs on ghost, which has no mass",
-        "link finger hangs on ghost, which has no mass",
+        "link hand is below ghost, which has no mass",
+        "link finger is below ghost, which has no mass",
     )
 
 

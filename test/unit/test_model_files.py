@@ -76,7 +76,7 @@ def test_a_folder_may_be_named_by_its_path(folder):
     assert find_model("model://my lamp/lamp.sdf") == "lamp.sdf"
     assert refusal(f"file://{folder}/x") == f"There is no file {folder}/x."
     for unknown in ("lamp.sdf", "http://host/lamp"):
-        assert refusal(unknown).startswith("Models are found by model://NAME, ")
+        assert refusal(unknown).startswith("A model must be given as model://NAME, ")
     assert refusal("model://").startswith("There is no package ''")
 
 
@@ -86,7 +86,7 @@ def test_a_config_that_is_wrong_is_told(folder):
         ("<model>", "model.config is not XML"),
         ("<model/>", "names no SDF file"),
         ("<model><sdf/></model>", "names no SDF file"),
-        ("<model><sdf>x.sdf</sdf></model>", "names x.sdf, which is no file"),
+        ("<model><sdf>x.sdf</sdf></model>", "names x.sdf, which is not a file"),
     ):
         config.write_text(text)
         with pytest.raises(DescriptionError, match=words):

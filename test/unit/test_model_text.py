@@ -104,7 +104,7 @@ def test_utf_16_is_no_binary_file(tmp_path):
 def test_a_mesh_is_no_robot(tmp_path):
     file = tmp_path / "link.stl"
     file.write_bytes(b"binary STL".ljust(80) + np.arange(30, dtype="<f4").tobytes())
-    assert f"{file} is a binary file, as meshes are" in refusal(file)
+    assert f"{file} is a binary file; a robot description must be text" in refusal(file)
 
 
 PREFIXED = (
@@ -202,20 +202,20 @@ def test_an_error_of_xacro_is_read_in_any_encoding(write, monkeypatch, encoding)
 
 
 def test_an_argument_for_what_takes_none_is_refused(write):
-    assert "takes no arguments: hand" in refusal(f"{write('r.urdf')} hand=true")
+    assert "takes no arguments (got hand" in refusal(f"{write('r.urdf')} hand=true")
 
 
 def test_what_is_not_there_is_told_with_what_is_near(write, tmp_path):
     write("robots/urdf/g1.urdf")
     assert refusal(tmp_path / "robots" / "urdf" / "g2.urdf").endswith(
-        "g2.urdf; like it is g1.urdf."
+        "g2.urdf; did you mean g1.urdf?"
     )
-    assert refusal(tmp_path / "robots" / "x").endswith("there is urdf/g1.urdf.")
+    assert refusal(tmp_path / "robots" / "x").endswith("it contains urdf/g1.urdf.")
     assert refusal(tmp_path / "robot" / "g1.urdf").endswith(
-        f"There is no folder {tmp_path}/robot; like it is robots."
+        f"There is no folder {tmp_path}/robot; did you mean robots?"
     )
     folder = refusal(tmp_path / "robots")
-    assert folder.endswith("robots is a folder; there is urdf/g1.urdf.")
+    assert folder.endswith("robots is a folder; it contains urdf/g1.urdf.")
     assert "There is no package 'no_such_package'" in refusal(
         "package://no_such_package/r.urdf"
     )
@@ -231,7 +231,7 @@ def test_a_package_that_is_nearly_right_is_named(monkeypatch, tmp_path):
     monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path))
     model_files._packages.cache_clear()
     try:
-        assert "like it is robot_arm" in refusal("package://robot_am/r.urdf")
+        assert "did you mean robot_arm?" in refusal("package://robot_am/r.urdf")
     finally:
         model_files._packages.cache_clear()
 
@@ -241,7 +241,7 @@ def test_a_package_that_is_nearly_right_is_named(monkeypatch, tmp_path):
     [
         ("", "not XML"),
         ("<robot>\n<link>\n</robot>", "line 3"),
-        ("<sdf/>", "root is <sdf>"),
+        ("<sdf/>", "root element is <sdf>"),
         (
             '<robot name="r"><link name="a"/>\n<link name="b"><inertial>'
             '<mass value="x"/></inertial></link></robot>',
@@ -296,5 +296,5 @@ def test_the_command_prints_the_robot_or_one_sentence(write, monkeypatch, capfd)
     launched_robot.main()
     assert 'name="ä"' in capfd.readouterr().out
     monkeypatch.setattr(sys, "argv", ["absolute_urdf", f"{file}x"])
-    with pytest.raises(SystemExit, match=r"The model .* cannot be used: There is no"):
+    with pytest.raises(SystemExit, match=r"Cannot use the model .*: There is no"):
         launched_robot.main()

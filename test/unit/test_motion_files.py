@@ -106,7 +106,7 @@ def test_bodies_of_a_clip_are_where_another_program_computed_them(clip, revision
 
 def test_a_file_of_another_version_of_the_robot_is_told(clip, g1):
     (note,) = read_motion(clip.with_suffix(".npz"), g1).notes
-    assert "of another version" in note
+    assert "another robot or version" in note
 
 
 def npz(**arrays):
@@ -125,7 +125,7 @@ def test_the_order_of_isaac_lab_is_told_from_the_bodies(clip, revision, file):
     for name in ("body_pos_w", "body_quat_w"):
         arrays[name] = arrays[name][:, bodies]
     motion = read_motion(file(npz(**arrays)), revision)
-    assert motion.notes == ("The joints are in the order of Isaac Lab.",)
+    assert motion.notes == ("Joint order: Isaac Lab.",)
     wanted = read_motion(clip.with_suffix(".npz"), revision).trajectory
     column = [motion.trajectory.joint_names.index(name) for name in names]
     np.testing.assert_array_equal(
@@ -175,7 +175,7 @@ def test_fortran_order_and_the_other_order_of_bytes_are_read(g1, file):
 def test_joints_that_do_not_fit_are_named(g1, file):
     text = "time,left_elbow_joint,left_wing_joint\n0.0,0.5,0.7\n"
     motion = read_motion(file(text), g1)
-    assert "no left_wing_joint: left out" in motion.notes[0]
+    assert "are ignored: left_wing_joint" in motion.notes[0]
     assert motion.trajectory.positions.tolist() == [[0.5]]
 
 
@@ -198,7 +198,7 @@ def test_without_times_thirty_hertz_are_assumed_and_told(g1, file):
     row = ",".join(["0", "0", "0.8", "0", "0", "0", "1", *["0.1"] * 29])
     motion = read_motion(file(f"{row}\n{row}\n"), g1)
     assert motion.trajectory.times.tolist() == [0.0, 1 / 30]
-    assert "30 Hz assumed" in motion.notes[0]
+    assert "assuming 30 Hz" in motion.notes[0]
     assert read_motion(file(f"{row}\n{row}\n"), g1, 50.0).notes == ()
 
 
@@ -219,7 +219,7 @@ def test_a_header_that_numpy_writes_counts_for_a_table_of_36_columns(g1, file):
     names = ["time", *G1_JOINTS[29], *(f"{n}.velocity" for n in G1_JOINTS[29][:6])]
     stream = io.BytesIO()
     np.savetxt(stream, np.zeros((1, 36)), delimiter=",", header=",".join(names))
-    with pytest.raises(MotionError, match="Line 1 names time"):
+    with pytest.raises(MotionError, match="Line 1 has the columns time"):
         read_motion(file(stream.getvalue()), g1)
 
 
@@ -273,7 +273,7 @@ def test_what_rostopic_echo_prints_is_read(g1, file):
 def test_a_rate_for_a_file_with_times_is_told_to_be_ignored(g1, file, content):
     times = read_motion(file(content), g1).trajectory.times
     motion = read_motion(file(content), g1, 25.0)
-    assert "its own times: 25 samples per second are ignored" in motion.notes[0]
+    assert "its own times: the rate of 25 Hz is ignored" in motion.notes[0]
     np.testing.assert_array_equal(motion.trajectory.times, times)
 
 
@@ -290,7 +290,7 @@ class Hostile:
 
 def test_a_hostile_pickle_runs_nothing(g1, file, tmp_path):
     mark = tmp_path / "was_here"
-    with pytest.raises(MotionError, match=r"asks for posix\.mkdir"):
+    with pytest.raises(MotionError, match=r"uses posix\.mkdir"):
         read_motion(file(pickle.dumps({"fps": Hostile(mark)})), g1)
     assert not mark.exists()
 
@@ -415,7 +415,7 @@ TWO_BODIES = {
     "body_quat_w": np.tile([1.0, 0, 0, 0], (3, 30, 1)),
 }
 BAD = {
-    "body nan": (lambda: npz(**TWO_BODIES), "body_pos_w has numbers that are not fin"),
+    "body nan": (lambda: npz(**TWO_BODIES), "body_pos_w must be fin"),
     "header": (lambda: npz_with("{'descr': ("), "npz file cannot be read"),
     "negative two": (
         lambda: npz_with(HEADER.format("(-1, -5)")),
@@ -427,24 +427,27 @@ BAD = {
     ),
     "alias": (
         lambda: pickle.dumps({**gmr(), "dof_pos": nested(9)}),
-        "holds no numbers",
+        "must contain numbers",
     ),
     "ragged": (
         lambda: pickle.dumps({**gmr(), "dof_pos": [[1], 2]}),
-        "holds no numbers",
+        "must contain numbers",
     ),
     "names": (lambda: yaml_nested(9), "Line 1 has an anchor"),
     "tag": ("joint_names: [a]\npoints: !!bool x\n", "Line 2 has a tag"),
-    "long": (ECHO.replace("secs: 2", f"secs: 1{'0' * 400}"), "no time_from_start"),
+    "long": (
+        ECHO.replace("secs: 2", f"secs: 1{'0' * 400}"),
+        "must have a time_from_start",
+    ),
     "nothing": ("time\n0\n1\n", "neither joints nor a base"),
     "empty": ("", "is empty"),
     "words": ("hello world\n", "Line 1"),
     "binary": (b"\xff\xfe\x00\x01" * 100, "Unknown format: not an npz, pickle, ros"),
-    "line": (b"time,a\n0,\x80", r"UTF-8 text \(see line 2\)"),
-    "npy": (npy, r"An npy file has no names: .* numpy\.savez"),
+    "line": (b"time,a\n0,\x80", r"UTF-8 text .see line 2\)"),
+    "npy": (npy, r"npy files are not supported; .* numpy\.savez"),
     "joblib": (
         lambda: zlib.compress(pickle.dumps(gmr())),
-        r"^motion: A compressed fil",
+        r"^motion: Compressed fil",
     ),
     "wrapper": (
         b"\x80\x02cjoblib.numpy_pickle\nNumpyArrayWrapper\n",
@@ -452,37 +455,46 @@ BAD = {
     ),
     "torch": (
         lambda: zipped("library/data.pkl"),
-        "A PyTorch file; convert it to npz or CSV",
+        "PyTorch files are not supported; convert it to npz or CSV",
     ),
-    "zip": (lambda: zipped("motion.csv"), "A zip file without arrays"),
-    "pointer": ("version https://git-lfs.github.com/spec/v1\n", "Git LFS: run git lfs"),
-    "semicolons": ("time;a\n0;0\n", "Line 1 names time;a.*separated by commas"),
+    "zip": (lambda: zipped("motion.csv"), "a zip file without arrays"),
+    "pointer": (
+        "version https://git-lfs.github.com/spec/v1\n",
+        "Git LFS pointer: run git lfs",
+    ),
+    "semicolons": (
+        "time;a\n0;0\n",
+        "Line 1 has the columns time;a.*separated by commas",
+    ),
     "rate missing": (
         lambda: npz(root_pos=1.0, root_rot=1.0, dof_pos=1.0),
-        "^motion: fps is missing; the file has root_pos, root_rot, dof_pos",
+        "^motion: The array fps is missing; the file has root_pos, root_rot, dof_pos",
     ),
     "points missing": (
         "joint_names: [a]\n",
         "^motion: Not a JointTrajectory: 'points' is missing",
     ),
     "nan": (f"{ROW}\n{ROW.replace('0.8', 'nan')}\n", "Line 2 has a number that is not"),
-    "word": (f"{ROW}\n{ROW.replace('0.8', 'up')}\n", "Line 2 has 'up'"),
+    "word": (f"{ROW}\n{ROW.replace('0.8', 'up')}\n", "expected a number .got 'up'"),
     "short": (
         f"{ROW}\n{ROW}\n0,0,0\n",
-        "Line 3 has 3 columns, those before",
+        "Line 3 has 3 columns; the lines before",
     ),
-    "norm": (ROW.replace("0,0,0,1", "0,0,0,2"), "quaternion of length 2"),
+    "norm": (
+        ROW.replace("0,0,0,1", "0,0,0,2"),
+        "quaternion of sample 1 must have length 1 .got 2",
+    ),
     "wide": (",".join(["0.5"] * 1_000_000), "Line 1 has 3999999 characters"),
-    "headless": (",".join(["0.5"] * 12), "has 5 joints without names"),
-    "twice": ("time,a,a\n0,1,2\n", "columns twice: a"),
+    "headless": (",".join(["0.5"] * 12), "has 5 unnamed joints"),
+    "twice": ("time,a,a\n0,1,2\n", "duplicate columns: a"),
     "timeless": ("left_elbow_joint\n0\n", "time"),
     "base": ("time,base_x,left_elbow_joint\n0,1,2\n", "base_y"),
-    "backward": ("time,left_elbow_joint\n1,0\n0,0\n", "do not rise"),
+    "backward": ("time,left_elbow_joint\n1,0\n0,0\n", "must increase"),
     "strangers": ("time,a,b\n0,1,2\n", "none of the motion's joints, a, b"),
     "no zip": (b"PK\x03\x04" + bytes(100), "npz file cannot be read"),
     "bomb": (bomb, "dof_pos has 300 MB"),
-    "underscore": (ROW.replace("0.8", "1_0"), "Line 1 has '1_0' where"),
-    "velocity": ("time,a,b,a.velocity\n0,1,2,3\n", "but not b.velocity"),
+    "underscore": (ROW.replace("0.8", "1_0"), "expected a number .got '1_0'"),
+    "velocity": ("time,a,b,a.velocity\n0,1,2,3\n", "but lacks b.velocity"),
     "stray": ("time,a,a.velocity,b.velocity\n0,1,2,3\n", "has b.velocity, but no"),
     "claims": (lambda: claims((10**9, 10)), "npz file cannot be read"),
     "negative": (lambda: claims((-1, 10)), "npz file cannot be read"),
@@ -490,21 +502,27 @@ BAD = {
         lambda: npz(**{**gmr(), "dof_pos": np.array([{}])}),
         "Object arrays cannot be",
     ),
-    "others": (lambda: npz(a=np.zeros(3)), "The file has a; a motion has fps"),
+    "others": (lambda: npz(a=np.zeros(3)), "The file has a; expected fps"),
     "shape": (
         lambda: pickle.dumps({**gmr(), "root_pos": np.zeros((2, 3))}),
         "root_pos",
     ),
-    "rate": (lambda: pickle.dumps({**gmr(), "fps": 0}), "fps is"),
-    "text": (lambda: pickle.dumps({**gmr(), "fps": "x"}), "fps holds no numbers"),
-    "list": (lambda: pickle.dumps([1, 2]), "holds no dictionary but list"),
-    "memo": (b"\x80\x02Nr\xff\xff\xff\x7f.", "numbers an object 2147483647"),
+    "rate": (lambda: pickle.dumps({**gmr(), "fps": 0}), "fps must be"),
+    "text": (lambda: pickle.dumps({**gmr(), "fps": "x"}), "fps must contain numbers"),
+    "list": (lambda: pickle.dumps([1, 2]), "must contain a dict .got list"),
+    "memo": (b"\x80\x02Nr\xff\xff\xff\x7f.", "has the memo index 2147483647"),
     "cut": (lambda: pickle.dumps(gmr())[:-30], "cannot be read"),
     "yaml": ("joint_names: [a\npoints: {", "Line 2 is not valid YAML: "),
     "no points": ("joint_names: [left_elbow_joint]\npoints: []\n", "has no points"),
-    "point": (ECHO.replace("[1.0, 0.25]", "[1.0]"), "Point 2 has 1 positions"),
-    "point word": (ECHO.replace("[1.0, 0.25]", "[1.0, a]"), "Point 2 has positions"),
-    "no time": (ECHO.replace("secs: 2", "secs: x"), "Point 2 has no time_from_start"),
+    "point": (ECHO.replace("[1.0, 0.25]", "[1.0]"), "Point 2 must have 2 positions"),
+    "point word": (
+        ECHO.replace("[1.0, 0.25]", "[1.0, a]"),
+        "positions of point 2 must be",
+    ),
+    "no time": (
+        ECHO.replace("secs: 2", "secs: x"),
+        "Point 2 must have a time_from_start",
+    ),
     "bag": (b"#ROSBAG V2.0\n", "The bag cannot be read"),
 }
 
@@ -527,12 +545,12 @@ def test_what_is_no_motion_is_told_in_a_sentence_and_at_once(g1, file, case):
 @pytest.mark.parametrize(
     ("name", "words"),
     [
-        ("n.npz", "Not a whole npz file"),
-        ("n.NPZ", "Not a whole npz file"),
-        ("n.pkl", "Not a whole pickle"),
-        ("n.pickle", "Not a whole pickle"),
-        ("n.bag", "Not a whole rosbag"),
-        ("n.yaml", "Not a JointTrajectory: keys and values"),
+        ("n.npz", "Not a valid npz file"),
+        ("n.NPZ", "Not a valid npz file"),
+        ("n.pkl", "Not a valid pickle"),
+        ("n.pickle", "Not a valid pickle"),
+        ("n.bag", "Not a valid rosbag"),
+        ("n.yaml", "Not a JointTrajectory: expected keys"),
     ],
 )
 def test_a_table_by_the_name_of_another_format_is_refused(g1, file, name, words):
@@ -552,8 +570,8 @@ def test_folders_pipes_and_large_files_are_told(g1, tmp_path):
     with open(large, "wb") as stream:
         stream.truncate(10_000_000_000)
     for path, words in (
-        (tmp_path, "is no file"),
-        (pipe, "is no file"),
+        (tmp_path, "is not a file"),
+        (pipe, "is not a file"),
         (large, "has 10000 MB"),
         (tmp_path / "nothing", "No such file"),
     ):

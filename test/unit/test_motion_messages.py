@@ -63,13 +63,17 @@ TWO = [(0.0, 1.0), (2.0, 3.0)]
         (message_of(TWO, names=("knee", "nose")), UnknownNameError, "nose"),
         (message_of(TWO, names=()), UnknownNameError, "names no joints"),
         (message_of([]), MotionError, "no points"),
-        (message_of(TWO, names=("knee", "knee")), MotionError, "twice: knee"),
+        (
+            message_of(TWO, names=("knee", "knee")),
+            MotionError,
+            "duplicate joints: knee",
+        ),
         (message_of([TWO[0], (1.0,)]), MotionError, "Point 2 has 1 positions"),
         (message_of(TWO, [(1.0,), (1.0,)]), MotionError, "Point 1 has 1 velocities"),
         (message_of(TWO, [(1.0, 1.0), ()]), MotionError, "Point 2 has no velocities"),
-        (message_of([(0.0, np.nan)]), MotionError, "position nan"),
-        (message_of([(0.0, np.inf)]), MotionError, "position inf"),
-        (message_of(TWO, [(0.0, np.nan)] * 2), MotionError, "velocity nan"),
+        (message_of([(0.0, np.nan)]), MotionError, "position of .*nan"),
+        (message_of([(0.0, np.inf)]), MotionError, "position of .*inf"),
+        (message_of(TWO, [(0.0, np.nan)] * 2), MotionError, "velocity of .*nan"),
     ],
 )
 def test_what_no_joint_can_do_is_told_in_a_sentence(message, kind, words):
@@ -84,5 +88,5 @@ def test_times_that_do_not_rise_are_told(seconds):
     message = message_of(TWO)
     message.points[0].time_from_start = Duration(1)
     message.points[1].time_from_start = Duration(seconds)
-    with pytest.raises(G1DescriptionError, match="do not rise"):
+    with pytest.raises(G1DescriptionError, match="must increase"):
         trajectory_from_message(message, JOINTS)

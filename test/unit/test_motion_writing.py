@@ -91,7 +91,7 @@ def test_times_that_are_not_even_are_made_even_and_told(tmp_path):
     motion = trajectory(3, 4, 2, times)
     path = tmp_path / "motion.npz"
     (note,) = write_motion(path, motion, G1, 10.0)
-    assert "not even: written as 11 samples at 10 Hz" in note
+    assert "not evenly spaced: resampled to 11 samples at 10 Hz" in note
     found = read_motion(path, G1).trajectory
     np.testing.assert_array_equal(found.times, np.arange(11) / 10.0)
     wanted = sample(motion, 0.5 + found.times)
@@ -131,8 +131,8 @@ def test_names_tell_the_order_of_the_joints(tmp_path):
     motion = read_motion(path, G1)
     assert (motion.trajectory.joint_names, motion.notes) == (wanted.joint_names, ())
     for names, words in (
-        (np.array(["left_elbow_joint"]), "1 joint_names come with 29 joints"),
-        (np.zeros(29), "joint_names holds no list of names"),
+        (np.array(["left_elbow_joint"]), "joint_names has 1 names for 29 joints"),
+        (np.zeros(29), "joint_names must be a list of names"),
     ):
         np.savez(path, **{**np.load(path), "joint_names": names})
         with pytest.raises(MotionError, match=words):
@@ -145,9 +145,9 @@ def test_what_cannot_be_written_is_told(tmp_path):
     strange = Trajectory(np.zeros(1), ("a.velocity",), np.zeros((1, 1)))
     (tmp_path / "file").write_text("")
     for name, wanted, error, words in (
-        ("a.txt", motion, MotionError, "ends in none of .csv, .npz"),
-        ("a.npz", without_base, MotionError, "needs the base"),
-        ("a.csv", strange, MotionError, "no joint called 'a.velocity'"),
+        ("a.txt", motion, MotionError, "must end in .csv or .npz"),
+        ("a.npz", without_base, MotionError, "needs base poses"),
+        ("a.csv", strange, MotionError, "cannot have a joint called 'a.velocity'"),
         ("file/a.csv", motion, InvalidValueError, "cannot be written"),
     ):
         with pytest.raises(error, match=words):
@@ -181,9 +181,9 @@ def test_as_many_samples_as_are_promised_fit_into_an_npz(n_joints):
 def test_a_motion_that_no_file_can_hold_is_told():
     many = [f"joint_{number}" for number in range(2000)]
     for ending, names, base, words in (
-        (".npz", NAMES, False, "needs the base"),
-        (".csv", ["a.velocity"], True, "no joint called 'a.velocity'"),
-        (".csv", many, True, "A .csv can hold no motion of 2000 joints"),
+        (".npz", NAMES, False, "needs base poses"),
+        (".csv", ["a.velocity"], True, "cannot have a joint called 'a.velocity'"),
+        (".csv", many, True, ".csv files cannot hold 2000 joints"),
     ):
         with pytest.raises(MotionError, match=words):
             most_samples(ending, names, base)

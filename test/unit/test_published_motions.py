@@ -48,7 +48,7 @@ TOLD = {
 }
 """What a file says that is read otherwise than the truth, by what is expected of it."""
 
-W_FIRST = "Base quaternions are w x y z"
+W_FIRST = "Base quaternions are read as w x y z"
 UNKNOWN = "Cannot tell the quaternion order of the base"
 LOCKED = set(G1_JOINTS[29]) - set(G1_JOINTS[23])
 
@@ -309,7 +309,7 @@ def test_bodies_tell_the_order_of_23_joints(request, file, robot, names, isaac):
     motion = read_motion(file(tracked(robot, names, positions)), robot)
     assert motion.trajectory.joint_names == names
     np.testing.assert_array_equal(motion.trajectory.positions, positions)
-    assert ("order of Isaac Lab" in " ".join(motion.notes)) == isaac
+    assert ("Joint order: Isaac Lab" in " ".join(motion.notes)) == isaac
     assert "another version" not in " ".join(motion.notes)
 
 

@@ -193,9 +193,9 @@ def test_the_table_says_what_was_found():
         "r",
         (finding(), finding(severity="warning", check="fall", subject=(), unit="")),
         ("position", "fall"),
-        {"jerk": "no bounds are given", "acceleration": "no bounds are given"},
+        {"jerk": "no bounds are set", "acceleration": "no bounds are set"},
         {"duration": 3.0, "samples": 91},
-        notes=("30 Hz assumed.",),
+        notes=("assuming 30 Hz.",),
     )
     lines = outcome_text(FileResult("a.csv", verdict)).splitlines()
     assert lines[0] == "a.csv: failed, 3.00 s, 91 samples"
@@ -203,8 +203,8 @@ def test_the_table_says_what_was_found():
     assert words[2] == "failed position elbow 0.5 rad 1.250 s 50.0 %"
     assert words[3] == "warning fall the robot 1.250 s"
     assert lines[4:] == [
-        "  note: 30 Hz assumed.",
-        "  skipped: jerk, acceleration (no bounds are given)",
+        "  note: assuming 30 Hz.",
+        "  skipped: jerk, acceleration (no bounds are set)",
     ]
 
 

@@ -133,5 +133,5 @@ def test_limits_of_a_fall_may_be_others(lean, way):
 )
 def test_limits_of_a_fall_that_make_no_sense_are_refused(numbers):
     (name,) = numbers
-    with pytest.raises(InvalidValueError, match=f"{name} is"):
+    with pytest.raises(InvalidValueError, match=f"{name} must"):
         FallLimits(**numbers)

@@ -216,7 +216,7 @@ def test_mu1_is_the_friction_of_the_shapes_of_its_link(blocks, own, lumped):
 )
 def test_what_is_not_simulated_is_named_once(blocks, clauses):
     lumped = lump(link("a"), link("b"), joint("ab", "a", "b"), blocks)
-    begin = "of the <gazebo> elements these are not simulated: "
+    begin = "unsupported <gazebo> elements: "
     assert lumped.left_out == tuple(begin + tags for tags in clauses)
 
 
@@ -225,33 +225,33 @@ def test_what_is_not_simulated_is_named_once(blocks, clauses):
     [
         (
             gazebo("<static>maybe</static>"),
-            "static is left out: The static is 'maybe', neither true nor false",
+            "static is ignored: static must be true or false (got 'maybe')",
         ),
         (
             gazebo(f"<static>{'x' * 1000}</static>"),
-            f"static is left out: The static is '{'x' * 40}', neither true nor false",
+            f"static is ignored: static must be true or false (got '{'x' * 40}')",
         ),
         (
             gazebo("<turnGravityOff/>", "a"),
-            "turnGravityOff of a is left out: The turnGravityOff is '', neither true "
-            "nor false",
+            "turnGravityOff of a is ignored: turnGravityOff must be true or "
+            "false (got '')",
         ),
         (
             gazebo("<gravity>9.8</gravity>", "a"),
-            "gravity of a is left out: The gravity is '9.8', neither true nor false",
+            "gravity of a is ignored: gravity must be true or false (got '9.8')",
         ),
         (
             gazebo("<mu1>much</mu1>", "a"),
-            "mu1 of a is left out: The mu1 is 'much', which is not a number",
+            "mu1 of a is ignored: The mu1 must be a number (got 'much')",
         ),
         (
             gazebo("<mu1>nan</mu1>", "a"),
-            "mu1 of a is left out: The mu1 has the numbers [nan], not all are from "
+            "mu1 of a is ignored: The mu1 has the numbers [nan], not all are from "
             "-1e+09 to 1e+09",
         ),
         (
             gazebo(OFF, "arm") + gazebo(OFF, "leg") + gazebo("<material/>", "eye"),
-            "<gazebo> refers to what is no link or joint: arm, leg",
+            "<gazebo> refers to an unknown link or joint: arm, leg",
         ),
     ],
 )

@@ -170,9 +170,9 @@ def test_a_verdict_in_a_line():
         "**failed**: 1 failure, 2 warnings"
     )
     skipped = {"floating": "there is no base"}
-    assert "*Not judged: floating.*" in told(checked=("velocity",), skipped=skipped)
+    assert "*Not checked: floating.*" in told(checked=("velocity",), skipped=skipped)
     assert told(skipped=skipped) == (
-        "No check could be made: floating: there is no base."
+        "All checks were skipped: floating: there is no base."
     )
     assert findings.title(finding((1.5, 2.0), subject=("l", "r"))) == (
         "1.50 s  velocity l - r"
@@ -436,11 +436,13 @@ def fail(error):
 
 def test_errors_are_told_and_the_rest_is_done(ui, client, caplog):
     done = []
-    ui.post("a", lambda: fail(InvalidValueError("The pose has no name.")))
+    ui.post("a", lambda: fail(InvalidValueError("Enter a name for the pose.")))
     ui.post("b", lambda: done.append(2))
     ui.do_all()
     assert done == [2]
-    client.wait_for(lambda: "The pose has no name." in told(client), "the sentence")
+    client.wait_for(
+        lambda: "Enter a name for the pose." in told(client), "the sentence"
+    )
     with caplog.at_level(logging.ERROR):
         ui.guarded(lambda: fail(ZeroDivisionError("of ours")))
     client.wait_for(

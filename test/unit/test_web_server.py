@@ -147,7 +147,7 @@ def test_it_closes_its_port_and_may_close_twice():
 
 
 def test_a_server_that_cannot_begin_says_why(monkeypatch):
-    # As websockets of another version, which does not know an option.
+    # As websockets another robot or version, which does not know an option.
     strange = partial(gateway.serve, no_such_option=True)
     monkeypatch.setattr(gateway, "serve", strange)
     with pytest.raises(PageServerError, match=r"cannot serve the page: .*no_such_opt"):

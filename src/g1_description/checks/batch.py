@@ -72,7 +72,7 @@ class FileChecker:
     """Reads files."""
 
     def outcome(self, name: str, content: Content) -> FileResult:
-        """Check a file; one that cannot be checked never ends the work on others."""
+        """Check a file; errors become its result."""
         try:
             motion = self.read(name, content)
             if isinstance(motion, FileResult):
@@ -112,19 +112,19 @@ class FileChecker:
             is_other = isinstance(error, NoMotionError)
             result = NO_MOTION if is_other else NOT_READ
             return FileResult(name, problem=problem, without_verdict=result)
-        except Exception as error:  # whatever a library finds in a file
+        except Exception as error:  # any error of a library on a damaged file
             return FileResult(name, problem=_mishap(error))
 
 
 def _mishap(error: Exception) -> str:
-    """Describe an error that nobody expected, with its place."""
+    """Describe an unexpected error, with its place."""
     frame = traceback.extract_tb(error.__traceback__)[-1]
     place = f"{Path(frame.filename).name}:{frame.lineno}"
     return f"internal error {type(error).__name__}: {cause(error)} ({place})"
 
 
 def check_content(pickled: bytes, name: str, content: Content) -> FileResult:
-    """Check a file with a pickled FileChecker, in whatever process this is."""
+    """Check a file with a pickled FileChecker, in a worker process."""
     with _LOCK:
         return _unpickled(pickled).outcome(name, content)
 
@@ -161,7 +161,7 @@ class Here:
         """Return the outcome of a file that is done.
 
         Raises:
-            BrokenExecutor: If a process died; all submitted files are lost then.
+            BrokenExecutor: If a process died; all submitted files are lost.
             ClusterError: If the cluster is gone.
         """
         return future.result()
@@ -177,7 +177,7 @@ class Here:
 
 
 START_METHOD = "spawn"
-"""A process begins with nothing of ours: no PyBullet, and no lock that is held here."""
+"""Worker processes inherit neither PyBullet nor a locked lock."""
 
 
 class Processes(Here):
@@ -196,7 +196,7 @@ class Processes(Here):
         return ProcessPoolExecutor(self._count, context, _prepare)
 
     def submit(self, task: Task) -> Future[FileResult]:
-        """Begin to check a file; with the first ones processes start."""
+        """Begin to check a file; the first calls start the processes."""
         with _signals_held():
             return self._pool.submit(check_content, self._pickled, task.name, task.path)
 
@@ -206,7 +206,7 @@ class Processes(Here):
         self._pool = self._started()
 
     def close(self) -> None:
-        """End all processes at once, whatever they are doing."""
+        """Kill all processes."""
         for process in multiprocessing.active_children():
             if process not in self._others:
                 process.kill()
@@ -215,7 +215,7 @@ class Processes(Here):
 
 @contextmanager
 def _signals_held() -> Iterator[None]:
-    """Hold Ctrl-C back; processes that start meanwhile never get it.
+    """Block Ctrl-C; processes that are started meanwhile never receive it.
 
     A terminal sends it to all of them, and this one ends the others.
     """
@@ -239,23 +239,23 @@ def _end_with_parent() -> None:
 
 
 MOST_DEATHS = 2
-"""A file is given up after this number of processes died of it alone."""
+"""Number of processes that may die while they check one file."""
 
-DIED = "the process that checked it died, twice"
+DIED = "the worker process died twice"
 """Why a file is given up."""
 
 PATIENCE = 10.0
-"""Time without a result after which the pool is examined, in [s]."""
+"""Time without a result after which the workers are checked, in [s]."""
 
 
 def check_files(pool: Here, tasks: Sequence[Task]) -> Iterator[tuple[Task, FileResult]]:
     """Check files.
 
-    When a process dies, nobody knows which of the submitted files it died of, so they
-    are tried again, one at a time: one that two processes then die of is given up.
+    When a process dies, any of the submitted files may be the cause, so they are
+    checked again one at a time. A file that kills two processes is given up.
 
     Returns:
-        Outcomes as they come.
+        Each task and its result, as soon as it is done.
 
     Raises:
         ClusterError: If the cluster goes away.
@@ -276,7 +276,7 @@ def check_files(pool: Here, tasks: Sequence[Task]) -> Iterator[tuple[Task, FileR
 def _until_a_death(
     pool: Here, waiting: deque[Task]
 ) -> Generator[tuple[Task, FileResult], None, list[Task]]:
-    """Check files until all are done, or a process dies; return those lost by that."""
+    """Check files until all are done or a process dies; return the lost ones."""
     running: dict[Future[FileResult], Task] = {}
     lost: list[Task] = []
     has_died = False

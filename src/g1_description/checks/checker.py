@@ -38,15 +38,15 @@ class Checker:
         collisions: SelfCollisions | None = None,
         physics: Conditions | None = None,
     ) -> None:
-        """Prepare all that does not depend on a motion.
+        """Prepare everything that does not depend on a motion.
 
         Args:
             description: The robot.
-            thresholds: What is a warning and what a failure; None: the defaults.
-            fixed_base: Whether something holds the base, so that efforts are known.
+            thresholds: Limits of warnings and failures; None: the defaults.
+            fixed_base: Whether the base is fixed, so that efforts are determined.
             collisions: Its shapes and the pairs of links that may touch; by default
                 ``collisions_of`` it.
-            physics: How motions are played in physics; None: they are not.
+            physics: How motions are simulated; None: they are not.
 
         Raises:
             AllowedPairsError: If the file of the G1's allowed pairs cannot be read.
@@ -59,13 +59,13 @@ class Checker:
         self.collisions = collisions or collisions_of(description)
         self.fixed_base = fixed_base
         self.notes = (*zero_limits(description), *self.collisions.notes)
-        """Messages on what was assumed of the robot."""
+        """Messages on assumptions about the robot."""
         self._robot = CheckedRobot(
             description, self.thresholds, self.collisions, fixed_base
         )
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Go to other processes without what each prepares for itself."""
+        """Pickle the arguments only: each process prepares the rest itself."""
         given = (self.description, self.thresholds, self.fixed_base)
         return Checker, (*given, self.collisions, self.physics)
 
@@ -73,7 +73,7 @@ class Checker:
         """Check a motion.
 
         Args:
-            motion: It fits the robot.
+            motion: Must fit the robot, as by ``fitted``.
             only: Names of the checks to make; none: all.
 
         Raises:
@@ -101,20 +101,21 @@ class Checker:
                 configuration.
             only: Names of the checks to make; none: all.
             velocities: Of the same joints in [rad/s] or [m/s], compared with their
-                limits; all else is checked as at rest.
+                limits; everything else is checked as at rest.
 
         Returns:
             The verdict, with all times zero.
 
         Raises:
             UnknownNameError: If the robot has no such joint, or there is no such check.
-            MotionError: If a value must be finite.
+            MotionError: If a value is not finite.
         """
         known = [joint.name for joint in self._robot.joints]
         for name in positions:
             if name not in known:
                 raise UnknownNameError(
-                    f"{self.description.name} has no movable joint {name}; it has "
+                    f"{self.description.name} has no movable joint '{name}'. Its "
+                    "joints: "
                     f"{listed(similar_first(name, known))}."
                 )
         trajectory = _single(positions, base, velocities)
@@ -127,12 +128,14 @@ class Checker:
     def _rules(
         self, trajectory: Trajectory, only: Collection[str], physics: bool
     ) -> dict[Rule, str]:
-        """Select rules, all without names; say why each is skipped, or nothing."""
+        """Select the rules, by default all, each with the reason it is skipped for."""
         rules = {rule.name: rule for rule in RULES if physics or not rule.needs_physics}
         for name in only:
             if name not in rules:
                 known = listed(similar_first(name, rules))
-                raise UnknownNameError(f"There is no check {name}; there are {known}.")
+                raise UnknownNameError(
+                    f"Unknown check '{name}'. Known checks: {known}."
+                )
         return {
             rule: rule.skipped(self._robot, trajectory)
             for rule in rules.values()
@@ -140,14 +143,14 @@ class Checker:
         }
 
     def _measure(self, trajectory: Trajectory, rules: Mapping[Rule, str]) -> Measured:
-        """Measure what the rules need that are not skipped."""
+        """Measure what the active rules need."""
         made = [rule for rule, why in rules.items() if not why]
         needs = {need for rule in made for need in rule.needs}
         own = {rule.name: rule.measure for rule in made if rule.measure is not None}
         return measure(self._robot, trajectory, needs, own)
 
     def _play(self, measured: Measured, rules: dict[Rule, str]) -> None:
-        """Play a motion in physics; without success, skip the rules that need it."""
+        """Simulate a motion; if that fails, skip the rules that need it."""
         assert self.physics is not None
         trajectory = measured.trajectory
         try:
@@ -159,7 +162,7 @@ class Checker:
     def _verdict(
         self, measured: Measured, rules: Mapping[Rule, str], notes: Collection[str]
     ) -> Verdict:
-        """Find what exceeds the thresholds."""
+        """Collect the findings of all rules."""
         made = [rule for rule, why in rules.items() if not why]
         notes = [*self.notes, *notes]
         if measured.played is not None:
@@ -225,11 +228,11 @@ def _single(
 
 def _bearing(measured: Measured) -> dict[str, tuple[tuple[float, float], ...]]:
     """List when links are in contact with the floor."""
-    if measured.bearing is None:
+    if measured.in_contact is None:
         return {}
     return {
         measured.ground_links[column]: intervals(
-            measured.times, measured.bearing[:, column]
+            measured.times, measured.in_contact[:, column]
         )
-        for column in np.flatnonzero(measured.bearing.any(axis=0))
+        for column in np.flatnonzero(measured.in_contact.any(axis=0))
     }

@@ -1,7 +1,7 @@
 """Files checked by the workers of a Dask cluster.
 
-Their contents are sent, so that workers need not see the disks of this machine; bags
-are read here. Scheduler and workers have this package, installed with pip.
+The contents of the files are sent, so workers need not reach this machine's disks;
+bags are read here. Scheduler and workers need this package, installed with pip.
 """
 
 from __future__ import annotations
@@ -36,15 +36,15 @@ from g1_description.motion.files.source import MAX_FILE_SIZE, MotionSource
 from g1_description.robot.description import Description, Shape
 
 PACKAGES = ("files", "robot", "motion", "sim", "collisions", "checks")
-"""What checks motions."""
+"""Packages whose code checks motions."""
 
 CONFIG = "collisions*.yaml"
-"""What it reads, of the package's folder config."""
+"""Files in ``config`` that the checks read."""
 
 
 @lru_cache(maxsize=None)
 def fingerprint() -> str:
-    """Compute a digest of the code that checks motions, and of what it reads."""
+    """Hash the code that checks motions and the files that it reads."""
     found = hashlib.sha256()
     folder = Path(__file__).resolve().parents[1]
     files = sorted((share_folder() / "config").glob(CONFIG))
@@ -59,8 +59,7 @@ TIMEOUT = 10.0
 """Longest wait for a scheduler, and for its first worker, in [s]."""
 
 AHEAD = 3
-"""Files that are sent for each thread of a worker: while one is checked, the next ones
-come."""
+"""Files in flight per thread of a worker, so that it never waits for the next one."""
 
 LIBRARY = "distributed"
 
@@ -72,11 +71,11 @@ class Cluster(Here):
         """Connect.
 
         Args:
-            checker: What checks; it reads here what only this machine can.
+            checker: Checks the files, and reads those that only this machine can.
             address: HOST:PORT of the scheduler, or a URI of Dask's.
 
         Raises:
-            ClusterError: If there is no such cluster, or it lacks what is needed.
+            ClusterError: If there is no such cluster, or its workers cannot check.
         """
         super().__init__(checker)
         self._address = address if "://" in address else f"tcp://{address}"
@@ -86,7 +85,7 @@ class Cluster(Here):
             self.ahead = AHEAD * max(self._checked(), 1)
             self._executor = self._client.get_executor(pure=False)
             key = f"g1-checker-{uuid.uuid4().hex}"
-            # A task, not scattered data: whoever lost it makes it again.
+            # A task, not scattered data: Dask recomputes it where a worker loses it.
             sent = packed(checker)
             self._pickled = self._client.submit(bytes, sent, key=key)
         except BaseException:
@@ -110,7 +109,10 @@ class Cluster(Here):
         try:
             self._client.wait_for_workers(1, timeout=TIMEOUT)
         except self._dask.TimeoutError as error:
-            raise ClusterError(f"{self._address} has no workers.") from error
+            raise ClusterError(
+                f"{self._address} has no workers; start one with dask "
+                f"worker {self._address}."
+            ) from error
         try:
             found = {
                 f"scheduler {self._address}": self._client.run_on_scheduler(
@@ -118,7 +120,7 @@ class Cluster(Here):
                 ),
                 **{f"worker {k}": v for k, v in self._client.run(fingerprint).items()},
             }
-        except Exception as error:  # whatever comes of a module that is missing there
+        except Exception as error:  # any error of an import on the worker
             raise ClusterError(
                 f"The scheduler or a worker of {self._address} cannot import "
                 f"g1_description: {cause(error)}."
@@ -126,7 +128,8 @@ class Cluster(Here):
         others = [place for place, other in found.items() if other != fingerprint()]
         if others:
             raise ClusterError(
-                f"The {others[0]} has another version of g1_description."
+                f"The {others[0]} has another version of g1_description; install the "
+                "same version on all machines."
             )
         return sum(self._client.nthreads().values())
 
@@ -145,15 +148,15 @@ class Cluster(Here):
             return future
 
     def _content(self, task: Task) -> Content | FileResult:
-        """Read a file; the outcome where that says all."""
+        """Read a file; a FileResult if it cannot be read."""
         try:
             size = task.path.stat().st_size
             is_bag = bag.recognise(MotionSource(task.path))
             if not is_bag and size <= MAX_FILE_SIZE and self.checker.topic is None:
                 return task.path.read_bytes()
         except (OSError, MotionError):
-            pass  # the reader says what is wrong
-        # Of a bag most may be other topics, which need not be sent.
+            pass  # the reader reports the error
+        # Most of a bag may be other topics, which need not be sent.
         return self.checker.read(task.name, task.path)
 
     def result(self, task: Task, future: Future[FileResult]) -> FileResult:
@@ -167,23 +170,25 @@ class Cluster(Here):
             self._dask.CancelledError,
             self._dask.comm.CommClosedError,
         ) as error:
-            # It names the file's key, which says nothing to anybody.
-            raise ClusterError(f"The cluster {self._address} has gone.") from error
+            # Dask's own message only names the key of the task.
+            raise ClusterError(
+                f"Lost the connection to the cluster {self._address}."
+            ) from error
         except Exception as error:  # such as a full disk
             return FileResult(task.name, problem=f"its worker failed: {cause(error)}")
 
     def check_alive(self) -> None:
         """Raise a ClusterError if no worker is left."""
         if not self._client.nthreads():
-            raise ClusterError(f"{self._address} has no workers any more.")
+            raise ClusterError(f"{self._address} has no workers left.")
 
     def close(self) -> None:
-        """Drop what is not done, and disconnect."""
+        """Cancel pending tasks and disconnect."""
         self._client.close(timeout=TIMEOUT)
 
 
 def packed(checker: FileChecker) -> bytes:
-    """Pickle what checks, with the meshes that physics reads.
+    """Pickle a checker, with the meshes that the simulation reads.
 
     Raises:
         OSError: If a mesh cannot be read.
@@ -200,7 +205,7 @@ def packed(checker: FileChecker) -> bytes:
 
 
 class _WithMeshes:
-    """A checker that becomes one with files of its own where it is unpickled."""
+    """A checker that writes its meshes to files where it is unpickled."""
 
     def __init__(self, checker: FileChecker, meshes: Mapping[str, bytes]) -> None:
         self._content = checker, meshes
@@ -210,11 +215,11 @@ class _WithMeshes:
 
 
 _folders = []
-"""Of meshes; they stay as long as this process."""
+"""Folders of received meshes; deleted when the process ends."""
 
 
 def _received(checker: FileChecker, meshes: Mapping[str, bytes]) -> FileChecker:
-    """Write the meshes that physics reads, by the names that the robot has for them."""
+    """Write the received meshes and return the checker of a robot that uses them."""
     if meshes:
         folder = TemporaryDirectory(prefix="check_")
         _folders.append(folder)

@@ -31,15 +31,14 @@ def outlines_of(shapes: Iterable[ConvexShape]) -> list[ConvexShape]:
 
 @dataclass(frozen=True, eq=False)
 class GroundPiece:
-    """What is measured of some successive samples.
+    """Measurements of a chunk of successive samples.
 
-    Of links that stay away from the floor only heights are kept: of a long motion, more
-    would need much memory.
+    To save memory, only heights are kept for links that stay away from the floor.
     """
 
     columns: np.ndarray
-    """Links that are ever low enough to support the robot, or lower than all others:
-    places in ``Ground.rows``, shape (k,)."""
+    """Links that are low enough to support the robot, or the lowest ones, in any
+    sample: indices into ``Ground.rows``, shape (k,)."""
 
     heights: np.ndarray
     """Of the lowest point of each link above the floor, in [m], shape (n, n_links);
@@ -57,8 +56,8 @@ class GroundPiece:
     """Speeds of their lowest points, in [m/s], shape (n, k)."""
 
     low: np.ndarray
-    """Samples of points that are low enough to support the robot, and places of their
-    links in ``Ground.rows``, shape (2, n_points)."""
+    """For each point low enough to support the robot: its sample, and the index of its
+    link into ``Ground.rows``, shape (2, n_points)."""
 
     low_points: np.ndarray
     """These points, along the map's x and y, in [m], shape (n_points, 2)."""
@@ -98,8 +97,8 @@ class Ground:
 
         Args:
             outlines: Convex parts of the links.
-            ends: Which links carry none that moves against them, shape (n_links,): feet
-                and hands. Only these support the robot without touching the floor.
+            ends: Whether a link is the end of a limb, such as a foot or hand, shape
+                (n_links,). Only these support the robot without touching the floor.
             thresholds: Heights and speeds of contacts.
         """
         self._outlines = outlines
@@ -159,9 +158,9 @@ class Ground:
         velocity: np.ndarray,
         low: tuple[np.ndarray, np.ndarray],
     ) -> None:
-        """Replace the lowest point's sliding by the mean of all that touch as it does.
+        """Replace the sliding speed of the lowest point by the mean of all that touch.
 
-        Which corner of a flat sole is the lowest one is a matter of rounding.
+        Which corner of a flat sole is the lowest is a matter of rounding.
 
         Args:
             slide: Of the lowest points in [m/s], shape (n, n_links); is changed.
@@ -246,13 +245,13 @@ class Ground:
         times: np.ndarray,
         is_end: np.ndarray,
     ) -> np.ndarray:
-        """Tell which links support the robot, shape (n, n_links).
+        """Find the links that support the robot, shape (n, n_links).
 
         Args:
             heights: Of the links' lowest points in [m], shape (n, n_links).
             speed: Of these points in [m/s], shape (n, n_links).
             times: Of the samples in [s], shape (n,).
-            is_end: Which links carry none that moves against them, shape (n_links,).
+            is_end: Whether a link is the end of a limb, shape (n_links,).
         """
         limits = self._thresholds
         touches = heights <= limits.contact_height
@@ -279,13 +278,13 @@ class Ground:
     ) -> np.ndarray:
         """Compute the speeds of links that slide on the floor.
 
-        These touch it and support the robot. Where for long none supports a robot that
-        is almost on the floor, its lowest foot or hand does.
+        Only links that touch the floor and support the robot slide. If no link supports
+        a robot that is close to the floor for long, its lowest foot or hand does.
 
         Args:
             frames: How the robot stands.
             times: Of the samples in [s], shape (n,).
-            is_unknown: Where velocities say nothing, shape (n,).
+            is_unknown: Where velocities are not usable, shape (n,).
 
         Returns:
             Means over ``SLIDE_WINDOW``, in [m/s]; NaN where a link does not touch the
@@ -307,8 +306,8 @@ def _mean_speeds(
 ) -> np.ndarray:
     """Average speeds over ``SLIDE_WINDOW``, or the whole contact where that is shorter.
 
-    A foot that is put down or lifted moves a little on its last millimetres, which
-    counts together with the time that it stands.
+    A foot moves a little in the last millimetres before it touches down, so the average
+    includes the time that it stands.
     """
     found = np.full(slide.shape, np.nan)
     for column in np.flatnonzero(touches.any(axis=0)):

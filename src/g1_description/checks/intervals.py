@@ -1,4 +1,4 @@
-"""Intervals of samples, and of time, in which something holds."""
+"""Intervals of samples and of time in which a condition holds."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 
 def runs(mask: np.ndarray) -> list[tuple[int, int]]:
-    """List the intervals of samples in which something holds.
+    """List the intervals of samples in which a condition holds.
 
     Args:
         mask: Where it holds, shape (n_samples,).
@@ -20,7 +20,7 @@ def runs(mask: np.ndarray) -> list[tuple[int, int]]:
 
 
 def intervals(times: np.ndarray, mask: np.ndarray) -> tuple[tuple[float, float], ...]:
-    """List the intervals of time in which something holds.
+    """List the intervals of time in which a condition holds.
 
     Args:
         times: Of the samples in [s], rising, shape (n_samples,).
@@ -37,7 +37,7 @@ def without_short(times: np.ndarray, mask: np.ndarray, shortest: float) -> np.nd
 
     Args:
         times: Of the samples in [s], rising, shape (n_samples,).
-        mask: Where something holds, shape (n_samples,).
+        mask: Where a condition holds, shape (n_samples,).
         shortest: In [s].
     """
     kept = mask.copy()
@@ -65,7 +65,7 @@ def around(n_samples: int, begins: np.ndarray, ends: np.ndarray) -> np.ndarray:
 
 
 def time_share(times: np.ndarray, mask: np.ndarray) -> float:
-    """Compute the fraction of the time in which something holds, from 0 to 1.
+    """Compute the fraction of the time in which a condition holds, from 0 to 1.
 
     Each sample stands for the time that is nearer to it than to others.
 

@@ -1,4 +1,4 @@
-"""Checks one robot as it is now, again and again."""
+"""Checks of the current state of one robot."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from g1_description.errors import UnknownNameError
 from g1_description.text import listed
 
 AT_REST = tuple(rule.name for rule in RULES if rule.only_at_rest)
-"""Checks that say something of a robot at rest only."""
+"""Checks that apply only to a robot at rest."""
 
 LIVE = tuple(r.name for r in RULES if r.is_live and not r.needs_physics)
-"""Checks that are made."""
+"""Checks of a current state."""
 
 STANDSTILL = 1e-6
-"""Between states that are nearer in time than this, in [s], time stands still: the
-robot is placed, it does not move."""
+"""States closer in time than this, in [s], have no velocity: simulated time is
+paused."""
 
 
 class LiveCheck:
-    """Checks states of one robot; one that has not changed is not checked again."""
+    """Checks states of one robot; an unchanged state is not checked again."""
 
     def __init__(self, checker: Checker) -> None:
         self._checker = checker
@@ -35,7 +35,7 @@ class LiveCheck:
         self._newest: tuple[object, Verdict] | None = None
 
     def begin_again(self) -> None:
-        """Forget how the robot moved: time went back."""
+        """Forget the last state, because time went back."""
         self._last = None
 
     def check(
@@ -49,14 +49,14 @@ class LiveCheck:
 
         Args:
             time: Of the state, in [s].
-            positions: In [rad] or [m] by name; joints of others, such as hands, are
-                ignored.
+            positions: In [rad] or [m] by name; unknown joints, such as those of hands,
+                are ignored.
             base: T_map_base, shape (7,); None where it is not known.
             velocities: In [rad/s] or [m/s] by name, where they are known.
 
         Returns:
-            The verdict: without the checks of a robot at rest while its centre of mass
-            moves.
+            The verdict. While the centre of mass moves, the checks of ``AT_REST`` are
+            skipped.
 
         Raises:
             G1DescriptionError: If it cannot be checked.
@@ -77,11 +77,11 @@ class LiveCheck:
         return verdict
 
     def _own(self, values: Mapping[str, float]) -> dict[str, float]:
-        """Ignore joints of others, such as hands; raise if there are only such."""
+        """Select the robot's joints; raise if there are none."""
         own = {name: value for name, value in values.items() if name in self._joints}
         if values and not own:
             raise UnknownNameError(
-                f"{self._checker.description.name} has none of the joints "
+                f"{self._checker.description.name} has none of these joints: "
                 f"{listed(values)}."
             )
         return own

@@ -1,4 +1,4 @@
-"""The findings of the robot as it is now, drawn beside it."""
+"""Markers of the findings of a robot's current state."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ RED, ORANGE, GREEN = (0.85, 0.05, 0.05), (0.95, 0.5, 0.0), (0.1, 0.6, 0.2)
 
 
 class Canvas(Protocol):
-    """Takes one mark after the other; a namespace can be switched on and off."""
+    """Draws marks; each namespace can be switched on and off."""
 
     def ball(
         self,
@@ -53,20 +53,20 @@ class Canvas(Protocol):
     def text(
         self, namespace: str, place: np.ndarray, text: str, size: float, color: Color
     ) -> None:
-        """Add a text of a height in [m] that faces whoever looks."""
+        """Add a text of a height in [m] that always faces the viewer."""
 
 
 SIZE = 0.03
 """Height of the texts, in [m]."""
 
 WIDTH = 0.5
-"""Of a character, as a share of its height."""
+"""Width of a character as a fraction of its height."""
 
 REACH = 0.36
-"""Distance of texts from the middle of the robot, in [m]."""
+"""Distance of texts from the centre of the robot, in [m]."""
 
 SPACING = 1.4
-"""Least difference in height of texts on one side of the robot, in heights."""
+"""Least spacing of texts on one side of the robot, in text heights."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,14 +83,14 @@ class Label:
 def places(
     labels: Sequence[Label], base: np.ndarray
 ) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Find places for texts: to the left or right of the robot, one above the other.
+    """Place texts to the left or right of the robot, one above the other.
 
     Args:
         labels: The texts.
         base: Pose of the robot's root link, shape (7,).
 
     Returns:
-        Where each begins, and its middle, in [m], shapes (3,).
+        Start and centre of each text, in [m], shapes (3,).
     """
     left = rotate(base[3:], np.array([0.0, 1.0, 0.0]))
     left[2] = 0.0
@@ -111,7 +111,7 @@ def places(
 
 
 def short_name(name: str) -> str:
-    """Remove the endings that most names of links or joints have."""
+    """Remove the usual suffixes of names of links and joints."""
     for ending in ("_link", "_joint"):
         if name.endswith(ending):
             return name[: -len(ending)]
@@ -119,17 +119,17 @@ def short_name(name: str) -> str:
 
 
 ABOVE = 0.004
-"""Height above the floor of what is drawn on it, in [m]."""
+"""Height above the floor of marks on it, in [m]."""
 
 UP = np.array([0.0, 0.0, 1.0])
 
 BALANCE, SUPPORT, LIMITS = "centre of mass", "support polygon", "joint limits"
 LABELS = "labels"
-"""Namespaces of what is drawn beside the findings, which can be switched on and off."""
+"""Namespaces of the marks other than findings."""
 
 
 def red_links(verdict: Verdict) -> set[str]:
-    """Return the links that are drawn in red, as those that collide."""
+    """Return the links to draw in red, such as those in collision."""
     reddens = {rule.name for rule in RULES if rule.reddens}
     found = (f.subject for f in verdict.findings if f.check in reddens)
     return {link for subject in found for link in subject}
@@ -139,8 +139,8 @@ def draw_marks(canvas: Canvas, verdict: Verdict, limit_margin: float) -> None:
     """Draw all marks of one state.
 
     Args:
-        canvas: In the map; of a state without a base in the frame of the base.
-        verdict: What was found and measured.
+        canvas: In the map frame, or in that of the base if the state has no base.
+        verdict: With its measurements.
         limit_margin: Joints this near to a limit are marked, in [rad] or [m]; of
             joints with a small range a tenth of it.
     """
@@ -164,7 +164,7 @@ def draw_marks(canvas: Canvas, verdict: Verdict, limit_margin: float) -> None:
 def _near_limits(
     canvas: Canvas, measured: Measured, base: np.ndarray, limit_margin: float
 ) -> list[Label]:
-    """Mark joints that are near their limits, or beyond."""
+    """Mark joints near or beyond their limits."""
     near = {}
     for joint, position in zip(measured.joints, measured.positions[0].tolist()):
         above, below = joint.upper - position, position - joint.lower
@@ -190,7 +190,7 @@ def _near_limits(
 def _balance(canvas: Canvas, measured: Measured, verdict: Verdict) -> list[Label]:
     """Show the centre of mass above the support polygon.
 
-    Green inside, red outside, orange where that is not checked.
+    Green inside, red outside, orange if the check is skipped.
     """
     balance = measured.balance
     if balance is None:
@@ -218,7 +218,7 @@ def _balance(canvas: Canvas, measured: Measured, verdict: Verdict) -> list[Label
 
 
 def _mark(canvas: Canvas, rule: Rule, finding: Finding) -> Label:
-    """Mark the points of a finding, and name it."""
+    """Mark the points of a finding; return its label."""
     points = np.array(finding.points)
     color = RED if finding.severity == FAILED else ORANGE
     for point in points:

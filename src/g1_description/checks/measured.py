@@ -1,4 +1,4 @@
-"""What is measured of a motion, at the times that checks look at."""
+"""Measurements of a motion at the times of the checks."""
 
 from __future__ import annotations
 
@@ -34,19 +34,19 @@ from g1_description.robot.transform import IDENTITY, compose
 from g1_description.sim.rollout import Rollout
 
 MAX_TIMES = 200_000
-"""At how many times a motion can be checked: 55 minutes at 60 Hz."""
+"""Largest number of times of a motion: 55 minutes at 60 Hz."""
 
 CHUNK = 512
-"""Samples that are worked on at once: some 20 MB of intermediate results."""
+"""Samples per chunk, with about 20 MB of intermediate results."""
 
 NO_BASE = "the motion has no base"
-"""Why the floor is not checked."""
+"""Reason for which checks of the floor are skipped."""
 
 Value = TypeVar("Value")
 
 
 class CheckedRobot:
-    """A robot, and what is known of it before any motion."""
+    """A robot, with everything that does not depend on a motion."""
 
     def __init__(
         self,
@@ -60,17 +60,17 @@ class CheckedRobot:
         self.joints = description.movable_joints
         self.kinematics, self.masses = Kinematics(description), Masses(description)
         self.is_fixed = fixed_base or base_of(description)[0] == WORLD
-        """Whether something holds the base."""
+        """Whether the base is fixed."""
         self.T_base_root = root_in_base(description)
-        """The root link in the base link, which is another one where the root is the
-        world and the robot floats in it, shape (7,)."""
+        """The root link in the base link, shape (7,); they differ if the root is the
+        world."""
         outlines = outlines_of(collisions.shapes)
         self.ground = Ground(outlines, self.kinematics.end_links(), thresholds)
         self.links = tuple(name for name in description.link_names if name != WORLD)
         """Links in the order of their poses."""
 
     def lacks(self, need: str, trajectory: Trajectory) -> str:
-        """Say why something cannot be measured of a motion; empty if it can.
+        """Return why a need of a rule is not met by a motion; empty if it is.
 
         Args:
             need: One of ``Rule.needs``.
@@ -88,9 +88,8 @@ class CheckedRobot:
             and not len(self.ground.rows),
             "the robot has no mass": need in ("balance", "efforts")
             and not self.masses.total > 0.0,
-            "the base is free; only physics tells": need == "efforts"
-            and not self.is_fixed,
-            "the robot has no two shapes that could touch": need == "pairs"
+            "the base is free; use --physics": need == "efforts" and not self.is_fixed,
+            "no pair of links needs checking": need == "pairs"
             and not self.collisions.pairs,
             "there is only one configuration": is_moving and len(trajectory.times) == 1,
         }
@@ -98,30 +97,30 @@ class CheckedRobot:
 
 
 Measure = Callable[[CheckedRobot, np.ndarray], Union[np.ndarray, Contacts]]
-"""Measures something of poses of all links, in the order of ``CheckedRobot.links``,
-shape (n, n_links, 7): contacts, or an array of shape (n, ...)."""
+"""Computes contacts or an array of shape (n, ...) from poses of all links, in the order
+of ``CheckedRobot.links``, shape (n, n_links, 7)."""
 
 
 class Measured:
-    """A motion, and arrays over the times that checks look at.
+    """A motion, with arrays over the times of the checks.
 
-    What no check needs is None.
+    Arrays that no check needs are None.
     """
 
     def __init__(self, robot: CheckedRobot, trajectory: Trajectory) -> None:
-        """Find the motion's joints at all times, piece by piece to save memory.
+        """Sample the motion's joints at all times, in chunks to save memory.
 
         Raises:
-            MotionError: If there are more times than fit into memory.
+            MotionError: If the motion is too long.
         """
         self.robot, self.trajectory = robot, trajectory
         self.times = _refined(trajectory.times, robot.thresholds.longest_interval)
-        """In [s], rising, shape (n,): those of the motion's samples, and times between
-        them where these are far apart."""
+        """In [s], increasing, shape (n,): the times of the samples, and more between
+        samples that are far apart."""
         names = [joint.name for joint in robot.joints]
         columns = [names.index(name) for name in trajectory.joint_names]
         self.joints: list[Joint] = [robot.joints[column] for column in columns]
-        """Those of the motion."""
+        """The joints of the motion."""
         self._columns = np.array(columns, dtype=int)
         shape = (len(self.times), len(columns))
         self.positions, self.velocities = np.empty(shape), np.empty(shape)
@@ -131,21 +130,20 @@ class Measured:
             self.positions[piece] = found.positions
             self.velocities[piece] = found.velocities
         self.own: dict[str, Any] = {}
-        """What rules measure themselves, by their names."""
+        """Results of the rules' own measurements, by name of the rule."""
         self.ground: GroundFrames | None = None
-        """How the robot stands."""
+        """Heights, contacts and support."""
         self.balance: Balance | None = None
-        """Where the weight acts; None where the motion has no base, or the robot no
-        mass."""
+        """None if the motion has no base or the robot no mass."""
         self.efforts: np.ndarray | None = None
-        """Of all joints of a robot that is fixed, in [N m] or [N], shape
-        (n, n_joints)."""
+        """Of all joints of a robot with a fixed base, in [N m] or [N], shape (n,
+        n_joints)."""
         self.played: Rollout | None = None
-        """What happened in physics."""
+        """The simulated motion."""
         self._once: dict[Callable[[Measured], Any], Any] = {}
 
     def once(self, function: Callable[[Measured], Value]) -> Value:
-        """Return what a function finds of this motion; several rules may call it."""
+        """Call a function with this motion once, and return its cached result."""
         if function not in self._once:
             self._once[function] = function(self)
         found: Value = self._once[function]
@@ -163,9 +161,9 @@ class Measured:
 
     @property
     def ground_links(self) -> tuple[str, ...]:
-        """Links that are ever near the floor, or lower than all others.
+        """Links that are near the floor, or the lowest ones, at any time.
 
-        They are the columns of ``heights`` and ``bearing``.
+        They are the columns of ``heights`` and ``in_contact``.
         """
         if self.ground is None:
             return ()
@@ -181,7 +179,7 @@ class Measured:
         return None if self.ground is None else self.ground.heights
 
     @property
-    def bearing(self) -> np.ndarray | None:
+    def in_contact(self) -> np.ndarray | None:
         """Which links are in contact with the floor, shape (n, n_ground_links)."""
         return None if self.ground is None else self.ground.in_contact
 
@@ -192,9 +190,9 @@ class Measured:
 
     @cached_property
     def depth(self) -> np.ndarray:
-        """Of the deepest self-collision in [m], zero where there is none, shape (n,).
+        """Depth of the deepest self-collision in [m], zero without one, shape (n,).
 
-        NaN where collisions were not looked for.
+        NaN if collisions were not checked.
         """
         if self.contacts is None:
             return np.full(len(self.times), np.nan)
@@ -203,7 +201,7 @@ class Measured:
         return depth
 
     def spread(self, values: np.ndarray, fill: float) -> np.ndarray:
-        """Put values of the motion's own samples among all times.
+        """Expand values at the motion's samples to all times.
 
         Args:
             values: Shape (n_samples, ...).
@@ -217,14 +215,14 @@ class Measured:
         return found
 
     def chunks(self) -> Iterator[slice]:
-        """Cut the times into pieces that fit into memory."""
+        """Split the times into chunks that fit into memory."""
         for first in range(0, len(self.times), CHUNK):
             yield slice(first, min(first + CHUNK, len(self.times)))
 
     def at(
         self, times: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Find the whole robot at some times.
+        """Sample the whole robot.
 
         Args:
             times: In [s], shape (m,).
@@ -232,8 +230,8 @@ class Measured:
         Returns:
             Root poses, shape (m, 7), all joints' positions, shape (m, n_joints), root
             twists, shape (m, 6), and all joints' velocities, shape (m, n_joints).
-            Joints that the motion does not have are at zero, a base that it does not
-            have is at the map's origin.
+            Joints missing from the motion are at zero, a missing base is at the map's
+            origin.
         """
         found = sample(self.trajectory, times)
         positions = np.zeros((2, len(times), len(self.robot.joints)))
@@ -284,10 +282,10 @@ def measure(
         robot: The robot.
         trajectory: Of joints that it has.
         needs: ``ground``, ``center``, ``balance``, ``efforts``; others are ignored.
-        own: What else to measure, by name.
+        own: Measurements of rules, by name.
 
     Raises:
-        MotionError: If there are more times than fit into memory.
+        MotionError: If the motion is too long.
     """
     found = Measured(robot, trajectory)
     pieces = [_piece(found, piece, needs, own) for piece in found.chunks()]
@@ -346,7 +344,7 @@ def _piece(
 def _is_still(
     dynamics: Dynamics, velocity: np.ndarray, robot: CheckedRobot
 ) -> np.ndarray:
-    """Tell where the centre of mass, of a velocity in [m/s], shape (n, 3), is still."""
+    """Find where the centre of mass is still; velocity is in [m/s], shape (n, 3)."""
     acceleration = dynamics.root_wrench[:, :3] / robot.masses.total
     acceleration[:, 2] -= GRAVITY
     is_slow = np.linalg.norm(velocity, axis=1) < robot.thresholds.still_speed
@@ -355,14 +353,14 @@ def _is_still(
 
 
 def _refined(knots: np.ndarray, longest: float) -> np.ndarray:
-    """Put times between samples that are far apart, at even distances."""
+    """Insert evenly spaced times between samples that are far apart."""
     gaps = np.diff(knots)
     parts = np.maximum(1.0, np.ceil(gaps / longest - 1e-9))
     if parts.sum() >= MAX_TIMES:
         raise MotionError(
             f"The motion lasts {knots[-1] - knots[0]:g} s and would be checked at "
-            f"{parts.sum() + 1:.0f} times; {MAX_TIMES} are possible. Check a part of "
-            "it, or set a larger longest_interval."
+            f"{parts.sum() + 1:.0f} times; {MAX_TIMES} is the limit. Check a part of "
+            "it, or increase longest_interval."
         )
     if (parts == 1).all():
         return np.asarray(knots, dtype=float)
@@ -374,7 +372,7 @@ def _refined(knots: np.ndarray, longest: float) -> np.ndarray:
 
 
 def _base_of(found: Sample, n_times: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return poses and twists of the base, at rest at the origin if there is none."""
+    """Return poses and twists of the base; a missing one is at rest at the origin."""
     if found.base_poses is None or found.base_twists is None:
         return np.tile(IDENTITY, (n_times, 1)), np.zeros((n_times, 6))
     return found.base_poses, found.base_twists

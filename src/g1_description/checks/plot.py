@@ -32,7 +32,7 @@ LINES = 1.25
 """Height of a panel with lines, in inches."""
 
 LEFT = 0.215
-"""Where panels begin, as a share of the width; left of that are their labels."""
+"""Left edge of the panels, as a fraction of the width."""
 
 HEAD = 0.95
 """Height of the title and the legend below it, in inches."""
@@ -41,7 +41,7 @@ GAP = 0.42
 """Between panels, in inches."""
 
 COLORS = 128
-"""Of the picture: enough for smooth lines, in a third of the bytes."""
+"""Size of the palette: enough for smooth lines, at a third of the file size."""
 
 STYLE = {
     "font.family": "DejaVu Sans",
@@ -64,7 +64,7 @@ def motion_plot(name: str, verdict: Verdict, joints: Sequence[Joint]) -> bytes:
 
     Args:
         name: Of its file.
-        verdict: With what was measured.
+        verdict: With its measurements.
         joints: Movable joints of the robot.
 
     Returns:
@@ -73,7 +73,7 @@ def motion_plot(name: str, verdict: Verdict, joints: Sequence[Joint]) -> bytes:
     measured = verdict.measured
     assert measured is not None
     moved = [joint for joint in joints if joint.name in measured.joint_names]
-    # Whatever a user's own configuration says.
+    # Independent of the user's matplotlibrc.
     with matplotlib.rc_context({**matplotlib.rcParamsDefault, **STYLE}):
         return _png(_figure(name, verdict, measured, moved))
 
@@ -149,7 +149,7 @@ def _title(figure: Figure, name: str, verdict: Verdict, total: float) -> None:
 
 
 def _panels(verdict: Verdict, measured: Measured) -> list[tuple[str, float, Panel]]:
-    """List titles, heights in inches and functions of the panels that are needed."""
+    """List titles, heights in inches and functions of the panels to draw."""
     times = measured.times
     found: list[tuple[str, float, Panel]] = []
 
@@ -169,7 +169,7 @@ def _panels(verdict: Verdict, measured: Measured) -> list[tuple[str, float, Pane
         )
     if measured.heights is not None:
         add(
-            "links in contact with the floor; marked: they slide",
+            "links in contact with the floor; marked: sliding",
             ROW * max(len(verdict.bearing), 1),
             lambda axes: plot_panels.contacts_panel(axes, measured, verdict),
         )

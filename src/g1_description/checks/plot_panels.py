@@ -17,19 +17,19 @@ MAX_BINS = 1200
 """Number of bins of a long series: a picture has no more columns of pixels."""
 
 LEAST_WIDTH = 0.003
-"""Least width of a marked time, as a share of the picture's."""
+"""Least width of a marked time, as a fraction of the panel's."""
 
 
 def thinned(times: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Thin a long series to what a picture shows.
+    """Thin a long series to the resolution of a picture.
 
     Args:
         times: In [s], rising, shape (n,).
         values: Shape (n,); NaN where there is none.
 
     Returns:
-        Times and values; of each piece of a long series the least and the largest one,
-        so that peaks stay.
+        Times and values; of each bin of a long series the least and the largest one, so
+        that peaks are kept.
     """
     if len(times) <= 4 * MAX_BINS:
         return times, values
@@ -84,8 +84,7 @@ def bars(
 BLUE, GREEN, PURPLE, GREY = "#0072B2", "#009E73", "#CC79A7", "#777777"
 LIMITS = "#EBEBEB"
 COLORS = {FAILED: "#D55E00", WARNING: "#E8C000"}
-"""Those of Okabe and Ito, which people with any colour vision tell apart; the yellow is
-darker."""
+"""Colour-blind safe, by Okabe and Ito; the yellow is darker."""
 
 SHADE = 0.45
 """Opacity of a marked time."""
@@ -100,7 +99,7 @@ MAX_LABEL = 52
 """Longest label of a row, in characters."""
 
 MAX_ROWS = 14
-"""Most findings that have a row of their own."""
+"""Largest number of findings with a row of their own."""
 
 
 def shade(
@@ -109,7 +108,7 @@ def shade(
     checks: Sequence[str],
     times: np.ndarray,
 ) -> None:
-    """Mark over the whole height when checks found something; failures on top.
+    """Mark the times of findings over the whole height; failures on top.
 
     Args:
         axes: Of the panel.
@@ -175,7 +174,9 @@ def strips_legend(axes: Axes) -> None:
     """Explain the strips of joints, above them."""
     handles = [
         Line2D([], [], color=BLUE, lw=1.2, label="position between its limits"),
-        Line2D([], [], color=PURPLE, lw=0.8, label="velocity as a share of its limit"),
+        Line2D(
+            [], [], color=PURPLE, lw=0.8, label="velocity as a fraction of its limit"
+        ),
         Patch(color=LIMITS, label="limits"),
         Patch(color=COLORS[FAILED], alpha=SHADE, label="failed"),
         Patch(color=COLORS[WARNING], alpha=SHADE, label="warning"),
@@ -283,6 +284,6 @@ def _line_legend(axes: Axes) -> None:
 
 
 def _range(axes: Axes, least: float, most: float) -> tuple[float, float]:
-    """Limit what is shown of y; a jump far away would flatten the rest."""
+    """Limit the y axis: one outlier would flatten the rest."""
     low, high = axes.get_ylim()
     return max(low, least), min(high, most)

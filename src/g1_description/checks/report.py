@@ -26,18 +26,18 @@ class FileResult:
     """A verdict on the motion of a file, or why there is none."""
 
     file: str
-    """As it was named, or as it was found in a folder that was."""
+    """As given on the command line, or as found in a given folder."""
 
     verdict: Verdict | None = None
 
     problem: str = ""
-    """A sentence on why there is no verdict."""
+    """Why there is no verdict, as a sentence."""
 
     without_verdict: str = NOT_CHECKED
     """The result where there is no verdict."""
 
     plot: bytes = b""
-    """A picture as PNG; empty where none is wanted."""
+    """A picture as PNG; empty if none was requested."""
 
     @property
     def result(self) -> str:
@@ -47,7 +47,7 @@ class FileResult:
         return self.without_verdict
 
     def without_plot(self) -> FileResult:
-        """Leave the picture out."""
+        """Return a copy without the picture."""
         return replace(self, plot=b"")
 
 
@@ -76,7 +76,7 @@ def outcome_text(outcome: FileResult) -> str:
 
 
 def summary_text(outcomes: Sequence[FileResult], not_done: int = 0) -> str:
-    """Count the results, and the files that are not done, in a sentence."""
+    """Summarize the results, and the files that are not done."""
     counts = counted(outcome.result for outcome in outcomes)
     parts = [f"{n} {_plural(word, n)}" for word, n in counts.items() if n]
     files = f"{len(outcomes)} file{'s' if len(outcomes) != 1 else ''}"
@@ -92,7 +92,7 @@ def _plural(result: str, count: int) -> str:
 
 
 def _measures(verdict: Verdict) -> str:
-    """Tell how long a motion is."""
+    """Describe the length of a motion."""
     figures = verdict.figures
     if "duration" not in figures:
         return ""
@@ -125,7 +125,7 @@ def table(rows: Sequence[Sequence[str]], n_left: int) -> list[str]:
     """Align columns.
 
     Args:
-        rows: Cells, as many in each.
+        rows: Cells; all rows have the same length.
         n_left: Number of columns that are aligned to the left; the others to the right.
     """
     widths = [max(map(len, column)) for column in zip(*rows)]
@@ -183,7 +183,7 @@ def _as_dict(outcome: FileResult) -> dict[str, Any]:
 
 
 def _finite(value: Any) -> Any:
-    """Replace what JSON has no number for, such as a share of a limit of zero."""
+    """Replace numbers that JSON does not have: NaN and infinity become None."""
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if isinstance(value, dict):
@@ -194,10 +194,9 @@ def _finite(value: Any) -> Any:
 
 
 def csv_text(outcomes: Sequence[FileResult]) -> str:
-    """Write outcomes as CSV; what is not known is empty.
+    """Write outcomes as CSV; unknown values are empty.
 
-    Lines end as Unix has it. A carriage return in a name, which would end one, too,
-    becomes a space.
+    Lines end with a line feed. A carriage return in a name becomes a space.
     """
     text = io.StringIO()
     writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")

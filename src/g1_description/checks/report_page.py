@@ -1,4 +1,4 @@
-"""A page with all outcomes, which needs no other file and no network."""
+"""A self-contained HTML page with all results."""
 
 from __future__ import annotations
 
@@ -46,14 +46,14 @@ def write_page(
     Args:
         path: The file.
         outcomes: Of the files that are done.
-        pictures: PNG files, one for each outcome, or None. They become a part of the
-            page, one after the other: all of them may not fit into memory.
+        pictures: PNG files or None, one for each outcome. They are embedded one after
+            the other: all may not fit into memory.
         not_done: Number of files that are not done.
 
     Raises:
         OSError: If it cannot be written.
     """
-    # Names of files may hold bytes that are no text.
+    # File names may contain bytes that are not text.
     with path.open("w", encoding="utf-8", errors="backslashreplace") as file:
         file.writelines(_page(outcomes, pictures, not_done))
 
@@ -96,7 +96,7 @@ def _overview(outcomes: Sequence[FileResult]) -> Iterator[str]:
 
 
 def _section(number: int, outcome: FileResult, picture: Path | None) -> Iterator[str]:
-    """Write what was found of a file."""
+    """Write the section of a file."""
     yield (
         f'<h2 id="file{number}">{escape(outcome.file)} {_badge(outcome.result)}</h2>\n'
     )

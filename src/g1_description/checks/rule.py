@@ -1,4 +1,4 @@
-"""A rule of the checks: everything that one check is."""
+"""The definition of a check."""
 
 from __future__ import annotations
 
@@ -18,62 +18,62 @@ from g1_description.robot.description import Joint
 
 @dataclass(frozen=True, eq=False)
 class Rule:
-    """One check: its thresholds, what it measures, finds and shows.
+    """One check: its thresholds, measurements, findings and markers.
 
-    Commands, pages, RViz, reports, the file of thresholds and the documentation have
-    all they know of a check from here.
+    Commands, the web page, RViz, reports, the file of thresholds and the documentation
+    are generated from these.
     """
 
     name: str
     about: str
-    """What is found, for the page of the documentation."""
+    """Description for the documentation."""
 
     level: Level
     """The default thresholds."""
 
     limit: str
-    """What these numbers are, with their unit, for the file of thresholds."""
+    """Meaning and unit of the thresholds, for their file."""
 
     find: Callable[[Rule, Measured], Iterable[Finding | None]]
-    """Finds what exceeds the thresholds; ``compared`` makes the findings."""
+    """Returns the findings, as made by ``compared``."""
 
     needs: tuple[str, ...] = ()
-    """What must be known of robot and motion; ``CheckedRobot.lacks`` says what there
-    is, and why a check is skipped."""
+    """Required data of robot and motion, as in ``CheckedRobot.lacks``; without them the
+    check is skipped."""
 
     requires: str = ""
-    """The same, for the documentation."""
+    """The requirements, for the documentation."""
 
     measure: Measure | None = None
-    """Measures what no other check does; the result is ``measured.own[name]``."""
+    """Own measurement of the check; the result is ``measured.own[name]``."""
 
     skip: Callable[[CheckedRobot, Trajectory], str] | None = None
-    """Says why the check is skipped; an empty string if it is not."""
+    """Returns why the check is skipped; empty if it is not."""
 
     lower_is_worse: bool = False
-    """Whether sizes below the thresholds are wrong, such as distances."""
+    """Whether sizes below the thresholds are findings, as for distances."""
 
     unit: str = ""
-    """Of the sizes, where it is the same for all subjects."""
+    """Unit of the sizes, if it is the same for all subjects."""
 
     only_at_rest: bool = False
-    """Whether it says nothing of a robot that moves now."""
+    """Whether it applies only to a robot at rest."""
 
     is_live: bool = True
-    """Whether it is made of a robot as it is now."""
+    """Whether it applies to the current state of a robot."""
 
     namespace: str = ""
-    """RViz and the page draw findings under this name; empty: they do not."""
+    """Namespace of the markers in RViz and on the page; empty: none."""
 
     label: str = "{subject}"
-    """What is written beside the place of a finding, before its size."""
+    """Label of a finding's marker, followed by its size."""
 
     reddens: bool = False
     """Whether the links of a finding are drawn in red."""
 
     @property
     def needs_physics(self) -> bool:
-        """Whether it needs a motion that was played in physics."""
+        """Whether it needs a simulated motion."""
         return "physics" in self.needs
 
     def level_in(self, thresholds: Thresholds) -> Level:
@@ -81,15 +81,15 @@ class Rule:
         return thresholds.levels.get(self.name, self.level)
 
     def skipped(self, robot: CheckedRobot, trajectory: Trajectory) -> str:
-        """Say why the check cannot be made of a motion; empty if it can."""
+        """Return why the check is skipped for a motion; empty if it is not."""
         reasons = (robot.lacks(need, trajectory) for need in self.needs)
         why = next(filter(None, reasons), "")
         if not why and not self.level_in(robot.thresholds).is_set:
-            return "it has no threshold"
+            return "disabled: no threshold is set"
         return why or (self.skip(robot, trajectory) if self.skip else "")
 
     def exceeds(self, sizes: np.ndarray, bound: float) -> np.ndarray:
-        """Tell which sizes, of any shape, exceed a threshold; NaN exceeds none."""
+        """Compare sizes of any shape with a threshold; NaN does not exceed it."""
         with np.errstate(invalid="ignore"):
             return sizes < bound if self.lower_is_worse else sizes > bound
 
@@ -131,10 +131,10 @@ class Rule:
             measured: The motion.
             subject: Names of the joint, of the link or of both links.
             sizes: At each time, shape (n,); NaN where it is not known.
-            text: A sentence on the worst of it, with ``{worst}``, and with ``{when}``,
-                which becomes " at 1.234 s", or nothing for a single configuration.
-            unit: Of the sizes, if it is not that of the rule.
-            points: Where it is, in the map, in [m], shape (n, 3) or (n, k, 3).
+            text: Message with ``{worst}`` and ``{when}``, which becomes " at 1.234 s",
+                or nothing for a single configuration.
+            unit: Of the sizes; empty: that of the rule.
+            points: Points to mark, in the map, in [m], shape (n, 3) or (n, k, 3).
 
         Returns:
             The finding; None if no size exceeds a threshold.

@@ -1,4 +1,4 @@
-"""The thresholds of the checks, and the parameters of what they measure."""
+"""Thresholds and parameters of the checks."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Level:
-    """The sizes that a warning and a failure exceed; None: there is none."""
+    """The thresholds of warnings and failures; None: no threshold."""
 
     warning: float | None = None
     failure: float | None = None
@@ -26,12 +26,12 @@ class JointBounds:
     """Bounds of a derivative of joint positions, which URDF does not have."""
 
     default: float | None = None
-    """For the joints that are not named; None: any value."""
+    """For joints that are not in ``joints``; None: no bound."""
 
     joints: Mapping[str, float] = field(default_factory=dict)
 
     def of(self, names: tuple[str, ...]) -> np.ndarray:
-        """Return the bounds of joints, infinite where there is none."""
+        """Return the bounds of joints, infinite without a bound."""
         default = np.inf if self.default is None else self.default
         return np.array([self.joints.get(name, default) for name in names], dtype=float)
 
@@ -44,7 +44,7 @@ class Thresholds:
     """
 
     levels: Mapping[str, Level] = field(default_factory=dict)
-    """By the name of the check; one that is not there has the level of its rule."""
+    """By the name of the check; by default the level of its rule."""
 
     acceleration_bounds: JointBounds = field(default_factory=JointBounds)
     """In [rad/s^2] or [m/s^2]."""
@@ -59,8 +59,8 @@ class Thresholds:
     """A link whose lowest point is at most this high touches the floor, in [m]."""
 
     bearing_height: float = 0.025
-    """A slow foot or hand supports the robot up to this height, in [m]: feet of motions
-    that were recorded from people are seldom exactly on the floor."""
+    """A slow foot or hand supports the robot up to this height, in [m]: in motions
+    captured from people, feet are seldom exactly on the floor."""
 
     bearing_speed: float = 0.1
     """A link is slow if its lowest point is slower than this, in [m/s]."""

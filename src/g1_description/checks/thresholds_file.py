@@ -1,4 +1,4 @@
-"""Thresholds that YAML files, or programs, change."""
+"""Thresholds from YAML files or mappings."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ PARAMETERS = tuple(part.name for part in fields(Thresholds) if part.name != "lev
 
 
 def read_thresholds(file: Path | None = None) -> Thresholds:
-    """Read the default thresholds, and those that a YAML file changes.
+    """Read the default thresholds, changed by a YAML file.
 
     Args:
-        file: The file; by default ``config/checks.yaml`` alone counts.
+        file: The file; None: the defaults of ``config/checks.yaml``.
 
     Raises:
         ThresholdError: If a file cannot be read, or holds something else.
@@ -39,13 +39,13 @@ def read_thresholds(file: Path | None = None) -> Thresholds:
 
 
 def _changed_by(path: Path, thresholds: Thresholds) -> Thresholds:
-    """Change the thresholds that a file names."""
+    """Apply the thresholds of a file."""
     try:
         content = read_yaml(path)
     except YamlError as error:
         raise ThresholdError(f"{path}: {error}.") from error
     if not isinstance(content, dict):
-        raise ThresholdError(f"{path} does not hold thresholds by name.")
+        raise ThresholdError(f"{path} must map names of thresholds to their values.")
     try:
         return with_thresholds(thresholds, content)
     except ThresholdError as error:
@@ -59,10 +59,10 @@ def with_thresholds(thresholds: Thresholds, content: Mapping[str, Any]) -> Thres
         thresholds: Those to begin with.
         content: Values by name: of a check ``{warning: NUMBER, failure: NUMBER}``, of
             bounds ``{default: NUMBER, joints: {NAME: NUMBER}}``, else a number; in the
-            first two null means any size.
+            first two null means no limit.
 
     Raises:
-        ThresholdError: If there is no such name, or a value is not of its kind.
+        ThresholdError: If a name is unknown or a value is invalid.
     """
     rules = {rule.name: rule for rule in RULES}
     known = [*rules, *PARAMETERS]
@@ -73,7 +73,7 @@ def with_thresholds(thresholds: Thresholds, content: Mapping[str, Any]) -> Thres
             levels[name] = _level(rules[name], value, thresholds)
         elif name not in known:
             raise ThresholdError(
-                f"There is no threshold {name}; there are "
+                f"Unknown threshold '{name}'. Known thresholds: "
                 f"{listed(similar_first(str(name), known))}."
             )
         elif name in BOUNDS:
@@ -84,7 +84,7 @@ def with_thresholds(thresholds: Thresholds, content: Mapping[str, Any]) -> Thres
 
 
 def _level(rule: Rule, value: Any, thresholds: Thresholds) -> Level:
-    """Read the thresholds of one check; one that is not named stays."""
+    """Read the thresholds of one check; a missing one is kept."""
     parts = _parts(rule.name, value, ("warning", "failure"))
     numbers = {
         part: _optional(f"{rule.name}.{part}", number) for part, number in parts.items()
@@ -97,11 +97,13 @@ def _bounds(name: str, value: Any) -> JointBounds:
     parts = _parts(name, value, ("default", "joints"))
     joints = parts.get("joints") or {}
     if not isinstance(joints, Mapping):
-        raise ThresholdError(f"{name}.joints is {joints!r}, not numbers by joint.")
+        raise ThresholdError(
+            f"{name}.joints must map joints to numbers (got {joints!r})."
+        )
     found = {str(j): _number(f"{name}.joints.{j}", v) for j, v in joints.items()}
     default = _optional(f"{name}.default", parts.get("default"))
     if any(bound <= 0.0 for bound in (*found.values(), default) if bound is not None):
-        raise ThresholdError(f"{name} has a bound that is not positive.")
+        raise ThresholdError(f"The bounds in {name} must be positive.")
     return JointBounds(default, found)
 
 
@@ -109,16 +111,18 @@ def _parameter(name: str, value: Any) -> float:
     """Read a height, speed or time."""
     number = _number(name, value)
     if name != "floor_height" and number < 0.0:
-        raise ThresholdError(f"{name} is {value}; it cannot be negative.")
+        raise ThresholdError(f"{name} must not be negative (got {value}).")
     if name in POSITIVE and not number > 0.0:
-        raise ThresholdError(f"{name} is {value}; it must be positive.")
+        raise ThresholdError(f"{name} must be greater than 0 (got {value}).")
     return number
 
 
 def _parts(name: str, value: Any, known: tuple[str, ...]) -> Mapping[str, Any]:
     """Read a mapping with some of the allowed keys."""
     if not isinstance(value, Mapping) or not set(value) <= set(known):
-        raise ThresholdError(f"{name} is {value!r}, not a mapping of {listed(known)}.")
+        raise ThresholdError(
+            f"{name} must be a mapping with {listed(known)} (got {value!r})."
+        )
     return value
 
 
@@ -130,5 +134,5 @@ def _number(name: str, value: Any, more: str = "") -> float:
     """Read a finite number."""
     number = finite_number(value)
     if number is None:
-        raise ThresholdError(f"{name} is {value!r}, not a number{more}.")
+        raise ThresholdError(f"{name} must be a number{more} (got {value!r}).")
     return number

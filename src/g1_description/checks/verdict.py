@@ -13,10 +13,10 @@ FAILED, WARNING, PASSED = "failed", "warning", "passed"
 
 @dataclass(frozen=True)
 class Finding:
-    """What one check found of one joint, link or pair of links in a whole motion."""
+    """A finding of one check on one joint, link or pair of links, in a whole motion."""
 
     check: str
-    """Which check found it: position, velocity, self_collision ..."""
+    """Name of the check: position, velocity, self_collision ..."""
 
     severity: str
     """``failed`` or ``warning``."""
@@ -25,11 +25,11 @@ class Finding:
     """Names of the joint, of the link or of both links; empty for the whole robot."""
 
     worst: float
-    """The size where it is worst, in ``unit``."""
+    """The worst size, in ``unit``."""
 
     bound: float
-    """The threshold that ``severity`` stands for. The worst size is above it; or below,
-    for checks such as of distances."""
+    """The exceeded threshold of ``severity``. The worst size is above it, or below it
+    for checks such as distances."""
 
     unit: str
     first_time: float
@@ -45,19 +45,19 @@ class Finding:
     """First and last times of each interval in which it exceeds ``bound``, in [s]."""
 
     text: str
-    """A sentence on the worst of it."""
+    """Message on the worst size."""
 
     points: tuple[tuple[float, float, float], ...] = ()
-    """Where it is at its worst, in the map, in [m]; empty where it is nowhere."""
+    """Points of the worst size in the map, in [m]; may be empty."""
 
     @property
     def name(self) -> str:
-        """The subject in a word or two."""
+        """The subject as text."""
         return " - ".join(self.subject)
 
     @property
     def badness(self) -> float:
-        """A number that is larger for the worse one of two findings of a check."""
+        """Sort key: larger for the worse of two findings of a check."""
         return -self.worst if self.worst < self.bound else self.worst
 
 
@@ -83,7 +83,7 @@ class Verdict:
     """Names of the checks that were made."""
 
     skipped: dict[str, str] = field(default_factory=dict)
-    """Names of those that were not, and why not."""
+    """Reasons by the names of the skipped checks."""
 
     figures: dict[str, float] = field(default_factory=dict)
     """Figures of the motion by name, such as ``duration`` and ``largest_speed``."""
@@ -92,10 +92,10 @@ class Verdict:
     """First and last time of each contact with the floor, in [s], by link."""
 
     notes: tuple[str, ...] = ()
-    """Messages on what was assumed."""
+    """Messages on assumptions."""
 
     measured: Measured | None = field(default=None, compare=False, repr=False)
-    """Arrays over the samples that the findings are from; None in reports."""
+    """The measurements; None in reports."""
 
     @property
     def severity(self) -> str:
@@ -111,11 +111,11 @@ class Verdict:
 
     @property
     def nothing_made(self) -> str:
-        """A sentence on why no check was made at all; empty where one was."""
+        """Why all checks were skipped; empty if any was made."""
         if self.checked:
             return ""
         reasons = "; ".join(f"{name}: {why}" for name, why in self.skipped.items())
-        return f"No check could be made: {reasons}."
+        return f"All checks were skipped: {reasons}."
 
     @property
     def passed(self) -> bool:
@@ -123,7 +123,7 @@ class Verdict:
         return self.severity != FAILED
 
     def of(self, check: str) -> tuple[Finding, ...]:
-        """Return what one check found.
+        """Return the findings of one check.
 
         Args:
             check: Its name.
@@ -133,11 +133,11 @@ class Verdict:
         """
         if check not in self.checked and check not in self.skipped:
             known = ", ".join([*self.checked, *self.skipped])
-            raise KeyError(f"there is no check {check}; there are {known}")
+            raise KeyError(f"unknown check '{check}'; known: {known}")
         return tuple(finding for finding in self.findings if finding.check == check)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it for JSON, without what was measured."""
+        """Return a dictionary for JSON, without the measurements."""
         parts = replace(self, measured=None)
         content = {**asdict(parts), "severity": self.severity}
         del content["measured"]

@@ -1,6 +1,6 @@
-"""A command that checks motions in files.
+"""The command check, which checks motions in files.
 
-It needs ROS to read rosbags, but neither a master nor a screen.
+It needs neither a master nor a screen.
 """
 
 from __future__ import annotations
@@ -44,12 +44,12 @@ from g1_description.ros.lifecycle import own_arguments
 from g1_description.text import listed, similar_first
 
 MISUSE = 2
-"""Exit code where the command line is wrong, or something cannot be checked."""
+"""Exit code for a wrong command line or a file that cannot be checked."""
 
 STDOUT = "-"
 
 ENDINGS = {"json": ".json", "csv": ".csv", "html": ".html"}
-"""What names of reports end in."""
+"""File extensions of reports."""
 
 
 def checks(text: str) -> tuple[str, ...]:
@@ -59,7 +59,9 @@ def checks(text: str) -> tuple[str, ...]:
     for name in names:
         if name not in known:
             near = ", ".join(similar_first(name, known))
-            raise argparse.ArgumentTypeError(f"unknown check '{name}'; known: {near}")
+            raise argparse.ArgumentTypeError(
+                f"unknown check '{name}'; known checks: {near}"
+            )
     return names
 
 
@@ -67,9 +69,9 @@ def checks(text: str) -> tuple[str, ...]:
 class CheckOptions:
     """Check motions in files.
 
-    Limits, jumps, self-collisions, the floor, balance, and with --physics what motors
-    make of them. The exit code is 0 if nothing failed, 1 if a motion failed, 2 if
-    something could not be checked.
+    Checks limits, jumps, self-collisions, floor contact, balance, and with --physics
+    the tracking by motors. The exit code is 0 if nothing failed, 1 if a motion failed,
+    2 if something could not be checked.
     """
 
     files: list[Path] = argument(
@@ -96,8 +98,7 @@ class CheckOptions:
         "do not substitute hulls of visual shapes for missing collision shapes", False
     )
     collisions: Path | None = option(
-        "file of the pairs of links that may touch by design, as collision_pairs "
-        "writes it",
+        "file of allowed collisions, as written by collision_pairs",
         None,
         Path,
         metavar="YAML",
@@ -138,7 +139,7 @@ class CheckOptions:
     )
 
     def __post_init__(self) -> None:
-        """Check what goes together.
+        """Check combinations of options.
 
         Raises:
             InvalidValueError: If options contradict each other.
@@ -152,38 +153,41 @@ class CheckOptions:
         for name, ending in ENDINGS.items():
             file = getattr(self, name)
             if file not in (None, STDOUT) and Path(file).suffix.lower() != ending:
-                raise InvalidValueError(f"--{name} {file} does not end in {ending}")
+                raise InvalidValueError(f"--{name} must end in {ending} (got {file})")
         if self.json == self.csv == STDOUT:
-            raise InvalidValueError("--json and --csv cannot both be on stdout")
+            raise InvalidValueError("--json and --csv cannot both write to stdout")
 
 
 PICTURE = ".png"
 
 
 class Reports:
-    """Writes what was asked for; pictures at once, the rest in the end."""
+    """Writes the requested reports: pictures immediately, the rest at the end."""
 
     def __init__(self, args: CheckOptions, tasks: Sequence[Task]) -> None:
-        """Check that all can be written.
+        """Check that all reports can be written.
 
         Args:
             args: Of the command line.
             tasks: The files.
 
         Raises:
-            InvalidValueError: If something cannot.
+            InvalidValueError: If one cannot.
         """
         self._args = args
         self.problems: list[str] = []
-        """Why something that was asked for is not written."""
+        """Messages on reports that could not be written."""
         self._pictures = _pictures(args.plot, tasks)
         for name in (args.json, args.csv, args.html):
             if name not in (None, STDOUT):
                 check_place(Path(name))
         motions = {os.path.realpath(task.path) for task in tasks}
         if args.csv and os.path.realpath(args.csv) in motions:
-            raise InvalidValueError(f"--csv {args.csv} is a motion to check.")
-        # A page has all pictures in the end; until then they need no memory.
+            raise InvalidValueError(
+                f"Refusing to overwrite --csv {args.csv}, which "
+                "is one of the motions to check."
+            )
+        # The page embeds all pictures at the end; until then they are kept on disk.
         self._kept = TemporaryDirectory(prefix="check_") if args.html else None
 
     def add(self, task: Task, outcome: FileResult) -> None:
@@ -215,32 +219,32 @@ class Reports:
 
     @contextmanager
     def _going_on(self) -> Iterator[None]:
-        """Take note of what cannot be written, and go on with the rest."""
+        """Note an error, and continue with the other reports."""
         try:
             yield
         except InvalidValueError as error:
             self.problems.append(str(error))
 
     def _picture(self, number: int) -> Path | None:
-        """Return where the picture of a file was kept; None if it has none."""
+        """Return the kept picture of a file; None if it has none."""
         assert self._kept is not None
         path = Path(self._kept.name, str(number))
         return path if path.exists() else None
 
 
 def _pictures(out: Path | None, tasks: Sequence[Task]) -> dict[int, Path]:
-    """Decide where pictures are written, by the numbers of the files."""
+    """Return the paths of pictures by number of the file."""
     if out is None:
         return {}
     if out.suffix.lower() == PICTURE and not out.is_dir():
         if len(tasks) > 1:
             raise InvalidValueError(
-                f"--plot {out} is one picture for {len(tasks)} files: name a folder."
+                f"--plot must be a folder for {len(tasks)} files (got {out})."
             )
         check_place(out)
         return {tasks[0].number: out}
     if out.exists() and not out.is_dir():
-        raise InvalidValueError(f"--plot {out} is neither a folder nor a .png.")
+        raise InvalidValueError(f"--plot must be a folder or end in .png (got {out}).")
     _check_writable(next(place for place in (out, *out.parents) if place.exists()))
     names = picture_names(tasks)
     return {task.number: out / name for task, name in zip(tasks, names)}
@@ -253,21 +257,23 @@ def check_place(path: Path) -> None:
         InvalidValueError: If it cannot.
     """
     if not path.parent.is_dir():
-        raise InvalidValueError(f"There is no folder {path.parent} for {path.name}.")
+        raise InvalidValueError(
+            f"The folder {path.parent} for {path.name} does not exist."
+        )
     if path.is_dir():
-        raise InvalidValueError(f"{path} is a folder.")
+        raise InvalidValueError(f"{path} is a folder, not a file.")
     _check_writable(path.parent)
 
 
 def _check_writable(folder: Path) -> None:
     """Check that something can be written into a folder."""
     if not os.access(folder, os.W_OK):
-        raise InvalidValueError(f"Nothing can be written into {folder}.")
+        raise InvalidValueError(f"The folder {folder} is not writable.")
 
 
 def _write(name: str, text: str) -> None:
     """Write a text into a file, or on stdout."""
-    # Names of files may hold bytes that are no text.
+    # File names may contain bytes that are not text.
     data = text.encode("utf-8", "backslashreplace")
     if name == STDOUT:
         sys.stdout.write(data.decode("utf-8"))
@@ -277,10 +283,10 @@ def _write(name: str, text: str) -> None:
 
 
 class Results:
-    """Collects outcomes; shows each as soon as all before it are there."""
+    """Collects outcomes; prints each once all before it are printed."""
 
     def __init__(self, n_files: int, stream: TextIO | None) -> None:
-        """Show that nothing is done yet.
+        """Start the progress bar.
 
         Args:
             n_files: Number of files.
@@ -300,7 +306,7 @@ class Results:
         self._bar.update()
 
     def close(self) -> None:
-        """Show those that waited for others, which are not done."""
+        """Print outcomes that waited for unfinished files."""
         self._bar.close()
         for number in sorted(self.outcomes):
             if number > self._next:
@@ -319,7 +325,7 @@ class Results:
 
 
 def _is_shown(n_files: int) -> bool:
-    """Return whether somebody looks, and there is something to wait for."""
+    """Return whether to show a progress bar."""
     return n_files > 1 and sys.stderr.isatty()
 
 
@@ -333,7 +339,7 @@ def check(args: CheckOptions) -> int:
 
     Raises:
         G1DescriptionError: If nothing can be checked.
-        KeyboardInterrupt: If it is interrupted before anything is done.
+        KeyboardInterrupt: If it is interrupted before the first outcome.
     """
     files = motion_files(args.files)
     reports = Reports(args, files.tasks)
@@ -367,7 +373,7 @@ def file_checker(args: CheckOptions) -> FileChecker:
     """Prepare the checks of the robot.
 
     Raises:
-        G1DescriptionError: If a file that is named is not what it should be.
+        G1DescriptionError: If a given file is invalid.
     """
     robot = Robot(args.model or MODEL)
     collisions = collisions_of(
@@ -383,7 +389,7 @@ def file_checker(args: CheckOptions) -> FileChecker:
 
 
 def _pool(args: CheckOptions, checker: FileChecker, n_files: int) -> Here:
-    """Choose who checks."""
+    """Choose where files are checked."""
     if args.dask is not None:
         return Cluster(checker, args.dask)
     n_processes = min(args.jobs, n_files)
@@ -395,16 +401,16 @@ def _summarize(results: Results, files: MotionFiles, stream) -> None:
     outcomes = [results.outcomes[number] for number in sorted(results.outcomes)]
     text = summary_text(outcomes, results.n_missing)
     others = files.n_left_out
-    more = f"; {others} with other endings left out" if others else ""
+    more = f"; ignored {others} with other extensions" if others else ""
     say(f"{text}{more}.", stream)
 
 
 def exit_code(outcomes: Collection[FileResult], named: Collection[str]) -> int:
-    """Decide what the command ends with.
+    """Return the exit code.
 
     Args:
         outcomes: Of all files.
-        named: Names of those that were named one by one: these have to be motions.
+        named: Names of files given one by one, which must be motions.
     """
     if any(outcome.result == FAILED for outcome in outcomes):
         return 1

@@ -1,4 +1,4 @@
-"""Find which links of a robot may touch by design, and write a file of them.
+"""The command collision_pairs, which writes a file of allowed collisions.
 
 It needs nothing of ROS.
 """
@@ -26,7 +26,7 @@ from g1_description.robot.load import absolute_urdf
 from g1_description.robot.urdf import parse_urdf
 
 G1 = "package://g1_description/urdf/g1_29dof.urdf"
-"""The robot where none is given."""
+"""The default robot."""
 
 MAX_SEED = 2**32 - 1
 
@@ -48,7 +48,7 @@ the file is written again. The file serves any robot whose links are all in it.
 class PairsOptions:
     """Find pairs of links that need no check for collisions.
 
-    A joint connects them, or they overlap always, at zero, or never. Print them as
+    They are connected by a joint, or overlap always, at zero, or never. Prints them as
     YAML.
     """
 
@@ -67,7 +67,7 @@ class PairsOptions:
         "seed of the random numbers", 0, within(0, MAX_SEED, int), metavar="S"
     )
     out: Path | None = option(
-        "write the pairs into this file instead; its pairs of reason 'user' stay",
+        "write to this file instead; its pairs with reason 'user' are kept",
         None,
         Path,
         names=("-o", "--out"),
@@ -76,7 +76,7 @@ class PairsOptions:
 
 
 def show_progress(done: int, total: int) -> None:
-    """Show on a terminal how many samples are done."""
+    """Show the progress on a terminal."""
     if sys.stderr.isatty():
         end = "\n" if done >= total else ""
         share = 100 * done // total
@@ -87,14 +87,14 @@ def summary(allowed: AllowedPairs) -> str:
     """Count the pairs of each reason."""
     counts = Counter(pair.reason for pair in allowed.pairs)
     listed = ", ".join(f"{counts[reason]} {reason}" for reason in REASONS)
-    return f"{len(allowed.links)} links; pairs that are not checked: {listed}."
+    return f"{len(allowed.links)} links; allowed pairs: {listed}."
 
 
 def run(args: PairsOptions) -> None:
     """Find the pairs, and write or print them.
 
     Raises:
-        G1DescriptionError: If that fails; nothing is written then.
+        G1DescriptionError: If that fails; then nothing is written.
     """
     kept = read_allowed_pairs(args.out).pairs if args.out and args.out.exists() else ()
     robot = parse_urdf(absolute_urdf(args.model))

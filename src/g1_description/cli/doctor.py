@@ -1,11 +1,11 @@
-"""The command doctor: checks from the master to the display, up to the first fault.
+"""The command doctor: checks from the master to the display, until the first fault.
 
-A check is a function in the list ``CHECKS`` that asks the running system and returns a
-``Fault``, or a remark where all is well. What it finds out is kept in ``System`` for
-the checks behind it.
+A check is a function in the list ``CHECKS`` that queries the running system and returns
+a ``Fault``, or a remark if there is none. Its results are kept in ``System`` for later
+checks.
 
-Only the standard library is imported at the top: the command has to work where the
-rest is missing. From ``check_description`` on, the rest is known to be there.
+Only the standard library is imported at the top: the command must work if the rest is
+missing. From ``check_description`` on, the rest is known to be installed.
 
 Subscribes: /clock, /diagnostics, /tf, /tf_static, <gazebo>/link_states, joint_states
 Calls: <gazebo>/get_physics_properties, <gazebo>/get_world_properties
@@ -66,15 +66,15 @@ IMPORT_TIMEOUT = 20.0
 """Longest wait for imports in [s]: the disk may be slow the first time."""
 
 MAX_OFFSET = 0.01
-"""Largest distance in [m] of a joint from where the description has it: Gazebo's
-engine lets the joints of a robot that lies on the floor come apart a little."""
+"""Largest distance in [m] of a joint from its place in the description: in Gazebo, the
+joints of a robot that lies on the floor come apart a little."""
 
 DEFAULT_MASTER = "http://localhost:11311"
 ROS_FOLDER = "/usr/bin"
-"""Where the Python of ROS' distributions is."""
+"""Folder of ROS' Python."""
 
 OF_WORKSPACE = ("g1_description.srv", "gazebo_msgs.msg")
-"""Modules that are found once the workspace is sourced."""
+"""Modules that are importable once the workspace is sourced."""
 
 PACKAGES = {
     "numpy": "'numpy<2'",
@@ -90,20 +90,20 @@ PACKAGES = {
 """Modules that the nodes import, with their names for pip."""
 
 STATES = "tf_joint_states"
-"""Last name of a topic that only a bridge publishes, for robot_state_publisher."""
+"""Base name of a topic that only a bridge publishes, for robot_state_publisher."""
 
 PIPELINE = {"clock", "tf", "tf_static", "link_states", "world_state", "joint_states"}
 PIPELINE |= {STATES, "set_model_configuration"}
-"""Last names of the topics and services between the simulator and RViz."""
+"""Base names of the topics and services between the simulator and RViz."""
 
 BRIDGE = "/link_states_bridge"
 """The bridge's name in the launch files."""
 
 PAGE_PARAMETERS = {"controls", "port", "read_only"}
-"""Parameters by which the node of the browser view is known."""
+"""Parameters that identify the node of the browser view."""
 
 RVIZ_SERVICE = "/reload_shaders"
-"""End of the name of a service that each RViz has."""
+"""Base name of a service of each RViz."""
 
 DISPLAY = "roslaunch g1_description display.launch"
 GAZEBO = "roslaunch g1_description gazebo.launch"
@@ -115,19 +115,19 @@ AGAIN = "  # its launch file starts it again"
 
 @dataclass(frozen=True)
 class Fault:
-    """What is wrong."""
+    """A fault of the running system."""
 
     name: str
-    """As on the page."""
+    """Name, as in the documentation."""
 
     sentence: str
     cure: str
-    """A command."""
+    """A command that fixes it."""
 
 
 @dataclass(frozen=True)
 class Result:
-    """What a check found."""
+    """The result of a check."""
 
     name: str
     about: str
@@ -142,10 +142,10 @@ class Result:
 
 
 def within(seconds: float, function: Callable[..., Any], *given: Any) -> Any:
-    """Call a function that may hang, in a thread that is abandoned then.
+    """Call a function with a timeout, in a thread that is abandoned after it.
 
     Raises:
-        TimeoutError: If it takes longer; and what the function raises.
+        TimeoutError: If it takes longer; also the errors of the function.
     """
     results: queue.Queue = queue.Queue()
 
@@ -169,8 +169,8 @@ def ask(uri: str, method: str, *given: Any) -> Any:
     """Call a method of the master or a node, by ROS' XML-RPC interface.
 
     Raises:
-        OSError: If nobody answers, or somebody who does not speak ROS.
-        LookupError: If the answer is that the call failed.
+        OSError: If nothing answers, or not by ROS' protocol.
+        LookupError: If the call failed on the other side.
     """
 
     def call() -> tuple[int, str, Any]:
@@ -180,16 +180,16 @@ def ask(uri: str, method: str, *given: Any) -> Any:
     try:
         code, text, value = within(WAIT, call)
     except (Error, HTTPException, ExpatError, TypeError, ValueError):
-        raise OSError("the program that answers there is not of ROS") from None
+        raise OSError("the program that answers there is not a ROS program") from None
     if code != 1:
         raise LookupError(text)
     return value
 
 
 def reason_of(error: BaseException) -> str:
-    """Say in few words why nobody answered."""
+    """Describe an error of a connection."""
     if isinstance(error, socket.gaierror):
-        return "its host is not known here"
+        return "its host name cannot be resolved here"
     if isinstance(error, ConnectionRefusedError):
         return "nothing listens there"
     if isinstance(error, OSError):
@@ -210,7 +210,7 @@ def host_of(uri: str) -> tuple[str, int]:
 
 
 def addresses_of(host: str) -> list[str]:
-    """Look up the addresses of a host; empty if it is not known."""
+    """Resolve a host name; empty if that fails."""
     try:
         found = within(WAIT, socket.getaddrinfo, host, None)
     except (OSError, UnicodeError):
@@ -219,7 +219,7 @@ def addresses_of(host: str) -> list[str]:
 
 
 def is_own(address: str) -> bool:
-    """Return whether an address is one of this machine: only those can be bound."""
+    """Return whether an address belongs to this machine, so that it can be bound."""
     family = socket.AF_INET6 if ":" in address else socket.AF_INET
     with contextlib.suppress(OSError), socket.socket(family, socket.SOCK_STREAM) as one:
         one.bind((address, 0))
@@ -228,7 +228,7 @@ def is_own(address: str) -> bool:
 
 
 def are_loopback(addresses: Iterable[str]) -> bool:
-    """Return whether addresses mean the machine that uses them."""
+    """Return whether all addresses are loopback addresses."""
     return all(a.startswith("127.") or a == "::1" for a in addresses)
 
 
@@ -331,24 +331,26 @@ def call(service: str, kind: Any) -> Any:
 
 
 class System:
-    """The running system, as far as the checks have found out."""
+    """The running system, as known from the checks so far."""
 
     def __init__(self, namespace: str) -> None:
         self.namespace = namespace
-        """Of the robot's topics, without slashes around."""
+        """Of the robot's topics, without leading and trailing slashes."""
         self.uri = os.environ.get("ROS_MASTER_URI") or DEFAULT_MASTER
         self.master_is_here = True
         self.failed: dict[str, str] = {}
-        """Modules that this Python cannot import, and why."""
+        """Errors of modules that this Python cannot import."""
         self.publishers: Nodes = defaultdict(list)
         self.subscribers: Nodes = defaultdict(list)
         self.services: Nodes = defaultdict(list)
         self.pids: dict[str, int] = {}
-        """Processes of the nodes that answer."""
+        """Process ids of the nodes that answer."""
         self.here: set[str] = set()
         """The nodes on this machine."""
-        self.place = ""
-        """Parameter of the robot's description."""
+        self.place = (
+            ""
+            """Parameter of the robot's description."""
+        )
         self.description: Description = None  # type: ignore[assignment]
         self.is_paused = False
         self.links: tuple[list[str], np.ndarray] = None  # type: ignore[assignment]
@@ -376,7 +378,7 @@ class System:
 
     @cached_property
     def bridges(self) -> list[str]:
-        """The bridges of the namespace, the one of the launch files first."""
+        """The bridges of the namespace, that of the launch files first."""
         nodes = self.publishers[self.topic(STATES)]
         return sorted(nodes, key=lambda node: (node != BRIDGE, node))
 
@@ -397,7 +399,7 @@ class System:
         names = {field.name for field in fields(BridgeParameters)}
         try:
             return BridgeParameters(**{name: own[name] for name in names & {*own}})
-        except (G1DescriptionError, TypeError):  # with these no bridge starts
+        except (G1DescriptionError, TypeError):  # a bridge does not start with these
             return BridgeParameters()
 
     @property
@@ -439,12 +441,12 @@ class System:
 
     @cached_property
     def state_publishers(self) -> list[str]:
-        """The nodes that make TF of it."""
+        """The nodes that publish TF from it."""
         readers = self.subscribers[self.tf_input]
         return [node for node in readers if node in self.publishers["/tf"]]
 
     def base_edges(self) -> list[tuple[str, str]]:
-        """List the edges of TF that the bridge sends: parent and child."""
+        """List the edges of TF that the bridge publishes: parent and child."""
         from g1_description.bridge.parameters import base_child, static_edges
 
         prefix, p = self.robot.frame_prefix, self.parameters
@@ -471,7 +473,7 @@ class System:
 def several(
     name: str, nodes: Sequence[str], own: Sequence[str], sentence: str
 ) -> Fault | None:
-    """Return a fault if several nodes do what one should do; ``own`` may stay."""
+    """Return a fault if several nodes do the work of one; those of ``own`` may stay."""
     if len(nodes) < 2:
         return None
     others = [node for node in nodes if node not in own] or nodes[1:]
@@ -483,12 +485,12 @@ def check_python(system: System) -> Fault | str:
     own, first = sys.executable, shutil.which("python3") or ""
     system.failed = failed_imports(own, ["rospy", *OF_WORKSPACE, *PACKAGES])
     reason = system.failed.get("rospy", "")
-    # Without a workspace that comes first: rosrun finds the Python.
+    # Checked first without a workspace: rosrun finds the right Python.
     is_sourced = find_spec("g1_description.srv") is not None
     if reason and is_sourced and os.path.dirname(own) != ROS_FOLDER:
         return Fault(
             "wrong_python",
-            f"The Python of this command is {own}, which is not that of ROS: {reason}.",
+            f"This command runs with {own}, which is not ROS' Python: {reason}.",
             f"export PATH={ROS_FOLDER}:$PATH",
         )
     reasons = [system.failed[n] for n in OF_WORKSPACE if n in system.failed]
@@ -504,19 +506,19 @@ def check_python(system: System) -> Fault | str:
     if is_same or (first and not failed_imports(first, ["rospy"])):
         return own
     return (
-        f"{own}; python3 on PATH is {first or 'missing'}, without rospy: scripts that "
-        f"begin with '#!/usr/bin/env python3' need export PATH={ROS_FOLDER}:$PATH"
+        f"{own}; python3 on PATH ({first or 'missing'}) has no rospy: scripts with "
+        f"'#!/usr/bin/env python3' need export PATH={ROS_FOLDER}:$PATH"
     )
 
 
 def check_packages(system: System) -> Fault | str:
-    """Look for a package that the nodes import and this Python cannot."""
+    """Look for a package of the nodes that this Python cannot import."""
     for module, package in PACKAGES.items():
         if module not in system.failed or (module == "pybullet" and _is_gazebo(system)):
             continue
         return Fault(
             "no_pybullet" if module == "pybullet" else "no_package",
-            f"{sys.executable} lacks {package}, which the nodes need: "
+            f"{sys.executable} cannot import {package}, which the nodes need: "
             f"{system.failed[module]}.",
             f"{sys.executable} -m pip install {package}",
         )
@@ -541,9 +543,8 @@ def check_master(system: System) -> Fault | str:
     except ValueError:
         return Fault(
             "bad_master_uri",
-            f"ROS_MASTER_URI is '{uri}', which is not an address like "
-            f"{DEFAULT_MASTER}.",
-            f"export ROS_MASTER_URI={DEFAULT_MASTER}  # or another host's",
+            f"ROS_MASTER_URI must be an address like {DEFAULT_MASTER} (got '{uri}').",
+            f"export ROS_MASTER_URI={DEFAULT_MASTER}  # or that of another host",
         )
     system.master_is_here = any(map(is_own, addresses_of(host)))
     try:
@@ -557,23 +558,23 @@ def check_master(system: System) -> Fault | str:
 
 
 def check_address(system: System) -> Fault | str:
-    """Check the address that nodes of this shell give the master."""
+    """Check the address with which nodes of this shell register."""
     name, value = "The name of this host", socket.gethostname()
     given = [v for v in ("ROS_HOSTNAME", "ROS_IP") if v in os.environ]
-    if given and os.environ[given[0]]:  # an empty one hides the other
+    if given and os.environ[given[0]]:  # even an empty one takes precedence
         name, value = given[0], os.environ[given[0]]
     addresses = addresses_of(value)
     if not addresses:
-        reason = "no machine of that name is known here"
+        reason = "that name cannot be resolved here"
     elif not any(map(is_own, addresses)):
         reason = "that is another machine"
     elif not system.master_is_here and are_loopback(addresses):
-        reason = "on the machine of the master that is the master's own"
+        reason = "on the master's machine that address means the master itself"
     else:
         return f"{name}: {value}"
     return Fault(
         "wrong_ros_ip",
-        f"{name} is {value}, and {reason}: no node of this shell can be reached.",
+        f"{name} is {value}, but {reason}: nodes of this shell cannot be reached.",
         OWN_IP,
     )
 
@@ -595,11 +596,11 @@ def check_nodes(system: System) -> Fault | str:
 
 
 def _ask_node(system: System, node: str) -> Fault | None:
-    """Ask a node; note it in the system if it answers."""
+    """Query a node; record it if it answers."""
     try:
         uri = str(ask(system.uri, "lookupNode", node))
     except LookupError:
-        return None  # it has just gone
+        return None  # it has just unregistered
     addresses = []
     with contextlib.suppress(ValueError):
         host, port = host_of(uri)
@@ -614,31 +615,34 @@ def _ask_node(system: System, node: str) -> Fault | None:
         except (OSError, LookupError) as error:
             problem = error
     reason = reason_of(problem)
-    # Nodes outside the pipeline may be dead: nothing waits for them.
+    # Dead nodes outside the pipeline do no harm.
     if addresses and not _is_in_pipeline(system, node):
         return None
     if addresses and is_here and (system.master_is_here or not are_loopback(addresses)):
         place = f"{node} is registered at {uri}, but"
         if isinstance(problem, TimeoutError):
-            sentence = f"{place} hangs or was stopped, as by Ctrl-Z: {reason}."
+            sentence = (
+                f"{place} does not respond ({reason}): it hangs, or was "
+                "stopped with Ctrl-Z."
+            )
             process = f"$(fuser -n tcp {port} 2>/dev/null)"
-            cure = f"kill -CONT {process}  # if it goes on hanging: kill -9"
+            cure = f"kill -CONT {process}  # if it still hangs: kill -9"
             return Fault("hung_node", sentence, cure)
         sentence = f"{place} nothing answers there: {reason}."
         return Fault("dead_node", sentence, "yes | rosnode cleanup")
     if is_here:
-        reason = "each machine takes that for itself"
+        reason = "that address means a different machine on each host"
     elif addresses:
         reason = f"{reason}: that is another machine, or the node has died"
     return Fault(
         "wrong_node_address",
-        f"{node} gives {uri} as its address, and {reason}.",
+        f"{node} registered with the address {uri}, but {reason}.",
         f"{OWN_IP}  # on its machine, in the shell that starts {node} again",
     )
 
 
 def _is_in_pipeline(system: System, node: str) -> bool:
-    """Return whether a node passes on the robot's states, from simulator to TF."""
+    """Return whether a node is part of the pipeline from simulator to TF."""
     names = {
         name.rpartition("/")[2]
         for table in (system.publishers, system.services)
@@ -661,14 +665,14 @@ def check_description(system: System) -> Fault | str:
     found = ((place, system.parameter(place)) for place in places)
     place, text = next((pair for pair in found if pair[1] is not None), ("", ""))
     cure = DISPLAY
-    if system.simulators:  # beside which no launch file starts another
+    if system.simulators:  # launch files refuse to start a second one
         cure = (
             "rosrun g1_description absolute_urdf.py "
             "package://g1_description/urdf/g1_29dof.urdf > /tmp/g1.urdf && "
             f"rosparam set -t /tmp/g1.urdf {place or name}"
         )
     if not place:
-        sentence = f"There is no robot on {name}, in /{system.namespace} or above."
+        sentence = f"There is no parameter {name} in /{system.namespace} or above."
         return Fault("no_description", sentence, cure)
     try:
         system.description = parse_urdf(str(text))
@@ -692,20 +696,20 @@ def check_meshes(system: System) -> Fault | str:
     lost = [name for name in names if local_path(name, find_folder) is None]
     if not lost:
         return f"{len(names)} files"
-    sentence = f"The robot on {system.place} has meshes that are not on this machine: "
+    sentence = f"Meshes of the robot in {system.place} are missing on this machine: "
     cure = meshes_cure(lost, str(share_folder()))
     return Fault("missing_meshes", f"{sentence}{listed(lost)}.", cure)
 
 
 def meshes_cure(lost: Sequence[str], share: str) -> str:
-    """Write the command that brings meshes back; share is this package's folder."""
+    """Return the command that restores meshes; share is this package's folder."""
     scheme, _, path = lost[0].partition("://")
     package = path.partition("/")[0]
     if scheme == "package" and package != "g1_description":
         return f"source ~/catkin_ws/devel/setup.bash  # the workspace with {package}"
     if all(name.startswith(f"file://{share}/") for name in lost):
         return f"git -C {share} checkout -- meshes"
-    return f"{DISPLAY} model:=FILE  # FILE: the URDF with its meshes beside its folder"
+    return f"{DISPLAY} model:=FILE  # FILE: a URDF whose meshes are found"
 
 
 def check_simulator(system: System) -> Fault | str:
@@ -714,7 +718,7 @@ def check_simulator(system: System) -> Fault | str:
 
     if not system.simulators:
         service = f"{system.gazebo}/set_model_configuration"
-        sentence = f"There is no simulator: nothing serves {service}."
+        sentence = f"No simulator is running: nothing provides {service}."
         return Fault("no_simulator", sentence, GAZEBO)
     service = f"{system.gazebo}/get_physics_properties"
     try:
@@ -731,15 +735,15 @@ def _hung_simulator(system: System, service: str) -> Fault:
 
 
 def _restart(system: System, node: str, kill: str = "kill") -> str:
-    """Write the command that starts a simulator again.
+    """Return the command that restarts a simulator.
 
-    A launch file refuses to start beside one, and rosnode does not end the real Gazebo.
+    Launch files refuse to start a second one, and rosnode cannot kill the real Gazebo.
     """
     return f"{kill} {system.pids[node]}  # on its machine; then: {GAZEBO}"
 
 
 def _silent(name: str, node: str, topic: str, cure: str) -> Fault:
-    sentence = f"{node} runs, but nothing came on {topic} within {WAIT:g} s."
+    sentence = f"{node} runs, but there was no message on {topic} within {WAIT:g} s."
     return Fault(name, sentence, cure)
 
 
@@ -751,10 +755,13 @@ def check_clock(system: System) -> Fault | str:
     if not nodes:
         return Fault(
             "no_clock",
-            "/use_sim_time is true, but nothing publishes /clock: time never begins.",
-            "rosparam set /use_sim_time false  # then start the nodes again",
+            "/use_sim_time is true, but nothing publishes /clock: time does not "
+            "advance.",
+            "rosparam set /use_sim_time false  # then restart the nodes",
         )
-    sentence = f"/clock comes from {listed(nodes)}, so time jumps to and fro."
+    sentence = (
+        f"Several nodes publish /clock, {listed(nodes)}: time jumps back and forth."
+    )
     return several("two_clocks", nodes, system.simulators, sentence) or listed(nodes)
 
 
@@ -765,7 +772,7 @@ def check_time(system: System) -> Fault | str:
     if system.is_paused:
         return Fault(
             "paused",
-            "Simulated time is paused: the robot and its display stand still.",
+            "Simulated time is paused: the robot does not move.",
             f"rosservice call {system.gazebo}/unpause_physics",
         )
     nodes = system.publishers["/clock"]
@@ -784,7 +791,9 @@ def check_link_states(system: System) -> Fault | str:
     nodes = system.publishers[topic]
     if not nodes:
         node = system.simulators[0]
-        sentence = f"{node} runs, but nothing publishes {topic}: the bridge is blind."
+        sentence = (
+            f"{node} runs, but nothing publishes {topic}, which the bridge needs."
+        )
         return Fault("no_link_states", sentence, _restart(system, node))
     message = first_message(topic, LinkStates)
     if message is None:
@@ -802,14 +811,14 @@ def check_bridge(system: System) -> Fault | str:
     topic, bridges = system.topic(STATES), system.bridges
     if bridges:
         nodes = listed(bridges)
-        sentence = f"Several bridges publish {topic}, {nodes}: their states mix."
+        sentence = f"Several bridges publish {topic}: {nodes}."
         return several("two_bridges", bridges, [BRIDGE], sentence) or bridges[0]
     cure, others = "roslaunch g1_description bridge.launch", ""
     spaces = sorted(space for space, nodes in system.all_bridges.items() if nodes)
     if spaces:
         cure = DOCTOR + (f" --namespace {spaces[0]}" if spaces[0] else "")
-        others = f", but one for the namespace {listed(f'/{s}' for s in spaces)}"
-    sentence = f"There is no link_states_bridge that publishes {topic}{others}."
+        others = f"; there is one for the namespace {listed(f'/{s}' for s in spaces)}"
+    sentence = f"No link_states_bridge publishes {topic}{others}."
     return Fault("no_bridge", sentence, cure)
 
 
@@ -828,7 +837,7 @@ def check_model(system: System) -> Fault | str:
     if name.partition(SCOPE)[0] in models:
         return name
     cure = _spawn(system)
-    # A model with links of the robot, which may be it under another name.
+    # A model with the robot's links may be the robot under another name.
     shown = [robot.name for robot in system.parameters.each_robot]
     parts = [link.rpartition(SCOPE) for link in system.links[0]]
     names = {*system.description.link_names}
@@ -838,14 +847,14 @@ def check_model(system: System) -> Fault | str:
         cure += bridge + AGAIN
     return Fault(
         "no_model",
-        f"The simulator has no model called {name}, which {bridge} shows; it has "
+        f"The simulator has no model '{name}', which {bridge} needs. Its models: "
         f"{listed(models) or 'none'}.",
         cure,
     )
 
 
 def _spawn(system: System) -> str:
-    """Write the command that spawns the robot on its feet."""
+    """Return the command that spawns the robot on its feet."""
     return (
         f"rosrun g1_description spawn_robot.py _robot_description:={system.place} "
         f"_model_name:={system.robot.name} _on_floor:=true"
@@ -857,10 +866,10 @@ def check_urdf(system: System) -> Fault | str:
     name = system.robot.name
     reason = difference(system.description, name, *system.links)
     if not reason:
-        return f"{name} is the robot on {system.place}"
+        return f"{name} matches {system.place}"
     return Fault(
         "other_urdf",
-        f"The model {name} in the simulator is not the robot on {system.place}: "
+        f"The model {name} in the simulator differs from the robot in {system.place}: "
         f"{reason}.",
         f"rosservice call {system.gazebo}/delete_model {name} && {_spawn(system)}",
     )
@@ -872,13 +881,13 @@ def difference(
     """Compare a simulated model with a description.
 
     Args:
-        description: What it should be.
+        description: The expected robot.
         model: Its name.
         names: Scoped names of the simulator's links.
         poses: Their poses in the world, shape (n, 7).
 
     Returns:
-        A clause on the first difference; empty if none is seen.
+        A clause on the first difference; empty if there is none.
     """
     import numpy as np
 
@@ -895,9 +904,9 @@ def difference(
     missing = sorted(bodies - {*seen})
     extra = [n for n in sorted({*seen} - {*static.link_names}) if SCOPE not in n]
     if missing:
-        return f"it has no link {listed(missing)}"
+        return f"it lacks the link {listed(missing)}"
     if extra:
-        return f"it has the link {listed(extra)}, which the parameter has not"
+        return f"it has the additional link {listed(extra)}"
 
     for joint in static.description.joints:
         is_hinge = joint.kind in ("revolute", "continuous")
@@ -908,7 +917,7 @@ def difference(
         origins = [p[:3] + rotate(p[3:], joint.joint_origin) for p in poses_of_child]
         distance = float(np.linalg.norm(origins[0] - origins[1]))
         if distance > MAX_OFFSET:
-            return f"{joint.name} is {1e3 * distance:.0f} mm off its origin"
+            return f"the origin of {joint.name} is off by {1e3 * distance:.0f} mm"
 
     estimator = JointStateEstimator({model: description})
     estimator.update(list(names), poses, np.zeros((len(names), 6)), 0)
@@ -923,8 +932,9 @@ def check_joint_states(system: System) -> Fault | str:
     topic = system.topic("joint_states")
     nodes = system.publishers[topic]
     own = system.bridges or nodes[:1]
-    sentence = f"{topic} comes from {listed(nodes)}, and {listed(own)} is its owner: "
-    two = several("two_joint_states", nodes, own, sentence + "readers get both.")
+    publishers = f"Several nodes publish {topic}, {listed(nodes)}"
+    sentence = f"{publishers}; only {listed(own)} should."
+    two = several("two_joint_states", nodes, own, sentence)
     if two:
         return two
     message = first_message(topic, JointState)
@@ -943,17 +953,17 @@ def check_state_publisher(system: System) -> Fault | str:
 
 
 def _no_state_publisher(system: System) -> Fault:
-    sentence = f"There is no robot_state_publisher that reads {system.tf_input}."
+    sentence = f"No robot_state_publisher subscribes to {system.tf_input}."
     return Fault("no_state_publisher", sentence, _start_state_publisher(system))
 
 
 def _start_state_publisher(system: System) -> str:
-    """Write the command that starts a robot_state_publisher."""
+    """Return the command that starts a robot_state_publisher."""
     namespace = f" __ns:={system.namespace}" if system.namespace else ""
     return (
         "rosrun robot_state_publisher robot_state_publisher "
         f"joint_states:={system.tf_input} _ignore_timestamp:=true{namespace} "
-        # The prefix of the last one may be on the master still.
+        # The parameter of a previous one may still be set.
         f"_tf_prefix:='{system.robot.frame_prefix.rstrip('/')}'"
     )
 
@@ -973,7 +983,7 @@ def check_tf(system: System) -> Fault | str:
         return is_due and not missing_edges(tf_edges(heard), expected)
 
     edges = tf_edges(listen(topics, is_enough))
-    # Bridges of other robots all send the same static edge from the world to the map.
+    # All bridges publish the same static edge from the world to the map.
     bridges = [node for nodes in system.all_bridges.values() for node in nodes]
     two = two_tf_owners(edges, expected, [*bridges, *system.state_publishers])
     lost = missing_edges(edges, expected)
@@ -985,7 +995,7 @@ def check_tf(system: System) -> Fault | str:
     owner = system.bridges[0] if is_base else system.state_publishers[0]
     then = AGAIN if is_base else f"; {_start_state_publisher(system)}"
     edges_lost = listed(f"{parent} -> {child}" for parent, child in lost)
-    sentence = f"TF lacks {edges_lost}, which {owner} should send."
+    sentence = f"TF lacks {edges_lost}, which {owner} should publish."
     return Fault("no_tf", sentence, f"rosnode kill {owner}{then}")
 
 
@@ -1002,7 +1012,7 @@ def tf_edges(heard: Heard) -> dict[str, set[tuple[str, str]]]:
 def missing_edges(
     edges: Mapping[str, set[tuple[str, str]]], expected: Iterable[tuple[str, str]]
 ) -> list[tuple[str, str]]:
-    """List the expected edges, parent and child, that nobody sends."""
+    """List the expected edges, parent and child, that are missing."""
     found = {(p, child) for child, pairs in edges.items() for _, p in pairs}
     return [edge for edge in expected if edge not in found]
 
@@ -1016,9 +1026,9 @@ def two_tf_owners(
 
     Args:
         edges: Pairs of sender and parent, by the child's frame.
-        expected: The robot's edges, parent and child: other frames are ignored.
-        own: The bridges and the robot_state_publisher, which all may send an edge:
-            when time stands still the bridge sends fixed joints, too.
+        expected: The robot's edges, parent and child; other frames are ignored.
+        own: The bridges and the robot_state_publisher, which may all publish an edge:
+            while time is paused, the bridge publishes fixed joints, too.
     """
     for child in sorted({child for _, child in expected} & {*edges}):
         nodes = sorted({node for node, _ in edges[child]})
@@ -1029,14 +1039,15 @@ def two_tf_owners(
         edge = listed(f"{parent} -> {child}" for parent in parents)
         return Fault(
             "two_tf_owners",
-            f"TF gets {edge} from {listed(nodes)}, so the robot jumps to and fro.",
+            f"Several nodes publish {edge} on TF, {listed(nodes)}: the robot jumps "
+            "back and forth.",
             f"rosnode kill {other}",
         )
     return None
 
 
 def check_diagnostics(system: System) -> Fault | str:
-    """Wait for a good report of the bridge: a bad one may pass."""
+    """Wait for a good report of the bridge; a bad one may be temporary."""
     from diagnostic_msgs.msg import DiagnosticArray
 
     node, topic = system.bridges[0], "/diagnostics"
@@ -1071,50 +1082,50 @@ def check_picture(system: System) -> Fault | str:
         return f"not needed without a screen; in a browser: {BROWSER}"
     return Fault(
         "no_picture",
-        "Nothing shows the robot: neither RViz nor the browser view runs.",
+        "Neither RViz nor the browser view is running.",
         f"roslaunch g1_description rviz.launch  # or, if RViz cannot start: {BROWSER}",
     )
 
 
 CHECKS: list[tuple[str, str, Callable[[System], Fault | str]]] = [
-    ("python", "this is ROS' Python, and the workspace is sourced", check_python),
-    ("packages", "the nodes have the packages that they import", check_packages),
-    ("master", "a master answers", check_master),
-    ("address", "nodes of this shell give an address that is theirs", check_address),
-    ("nodes", "all nodes answer at their addresses", check_nodes),
-    ("description", "a robot is on the parameter server", check_description),
-    ("meshes", "its meshes are on this machine", check_meshes),
+    ("python", "Python is that of ROS, and the workspace is sourced", check_python),
+    ("packages", "the nodes' Python packages are installed", check_packages),
+    ("master", "the master answers", check_master),
+    ("address", "nodes of this shell have a reachable address", check_address),
+    ("nodes", "all nodes answer", check_nodes),
+    ("description", "robot_description has a robot", check_description),
+    ("meshes", "its meshes exist on this machine", check_meshes),
     ("simulator", "a simulator runs and answers", check_simulator),
     ("clock", "one node publishes the time", check_clock),
-    ("time", "simulated time runs", check_time),
-    ("link_states", "link states come", check_link_states),
-    ("bridge", "one bridge turns link states into joint states", check_bridge),
-    ("model", "the simulator has the model that the bridge shows", check_model),
-    ("urdf", "that model is the robot of the parameter server", check_urdf),
-    ("joint_states", "joint states come, and from one node", check_joint_states),
-    ("state_publisher", "robot_state_publisher reads them", check_state_publisher),
-    ("tf", "TF is complete, and each edge has one owner", check_tf),
-    ("diagnostics", "the bridge reports no fault", check_diagnostics),
-    ("picture", "RViz or the browser view shows the robot", check_picture),
+    ("time", "simulated time advances", check_time),
+    ("link_states", "link states are published", check_link_states),
+    ("bridge", "one bridge converts link states to joint states", check_bridge),
+    ("model", "the simulator has the bridge's model", check_model),
+    ("urdf", "the model matches robot_description", check_urdf),
+    ("joint_states", "one node publishes joint states", check_joint_states),
+    ("state_publisher", "robot_state_publisher receives them", check_state_publisher),
+    ("tf", "TF is complete, and each edge has one publisher", check_tf),
+    ("diagnostics", "the bridge's diagnostics are good", check_diagnostics),
+    ("picture", "RViz or the browser view is running", check_picture),
 ]
-"""Name of the link, what holds if it is whole, and the check. They run in this order:
-each needs those before it."""
+"""Name, description and function of each check. They run in this order: each needs the
+results of those before it."""
 
 LINKS = [name for name, _, _ in CHECKS]
 
 OF_SIMULATION = {"simulator", "time", "link_states", "bridge", "model", "urdf"}
 OF_SIMULATION |= {"diagnostics"}
-"""The links that are not there where joint states come from a bag or a real robot."""
+"""Checks that do not apply if joint states come from a bag or a real robot."""
 
 
 # --- the command ----------------------------------------------------------------------
 
 
 def run_checks(namespace: str, names: Sequence[str]) -> Iterator[Result]:
-    """Run checks one after another; none behind the first fault.
+    """Run checks one after another, until the first fault.
 
     Args:
-        namespace: Of the robot's topics, without slashes around.
+        namespace: Of the robot's topics, without leading and trailing slashes.
         names: The names of the checks.
 
     Raises:
@@ -1129,10 +1140,10 @@ def run_checks(namespace: str, names: Sequence[str]) -> Iterator[Result]:
             else:
                 found = check(system)
         except (OSError, LookupError, TypeError, ValueError, SystemExit) as error:
-            found = check_master(system)  # which may have gone meanwhile
+            found = check_master(system)  # it may have died meanwhile
             if not isinstance(found, Fault):
-                sentence = f"The check '{name}' cannot be done: {reason_of(error)}."
-                again = f"{DOCTOR}  # again, when this machine is less busy"
+                sentence = f"The check '{name}' failed: {reason_of(error)}."
+                again = f"{DOCTOR}  # run again when this machine is less busy"
                 found = Fault("unfinished", sentence, again)
         if is_shut_down():
             raise KeyboardInterrupt
@@ -1146,11 +1157,10 @@ def run_checks(namespace: str, names: Sequence[str]) -> Iterator[Result]:
 
 @dataclass(frozen=True)
 class DoctorOptions:
-    """Check the links from the master to the display.
+    """Check the pipeline from the master to the display.
 
-    The first broken one is named, with the command that mends it. Nothing is changed.
-    The exit code is 0 if all is whole, 1 if a link is broken, 2 if the command line is
-    wrong.
+    Stops at the first fault and suggests a fix. Changes nothing. The exit code is 0
+    without a fault, 1 with a fault, 2 if the command line is wrong.
     """
 
     json: bool = option(
@@ -1169,7 +1179,7 @@ class DoctorOptions:
 
 def main() -> None:
     """Run the command, and exit with its code."""
-    # rospy, which would leave out remappings, may be missing.
+    # rospy, which removes remappings, may be missing.
     args = parse(
         DoctorOptions,
         "doctor",
@@ -1196,5 +1206,5 @@ def main() -> None:
     elif fault:
         say(f"\ndoctor: {fault.sentence}\n        {fault.cure}")
     else:
-        say("\ndoctor: all links are whole.")
+        say("\ndoctor: no fault found.")
     sys.exit(FOUND if fault else WHOLE)

@@ -1,4 +1,4 @@
-"""A film: moments of robots on ROS' clock, drawn afterwards."""
+"""Pictures and animations of robots: sampling, and writing of files."""
 
 from __future__ import annotations
 
@@ -29,21 +29,21 @@ from g1_description.ros.robot_view import RobotView
 from g1_description.ros.waiting import NoAnswerError, wait_until
 
 COLORS = 255
-"""Colours of a film; one more stands for what has not changed."""
+"""Colours of a GIF; one more marks unchanged pixels."""
 
 FILMS = (".gif", ".mp4")
-"""What names of films end in."""
+"""File extensions of animations."""
 
 BLOCK = 4096
-"""How many colours are looked up at a time, for the sake of memory."""
+"""Colours that are looked up at once; limits memory."""
 
 
 def check_place(path: Path, suffixes: Sequence[str]) -> None:
     """Check that a file can be written, before the work is done.
 
     Args:
-        path: The file; one that is there will be replaced.
-        suffixes: What its name may end in.
+        path: The file; an existing one will be replaced.
+        suffixes: Allowed extensions.
 
     Raises:
         InvalidValueError: If it cannot.
@@ -51,13 +51,13 @@ def check_place(path: Path, suffixes: Sequence[str]) -> None:
     folder = path.parent
     if path.suffix.lower() not in suffixes:
         raise InvalidValueError(
-            f"The file {path} does not end in {' or '.join(suffixes)}; a picture is "
-            "written as .png, a film as .gif or .mp4."
+            f"{path} must end in {' or '.join(suffixes)}: a picture in .png, an "
+            "animation in .gif or .mp4."
         )
     if not folder.is_dir():
-        raise InvalidValueError(f"There is no folder {folder} for {path.name}.")
+        raise InvalidValueError(f"The folder {folder} for {path.name} does not exist.")
     if path.is_dir() or not os.access(folder, os.W_OK):
-        raise InvalidValueError(f"The file {path} cannot be written there.")
+        raise InvalidValueError(f"The file {path} cannot be written.")
 
 
 def write_picture(path: Path, picture: np.ndarray) -> None:
@@ -68,7 +68,7 @@ def write_picture(path: Path, picture: np.ndarray) -> None:
         picture: Colours as uint8, shape (height, width, 3).
 
     Raises:
-        InvalidValueError: If it cannot be written; what was there stays.
+        InvalidValueError: If it cannot be written; an existing file is kept.
     """
     content = io.BytesIO()
     Image.fromarray(picture).save(content, "PNG", optimize=True)
@@ -80,10 +80,10 @@ def side_by_side(pictures: Sequence[np.ndarray], columns: int) -> np.ndarray:
 
     Args:
         pictures: As uint8, shape (height, width, 3) each.
-        columns: How many stand in a row.
+        columns: Number of pictures in a row.
 
     Returns:
-        The whole, white where there is no picture, shape (n_rows height, columns
+        The joined picture, white where there is none, shape (n_rows height, columns
         width, 3).
     """
     blank = np.full_like(pictures[0], 255)
@@ -93,23 +93,23 @@ def side_by_side(pictures: Sequence[np.ndarray], columns: int) -> np.ndarray:
 
 
 def palette_of(pictures: Sequence[np.ndarray]) -> Image.Image:
-    """Choose the colours of a film.
+    """Choose the palette of a GIF.
 
     Args:
-        pictures: Some of it, as uint8, shape (height, width, 3) each.
+        pictures: Some pictures of it, as uint8, shape (height, width, 3) each.
     """
     together = Image.fromarray(np.concatenate(pictures))
     return together.quantize(COLORS, dither=Image.Dither.NONE)
 
 
 def in_colors(picture: np.ndarray, palette: Image.Image) -> Image.Image:
-    """Give each pixel the nearest colour of a film.
+    """Quantize a picture to the nearest colours of a palette.
 
-    Pillow's own way looks at the upper bits only, which tints light areas.
+    Pillow's own quantization uses the upper bits only, which tints light areas.
 
     Args:
         picture: As uint8, shape (height, width, 3).
-        palette: An image that has the colours.
+        palette: An image with the palette.
     """
     packed = picture.astype(np.uint32) @ np.array([1 << 16, 1 << 8, 1], np.uint32)
     codes, places = np.unique(packed, return_inverse=True)
@@ -129,18 +129,18 @@ def _nearest(codes: np.ndarray, palette: Image.Image) -> np.ndarray:
 
 
 def write_film(path: Path, images: Sequence[Image.Image], rate: float) -> None:
-    """Write a film that begins again at its end.
+    """Write a GIF that loops.
 
-    A GIF counts in hundredths of a second, so its images are shown for times that
-    add up to the right ones. An image equal to the last one prolongs that.
+    GIFs have a resolution of 10 ms, so durations are rounded such that they add up. An
+    image equal to the previous one prolongs it.
 
     Args:
         path: The file.
-        images: All of one palette.
+        images: All with the same palette.
         rate: Images per second in [Hz].
 
     Raises:
-        InvalidValueError: If it cannot be written; what was there stays.
+        InvalidValueError: If it cannot be written; an existing file is kept.
     """
     ends = np.round(100.0 * np.arange(len(images) + 1) / rate)
     content = io.BytesIO()
@@ -157,44 +157,43 @@ def write_film(path: Path, images: Sequence[Image.Image], rate: float) -> None:
 
 
 CLOCK_TIMEOUT = 10.0
-"""Longest wait for the clock to go on, in [s]."""
+"""Longest wait for the clock to advance, in [s]."""
 
 LONGEST, FASTEST = 60.0, 30.0
-"""Of a film, in [s] and in pictures per second."""
+"""Limits of animations, in [s] and in pictures per second."""
 
 MAX_PIXELS = 500e6
-"""Of all pictures of a film together: they are kept until it is written."""
+"""Largest number of pixels of an animation, which is kept in memory."""
 
 
 def count(seconds: float, fps: float) -> int:
-    """Return how many pictures a film has."""
+    """Return the number of pictures of an animation."""
     return max(1, round(seconds * fps))
 
 
 def check_length(seconds: float, fps: float, size: tuple[int, int]) -> None:
-    """Check that a film can be made.
+    """Check the size of an animation.
 
     Raises:
-        InvalidValueError: If it would be too long, too fast or too large.
+        InvalidValueError: If it is too long, too fast or too large.
     """
     for name, value, most in (("fps", fps, FASTEST), ("seconds", seconds, LONGEST)):
         if not 0.0 < value <= most:
             raise InvalidValueError(
-                f"A film cannot have --{name} {value:g}, only more than 0 and at most "
-                f"{most:g}."
+                f"--{name} must be greater than 0 and at most {most:g} (got {value:g})."
             )
     pixels = count(seconds, fps) * size[0] * size[1]
     if pixels > MAX_PIXELS:
         raise InvalidValueError(
-            f"A film of {count(seconds, fps)} pictures of {size[0]}x{size[1]} has "
-            f"{pixels / 1e6:.0f} million pixels; there is room for "
-            f"{MAX_PIXELS / 1e6:.0f} million."
+            f"An animation of {count(seconds, fps)} pictures of {size[0]}x{size[1]} "
+            f"has {pixels / 1e6:.0f} million pixels; the limit is "
+            f"{MAX_PIXELS / 1e6:.0f} million. Reduce --seconds, --fps or --size."
         )
 
 
 PlacedRobot = Tuple[Optional[np.ndarray], Dict[str, float]]
-"""A robot in a picture: pose of its root link in the map, shape (7,), None where it is
-unknown; and positions of its joints in [rad] or [m] by name."""
+"""A robot in a picture: pose of its root link in the map, shape (7,), None if unknown;
+and positions of its joints in [rad] or [m] by name."""
 
 
 def placed(
@@ -207,18 +206,18 @@ def placed(
 def record(
     views: Sequence[RobotView], seconds: float, fps: float
 ) -> list[list[PlacedRobot]]:
-    """Watch robots for a while.
+    """Sample the states of robots.
 
     Args:
         views: The robots.
-        seconds: How long, in [s] of ROS' clock.
+        seconds: Duration in [s] of ROS' clock.
         fps: Pictures per second of ROS' clock.
 
     Returns:
-        Where all robots are in each picture.
+        All robots in each picture.
 
     Raises:
-        NoAnswerError: If the clock stands still.
+        NoAnswerError: If the clock does not advance.
         ROSInterruptException: If the node is shut down.
     """
     clock, found = _Stopwatch(), []
@@ -229,7 +228,7 @@ def record(
 
 
 def now(views: Sequence[RobotView]) -> list[PlacedRobot]:
-    """Return where robots are."""
+    """Return the current states of robots."""
     states = [(view, view.state) for view in views]
     return [
         placed(view.description, state and state.base_pose, view.positions)
@@ -238,24 +237,24 @@ def now(views: Sequence[RobotView]) -> list[PlacedRobot]:
 
 
 class _Stopwatch:
-    """Time that passes on ROS' clock, also where a reset puts that back."""
+    """Elapsed time on ROS' clock, which a reset does not set back."""
 
     def __init__(self) -> None:
         self._last = rospy.get_time()
         self._passed = 0.0
 
     def wait(self, time: float) -> None:
-        """Wait until a time, in [s], however slow the clock is.
+        """Wait until a time, in [s].
 
         Raises:
-            NoAnswerError: If the clock stands still.
+            NoAnswerError: If the clock does not advance.
             ROSInterruptException: If the node is shut down.
         """
         while self._passed < time:
             if not wait_until(lambda: rospy.get_time() != self._last, CLOCK_TIMEOUT):
                 raise NoAnswerError(
-                    f"The clock stood still for {CLOCK_TIMEOUT:g} s at "
-                    f"{self._last:g} s."
+                    f"The clock did not advance for {CLOCK_TIMEOUT:g} s (it is at "
+                    f"{self._last:g} s); is time paused?"
                 )
             now = rospy.get_time()
             self._passed += max(0.0, now - self._last)
@@ -263,11 +262,11 @@ class _Stopwatch:
 
 
 def drawn(n: int, picture: Callable[[int], np.ndarray]) -> Iterator[np.ndarray]:
-    """Draw all pictures of a film, and show the progress.
+    """Draw all pictures of an animation, and show the progress.
 
     Args:
-        n: How many.
-        picture: Draws one of them as uint8, shape (height, width, 3).
+        n: Number of pictures.
+        picture: Draws one, as uint8, shape (height, width, 3).
 
     Raises:
         KeyboardInterrupt: If the node was shut down meanwhile.
@@ -280,11 +279,11 @@ def drawn(n: int, picture: Callable[[int], np.ndarray]) -> Iterator[np.ndarray]:
 
 
 def film(n: int, picture: Callable[[int], np.ndarray]) -> list[Image.Image]:
-    """Draw all pictures of a film, in the same colours.
+    """Draw all pictures of a GIF, with one palette.
 
     Args:
-        n: How many.
-        picture: Draws one of them as uint8, shape (height, width, 3).
+        n: Number of pictures.
+        picture: Draws one, as uint8, shape (height, width, 3).
 
     Raises:
         KeyboardInterrupt: If the node was shut down meanwhile.
@@ -294,7 +293,7 @@ def film(n: int, picture: Callable[[int], np.ndarray]) -> list[Image.Image]:
 
 
 def _show_progress(done: int, n: int) -> None:
-    """Show the progress: in one line of a terminal, now and then elsewhere."""
+    """Show the progress: continuously on a terminal, every 25 pictures elsewhere."""
     is_last = done == n
     if sys.stderr.isatty():
         end = "\n" if is_last else ""
@@ -306,16 +305,16 @@ def _show_progress(done: int, n: int) -> None:
 def write_video(
     path: Path, pictures: Iterable[np.ndarray], size: tuple[int, int], rate: float
 ) -> None:
-    """Write a film.
+    """Write an mp4.
 
     Args:
         path: The file.
         pictures: As uint8, shape (height, width, 3).
-        size: Width and height in pixels, both even, as the format wants.
+        size: Width and height in pixels; must be even.
         rate: Pictures per second in [Hz].
 
     Raises:
-        InvalidValueError: If it cannot be written; what was there stays.
+        InvalidValueError: If it cannot be written; an existing file is kept.
     """
     with tempfile.TemporaryDirectory() as folder:
         whole = Path(folder) / "film.mp4"
@@ -330,7 +329,7 @@ def _encode(
     rate: float,
     name: str,
 ) -> None:
-    """Let ffmpeg write a file; it is ended, whatever happens."""
+    """Encode a file with ffmpeg, which is killed on errors."""
     command = [
         *(imageio_ffmpeg.get_ffmpeg_exe(), "-loglevel", "error", "-y"),
         *("-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{size[0]}x{size[1]}"),
@@ -343,7 +342,7 @@ def _encode(
         try:
             for picture in pictures:
                 encoder.stdin.write(np.ascontiguousarray(picture).tobytes())
-        except BrokenPipeError:  # it has ended, and said why
+        except BrokenPipeError:  # it has ended; its message is read below
             pass
         except BaseException:
             encoder.kill()
@@ -359,24 +358,25 @@ def _encode(
 
 
 SHEET = 6
-"""Pictures of a contact sheet whose times are not given."""
+"""Default number of pictures of a contact sheet."""
 
 
 def drawn_motion(
     args: Any, description: Description
 ) -> tuple[list[list[PlacedRobot]], tuple[str, ...]]:
-    """Read a motion of which pictures are to be drawn.
+    """Read a motion to draw.
 
     Args:
         args: The command's SnapshotOptions.
         description: The robot.
 
     Returns:
-        Where the robot is in each picture, and messages on what does not fit.
+        The robot in each picture, and messages on the motion.
 
     Raises:
-        MotionError: If the file holds no motion of this robot.
-        InvalidValueError: If a time is not in it, or the film would be too long.
+        MotionError: If the file cannot be read, or its motion does not fit the robot.
+        InvalidValueError: If a time is outside the motion, or the animation is too
+            long.
     """
     motion = read_motion(
         Path(args.motion), description, args.motion_fps, args.motion_topic
@@ -395,7 +395,7 @@ def drawn_motion(
 
 
 def _times(args: Any, begin: float, motion: Motion) -> np.ndarray:
-    """Choose the times to draw, in [s] since the beginning."""
+    """Choose the times to draw, in [s]."""
     end = motion.trajectory.duration
     if args.is_film:
         whole = max(end - begin, 1.0 / args.fps)
@@ -407,7 +407,6 @@ def _times(args: Any, begin: float, motion: Motion) -> np.ndarray:
     wrong = [time for time in args.times if not begin <= time <= end]
     if wrong:
         raise InvalidValueError(
-            f"The motion has no time {wrong[0]:g} s; it lasts from {begin:g} to "
-            f"{end:g} s."
+            f"--times {wrong[0]:g} is outside the motion ({begin:g}-{end:g} s)."
         )
     return np.array(args.times)

@@ -1,4 +1,4 @@
-"""Which files are meant: those that are named, and motions below folders."""
+"""The files to check: given files, and motions in folders."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from g1_description.motion.files.formats import ENDINGS
 
 @dataclass(frozen=True)
 class MotionFiles:
-    """Files that are to be checked."""
+    """Files to check."""
 
     tasks: tuple[Task, ...]
 
     named: frozenset[str]
-    """Names of those that were named one by one."""
+    """Names of files that were given one by one."""
 
     n_left_out: int
-    """How many other files the folders have, whose names are none of motions."""
+    """Number of files in folders with other extensions."""
 
 
 def motion_files(paths: Sequence[Path]) -> MotionFiles:
@@ -35,19 +35,19 @@ def motion_files(paths: Sequence[Path]) -> MotionFiles:
         Each file once, in the order of the paths; those of a folder by their names.
 
     Raises:
-        InvalidValueError: If there is no such file, or no motion in a folder.
+        InvalidValueError: If a file does not exist, or a folder has no motions.
     """
     found: dict[str, tuple[str, Path]] = {}
     named, n_left_out = set(), 0
 
     def add(path: Path) -> str:
-        """Add a file, if it was not found by another name; return its first name."""
+        """Add a file, unless it was found by another name; return its first name."""
         return found.setdefault(os.path.realpath(path), (str(path), path))[0]
 
     for path in paths:
         if not path.is_dir():
             if not path.is_file():
-                what = "is no file" if path.exists() else "does not exist"
+                what = "is not a file" if path.exists() else "does not exist"
                 raise InvalidValueError(f"{path} {what}.")
             named.add(add(path))
             continue
@@ -55,7 +55,8 @@ def motion_files(paths: Sequence[Path]) -> MotionFiles:
         motions = [file for file in below if file.suffix.lower() in ENDINGS]
         if not motions:
             raise InvalidValueError(
-                f"The folder {path} has no file that ends in {', '.join(ENDINGS)}."
+                f"The folder {path} has no motions (files that end in "
+                f"{', '.join(ENDINGS)})."
             )
         n_left_out += len(below) - len(motions)
         for file in motions:
@@ -65,7 +66,7 @@ def motion_files(paths: Sequence[Path]) -> MotionFiles:
 
 
 def _files_below(folder: Path) -> Iterator[Path]:
-    """Find files in a folder and all below it, sorted; hidden ones are left out."""
+    """Find files in a folder and its subfolders, sorted; hidden ones are ignored."""
 
     def refuse(error: OSError) -> None:
         raise InvalidValueError(
@@ -87,7 +88,7 @@ def picture_names(tasks: Sequence[Task]) -> list[Path]:
         tasks: The files.
 
     Returns:
-        Relative paths that differ: those from the folder that all files are below.
+        Distinct paths relative to the common folder of all files.
     """
     absolute = [Path(os.path.abspath(task.path)) for task in tasks]
     common = os.path.commonpath([path.parent for path in absolute])

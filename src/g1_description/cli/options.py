@@ -1,4 +1,4 @@
-"""Options that several commands have, each declared once."""
+"""Options that several commands share."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from typing import Any
 from g1_description.command_line import MAX_FPS, option, positive
 
 NAME = re.compile(r"[A-Za-z]\w*(/\w+)*", re.ASCII)
-"""A ROS name without slashes around. rosgraph has this too, but cannot be imported
-where the command is to say that ROS is missing."""
+"""A ROS name without leading and trailing slashes. rosgraph's pattern cannot be
+imported, as doctor must run without ROS."""
 
 MODEL = "a URDF or xacro file, as for model:= of the launch files"
 
@@ -30,7 +30,7 @@ def namespace() -> Any:
 
 
 def model() -> Any:
-    """Declare the robot that motions of files are for."""
+    """Declare the robot of motions in files."""
     return option(f"the robot: {MODEL}", None, str, shown="the G1")
 
 

@@ -1,4 +1,4 @@
-"""A command that plays a motion from a file on a robot that runs."""
+"""The command play, which plays a motion from a file on a running robot."""
 
 from __future__ import annotations
 
@@ -43,16 +43,16 @@ KEYS = {
     b"\x1bOC": "right",
     b"\x1bOD": "left",
 }
-"""Names of the keys that mean something, by what a terminal sends."""
+"""Names of the supported keys, by the bytes that a terminal sends."""
 
 END = "q"
-"""What is read when the terminal is gone."""
+"""The key that is returned when the terminal is gone."""
 
 ONE_KEY = re.compile(rb"\x1b(?:\[[0-?]*[ -/]*[@-~]|O[@-~])|[^\x1b]", re.DOTALL)
-"""What a terminal sends for one key."""
+"""The bytes that a terminal sends for one key."""
 
 PART_OF_KEY = re.compile(rb"\x1b(?:\[[0-?]*[ -/]*|O)?\Z")
-"""The beginning of that, or the key Escape."""
+"""An incomplete key, or Escape."""
 
 
 class Keyboard:
@@ -72,22 +72,22 @@ class Keyboard:
             timeout: Longest wait in [s].
 
         Returns:
-            Its name in ``KEYS``, ``END`` when the terminal is gone; empty if there was
-            no key that means something.
+            Its name in ``KEYS``, ``END`` if the terminal is gone; empty if no supported
+            key was pressed.
         """
         name = self._take()
         if name:
             return name
         descriptors = [] if self._descriptor is None else [self._descriptor]
         if not select.select(descriptors, [], [], timeout)[0]:
-            self._pending = b""  # of a key that would be here by now
+            self._pending = b""  # incomplete: the rest would have arrived by now
             return ""
         sent = self._read()
         self._pending += sent
         return self._take() if sent else END
 
     def _read(self) -> bytes:
-        """Read what is there; nothing is there when the terminal is gone."""
+        """Read the available bytes; empty if the terminal is gone."""
         assert self._descriptor is not None
         try:
             return os.read(self._descriptor, 1024)
@@ -95,7 +95,7 @@ class Keyboard:
             return b""
 
     def _take(self) -> str:
-        """Take the first known key of what was read; return its name, or nothing."""
+        """Remove the first supported key from the bytes; return its name or nothing."""
         while self._pending and not PART_OF_KEY.match(self._pending):
             key = ONE_KEY.match(self._pending)
             length = key.end() if key else 1
@@ -105,16 +105,16 @@ class Keyboard:
         return ""
 
     def close(self) -> None:
-        """Let the terminal be as it was; from any thread, and as often as you like."""
-        # From the background it would stop this program.
+        """Restore the terminal; from any thread, any number of times."""
+        # In the background, this call would stop the program.
         if self._descriptor is not None and not _is_in_background(self._descriptor):
             with contextlib.suppress(termios.error):  # it may be gone
-                # Without a wait for what was printed: Ctrl-S holds that back.
+                # TCSANOW: after Ctrl-S, waiting for the output would hang.
                 termios.tcsetattr(self._descriptor, termios.TCSANOW, self._before)
 
 
 def terminal() -> int | None:
-    """Return the terminal whose keys are for this program; None: there is none."""
+    """Return the terminal that this program may read keys from; None without one."""
     if not sys.stdin.isatty():
         return None
     descriptor = sys.stdin.fileno()
@@ -125,7 +125,7 @@ def _is_in_background(descriptor: int) -> bool:
     """Return whether a terminal has another program in its foreground."""
     try:
         return os.getpgrp() != os.tcgetpgrp(descriptor)
-    except OSError:  # it does not start programs for this session, or is gone
+    except OSError:  # it is not the controlling terminal, or is gone
         return False
 
 
@@ -136,17 +136,17 @@ BASE_TIMEOUT = 2.0
 """Longest wait for the robot's base, in [s]."""
 
 REFRESH_PERIOD = 0.05
-"""Time between two looks at the progress, in [s]."""
+"""Period of updates of the progress, in [s]."""
 
 MAX_SPEED = 1e3
 MAX_LEAD_IN = 60.0
 
 TOLERANCE = 0.1
-"""Largest distance of a joint from the end of its motion, in [rad] or [m]: motors give
-way."""
+"""Largest distance of a joint from the end of its motion, in [rad] or [m]: motors have
+errors."""
 
 END_TIME = 1_000_000_000
-"""Time in which motors must have come to the end of a motion, in [ns]."""
+"""Time in which motors must reach the end of a motion, in [ns]."""
 
 BAR = 24
 """Length of the progress bar, in characters."""
@@ -156,15 +156,15 @@ BAR = 24
 class PlayOptions:
     """Play a motion from a file.
 
-    Space pauses and resumes, the arrows left and right step by one sample, q and Ctrl-C
-    leave the robot where it is.
+    Space pauses and resumes, left and right step by one sample, q and Ctrl-C stop the
+    robot.
     """
 
     file: Path = argument("the motion", Path, metavar="FILE")
     fps: float | None = options.fps()
     topic: str | None = options.topic()
     speed: float = option(
-        "seconds of the motion in a second of simulated time",
+        "playback speed relative to simulated time",
         1.0,
         within(1.0 / MAX_SPEED, MAX_SPEED),
     )
@@ -204,17 +204,17 @@ class PlayOptions:
 
 
 def notify(text: str) -> None:
-    """Print a message in a line of its own."""
+    """Print a message in a separate line."""
     begin = "\r\x1b[K" if sys.stdout.isatty() else ""
     say(f"{begin}play: {text}")
 
 
 def prepare(args: PlayOptions, robot: RobotView) -> Trajectory:
-    """Read the motion and move it where it is wanted.
+    """Read the motion, and move it as requested.
 
     Raises:
-        MotionError: If the file holds no motion of the robot.
-        InvalidValueError: If it has no such part, or no base to move.
+        MotionError: If the file cannot be read, or its motion does not fit the robot.
+        InvalidValueError: If it does not contain the requested part, or has no base.
         NoAnswerError: If there is no master.
     """
     motion = read_motion(args.file, robot.description, args.fps, args.topic)
@@ -224,7 +224,9 @@ def prepare(args: PlayOptions, robot: RobotView) -> Trajectory:
     wanted = [args.start_here and "--start-here", args.on_floor and "--on-floor"]
     if trajectory.base_poses is None and any(wanted):
         names = " and ".join(filter(None, wanted))
-        raise InvalidValueError(f"{args.file.name} does not move the base: no {names}.")
+        raise InvalidValueError(
+            f"{names} needs a motion with a base, which {args.file.name} lacks."
+        )
     if args.start_here:
         trajectory = to_start_at(trajectory, base_pose(robot, args.base_frame))
     if args.on_floor:
@@ -232,19 +234,19 @@ def prepare(args: PlayOptions, robot: RobotView) -> Trajectory:
         T_map_motion = IDENTITY.copy()
         T_map_motion[2] = -lowest
         trajectory = moved(trajectory, T_map_motion)
-        notify(f"moved by {-lowest:+.4f} m in height.")
+        notify(f"moved the motion by {-lowest:+.4f} m in height.")
     return trajectory
 
 
 def base_pose(robot: RobotView, frame: str | None) -> np.ndarray:
-    """Return where the robot's base is in the map, shape (7,).
+    """Return the pose of the robot's base in the map, shape (7,).
 
     Args:
         robot: The robot.
-        frame: Another base on TF; None: that of the robot's state.
+        frame: TF frame of the base; None: use the robot's state.
 
     Raises:
-        MotionError: If that is not known.
+        MotionError: If it is unknown.
     """
     if frame:
         return MapFrame().pose_in_map(IDENTITY, frame, rospy.Time())
@@ -253,12 +255,12 @@ def base_pose(robot: RobotView, frame: str | None) -> np.ndarray:
         return robot.state is not None and robot.state.base_pose is not None
 
     if not wait_until(has_base, BASE_TIMEOUT):
-        raise MotionError(f"{robot.no_base}; --base-frame names its base on TF.")
+        raise MotionError(f"{robot.no_base}; set its TF frame with --base-frame.")
     return robot.state.base_pose
 
 
 def progress(session: Session, speed: float) -> str:
-    """Return a line that shows where the motion is."""
+    """Return a progress bar."""
     begin, end, time = session.begin, session.end, session.time
     share = (time - begin) / (end - begin) if end > begin else 1.0
     done = round(share * BAR)
@@ -270,10 +272,10 @@ def progress(session: Session, speed: float) -> str:
 
 
 def follow(session: Session, keyboard: Keyboard, args: PlayOptions) -> None:
-    """Play until the end, or until a person ends it.
+    """Play until the end, or until the user stops it.
 
     Raises:
-        NoAnswerError: If the robot is reset, or nobody answers.
+        NoAnswerError: If the robot is reset, or the bridge does not answer.
         ROSInterruptException: If a signal ends it.
     """
     shows = sys.stdout.isatty()
@@ -313,7 +315,7 @@ def play(args: PlayOptions) -> None:
         G1DescriptionError: If it cannot be played.
     """
     if not args.file.exists():
-        raise InvalidValueError(f"There is no file {args.file}.")
+        raise InvalidValueError(f"The file {args.file} does not exist.")
     start_node("play", anonymous=True, disable_rosout=True)
     robot = RobotView(args.namespace, notify)
     if not robot.wait_until(lambda: robot.state, TIMEOUT):
@@ -321,7 +323,7 @@ def play(args: PlayOptions) -> None:
     trajectory = prepare(args, robot)
     session = Session(robot, trajectory, args.speed, notify, args.lead_in)
     with closing(Keyboard(terminal())) as keyboard:
-        # While the node can still call: afterwards the robot would go on.
+        # Before the shutdown, while services can be called: else the robot continues.
         rospy.core.add_preshutdown_hook(lambda _: _leave(robot, keyboard))
         follow(session, keyboard, args)
     if session.is_over:
@@ -330,7 +332,7 @@ def play(args: PlayOptions) -> None:
 
 
 def _check_end(robot: RobotView, trajectory: Trajectory, name: str) -> None:
-    """Check that the robot ends where the motion does.
+    """Check that the robot reached the end of the motion.
 
     Raises:
         NoAnswerError: If it does not.
@@ -351,19 +353,19 @@ def _check_end(robot: RobotView, trajectory: Trajectory, name: str) -> None:
     away = robot.away(goal, TOLERANCE)
     if away:
         raise NoAnswerError(
-            f"{name} is over, but the robot is elsewhere: {listed(away)}. Another "
-            "motion or command moved it, or its motors could not follow."
+            f"{name} has ended, but the robot is not at its last sample: "
+            f"{listed(away)}. Another command moved it, or its motors could not follow."
         )
 
 
 def _leave(robot: RobotView, keyboard: Keyboard) -> None:
-    """Stop the robot where it is when a signal ends the node."""
-    keyboard.close()  # first: a bridge that does not answer ends the program here
+    """Stop the robot when a signal ends the node."""
+    keyboard.close()  # first, as the call below may time out
     try:
         if robot.motions.leave():
-            notify("stopped; the robot stays where it is.")
+            notify("stopped; the robot keeps its position.")
     except G1DescriptionError as error:
-        notify(f"the robot may go on: {error}")
+        notify(f"the robot may keep moving: {error}")
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""A command that puts a robot into a named pose, lists poses or saves one."""
+"""The command pose, which moves a robot to a named pose, lists poses or saves one."""
 
 from __future__ import annotations
 
@@ -36,20 +36,20 @@ from g1_description.ros.waiting import NoAnswerError
 from g1_description.text import listed
 
 TIMEOUT = 30.0
-"""Longest wait for the bridge, or for its effect, in [s]: machines may be busy."""
+"""Longest wait for the bridge and its effect, in [s]: machines may be busy."""
 
 QUEUE_SIZE = 10
-"""Commands kept for a slow bridge."""
+"""Queue size of commands."""
 
 RESEND_PERIOD = 1.0
-"""Time after which a goal is sent again, in [s]."""
+"""Period with which a goal is sent, in [s]."""
 
 TOLERANCE = 0.01
-"""Largest distance of a joint from its goal, in [rad] or [m]: motors give way."""
+"""Largest distance of a joint from its goal, in [rad] or [m]: motors have errors."""
 
 
 class PosedRobot(RobotView):
-    """The robot behind joint_states and the topics of commands of a namespace."""
+    """A running robot that can be moved."""
 
     def __init__(self, namespace: str, notify: Callable[[str], None]) -> None:
         super().__init__(namespace, notify)
@@ -60,21 +60,21 @@ class PosedRobot(RobotView):
             queue_size=QUEUE_SIZE,
             tcp_nodelay=True,
         )
-        # While the node can still call: afterwards the robot would go on.
+        # Before the shutdown, while services can be called: else the robot continues.
         rospy.core.add_preshutdown_hook(lambda _: self._leave())
 
     def teleport(self, goal: np.ndarray) -> None:
-        """Set all joints, once a second, until the robot's state shows it.
+        """Set all joints, repeatedly, until the robot's state shows it.
 
         Args:
             goal: Positions in [rad] or [m], shape (n_joints,).
 
         Raises:
-            NoAnswerError: If nobody listens, or it does not happen.
+            NoAnswerError: If nothing subscribes, or the joints do not reach the goal.
         """
         if not self.wait_until(self._commands.get_num_connections, TIMEOUT):
             name = self._commands.resolved_name
-            raise NoAnswerError(f"Nobody listens to {name}; is the bridge running?")
+            raise NoAnswerError(f"Nothing subscribes to {name}; is the bridge running?")
         sent = -np.inf
 
         def send_again():
@@ -89,15 +89,15 @@ class PosedRobot(RobotView):
         self._wait_for_goal(goal, send_again)
 
     def move(self, goal: np.ndarray, seconds: float) -> None:
-        """Move all joints from where they are, beginning and ending at rest.
+        """Move all joints from their current positions, from rest to rest.
 
         Args:
             goal: Positions in [rad] or [m], shape (n_joints,).
-            seconds: How long, in [s] of the robot's time.
+            seconds: Duration in [s] of the robot's time.
 
         Raises:
-            G1DescriptionError: If that is refused, time goes back, or it does not
-                happen.
+            G1DescriptionError: If it is refused, the robot is reset, or the joints do
+                not reach the goal.
         """
         positions, now = self.measured_positions(), self.now_ns
         way = minimum_jerk_trajectory(self._names, positions, goal, seconds)
@@ -109,12 +109,14 @@ class PosedRobot(RobotView):
             before, now = now, self._next(now, timeout=None).stamp
             if now < before:
                 self.motions.may_move = False
-                raise NoAnswerError("Time went back on the way; the robot was reset.")
+                raise NoAnswerError(
+                    "Time went back during the motion: the robot was reset."
+                )
         self.motions.may_move = False  # it need not be stopped afterwards
         self._wait_for_goal(goal)
 
     def measured_positions(self) -> np.ndarray:
-        """Return where the joints are now.
+        """Return the current positions of the joints.
 
         Returns:
             Positions in [rad] or [m] inside the limits, in the order of the movable
@@ -126,7 +128,9 @@ class PosedRobot(RobotView):
         shown = self._next(None).positions_by_name
         missing = [name for name in self._names if name not in shown]
         if missing:
-            raise NoAnswerError(f"{self.topic} has no position of {listed(missing)}.")
+            raise NoAnswerError(
+                f"{self.topic} lacks the positions of {listed(missing)}."
+            )
         joints = self.description.movable_joints
         return np.array(
             [min(max(shown[j.name], j.lower), j.upper) for j in joints], dtype=float
@@ -139,10 +143,10 @@ class PosedRobot(RobotView):
 
         Args:
             goal: Positions in [rad] or [m], shape (n_joints,).
-            meanwhile: Called again and again.
+            meanwhile: Called repeatedly.
 
         Raises:
-            NoAnswerError: If they do not get there.
+            NoAnswerError: If they do not reach it.
         """
         self.forget_newest()
         positions = dict(zip(self._names, goal))
@@ -154,10 +158,10 @@ class PosedRobot(RobotView):
         if self.wait_until(is_there, TIMEOUT):
             return
         if self.state is None:
-            raise NoAnswerError(f"The command is sent, but {self.silence}")
+            raise NoAnswerError(f"The command was sent, but {self.silence}")
         reason = f"; {STANDS_STILL}" if self.stands_still else ""
         raise NoAnswerError(
-            f"After {TIMEOUT:g} s {self.topic} still has "
+            f"The robot did not reach the goal within {TIMEOUT:g} s: "
             f"{listed(self.away(positions, TOLERANCE))}{reason}."
         )
 
@@ -165,7 +169,7 @@ class PosedRobot(RobotView):
         """Wait for a state.
 
         Args:
-            after: Stamp of a state in [ns]; the next has another. None: any will do.
+            after: Stamp of the previous state in [ns]; None: return any state.
             timeout: Longest wait in [s]; None: no limit.
         """
 
@@ -179,17 +183,17 @@ class PosedRobot(RobotView):
         return state
 
     def _leave(self) -> None:
-        """Stop the robot where it is, if it is on its way."""
+        """Stop the robot if it is moving."""
         try:
             self.motions.leave()
         except G1DescriptionError as error:
-            self._notify(f"the robot may go on: {error}")
+            self._notify(f"the robot may keep moving: {error}")
 
 
 USER_FILE = "~/.ros/g1_description/poses.yaml"
 
 DIGITS = 6
-"""Decimals of the positions that are saved."""
+"""Decimals of saved positions."""
 
 
 @dataclass(frozen=True)
@@ -212,7 +216,7 @@ class PoseOptions:
     about: str = option("with --save: description of the pose", "")
 
     def __post_init__(self) -> None:
-        """Check what goes together.
+        """Check combinations of options.
 
         Raises:
             InvalidValueError: If options contradict each other.
@@ -223,7 +227,7 @@ class PoseOptions:
         if (self.force or self.about) and self.save is None:
             raise InvalidValueError("--force and --about need --save")
         if self.save == ZERO:
-            raise InvalidValueError(f"{ZERO} cannot be saved: it is every robot's own")
+            raise InvalidValueError(f"{ZERO} cannot be saved: it is a built-in pose")
 
 
 def list_poses(args: PoseOptions) -> None:
@@ -238,7 +242,7 @@ def go(args: PoseOptions) -> None:
     """Move the robot to a pose.
 
     Raises:
-        G1DescriptionError: If there is no such pose, or it does not get there.
+        G1DescriptionError: If there is no such pose, or the robot does not reach it.
     """
     pose = find_pose(args.name, read_poses(args.file))
     robot = _connect(args)
@@ -255,7 +259,7 @@ def save(args: PoseOptions) -> None:
     """Save the robot's current pose.
 
     Raises:
-        G1DescriptionError: If there is one of that name, or it cannot be saved.
+        G1DescriptionError: If the name is used, or the pose cannot be saved.
     """
     file = (args.file or user_file()).expanduser()
     check_name(args.save)
@@ -264,8 +268,8 @@ def save(args: PoseOptions) -> None:
         known.update(read_file(file))
     if args.save in known and not args.force:
         raise PoseFileError(
-            f"There is a pose '{args.save}' in {known[args.save].place} already; "
-            "--force saves yours, which is used instead."
+            f"The pose '{args.save}' already exists in {known[args.save].place}. Use "
+            "--force to override it."
         )
     robot = _connect(args)
     joints = robot.description.movable_joints
@@ -275,7 +279,7 @@ def save(args: PoseOptions) -> None:
     }
     nonzero = {name: position for name, position in rounded.items() if position}
     save_pose(Pose(args.save, nonzero, args.about), file)
-    print(f"pose: {args.save} is saved in {file}")
+    print(f"pose: {args.save} saved in {file}")
 
 
 def _connect(args: PoseOptions) -> PosedRobot:

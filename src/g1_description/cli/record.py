@@ -1,4 +1,4 @@
-"""A command that records the motion of a robot that runs."""
+"""The command record, which records the motion of a running robot."""
 
 from __future__ import annotations
 
@@ -39,19 +39,19 @@ TIMEOUT = 20.0
 """Longest wait for the first state, in [s]: machines may be busy."""
 
 SPAWN_TIMEOUT = 5.0
-"""Longest wait for a robot that the simulator's states do not have, in [s]."""
+"""Longest wait for a robot that is missing in the simulator, in [s]."""
 
 GONE = 5.0
-"""Time without a simulator after which the recording ends, in [s]: one that failed may
-be started again."""
+"""Time without a simulator after which the recording ends, in [s]: it may be
+respawned."""
 
 QUIET = 2.0
-"""Time without states after which it is told, in [s]."""
+"""Time without states after which a message is printed, in [s]."""
 
 GAZEBO = "/gazebo"
 
 POLL_PERIOD = 0.05
-"""Time between two looks, in [s]."""
+"""Polling period, in [s]."""
 
 
 def _ros_name(text: str) -> str:
@@ -63,9 +63,9 @@ def _ros_name(text: str) -> str:
 
 @dataclass(frozen=True)
 class RecordOptions:
-    """Record base and joints of a robot of the simulator.
+    """Record base and joints of a running robot.
 
-    Ctrl-C ends the recording and saves it.
+    Ctrl-C ends and saves the recording.
     """
 
     out: Path = argument(f"output file: {', '.join(ENDINGS)}", Path, metavar="OUT")
@@ -80,19 +80,19 @@ class RecordOptions:
         "name of the robot in the simulator", "", shown="the one with its links"
     )
     gazebo: str = option("namespace of the simulator", "/gazebo", _ros_name)
-    force: bool = option("replace a file", False)
+    force: bool = option("replace an existing file", False)
 
 
 def _check_place(out: Path, force: bool) -> None:
-    """Check, before anything is recorded, that a file can be written."""
+    """Check that a file can be written, before anything is recorded."""
     if out.suffix.lower() not in ENDINGS:
         raise InvalidValueError(
-            f"{out} ends in none of {', '.join(ENDINGS)}: its format is unknown."
+            f"Unknown format of {out}: it must end in {' or '.join(ENDINGS)}."
         )
     if out.is_dir() or (out.exists() and not force):
         what = "folder" if out.is_dir() else "file"
-        hint = "" if out.is_dir() else "; --force replaces it"
-        raise InvalidValueError(f"There is a {what} {out} already{hint}.")
+        hint = "" if out.is_dir() else "; use --force to replace it"
+        raise InvalidValueError(f"The {what} {out} already exists{hint}.")
     trial = out.with_name(f".{out.name}.trial")
     try:
         trial.touch()
@@ -112,7 +112,7 @@ def record(args: RecordOptions) -> None:
     """Record and save.
 
     Raises:
-        G1DescriptionError: If nothing comes, or the file cannot be written.
+        G1DescriptionError: If no state arrives, or the file cannot be written.
     """
     start_node("record", anonymous=True, disable_rosout=True)
     robot = wait_for_description(args.namespace, notify)
@@ -134,7 +134,7 @@ States = Union[BridgeStates, SimulatorStates]
 def states_of(robot: Description, recorder: Recorder, args: RecordOptions) -> States:
     """Subscribe to the bridge of a robot, or to a simulator if there is no bridge.
 
-    A model or a simulator that is named may not be the one of the bridge.
+    A given model or simulator may not be that of the bridge.
     """
     topic = rospy.resolve_name(posixpath.join(f"/{args.namespace}", "robot_state"))
     if not args.model and args.gazebo == GAZEBO:
@@ -146,7 +146,7 @@ def states_of(robot: Description, recorder: Recorder, args: RecordOptions) -> St
 
 
 class _Stop:
-    """Whether a signal came that ends the recording; it is saved all the same."""
+    """A stop request by a signal, after which the recording is saved."""
 
     def __init__(self) -> None:
         self.is_wanted = False
@@ -154,7 +154,7 @@ class _Stop:
         handle_signals(self._take)
 
     def _take(self, *_: object) -> None:
-        """Remember a signal; a lock may not be waited for here."""
+        """Record a signal, without locks; the next SIGINT interrupts."""
         self.is_wanted = True
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
@@ -163,9 +163,9 @@ def _wait_for_first(recorder: Recorder, states: States) -> None:
     """Wait for the first sample.
 
     Raises:
-        NoAnswerError: If there is none.
-        UnknownNameError: If the robot is not in the simulator.
-        MotionError: If the file cannot hold its motion.
+        NoAnswerError: If none arrives.
+        UnknownNameError: If the simulator lacks the robot.
+        MotionError: If the format does not support the motion.
     """
     missed = math.inf
 
@@ -181,9 +181,9 @@ def _wait_for_first(recorder: Recorder, states: States) -> None:
         raise recorder.refusal
     if not recorder.states:
         raise states.problem or NoAnswerError(
-            f"No state of the robot came on {states.topic} in {TIMEOUT:g} s; "
-            "does a simulator run, and does time? 'rosbag record /joint_states "
-            "/tf' records a robot without one."
+            f"There was no state of the robot on {states.topic} within {TIMEOUT:g} s; "
+            "is a simulator running and unpaused? To record a robot without a "
+            "simulator, use 'rosbag record /joint_states /tf'."
         )
 
 
@@ -201,16 +201,16 @@ def _follow(recorder: Recorder, states: States, stop: _Stop) -> None:
             recorder.end("the simulator ended")
         is_quiet = time.monotonic() - recorder.heard > QUIET
         if is_quiet and not told:
-            notify(f"nothing comes on {states.topic}; is time paused?")
+            notify(f"no messages on {states.topic}; is time paused?")
         told = is_quiet
         return recorder.is_over or stop.is_wanted
 
-    with suppress(rospy.ROSInterruptException):  # what was recorded is saved
+    with suppress(rospy.ROSInterruptException):  # the recording is saved
         wait_until(is_over, period=POLL_PERIOD)
 
 
 def save(recorder: Recorder, robot: Description, args: RecordOptions) -> None:
-    """Write what was recorded.
+    """Save the recording.
 
     Raises:
         G1DescriptionError: If it cannot be written.
@@ -233,4 +233,4 @@ def main() -> None:
     except G1DescriptionError as error:
         sys.exit(f"record: {error}")
     except (OSError, rosgraph.MasterException) as error:
-        sys.exit(f"record: The master is gone: {error}.")
+        sys.exit(f"record: Lost the connection to the master: {error}.")

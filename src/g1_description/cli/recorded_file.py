@@ -1,4 +1,4 @@
-"""A motion to a file of any format, rosbags too."""
+"""Writing motions to files of any format, rosbags included."""
 
 from __future__ import annotations
 
@@ -30,32 +30,32 @@ BAG = ".bag"
 ENDINGS = (*formats.WRITTEN, BAG)
 
 MIN_STAMP = 1
-"""The first stamp of a bag, in [ns]: ROS takes zero for none."""
+"""The first stamp of a bag, in [ns]: zero means no stamp in ROS."""
 
 MAX_STAMP = (1 << 32) * 1_000_000_000 - 1
 
 SPARE = 0.98
-"""Share of what a reader takes that is written: a bag also says what its topics are."""
+"""Fraction of the readable size that is used: a bag also has headers."""
 
 
 class Room(NamedTuple):
-    """What a file can hold."""
+    """The capacity of a file."""
 
     samples: int
     is_even: bool
-    """Whether these are counted at even times."""
+    """Whether samples are counted at evenly spaced times."""
 
 
 def room_of(path: Path, joints: Sequence[str], has_base: bool) -> Room:
-    """Find how long a motion may be that can be read from a file again.
+    """Find the capacity of a file that can be read again.
 
     Args:
-        path: The file, whose ending tells the format.
+        path: The file, in the format of its extension.
         joints: Names of the motion's joints.
         has_base: Whether it has a base.
 
     Raises:
-        MotionError: If the format cannot hold it, however short it is.
+        MotionError: If the format does not support the motion.
     """
     ending = path.suffix.lower()
     if ending != BAG:
@@ -72,25 +72,25 @@ def write_motion_file(
     rate: float | None = None,
     begin: int = MIN_STAMP,
 ) -> tuple[str, ...]:
-    """Write a motion; ``read_motion`` reads the same numbers.
+    """Write a motion, so that ``read_motion`` reads the same numbers.
 
     Args:
-        path: The file, whose ending tells the format; one that is there is replaced.
+        path: The file, in the format of its extension; an existing one is replaced.
         trajectory: The motion.
         robot: Whose motion it is.
         rate: Samples per second of an npz, in [Hz]; None: those of the motion.
         begin: Stamp of a bag's first sample, in [ns].
 
     Returns:
-        Messages on what is not as in the motion.
+        Messages on differences from the motion.
 
     Raises:
-        MotionError: If the format cannot hold it.
+        MotionError: If the format does not support it.
         InvalidValueError: If the file cannot be written.
     """
     if path.suffix.lower() not in ENDINGS:
         raise MotionError(
-            f"{path.name} ends in none of {', '.join(ENDINGS)}: its format is unknown."
+            f"Unknown format of {path.name}: it must end in {' or '.join(ENDINGS)}."
         )
     if path.suffix.lower() != BAG:
         return formats.write_motion(path, trajectory, robot, rate)
@@ -109,7 +109,7 @@ def _write_bag(
     times = (t.times - t.times[0]).tolist()
     stamps = [begin + round(time * 1e9) for time in times]
     if stamps[-1] > MAX_STAMP:
-        raise MotionError(f"A bag can have no stamp {stamps[-1] / 1e9:g} s.")
+        raise MotionError(f"The stamp {stamps[-1] / 1e9:g} s is too large for a bag.")
     base = base_child(frames, robot)
     with rosbag.Bag(str(path), "w") as bag:
         _write_static(bag, stamp_from_ns(begin), static_edges(frames, robot))
@@ -126,7 +126,7 @@ def _write_bag(
 def _write_static(
     bag: rosbag.Bag, stamp: genpy.Time, edges: Sequence[tuple[str, str]]
 ) -> None:
-    """Write the frames around the robot, latched as their publishers do."""
+    """Write the static frames, latched as by their publisher."""
     topic = "/tf_static"
     header = {
         "topic": topic,

@@ -1,7 +1,7 @@
-"""What a robot does, state by state: base and joints of one time.
+"""Recording of robot states.
 
-A bridge publishes each as ``robot_state``. Without a bridge they are measured here from
-the simulator's states. Joint states and TF would not do: TF has few of the bases.
+A bridge publishes them as ``robot_state``. Without a bridge they are measured from link
+states. Joint states and TF are not enough: TF is throttled.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ from g1_description.ros.wire import LinkStatesArrays
 from g1_description.text import listed
 
 EARLY = 1000
-"""A state this much before it is due counts, in [ns]: periods are rounded."""
+"""Tolerance of the time at which a state is due, in [ns]: periods are rounded."""
 
 
 class Recorder:
-    """Keeps the states of a robot that are due, the first one first."""
+    """Collects states of a robot at a rate."""
 
     def __init__(
         self,
@@ -50,9 +50,9 @@ class Recorder:
 
         Args:
             rate: Samples per second of simulated time; 0: every state.
-            seconds: How long, in [s] of simulated time; None: until it is ended.
-            find_room: Finds how much can be saved, by the names of the joints and
-                whether there is a base.
+            seconds: Duration in [s] of simulated time; None: until it is ended.
+            find_room: Returns the capacity of the file, from the names of the joints
+                and whether there is a base.
         """
         self._rate, self._seconds = rate, seconds
         self._find_room, self._room = find_room, Room(0, False)
@@ -62,14 +62,14 @@ class Recorder:
         """Stamp of the last state that came, also of one that was not due, in [ns]."""
         self.states: list[RobotState] = []
         self.heard = time.monotonic()
-        """When the last state came, on the monotonic clock."""
+        """Time of the last state on the monotonic clock, in [s]."""
         self.refusal: G1DescriptionError | None = None
-        """Why no state will be of use."""
+        """Error after which no state can be recorded."""
         self.notes: list[str] = []
         self.is_over = False
 
     def take(self, state: RobotState) -> None:
-        """Take a state; from one thread at a time. Its arrays stay as they are."""
+        """Add a state; called from one thread at a time. Its arrays must not change."""
         self.heard = time.monotonic()
         if self.is_over:
             return
@@ -83,7 +83,7 @@ class Recorder:
         elif state.stamp < self._last:
             self.end("time went back")
             return
-        elif state.stamp == self._last:  # it is latched
+        elif state.stamp == self._last:  # latched
             return
         self._last = state.stamp
         if state.stamp < self._due - EARLY:
@@ -91,24 +91,24 @@ class Recorder:
         if self.states and not _are_alike(state, self.states[0]):
             self._ignored += 1
         elif self._is_full(state.stamp):
-            self.end("the file can hold no more")
+            self.end("the file is full")
         else:
             self.states.append(state)
             self._plan_next(state.stamp)
 
     def end(self, why: str) -> None:
-        """End the recording early, and note why."""
+        """End the recording early, with a note."""
         seconds = (self.states[-1].stamp - self.states[0].stamp) / 1e9
-        self.notes.append(f"{why} after {seconds:.3f} s: it ends there.")
+        self.notes.append(f"the recording ends after {seconds:.3f} s: {why}.")
         self.is_over = True
 
     def refuse(self, error: G1DescriptionError) -> None:
-        """Record nothing."""
+        """Abort the recording."""
         self.refusal = error
         self.is_over = True
 
     def _is_full(self, stamp: int) -> bool:
-        """Return whether another sample is more than can be saved."""
+        """Return whether another sample would exceed the capacity."""
         count = len(self.states) + 1
         if self.states and self._rate and self._room.is_even:
             count = int((stamp - self.states[0].stamp) * self._rate / 1e9) + 2
@@ -125,10 +125,10 @@ class Recorder:
             self.is_over = True
 
     def trajectory(self) -> tuple[Trajectory, int]:
-        """Return what was recorded, from zero on, and the first stamp in [ns]."""
+        """Return the recorded motion, from time zero, and the first stamp in [ns]."""
         if self._ignored:
-            self.notes.append(f"{self._ignored} states without all links are ignored.")
-        states = self.states[:]  # the last one may be coming
+            self.notes.append(f"ignored {self._ignored} incomplete states.")
+        states = self.states[:]  # a copy: states may still be added
         begin = states[0].stamp
         bases = [state.base_pose for state in states if state.base_pose is not None]
         velocities = [s.velocities for s in states if s.velocities is not None]
@@ -142,7 +142,7 @@ class Recorder:
 
 
 def _are_alike(state: RobotState, first: RobotState) -> bool:
-    """Return whether a state has the same joints as the first one, and a base if it."""
+    """Return whether a state has the same joints and parts as the first one."""
     return (state.names, state.base_pose is None, state.velocities is None) == (
         first.names,
         first.base_pose is None,
@@ -159,7 +159,7 @@ class BridgeStates:
 
     def __init__(self, topic: str, recorder: Recorder) -> None:
         self._recorder = recorder
-        # Its publisher is the simulator, which may end before the bridge.
+        # Published by the simulator, which may end before the bridge.
         self._clock = rospy.Subscriber("/clock", Clock)
         self._subscriber = rospy.Subscriber(
             topic,
@@ -170,11 +170,11 @@ class BridgeStates:
             tcp_nodelay=True,
         )
         self.topic = self._subscriber.resolved_name
-        """Name of the topic that the states are from."""
+        """Name of the topic of the states."""
 
     @property
     def is_connected(self) -> bool:
-        """Whether there are a bridge and a simulator."""
+        """Whether a bridge and a simulator are running."""
         has_clock = self._clock.get_num_connections() > 0
         return self._subscriber.get_num_connections() > 0 and (
             has_clock or rospy.rostime.is_wallclock()
@@ -182,13 +182,13 @@ class BridgeStates:
 
     @property
     def problem(self) -> G1DescriptionError | None:
-        """Why no state has come."""
+        """Why no state has arrived."""
         if self._subscriber.get_num_connections():
             return None
-        return NoAnswerError(f"Nobody publishes {self.topic}; is the namespace right?")
+        return NoAnswerError(f"Nothing publishes {self.topic}; is the namespace right?")
 
     def keep_up(self) -> None:
-        """Do nothing: each message triggers all there is to do."""
+        """Do nothing: messages trigger everything."""
 
     def close(self) -> None:
         """Unsubscribe."""
@@ -204,10 +204,10 @@ class BridgeStates:
 
 
 class SimulatorStates:
-    """The states of a robot, measured from those of all links of a simulator.
+    """The states of a robot, measured from a simulator's link states.
 
-    Without a name of its model, it is the only one with its links, or of several the
-    one that is called like the namespace.
+    Without a model name, the only model with the robot's links is used, or of several
+    the one with the name of the namespace.
     """
 
     def __init__(
@@ -223,26 +223,26 @@ class SimulatorStates:
         self._estimator: JointStateEstimator | None = None
         self._stamps = RisingStamps()
         self.problem: G1DescriptionError | None = None
-        """Why the last state was of no use."""
+        """Why the last state could not be used."""
         self._source = StateSource(gazebo, 0.0, self._on_states, ThrottledLog())
         self._source.start()
 
     @property
     def topic(self) -> str:
-        """Name of the topic that the states are from."""
+        """Name of the topic of the states."""
         return self._source.topic
 
     @property
     def is_connected(self) -> bool:
-        """Whether there is a simulator."""
+        """Whether a simulator is running."""
         return self._source.is_connected
 
     def keep_up(self) -> None:
-        """Do what no message triggers; to be called several times a second."""
+        """Do periodic work; must be called several times per second."""
         self._source.keep_up()
 
     def close(self) -> None:
-        """Do nothing: a recorder that is over takes no more."""
+        """Do nothing: a finished recorder ignores states."""
 
     def _on_states(self, stamp: int, states: LinkStatesArrays) -> None:
         """Record a state."""
@@ -266,17 +266,17 @@ class SimulatorStates:
             self._recorder.take(state)
             return
         self.problem = UnknownNameError(
-            f"The simulator has no model '{self._model}' with links of "
+            f"The simulator has no model '{self._model}' with the links of "
             f"'{self._robot.name}'."
         )
 
 
 class SeveralModelsError(UnknownNameError):
-    """Several models may be meant."""
+    """Several models match."""
 
 
 def find_model(links: Sequence[str], robot: Description, namespace: str = "") -> str:
-    """Find the model whose links are the robot's.
+    """Find the model with the robot's links.
 
     Args:
         links: Scoped names of all links of the simulator.
@@ -300,10 +300,8 @@ def find_model(links: Sequence[str], robot: Description, namespace: str = "") ->
         return namespace
     if len(found) == 1:
         return found[0]
-    error, what = UnknownNameError, f"only {listed(counts) or 'nothing'}"
+    error, what = UnknownNameError, f"its models: {listed(counts) or 'none'}"
     if found:
         error = SeveralModelsError
-        what = f"several such, {listed(found)}: --model names one"
-    raise error(
-        f"The simulator has no single model with links of '{robot.name}' but {what}."
-    )
+        what = f"several match, {listed(found)}: choose one with --model"
+    raise error(f"Cannot find the model of '{robot.name}' in the simulator; {what}.")

@@ -1,7 +1,8 @@
-"""A picture or a film of the robot as it is now, or of a motion, without a screen.
+"""The command snapshot: a picture or animation of a running robot or a motion.
 
-Subscribes: robot_state, or joint_states, /tf and /tf_static without a bridge
-Reads: robot_description; with --model or --motion nothing of ROS at all.
+Subscribes: robot_state (g1_description/RobotState); without a bridge joint_states
+    (sensor_msgs/JointState), /tf, /tf_static
+Reads: robot_description. With --model or --motion, ROS is not used.
 """
 
 from __future__ import annotations
@@ -63,7 +64,7 @@ BASE_TIMEOUT = 2.0
 """Longest wait for the base once the joints are known, in [s]."""
 
 MAX_TIMES = 60
-"""Most pictures of a contact sheet."""
+"""Largest number of pictures of a contact sheet."""
 
 
 def size(text: str) -> tuple[int, int]:
@@ -74,7 +75,7 @@ def size(text: str) -> tuple[int, int]:
         if min(width, height) >= SIDES[0] and max(width, height) <= SIDES[1]:
             return width, height
     raise argparse.ArgumentTypeError(
-        f"must be a size such as 1280x960, from {SIDES[0]} to {SIDES[1]} pixels "
+        f"must be a size like 1280x960, from {SIDES[0]} to {SIDES[1]} pixels "
         f"(got '{text}')"
     )
 
@@ -85,13 +86,13 @@ def joints(text: str) -> dict[str, float]:
     for name, equals, position in pairs:
         if not (name.strip() and equals and position.strip()):
             raise argparse.ArgumentTypeError(
-                f"must be such as a=1.2,b=-0.3 (got '{text}')"
+                f"must be like a=1.2,b=-0.3 (got '{text}')"
             )
     return {name.strip(): number(position) for name, _, position in pairs}
 
 
 def times(text: str) -> list[float]:
-    """Read moments of a motion, in [s]."""
+    """Read times of a motion, in [s]."""
     found = [number(part) for part in text.split(",")]
     if len(found) > MAX_TIMES:
         raise argparse.ArgumentTypeError(
@@ -163,7 +164,7 @@ class SnapshotOptions:
     )
 
     def __post_init__(self) -> None:
-        """Check what goes together, and fill in what depends on it.
+        """Check combinations of options, and set defaults that depend on others.
 
         Raises:
             InvalidValueError: If options contradict each other, the file cannot be
@@ -182,7 +183,7 @@ class SnapshotOptions:
             check_length(seconds, self.fps, self.size)
 
     def _check(self) -> None:
-        """Check what goes together."""
+        """Check combinations of options."""
         of_motion = (self.motion_fps, self.motion_topic, self.times)
         is_odd = any(side % 2 for side in self.size or ())
         wrong = {
@@ -214,10 +215,10 @@ class SnapshotOptions:
 
 
 PORTRAIT = 0.75
-"""About the width over the height of a picture on a contact sheet."""
+"""Preferred aspect ratio of the pictures on a contact sheet."""
 
 G1 = "package://g1_description/urdf/g1_29dof.urdf"
-"""The robot of a motion where none is given."""
+"""The default robot of a motion."""
 
 
 def notify(sentence: str) -> None:
@@ -226,28 +227,28 @@ def notify(sentence: str) -> None:
 
 
 def check_joints(wanted: dict[str, float], description: Description) -> None:
-    """Check that joints are there, and within their limits.
+    """Check that a robot has joints, and that positions are within their limits.
 
     Raises:
-        UnknownNameError: If one is not there.
-        InvalidValueError: If one cannot be so.
+        UnknownNameError: If a joint is unknown.
+        InvalidValueError: If a position is outside the limits.
     """
     joints = {joint.name: joint for joint in description.movable_joints}
     unknown = [name for name in wanted if name not in joints]
     if unknown:
         raise UnknownNameError(
-            f"Robot '{description.name}' has no joint {listed(unknown)}; "
-            f"it has {listed(similar_first(unknown[0], joints)) or 'none'}."
+            f"Robot '{description.name}' has no joint {listed(unknown)}. Its joints: "
+            f"{listed(similar_first(unknown[0], joints)) or 'none'}."
         )
     for name, position in wanted.items():
         check_limits("--joints", joints[name], position)
 
 
 def load(scene: Scene, description: Description) -> None:
-    """Add a robot to a scene and report what is missing."""
+    """Add a robot to a scene, and report missing meshes."""
     _, left_out = scene.add(description)
     if left_out:
-        notify(f"left out of '{description.name}': {'; '.join(left_out)}.")
+        notify(f"ignored in '{description.name}': {'; '.join(left_out)}.")
 
 
 def frame(
@@ -256,17 +257,17 @@ def frame(
     view: str,
     size: tuple[int, int],
 ) -> tuple[Camera, float]:
-    """Find where to look from, so that the robots are seen at all moments.
+    """Place a camera that sees the robots at all times.
 
     Args:
         scene: The robots.
-        moments: What all of them do.
+        moments: All robots in each picture.
         view: Name of the view.
         size: Width and height of the picture in pixels.
 
     Returns:
         The camera, and the height of the floor in [m]: that of the map, or below the
-        robots whose pose is unknown.
+        robots if their poses are unknown.
 
     Raises:
         InvalidValueError: If there is nothing to see.
@@ -278,8 +279,7 @@ def frame(
     points = np.concatenate(corners)
     if not points.size:
         raise InvalidValueError(
-            "Nothing can be drawn: the robot has no visual shapes, or none that can be "
-            "read."
+            "Nothing to draw: the robot has no visual shapes, or they cannot be read."
         )
     is_placed = any(root is not None for root, _ in moments[0])
     floor = 0.0 if is_placed else float(points[:, 2].min())
@@ -287,7 +287,7 @@ def frame(
 
 
 def place(scene: Scene, moment: Sequence[PlacedRobot]) -> None:
-    """Put all robots where they are, or else their root at the origin."""
+    """Place all robots; without a known base, the root is at the origin."""
     for robot, (root, positions) in enumerate(moment):
         scene.place(robot, IDENTITY if root is None else root, positions)
 
@@ -295,7 +295,7 @@ def place(scene: Scene, moment: Sequence[PlacedRobot]) -> None:
 def write(
     scene: Scene, moments: Sequence[Sequence[PlacedRobot]], args: SnapshotOptions
 ) -> None:
-    """Draw and write what was requested.
+    """Draw and write the output file.
 
     Raises:
         KeyboardInterrupt: If the node was shut down meanwhile; nothing is written.
@@ -325,7 +325,7 @@ def write(
 def sheet(
     scene: Scene, moments: Sequence[Sequence[PlacedRobot]], args: SnapshotOptions
 ) -> np.ndarray:
-    """Draw moments side by side, each where the robot then is, all at one scale."""
+    """Draw a contact sheet: the robot centred in each picture, all at one scale."""
     n, (width, height) = len(moments), args.size
     columns = columns_of(n, width / height)
     n_rows = -(-n // columns)
@@ -343,11 +343,11 @@ def sheet(
 
 
 def columns_of(n: int, ratio: float) -> int:
-    """Find in how many columns pictures fill a sheet best.
+    """Choose the number of columns of a contact sheet.
 
     Args:
         n: Number of pictures.
-        ratio: Width of the sheet over its height.
+        ratio: Aspect ratio of the sheet.
     """
     ideal = (n * ratio / PORTRAIT) ** 0.5
 
@@ -359,7 +359,7 @@ def columns_of(n: int, ratio: float) -> int:
 
 
 def draw_file(args: SnapshotOptions) -> None:
-    """Draw a URDF file: a motion, or its zero pose with the joints requested."""
+    """Draw a URDF file: a motion, or its zero pose with the given joints."""
     description = parse_urdf(absolute_urdf(args.model or G1))
     check_joints(args.joints, description)
     moments: list[list[PlacedRobot]] = [[(None, {})]]
@@ -371,17 +371,17 @@ def draw_file(args: SnapshotOptions) -> None:
 
 
 def draw_now(args: SnapshotOptions) -> None:
-    """Draw the robots that run.
+    """Draw the running robots.
 
     Raises:
-        NoAnswerError: If there is no master, it goes, or nothing comes from a robot.
+        NoAnswerError: If there is no master, or no states of a robot.
     """
     try:
         descriptions, moments = watch_now(args)
     except rospy.ROSInterruptException:
         raise
     except (OSError, rospy.ROSException, rosgraph.MasterException) as error:
-        raise NoAnswerError(f"the master is gone: {error}.") from error
+        raise NoAnswerError(f"lost the connection to the master: {error}.") from error
     draw_all(descriptions, moments, args)
 
 
@@ -390,7 +390,7 @@ def draw_all(
     moments: Sequence[Sequence[PlacedRobot]],
     args: SnapshotOptions,
 ) -> None:
-    """Draw robots, with the joints requested."""
+    """Draw robots, with the given joints."""
     moments = [
         [(root, {**positions, **args.joints}) for root, positions in moment]
         for moment in moments
@@ -404,18 +404,18 @@ def draw_all(
 def watch_now(
     args: SnapshotOptions,
 ) -> tuple[list[Description], list[list[PlacedRobot]]]:
-    """Watch the robots that run, as long as was requested.
+    """Sample the running robots, for the requested duration.
 
     Returns:
-        The robots, and where all of them are in each picture.
+        The robots, and all of them in each picture.
 
     Raises:
-        NoAnswerError: If there is no master, or nothing comes from a robot.
-        OSError: If the master goes meanwhile; also the errors of ROS.
+        NoAnswerError: If there is no master, or no states of a robot.
+        OSError: If the connection to the master is lost; also the errors of ROS.
     """
     if not rosgraph.is_master_online():
         raise NoAnswerError(
-            f"There is no master at {rosgraph.get_master_uri()}: launch a robot, or "
+            f"There is no master at {rosgraph.get_master_uri()}. Launch a robot, or "
             "draw a file with --model FILE."
         )
     start_node("snapshot", anonymous=True)
@@ -432,23 +432,23 @@ def watch_now(
 
 
 def wait_for(view: RobotView) -> None:
-    """Wait for all joints, or at least some, and for the pose of the base.
+    """Wait for the joints and the pose of the base; some may be missing.
 
     Raises:
-        NoAnswerError: If no position of any joint comes.
+        NoAnswerError: If there are no joint states.
         ROSInterruptException: If the node is shut down.
     """
     wait_until(lambda: not view.missing, JOINTS_TIMEOUT)
     if view.missing and not view.positions:
         raise NoAnswerError(
-            f"No joint states of '{view.description.name}' came on {view.topic} "
-            f"within {JOINTS_TIMEOUT:g} s: does the bridge run, and is time not paused?"
+            f"There were no joint states of '{view.description.name}' on {view.topic} "
+            f"within {JOINTS_TIMEOUT:g} s; is the bridge running and time unpaused?"
         )
     wait_until(lambda: has_base(view), BASE_TIMEOUT)
 
 
 def has_base(view: RobotView) -> bool:
-    """Tell whether the pose of a robot's base is known."""
+    """Return whether the pose of a robot's base is known."""
     state = view.state
     return state is not None and state.base_pose is not None
 
@@ -464,7 +464,7 @@ def report_unknown(view: RobotView, wanted: dict[str, float]) -> None:
 
 
 def main() -> None:
-    """Write a picture or a film, or exit with a message."""
+    """Run the command, or exit with a message."""
     try:
         args = parse(SnapshotOptions, "snapshot", own_arguments())
         (draw_file if args.model or args.motion else draw_now)(args)

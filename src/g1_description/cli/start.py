@@ -1,6 +1,6 @@
-"""The start and the end of a command, which a signal may end at any moment.
+"""Start and end of a command, which a signal may interrupt at any time.
 
-What takes long to import is imported here, when signals are answered already.
+Slow imports happen here, when signals are already handled.
 """
 
 from __future__ import annotations
@@ -14,22 +14,22 @@ from collections.abc import Callable
 from typing import Any, NoReturn
 
 INTERRUPTED = 130
-"""Exit code after Ctrl-C, as shells have it."""
+"""Exit code after Ctrl-C, as in shells."""
 
 AGAIN = 0.05
-"""Time in [s] after which an interrupt that was ignored comes again."""
+"""Time in [s] after which an ignored interrupt is sent again."""
 
 
 def run(module: str, farewell: str = "interrupted.") -> None:
-    """Import a command and run it; end quietly when a signal ends it.
+    """Import and run a command; exit quietly after a signal.
 
     Args:
         module: Its module in this folder, named as the command; ``main`` does the work
             and may raise KeyboardInterrupt.
-        farewell: What the command says then.
+        farewell: Message after an interrupt.
     """
     sys.unraisablehook = _come_again
-    # Some libraries take an interrupt of their import for something else.
+    # Some libraries misinterpret an interrupt during their import.
     _answer_interrupt(_end_at_once)
     main = importlib.import_module(f".{module}", __package__).main
     _answer_interrupt(signal.default_int_handler)
@@ -37,7 +37,7 @@ def run(module: str, farewell: str = "interrupted.") -> None:
         try:
             main()
         finally:
-            # Python has things to do after main; nothing is left to interrupt.
+            # Python has work to do after main that must not print a traceback.
             if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
                 _answer_interrupt(_end_at_once)
     except BaseException as error:
@@ -48,21 +48,21 @@ def run(module: str, farewell: str = "interrupted.") -> None:
 
 
 def is_shut_down() -> bool:
-    """Return whether a signal shut the node down: what fails then fails of that."""
+    """Return whether a signal shut the node down, which causes further errors."""
     rospy = sys.modules.get("rospy")
     return rospy is not None and rospy.core.is_shutdown_requested()
 
 
 def _come_again(ignored: Any) -> None:
-    """Interrupt again where Python ignores an interrupt: in callbacks of its own.
+    """Send an interrupt again that Python ignored in a callback.
 
     Args:
-        ignored: What ``sys.unraisablehook`` is given.
+        ignored: As for ``sys.unraisablehook``.
     """
     if not issubclass(ignored.exc_type, KeyboardInterrupt):
         sys.__unraisablehook__(ignored)
         return
-    # From elsewhere: here it would be ignored again.
+    # From another thread: here it would be ignored again.
     main = threading.main_thread().ident
     timer = threading.Timer(AGAIN, signal.pthread_kill, (main, signal.SIGINT))
     timer.daemon = True
@@ -70,11 +70,11 @@ def _come_again(ignored: Any) -> None:
 
 
 def _end_at_once(*_: object) -> NoReturn:
-    """End the program before it has done anything, or after it has done all."""
+    """Exit before the command has begun, or after it has ended."""
     os._exit(INTERRUPTED)
 
 
 def _answer_interrupt(handler: Callable[..., Any]) -> None:
-    """Set what Ctrl-C does, unless whoever started this ignores it."""
+    """Set the handler of Ctrl-C, unless the parent ignores it."""
     if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
         signal.signal(signal.SIGINT, handler)

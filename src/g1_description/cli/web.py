@@ -1,6 +1,6 @@
-"""A command that shows robots and motions of files in a browser.
+"""The command web, which shows robots and motions of files in a browser.
 
-It needs ROS to read rosbags, but neither a master nor a screen.
+It needs neither a master nor a screen.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ from g1_description.web.show import Show, tell_address
 class WebOptions:
     """Show a robot and its motions in a browser, without ROS.
 
-    Pose it, play files, see findings. Ctrl-C ends it. For a running robot: roslaunch
-    g1_description display.launch web:=true.
+    Move it, play files, see findings. Ctrl-C ends it. For a running robot, use
+    roslaunch g1_description display.launch web:=true.
     """
 
     motion: Path | None = option("a motion to open", None, Path, metavar="FILE")
     compare: list[Path] | None = option(
-        "two motions, of two robots beside each other, in step",
+        "two motions, played in sync by two robots",
         None,
         Path,
         nargs=2,
@@ -65,17 +65,17 @@ class WebOptions:
     read_only: bool = option("show the robot without controls", False)
 
     def __post_init__(self) -> None:
-        """Check what goes together.
+        """Check combinations of options.
 
         Raises:
-            InvalidValueError: If both kinds of motions are given.
+            InvalidValueError: If both are given.
         """
         if self.motion and self.compare:
             raise InvalidValueError("--motion and --compare cannot be combined")
 
 
 G1 = "urdf/g1_29dof.urdf"
-"""The robot where none is given, in the package's folder."""
+"""The default robot, in the package's folder."""
 
 
 def notify(text: str) -> None:
@@ -87,7 +87,7 @@ def make_world(args: WebOptions) -> tuple[FileWorld, list[tuple[Path, Motion]]]:
     """Read the robot, and the motions that were named.
 
     Raises:
-        G1DescriptionError: If a file is not what it should be.
+        G1DescriptionError: If a file is invalid.
     """
     robot = parse_urdf(absolute_urdf(args.model or str(share_folder() / G1)))
     files = args.compare or ([args.motion] if args.motion else [])
@@ -112,7 +112,7 @@ def web(args: WebOptions) -> None:
     """Show robots until a signal ends it.
 
     Raises:
-        G1DescriptionError: If a file cannot be read, or the page not be opened.
+        G1DescriptionError: If a file cannot be read, or the page cannot be opened.
     """
     for signum in (signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(signum) is not signal.SIG_IGN:
@@ -120,7 +120,7 @@ def web(args: WebOptions) -> None:
     thresholds = read_thresholds(args.thresholds)
     world, motions = make_world(args)
     server = ServerOptions(args.host, args.port, args.read_only)
-    with suppress(KeyboardInterrupt):  # that is how it ends
+    with suppress(KeyboardInterrupt):  # the normal end
         show = Show(
             world,
             server,

@@ -18,10 +18,10 @@ REASONS = {
     ADJACENT: "a joint connects them",
     ALWAYS: "they overlap in all samples",
     DEFAULT: "they overlap with all joints at zero",
-    NEVER: "they came near each other in no sample",
-    USER: "somebody wrote so by hand",
+    NEVER: "they were never near each other in the samples",
+    USER: "added by hand",
 }
-"""Why a pair need not be checked."""
+"""Reasons for not checking a pair."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class AllowedPairs:
     """Name of the robot."""
 
     links: tuple[str, ...]
-    """Those with shapes, which were examined."""
+    """The links with shapes that were examined."""
 
     pairs: tuple[AllowedPair, ...]
 
@@ -58,29 +58,29 @@ class AllowedPairs:
     """Seed of the random numbers."""
 
     place: str = ""
-    """The file it is from."""
+    """The file that they were read from."""
 
     def check_links(self, robot: str, links: Iterable[str]) -> None:
-        """Check that a robot has no other links than were examined.
+        """Check that all links of a robot were examined.
 
         Args:
             robot: Its name.
-            links: Its links that have shapes; it need not have all that are known.
+            links: Its links with shapes; it may lack some of ``self.links``.
 
         Raises:
-            AllowedPairsError: If there is a link that is not known.
+            AllowedPairsError: If a link was not examined.
         """
         unknown = [name for name in links if name not in self.links]
         if unknown:
             raise AllowedPairsError(
-                f"The allowed collisions{self.place and ' of '}{self.place} are those "
-                f"of '{self.robot}', which does not have all links of '{robot}': "
-                f"{listed(unknown)}."
+                f"The allowed collisions{self.place and ' in '}{self.place} are for "
+                f"'{self.robot}' and lack links of '{robot}': {listed(unknown)}. "
+                "Write a file for this robot with collision_pairs."
             )
 
 
 def with_pairs(allowed: AllowedPairs, pairs: Iterable[AllowedPair]) -> AllowedPairs:
-    """Add pairs, each in place of the one of the same links if there is one.
+    """Add pairs; a pair of the same links is replaced.
 
     Pairs of links that the robot does not have are ignored.
     """
@@ -97,7 +97,7 @@ def read_allowed_pairs(file: Path) -> AllowedPairs:
     """Read a file of allowed pairs.
 
     Raises:
-        AllowedPairsError: If it cannot be read, or holds something else.
+        AllowedPairsError: If it cannot be read or is invalid.
     """
     try:
         return _allowed_pairs(read_yaml(file), str(file))
@@ -108,9 +108,9 @@ def read_allowed_pairs(file: Path) -> AllowedPairs:
 
 
 def _allowed_pairs(content: object, place: str) -> AllowedPairs:
-    """Read what a file holds."""
+    """Read the content of a file."""
     if not isinstance(content, dict) or not set(KEYS) <= set(content):
-        raise AllowedPairsError(f"it must have {', '.join(KEYS)}")
+        raise AllowedPairsError(f"it must have the keys {', '.join(KEYS)}")
     links, pairs = content["links"], content["pairs"]
     if not isinstance(links, list) or not all(isinstance(n, str) for n in links):
         raise AllowedPairsError("links must be a list of names")
@@ -139,11 +139,11 @@ def _pair(value: object, links: Collection[str]) -> AllowedPair:
     pair = AllowedPair(*map(str, value))
     unknown = [name for name in (pair.link_a, pair.link_b) if name not in links]
     if unknown:
-        raise AllowedPairsError(f"pairs name {listed(unknown)}, which is not in links")
+        raise AllowedPairsError(f"pairs contain {listed(unknown)}, missing in links")
     if pair.reason not in REASONS:
         raise AllowedPairsError(
-            f"{pair.link_a} and {pair.link_b} have the reason '{pair.reason}'; there "
-            f"are {listed(REASONS)}"
+            f"unknown reason '{pair.reason}' of {pair.link_a} and {pair.link_b}. "
+            f"Known reasons: {listed(REASONS)}"
         )
     return pair
 
@@ -152,18 +152,18 @@ def write_allowed_pairs(file: Path, allowed: AllowedPairs, about: str) -> None:
     """Write a file of allowed pairs.
 
     Args:
-        file: The file; one that is there is replaced.
-        allowed: What to write, sorted by reasons.
-        about: Lines for its head, which become a comment.
+        file: The file; an existing one is replaced.
+        allowed: The pairs.
+        about: Text of the comment at the top.
 
     Raises:
-        InvalidValueError: If it cannot be written; what was there stays.
+        InvalidValueError: If it cannot be written; an existing file is kept.
     """
     write_whole(file, allowed_pairs_text(allowed, about).encode("utf-8"))
 
 
 def allowed_pairs_text(allowed: AllowedPairs, about: str) -> str:
-    """Write what a file of allowed pairs holds: a pair per line."""
+    """Format a file of allowed pairs, with a pair per line."""
     head = [f"# {line}".rstrip() for line in about.splitlines()]
     numbers = [f"samples: {allowed.samples}", f"seed: {allowed.seed}"]
     links = ["links:", *(f"- {_scalar(name)}" for name in allowed.links)]
@@ -179,7 +179,7 @@ def allowed_pairs_text(allowed: AllowedPairs, about: str) -> str:
 
 
 def _scalar(name: str) -> str:
-    """Write a name: as it is where YAML takes it for text, else between quotes."""
+    """Format a name for YAML, quoted where necessary."""
     plain = name.replace("_", "").replace("-", "")
     is_plain = plain.isascii() and plain.isalnum() and name[0].isalpha()
     if is_plain and name.lower() not in {"null", "true", "false", "yes", "no", "on"}:

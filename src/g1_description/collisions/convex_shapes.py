@@ -1,4 +1,4 @@
-"""The convex shapes that stand for the links of a robot."""
+"""Convex shapes of the links of a robot, for collision checks."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from g1_description.sim.meshes.hulls import hull_points, hull_vertices, outline,
 from g1_description.sim.meshes.shapes import Mesh, find_meshes, is_there
 
 TOLERANCE = 5e-4
-"""Largest distance by which thinning may shrink a hull of very many points, in [m]:
-PyBullet's time grows with the points."""
+"""Largest distance by which thinning may shrink a hull with many points, in [m]:
+PyBullet's run time grows with the number of points."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class ConvexShape:
     """Vertices of a hull in the link frame, in [m], shape (n, 3)."""
 
     radius: float = 0.0
-    """In [m]: that of a sphere, of which there is one point; else 0."""
+    """In [m]: the radius of a sphere, which has one point; else 0."""
 
 
 def robot_shapes(
@@ -38,14 +38,14 @@ def robot_shapes(
     """Find the shapes of the links of a robot.
 
     Args:
-        description: The robot; names of its meshes can be found from anywhere.
-        visual_hulls: Whether the convex hulls of the visuals stand for a link that has
-            no collision shape.
+        description: The robot, with absolute mesh URIs.
+        visual_hulls: Whether links without collision shapes use the convex hulls of
+            their visuals.
 
     Returns:
         In the order of the links: boxes, cylinders (as prisms) and meshes as convex
-        hulls, a collision mesh of several parts as one hull each; spheres exactly. A
-        plane is no shape of a link. Also a message for each mesh that cannot be read.
+        hulls, with a hull for each part of a collision mesh; spheres exactly. Planes
+        are ignored. And a message for each mesh that cannot be read.
     """
     links = posed_links(description)
     used = [
@@ -64,7 +64,7 @@ def robot_shapes(
 
 
 def posed_links(description: Description) -> list[Link]:
-    """List the links that have poses: all but a root that is the world."""
+    """List the links that have poses: all but the world."""
     root_is_world = description.root == WORLD
     return [x for x in description.links if not (root_is_world and x.name == WORLD)]
 
@@ -91,7 +91,7 @@ def _convex(
 def _hulls(
     shape: Shape, meshes: Mapping[str, Mesh], is_split: bool
 ) -> Iterator[tuple[np.ndarray, float]]:
-    """Give vertices in a shape's frame, shape (n, 3), and the radius about them."""
+    """Yield vertices in a shape's frame, shape (n, 3), with the radius around them."""
     if shape.kind == "mesh" and is_split:
         for part in hull_points(meshes[shape.filename]):
             yield _few(part * np.array(shape.size)), 0.0
@@ -101,7 +101,7 @@ def _hulls(
 
 
 def _few(points: np.ndarray) -> np.ndarray:
-    """Select points whose hull is that of all, or almost, shape (m, 3)."""
+    """Select points with almost the same convex hull, shape (m, 3)."""
     few, _ = thinned(hull_vertices(points), TOLERANCE)
     return few
 

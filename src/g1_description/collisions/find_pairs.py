@@ -27,8 +27,8 @@ from g1_description.robot.transform import IDENTITY
 from g1_description.robot.tree import below
 
 SAMPLES = 100_000
-"""Random configurations by default. Of a contact in more than 3 / SAMPLES of all
-configurations one is missed with a probability of 5 % at most."""
+"""Default number of random configurations. A contact in more than 3 / SAMPLES of all
+configurations is missed with a probability of 5 % at most."""
 
 QUICK_SAMPLES = 1000
 """Random configurations for a robot that has no file of allowed pairs."""
@@ -46,7 +46,7 @@ BATCH = 2000
 """Configurations between two reports of progress."""
 
 Progress = Callable[[int, int], None]
-"""Called with the number of samples that are done, and of all."""
+"""Called with the number of finished samples, and of all."""
 
 
 def find_allowed_pairs(
@@ -55,10 +55,10 @@ def find_allowed_pairs(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> AllowedPairs:
-    """Find which pairs of links need not be checked.
+    """Find the pairs of links that need not be checked.
 
-    A pair is left to be checked once a sample has it near and another one has it
-    apart: it then is neither ``never`` nor ``always``, whatever comes.
+    Once a pair was near in one sample and apart in another, it is neither ``never`` nor
+    ``always`` and is not examined further.
 
     Args:
         description: The robot; names of its meshes can be found from anywhere.
@@ -93,9 +93,9 @@ def find_allowed_pairs(
 
 
 def quick_allowed_pairs(description: Description) -> AllowedPairs:
-    """Find what a robot without a file of allowed pairs needs, in about a second.
+    """Find allowed pairs of a robot without a file, in about a second.
 
-    Few samples do not show that a pair never touches, so these are checked.
+    Few samples do not prove that a pair never touches, so such pairs are checked.
     """
     found = find_allowed_pairs(description, QUICK_SAMPLES)
     pairs = tuple(pair for pair in found.pairs if pair.reason != NEVER)
@@ -109,14 +109,13 @@ def collisions_of(
 
     Args:
         description: The robot.
-        file: Its allowed pairs. By default those of the G1, and for a robot with other
-            links pairs that are found now.
-        visual_hulls: Whether links without collision shapes have the hulls of their
-            visual ones.
+        file: Its allowed pairs; None: those of the G1, or, for a robot with other
+            links, pairs found from a few samples.
+        visual_hulls: Whether links without collision shapes use the convex hulls of
+            their visuals.
 
     Raises:
-        AllowedPairsError: If a file cannot be read, or the given one is another
-            robot's.
+        AllowedPairsError: If a file cannot be read, or is for another robot.
     """
     if file is not None:
         return SelfCollisions(description, read_allowed_pairs(file), visual_hulls)
@@ -127,8 +126,8 @@ def collisions_of(
         found = quick_allowed_pairs(description)
     other = SelfCollisions(description, found, visual_hulls)
     note = (
-        f"Which links of {description.name} overlap by design was found in "
-        f"{QUICK_SAMPLES} random configurations; collision_pairs makes a file of it."
+        f"The allowed collisions of {description.name} were estimated from "
+        f"{QUICK_SAMPLES} random configurations; write a file with collision_pairs."
     )
     other.notes = (note, *other.notes)
     return other
@@ -137,9 +136,8 @@ def collisions_of(
 def adjacent_pairs(description: Description) -> tuple[AllowedPair, ...]:
     """List pairs of links that a joint connects.
 
-    Links that fixed joints connect count as one body, so that each link of one is
-    adjacent to each of the other. A body without any shape is ignored: its
-    children are adjacent to its parent.
+    Links connected by fixed joints count as one body: all links of adjacent bodies are
+    adjacent. A body without shapes is skipped: its children are adjacent to its parent.
     """
     groups: dict[str, list[str]] = {}
     for tree in description.trees:
@@ -171,7 +169,7 @@ def random_poses(
 
     Args:
         description: The robot.
-        random: Where the numbers are from.
+        random: Random number generator.
         count: Number of configurations.
 
     Returns:
@@ -183,7 +181,7 @@ def random_poses(
 
 
 def zero_poses(description: Description) -> np.ndarray:
-    """Place the links with all joints at zero, or at the limit that is nearest to it.
+    """Place the links with all joints at zero, or at the nearest limit.
 
     Returns:
         Poses of the links, shape (1, n_links, 7).
@@ -199,7 +197,7 @@ def _poses(description: Description, positions: np.ndarray) -> np.ndarray:
 
 
 def _ranges(description: Description) -> tuple[np.ndarray, np.ndarray]:
-    """Give the limits of joints in [rad] or [m]; a usual range where there are none."""
+    """Return limits of joints in [rad] or [m], with a usual range for missing ones."""
     joints = description.movable_joints
     usual = [REACH if joint.kind == "prismatic" else np.pi for joint in joints]
     lower = np.array([joint.lower for joint in joints])

@@ -1,10 +1,10 @@
-"""Collisions of a robot with itself, over many configurations.
+"""Self-collisions of a robot in many configurations.
 
-Three stages exclude pairs of shapes that are certainly apart, for all configurations at
-once: spheres, boxes, and a search for a plane between the shapes. PyBullet then finds
-the direction of the least overlap, one pair after the other. The distance is that
-between the two planes across this direction that bound the shapes: it does not rely on
-PyBullet's numbers, and is never more than the true distance.
+Three vectorized stages exclude pairs of shapes that are certainly apart: bounding
+spheres, bounding boxes, and a search for a separating plane. PyBullet then finds the
+direction of least overlap, pair by pair. The distance is that of the two planes normal
+to this direction that bound the shapes. It is independent of PyBullet's precision, and
+never more than the true distance.
 """
 
 from __future__ import annotations
@@ -34,25 +34,25 @@ from g1_description.robot.description import Description
 from g1_description.sim.bullet.client import connect, pybullet
 
 CHUNK = 256
-"""Configurations that are checked at once: bounds memory, no result depends on it."""
+"""Configurations per chunk; limits memory, and does not affect results."""
 
 SLACK = 5e-4
-"""Additional gap of the pairs that are excluded early, in [m]: more than PyBullet's
-error, so that no result depends on the stage that excludes a pair."""
+"""Additional gap of pairs that are excluded early, in [m]: more than PyBullet's error,
+so results do not depend on the stage."""
 
 DOUBT = 1e-4
-"""Greatest difference of PyBullet's distance from that of the planes, in [m]: one that
-is greater comes from a wrong direction."""
+"""Largest difference between PyBullet's distance and that of the planes, in [m]; a
+larger one means that the direction is wrong."""
 
 _Gaps = Tuple[np.ndarray, np.ndarray, np.ndarray]
-"""Widths in [m], negative where shapes overlap, infinite where they are far apart,
-shape (n,); directions across the gaps, from a to b, and points of a where they begin,
-in [m], in the frames of a's links, shapes (n, 3)."""
+"""Widths of gaps in [m], negative for overlaps, infinite for shapes far apart, shape
+(n,); directions from a to b, and points of a in [m], in the frames of a's links, shapes
+(n, 3)."""
 
 
 @dataclass(frozen=True)
 class Contacts:
-    """Pairs of links that are nearer than a margin, by frames, then pairs."""
+    """Pairs of links nearer than a margin, sorted by frame and pair."""
 
     frame: np.ndarray
     """Index of the configuration, shape (n,)."""
@@ -61,12 +61,12 @@ class Contacts:
     """Index of the pair of links, shape (n,)."""
 
     distance: np.ndarray
-    """In [m]; negative: how far one must move for them to be apart, shape (n,)."""
+    """In [m], shape (n,); negative: the penetration depth."""
 
     points_a: np.ndarray
     points_b: np.ndarray
-    """Where the links are closest or deepest in each other, in the world, in [m], shape
-    (n, 3). ``points_b - points_a`` is ``distance * normal``."""
+    """Closest or deepest points of the links in the world, in [m], shape (n, 3).
+    ``points_b - points_a`` is ``distance * normal``."""
 
     normal: np.ndarray
     """Directions from the first link of the pair to the second, in the world, shape
@@ -77,7 +77,7 @@ class Contacts:
 
     @staticmethod
     def joined(parts: Sequence[Contacts]) -> Contacts:
-        """Join contacts of successive configurations."""
+        """Concatenate contacts of successive configurations."""
         names = [part.name for part in fields(Contacts)]
         return Contacts(
             *(np.concatenate([getattr(part, name) for part in parts]) for name in names)
@@ -89,11 +89,10 @@ MARGIN = 0.001
 
 
 class ClosestPoints:
-    """The shapes of a robot in a PyBullet of its own.
+    """The shapes of a robot in a separate PyBullet client.
 
-    Each is there twice: once at the origin, and once to be placed relative to others,
-    so that an answer depends on nothing but where one shape is in the frame of the
-    other.
+    Each shape exists twice, at the origin and placed relative to another shape, so
+    results depend only on their relative pose.
     """
 
     def __init__(self, shapes: Sequence[ConvexShape]) -> None:
@@ -123,19 +122,19 @@ class ClosestPoints:
     def find(
         self, placed: ShapePairs, reach: float
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Find where shapes are closest to each other, or overlap deepest.
+        """Find the closest or deepest points of shapes.
 
         Args:
             placed: Pairs of shapes.
             reach: Pairs farther apart than this may be ignored, in [m].
 
         Returns:
-            Distances in [m], negative where they overlap, NaN where PyBullet found
-            nothing, shape (n,): the error is 0.05 mm, but some millimetres in three of
-            ten thousand pairs. Directions from a to b, and points in the middle between
-            both, in the frames of a's links, shapes (n, 3).
+            Distances in [m], negative for overlaps, NaN if PyBullet found nothing,
+            shape (n,). Their error is 0.05 mm, but some millimetres in three of ten
+            thousand pairs. Directions from a to b, and midpoints, in the frames of a's
+            links, shapes (n, 3).
         """
-        # PyBullet's own functions: the client's cost a microsecond more each.
+        # The functions of the module are a microsecond faster than the client's.
         move, find = pybullet.resetBasePositionAndOrientation, pybullet.getClosestPoints
         client = self._client._client
         rows = zip(
@@ -157,10 +156,10 @@ class ClosestPoints:
 
 
 class SelfCollisions:
-    """Finds where links of a robot touch each other.
+    """Finds self-collisions of a robot.
 
-    It has a PyBullet of its own. Pairs that are allowed, and those of links that fixed
-    joints hold together, are not checked.
+    Allowed pairs and links connected by fixed joints are not checked. Uses a PyBullet
+    client of its own.
     """
 
     def __init__(
@@ -172,17 +171,17 @@ class SelfCollisions:
         """Read the meshes and prepare the shapes.
 
         Args:
-            description: The robot; names of its meshes can be found from anywhere.
+            description: The robot, with absolute mesh URIs.
             allowed: Pairs that are not checked.
-            visual_hulls: Whether the convex hulls of the visuals stand for a link that
-                has no collision shape.
+            visual_hulls: Whether links without collision shapes use the convex hulls of
+                their visuals.
 
         Raises:
-            AllowedPairsError: If the allowed pairs are those of another robot.
+            AllowedPairsError: If the allowed pairs are for another robot.
         """
         self.shapes, self.notes = robot_shapes(description, visual_hulls)
-        """The convex shapes; a message for each mesh that cannot be read, and on what
-        was assumed."""
+        """The convex shapes; messages on meshes that cannot be read, and on
+        assumptions."""
         names = [link.name for link in posed_links(description)]
         self._row = {name: row for row, name in enumerate(names)}
         rows = {shape.link for shape in self.shapes}
@@ -201,16 +200,16 @@ class SelfCollisions:
     def _prepare(self) -> None:
         self._bounds, self._separation = Bounds(self.shapes), Separation(self.shapes)
         self._closest = ClosestPoints(self.shapes)
-        # Listing them takes as long as finding the contacts of one configuration.
+        # Cached: listing takes as long as checking one configuration.
         self._all = self._shape_pairs(range(len(self.pairs)))
 
     def __getstate__(self) -> dict[str, Any]:
-        """Go to other processes without PyBullet."""
+        """Pickle without PyBullet."""
         own = ("_bounds", "_separation", "_closest", "_all")
         return {name: v for name, v in self.__dict__.items() if name not in own}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Arrive there."""
+        """Restore PyBullet's part."""
         self.__dict__.update(state)
         self._prepare()
 
@@ -220,31 +219,31 @@ class SelfCollisions:
         margin: float = 0.0,
         pairs: Collection[int] | None = None,
     ) -> Contacts:
-        """Find the pairs of links that are nearer than a margin.
+        """Find pairs of links nearer than a margin.
 
         Args:
             link_poses: Poses of all links in the world, in the order of the
                 description, without a root that is the world, shape (n, n_links, 7).
-            margin: In [m]; 0: what overlaps.
+            margin: In [m]; 0: only overlaps.
             pairs: Indices of the pairs to check; by default all.
 
         Returns:
-            The contacts; each configuration has the same ones to the last bit, whatever
-            others are checked with it.
+            The contacts. Those of a configuration do not depend on the others in the
+            batch.
 
         Raises:
-            InvalidValueError: If the poses have another shape or are no numbers.
+            InvalidValueError: If the poses have another shape or are not finite.
         """
         shape = (len(self._row), 7)
         if link_poses.ndim != 3 or link_poses.shape[1:] != shape:
             raise InvalidValueError(
-                f"Poses of {shape[0]} links have the shape (n, {shape[0]}, 7), not "
-                f"{link_poses.shape}."
+                f"Poses of {shape[0]} links must have the shape (n, {shape[0]}, 7) "
+                f"(got {link_poses.shape})."
             )
         if not np.isfinite(link_poses).all():
-            raise InvalidValueError("A pose of a link is not a finite number.")
+            raise InvalidValueError("Poses of links must be finite.")
         if not np.isfinite(margin):
-            raise InvalidValueError(f"The margin is {margin}; it must be finite.")
+            raise InvalidValueError(f"The margin must be finite (got {margin}).")
         rows = self._all if pairs is None else self._shape_pairs(pairs)
         parts = [
             self._chunk(link_poses[first : first + CHUNK], rows, margin, first)
@@ -291,7 +290,7 @@ class SelfCollisions:
     def _candidates(
         self, link_poses: np.ndarray, rows: np.ndarray, gap: float
     ) -> tuple[np.ndarray, np.ndarray, ShapePairs]:
-        """Find what may be nearer than a gap, all frames at once.
+        """Find pairs that may be nearer than a gap, for all frames at once.
 
         Args:
             link_poses: Poses of the links in the world, shape (n, n_links, 7).
@@ -323,7 +322,7 @@ class SelfCollisions:
         gaps = self._gaps(placed, direction, middle)
         width = gaps[0]
         width[~is_near] = np.inf
-        near = np.flatnonzero(is_near)  # numpy 1.17 warns of a comparison with NaN
+        near = np.flatnonzero(is_near)  # numpy 1.17 warns about comparisons with NaN
         for row in near[np.abs(width[near] - distance[near]) > DOUBT].tolist():
             self._reconsider(gaps, placed, row, middle[row])
         return gaps
@@ -348,14 +347,15 @@ class SelfCollisions:
     ) -> None:
         """Improve a gap whose direction is not the best one.
 
-        Of all directions, that with the widest gap is right. PyBullet often finds it
-        when the two shapes change places; mostly it is the normal of a face.
+        The right direction is that with the widest gap. Mostly it is the normal of a
+        face; PyBullet often finds it when the two shapes are swapped.
 
         Args:
             gaps: The gaps.
             placed: Pairs of shapes.
-            row: Which of them.
-            middle: Point that the gap is about, in the frame of a's link, shape (3,).
+            row: Index of the pair.
+            middle: Point in the middle of the gap, in the frame of a's link, shape
+                (3,).
         """
         distance, direction, _ = self._closest.find(placed[[row]].swapped(), SLACK)
         others = -turn(placed.axes[[row]], direction)[~np.isnan(distance)]
@@ -380,7 +380,7 @@ def _deepest(found: Contacts) -> np.ndarray:
 def _checked_pairs(
     description: Description, links: Collection[str], allowed: set[frozenset[str]]
 ) -> tuple[tuple[str, str], ...]:
-    """List the pairs of links that can move against each other and are not allowed."""
+    """List the pairs of links that can collide and are not allowed."""
     group = {
         link: body
         for tree in description.trees

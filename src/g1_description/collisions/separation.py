@@ -1,4 +1,4 @@
-"""Convex shapes that are apart: spheres and boxes about them, planes between them."""
+"""Tests that convex shapes are apart: bounding spheres, boxes, separating planes."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Bounds:
             T_world_link: Poses of the links, shape (n_frames, n_links, 7).
             axes: The same rotations as matrices, shape (n_frames, n_links, 3, 3).
             pairs: Indices of shapes, shape (n_pairs, 2).
-            gap: Pairs this far apart or farther are left out, in [m].
+            gap: Pairs this far apart or farther are excluded, in [m].
 
         Returns:
             Frames and rows of ``pairs``, shapes (n,).
@@ -44,11 +44,11 @@ class Bounds:
         return frames, rows
 
     def overlap(self, placed: ShapePairs, gap: float) -> np.ndarray:
-        """Find the pairs that no side of their boxes separates.
+        """Find the pairs that are not separated by a face of their boxes.
 
         Args:
             placed: Pairs of shapes.
-            gap: Pairs this far apart or farther are left out, in [m].
+            gap: Pairs this far apart or farther are excluded, in [m].
 
         Returns:
             Rows of ``placed``, shape (n,).
@@ -82,14 +82,14 @@ def _box(shape: ConvexShape) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 ROUNDS = 4
-"""Improvements of a direction: what is not separated then mostly collides."""
+"""Iterations of a search: pairs that are not separated by then mostly collide."""
 
 FEW = 32
-"""Up to this number, directions of all shapes are searched together, which costs more
-memory and less time."""
+"""Up to this number, all shapes are searched at once, which is faster but needs more
+memory."""
 
 TINY = 1e-12
-"""Shortest vector that has a direction, in [m]."""
+"""Length below which a vector has no direction, in [m]."""
 
 
 class Separation:
@@ -111,7 +111,7 @@ class Separation:
 
         Args:
             placed: Pairs of shapes.
-            gap: How wide the gap must be, in [m].
+            gap: Least width of the gap, in [m].
 
         Returns:
             Whether such a plane was found, shape (n,).
@@ -148,7 +148,7 @@ class Separation:
         return (placed.axes @ end_b[:, :, np.newaxis])[..., 0] + placed.origin - end_a
 
     def between_middles(self, placed: ShapePairs) -> np.ndarray:
-        """Give the directions from the middles of shapes to those of others.
+        """Return the directions between the centres of shapes.
 
         Returns:
             Unit vectors in the frames of a, shape (n, 3).
@@ -157,7 +157,7 @@ class Separation:
         return _unit(middle_b - self._middle[placed.a])
 
     def normals(self, placed: ShapePairs, row: int) -> np.ndarray:
-        """Give the normals of all faces of a pair, those of b turned around.
+        """Return the normals of all faces of a pair, those of b reversed.
 
         Returns:
             Unit vectors in the frame of a, shape (n, 3).
@@ -169,16 +169,16 @@ class Separation:
     def faces(
         self, placed: ShapePairs, direction: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Find where shapes end along directions.
+        """Find the extents of shapes along directions.
 
         Args:
             placed: Pairs of shapes.
             direction: Unit vectors from a to b, in the frames of a, shape (n, 3).
 
         Returns:
-            How far a reaches, and where b begins, along the direction from the origin
-            of a's frame, in [m], shapes (n,). What lies between is a gap for certain;
-            where b begins before a ends, that is how far they overlap.
+            The end of a and the beginning of b along the direction, from the origin of
+            a's frame, in [m], shapes (n,). Their difference is a lower bound of the
+            distance; negative if they overlap.
         """
         backwards = -turn(np.swapaxes(placed.axes, 1, 2), direction)
         end_a = self._per_shape(placed.a, direction, _reach)[:, 0]
@@ -195,7 +195,7 @@ class Separation:
         directions: np.ndarray,
         function: Callable[[ConvexShape, np.ndarray], np.ndarray],
     ) -> np.ndarray:
-        """Ask each shape for all of its directions at once, shape (n, 3) or (n, 1)."""
+        """Evaluate a function per shape, for all its directions at once."""
         if len(which) <= FEW:
             return self._per_row(which, directions, function is _farthest)
         order = np.argsort(which, kind="stable")
@@ -208,7 +208,7 @@ class Separation:
     def _per_row(
         self, which: np.ndarray, directions: np.ndarray, is_farthest: bool
     ) -> np.ndarray:
-        """Do the same for few directions: one array of all their shapes' points."""
+        """Evaluate few directions at once, with an array of all shapes' points."""
         points = self._padded[which]
         x, y, z = directions.T[:, :, np.newaxis]
         along = x * points[..., 0] + y * points[..., 1] + z * points[..., 2]
@@ -223,7 +223,7 @@ def _farthest(shape: ConvexShape, directions: np.ndarray) -> np.ndarray:
 
 
 def _padded(points: Sequence[np.ndarray]) -> np.ndarray:
-    """Repeat the first of each shape's points until all have as many, (n, k, 3)."""
+    """Pad the points of shapes to equal numbers, shape (n, k, 3)."""
     most = max((len(rows) for rows in points), default=0)
     parts = [np.concatenate([r, np.repeat(r[:1], most - len(r), 0)]) for r in points]
     return np.array(parts).reshape(len(points), most, 3)
@@ -237,7 +237,7 @@ def _reach(shape: ConvexShape, directions: np.ndarray) -> np.ndarray:
 
 
 def _unit(vectors: np.ndarray) -> np.ndarray:
-    """Give the directions of vectors; x where they have none, shape (n, 3)."""
+    """Normalize vectors, shape (n, 3); zero vectors become x."""
     squared = np.einsum("ij,ij->i", vectors, vectors)[:, np.newaxis]
     unit = vectors / np.sqrt(np.maximum(squared, TINY * TINY))
     unit[squared[:, 0] <= TINY * TINY] = 1.0, 0.0, 0.0

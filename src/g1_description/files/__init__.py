@@ -1,1 +1,1 @@
-"""Files from outside: found, loaded and replaced whole."""
+"""Finding, reading and atomically writing files."""

@@ -1,4 +1,4 @@
-"""Files that are written as a whole or not at all."""
+"""Atomic writing of files."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from g1_description.errors import InvalidValueError
 
 
 def write_whole(path: Path, content: bytes) -> None:
-    """Write a file under another name first, so that it is never half there.
+    """Write a file atomically.
 
     Args:
-        path: The file; one that is there is replaced and its mode kept.
-        content: All that will be in it.
+        path: The file; an existing one is replaced and its mode kept.
+        content: The content.
 
     Raises:
-        InvalidValueError: If it cannot be written; what was there stays.
+        InvalidValueError: If it cannot be written; an existing file is kept.
     """
     with whole_file(path) as part:
         part.write_bytes(content)
@@ -27,10 +27,10 @@ def write_whole(path: Path, content: bytes) -> None:
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """Give another name to write a file under; it gets its own when it is whole.
+    """Yield a temporary path, which replaces the file on success.
 
     Raises:
-        InvalidValueError: If it cannot be written; what was there stays.
+        InvalidValueError: If it cannot be written; an existing file is kept.
     """
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:

@@ -1,4 +1,4 @@
-"""Which file is meant by what a user calls a model, and what is near it if none is."""
+"""Finding the file of a model, with suggestions if there is none."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ _ARGUMENT = re.compile(r"\s+(?=[A-Za-z_]\w*:?=)")
 
 
 def split_arguments(requested: str) -> tuple[str, dict[str, str]]:
-    """Take a model apart into its file and the arguments for xacro behind it.
+    """Split a model into its file and the arguments for xacro.
 
     Args:
         requested: File, then any number of ``NAME=VALUE`` or ``NAME:=VALUE``. The name
-            of a file that exists is not taken apart.
+            of an existing file is not split.
 
     Returns:
-        The file as it was written, and the arguments.
+        The file as given, and the arguments.
     """
     if _exists(Path(os.path.expanduser(requested))):
         return requested, {}
@@ -44,7 +44,7 @@ def find_model_file(name: str) -> Path:
         Path of an existing regular file.
 
     Raises:
-        DescriptionError: If there is none; the message lists similar ones.
+        DescriptionError: If there is none; the message suggests similar names.
     """
     path = named_path(name)
     try:
@@ -62,7 +62,7 @@ def find_model_file(name: str) -> Path:
 
 
 def _exists(path: Path) -> bool:
-    """Return whether a path exists; one that cannot be looked at does not."""
+    """Return whether a path exists and can be accessed."""
     try:
         return path.exists()
     except (OSError, ValueError):
@@ -70,10 +70,10 @@ def _exists(path: Path) -> bool:
 
 
 def named_path(name: str) -> Path:
-    """Turn what a user wrote into a path, whether or not it exists.
+    """Convert a user's name of a file to a path, which need not exist.
 
     Raises:
-        DescriptionError: If it names an unknown package or another scheme.
+        DescriptionError: If the package or scheme is unknown.
     """
     scheme, separator, rest = name.partition("://")
     if not separator:
@@ -82,25 +82,25 @@ def named_path(name: str) -> Path:
         return Path(unquote(rest))
     if scheme != "package":
         raise DescriptionError(
-            f"{name} has the scheme {scheme}://; models come from paths, package:// "
-            "and file://."
+            f"{name} has the unknown scheme {scheme}://; use a path, package:// or "
+            "file://."
         )
     package, _, inside = rest.partition("/")
     folder = find_folder(package)
     if folder is None:
         near = _similar(package, package_names())
-        raise DescriptionError(f"There is no package '{package}'{near}.")
+        raise DescriptionError(f"There is no package '{package}'{near or '.'}")
     return Path(folder) / unquote(inside)
 
 
 def _similar(name: str, existing: Iterable[str]) -> str:
-    """Return the end of a message: which names are like one that does not exist."""
+    """Suggest names similar to one that does not exist, as the end of a message."""
     found = similar(name, existing)
-    return f"; like it is {' or '.join(found)}" if found else ""
+    return f"; did you mean {' or '.join(found)}?" if found else ""
 
 
 def _absent(path: Path) -> str:
-    """Say what is not there, and what is in its place."""
+    """Return a message on what is missing, with suggestions."""
     missing = path
     while not missing.parent.is_dir() and missing.parent != missing:
         missing = missing.parent
@@ -108,11 +108,12 @@ def _absent(path: Path) -> str:
     near = _similar(missing.name, _names_in(missing.parent))
     if not near and kind == "file":
         near = with_robots(missing.parent)
-    return f"There is no {kind} {missing}{near}."
+    end = "" if near.endswith("?") else "."
+    return f"There is no {kind} {missing}{near}{end}"
 
 
 def _names_in(folder: Path) -> list[str]:
-    """List what is in a folder; nothing where there is none, or it is not readable."""
+    """List a folder; empty if it cannot be read."""
     try:
         return sorted(os.listdir(folder))
     except OSError:
@@ -120,7 +121,7 @@ def _names_in(folder: Path) -> list[str]:
 
 
 def with_robots(folder: Path) -> str:
-    """Find which robots are in a folder, or in its folder urdf."""
+    """List the robots in a folder or its folder urdf, as the end of a message."""
     for place in ("", "urdf"):
         names = [
             os.path.join(place, name)
@@ -130,5 +131,5 @@ def with_robots(folder: Path) -> str:
         ]
         if names:
             more = f" and {len(names) - 3} more" if len(names) > 3 else ""
-            return f"; there is {', '.join(names[:3])}{more}"
+            return f"; it contains {', '.join(names[:3])}{more}"
     return ""

@@ -1,4 +1,4 @@
-"""Where packages and models lie on this machine."""
+"""Folders of packages and models on this machine."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from g1_description.errors import DescriptionError, NoSuchModelError
 from g1_description.files.xml import check_size, decoded, parse_xml
 
 NEWEST = (1, 9)
-"""The latest version of SDF whose meaning is known."""
+"""The latest supported version of SDF."""
 
 
 PACKAGE = "g1_description"
 
 ROBOT = "urdf/g1_29dof.urdf"
-"""The robot of this package, in the folder that is looked for."""
+"""The robot of this package, in its share folder."""
 
 
 @lru_cache(maxsize=None)
@@ -29,7 +29,7 @@ def share_folder() -> Path:
     """Find the folder that holds ``config``, ``meshes`` and ``urdf``.
 
     Raises:
-        DescriptionError: If there is none: somebody copied the code alone.
+        DescriptionError: If there is none, as when only the code was copied.
     """
     own = Path(__file__).resolve().parents[1]
     for above in own.parents:
@@ -37,34 +37,34 @@ def share_folder() -> Path:
             if (folder / ROBOT).is_file():
                 return folder
     raise DescriptionError(
-        f"{own} lacks the robot and the files of {PACKAGE}: no folder above it has "
+        f"The data files of {PACKAGE} are missing: no folder above {own} has "
         f"share/{PACKAGE}/{ROBOT}."
     )
 
 
 try:
     import rospkg
-except ImportError:  # without ROS there are no other packages than this one
+except ImportError:  # without ROS, this is the only package
     rospkg = None
 
 
 MODEL_PATH = "GAZEBO_MODEL_PATH"
-"""Environment variable with the folders that models lie in."""
+"""Environment variable with the folders of models."""
 
 RESOURCE_PATH = "GAZEBO_RESOURCE_PATH"
-"""Environment variable with the folders that worlds and media lie in."""
+"""Environment variable with the folders of worlds and media."""
 
 
 def listed_folders(variable: str) -> list[str]:
-    """Give the folders that an environment variable lists."""
+    """Split an environment variable into folders."""
     return [*filter(None, os.environ.get(variable, "").split(os.pathsep))]
 
 
 @lru_cache(maxsize=None)
 def _packages() -> dict[str, str]:
-    """Give the folders of packages by name; listing them walks through all folders.
+    """Return the folders of packages by name; cached, as rospkg searches all folders.
 
-    The one that ROS has of this package is what RViz and others see.
+    ROS' folder of this package takes precedence: RViz and others use it.
     """
     own = {PACKAGE: str(share_folder())}
     if rospkg is None:
@@ -83,7 +83,7 @@ def _exported_folders(attribute: str) -> Iterator[str]:
 
     Args:
         attribute: Of ``<export><gazebo_ros .../></export>`` in a ``package.xml``:
-            folders with colons between them; ``${prefix}`` is the package's own.
+            folders separated by colons; ``${prefix}`` is that of the package.
     """
     for own in _packages().values():
         for element in _exports_to_gazebo(Path(own, "package.xml")):
@@ -93,7 +93,7 @@ def _exported_folders(attribute: str) -> Iterator[str]:
 
 @lru_cache(maxsize=None)
 def _exports_to_gazebo(manifest: Path) -> list[etree._Element]:
-    """Read what a package exports to gazebo_ros; nothing where it cannot be read."""
+    """Read a package's exports to gazebo_ros; empty if it cannot be read."""
     try:
         root = parse_xml("package", decoded(manifest.read_bytes(), "replace"))
     except (OSError, DescriptionError):
@@ -102,14 +102,14 @@ def _exports_to_gazebo(manifest: Path) -> list[etree._Element]:
 
 
 def model_folders() -> Iterator[str]:
-    """List the folders that models lie in, in the order they are searched."""
+    """List the folders of models, in search order."""
     yield from listed_folders(MODEL_PATH)
     yield from _exported_folders("gazebo_model_path")
     yield str(Path.home() / ".gazebo" / "models")
 
 
 def resource_folders() -> Iterator[str]:
-    """List the folders that worlds and media lie in, in the order they are searched."""
+    """List the folders of worlds and media, in search order."""
     yield from listed_folders(RESOURCE_PATH)
     yield from _exported_folders("gazebo_media_path")
 
@@ -117,15 +117,14 @@ def resource_folders() -> Iterator[str]:
 def find_folder(name: str) -> str | None:
     """Find the folder of ``package://NAME`` or ``model://NAME``.
 
-    Packages are this one and those of ROS. Models lie in the folders of
-    GAZEBO_MODEL_PATH, in those that packages export, and in ``~/.gazebo/models``, as
-    for Gazebo.
+    Packages are this one and those of ROS. Models are searched as by Gazebo: in
+    GAZEBO_MODEL_PATH, folders exported by packages, and ``~/.gazebo/models``.
 
     Args:
         name: The package or model.
 
     Returns:
-        Its folder, or None where there is none.
+        Its folder, or None.
     """
     if name in _packages():
         return _packages()[name]
@@ -136,12 +135,12 @@ def find_folder(name: str) -> str | None:
 
 
 def ros_home() -> Path:
-    """Give the folder of the user's own files, which need not exist."""
+    """Return the folder of the user's files, which need not exist."""
     return Path(os.environ.get("ROS_HOME") or Path.home() / ".ros")
 
 
 def searched_folders() -> str:
-    """Say where models are searched."""
+    """Describe where models are searched."""
     return (
         f"{MODEL_PATH} ({os.environ.get(MODEL_PATH) or 'empty'}), ~/.gazebo/models and "
         "the folders that packages export"
@@ -152,16 +151,16 @@ def find_model(uri: str) -> str:
     """Read the SDF file of a model.
 
     Args:
-        uri: As written in an include element: ``model://NAME``, ``file://FOLDER`` or
-            the path of a folder; or one of these with a file in the folder.
+        uri: URI of an include element: ``model://NAME``, ``file://FOLDER`` or the path
+            of a folder, each optionally with a file in it.
 
     Returns:
-        The text of the file that its ``model.config`` names, without that of its
+        The text of the file named in its ``model.config``, or else of its
         ``model.sdf``.
 
     Raises:
         NoSuchModelError: If there is none.
-        DescriptionError: If ``model.config`` is wrong, or names what is no file.
+        DescriptionError: If ``model.config`` is invalid or its file is missing.
     """
     place = _model_place(uri)
     try:
@@ -175,7 +174,7 @@ def find_model(uri: str) -> str:
 
 
 def _model_place(uri: str) -> Path:
-    """Find the folder or file that the URI of an include means."""
+    """Find the folder or file of an include's URI."""
     scheme, separator, name = uri.partition("://")
     if not separator:
         scheme, name = "file", uri
@@ -191,15 +190,14 @@ def _model_place(uri: str) -> Path:
     if scheme == "file" and os.path.isabs(name):
         return Path(unquote(name))
     raise NoSuchModelError(
-        "Models are found by model://NAME, file://FOLDER and a folder's absolute path."
+        "A model must be given as model://NAME, file://FOLDER or an absolute path."
     )
 
 
 def _model_file(folder: Path) -> Path:
-    """Find the SDF file of a model's folder, which need not be there.
+    """Find the SDF file in a model's folder, which need not exist.
 
-    Of those in ``model.config`` it is the one of the highest version that is known,
-    else the first.
+    From ``model.config``: the file with the highest supported version, else the first.
     """
     config = folder / "model.config"
     if not config.is_file():
@@ -215,12 +213,12 @@ def _model_file(folder: Path) -> Path:
     name = "" if best is None else (best.text or "").strip()
     file = folder / (name or ".")
     if not file.is_file():
-        what = f"names {name}, which is no file" if name else "names no SDF file"
+        what = f"names {name}, which is not a file" if name else "names no SDF file"
         raise DescriptionError(f"{config} {what}.")
     return file
 
 
 def version_number(version: str) -> tuple[int, int] | None:
-    """Read a version of SDF such as 1.10; None where it is none."""
+    """Read a version of SDF such as 1.10; None if invalid."""
     found = re.fullmatch(r"(\d{1,9})\.(\d{1,9})", version.strip(), re.ASCII)
     return (int(found[1]), int(found[2])) if found else None

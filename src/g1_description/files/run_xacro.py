@@ -1,8 +1,8 @@
-"""A program that prints a xacro file as URDF, or one sentence why not.
+"""A program that expands a xacro file to URDF, or prints an error.
 
-It is a process of its own because xacro keeps what it read in its module, and
-because any exception can come out of it. ROS' xacro is used where it is installed;
-that of PyPI is as new, but asks ROS 2 where packages are, so it is answered here.
+It runs in a separate process because xacro has global state and may raise any
+exception. ROS' xacro is used if it is installed. PyPI's xacro finds packages through
+ROS 2's ament_index_python, which is replaced here.
 """
 
 from __future__ import annotations
@@ -14,25 +14,25 @@ from g1_description.files.model_files import find_folder
 
 
 class Arguments(dict):
-    """Arguments that remember which of them a file asks for."""
+    """Arguments that record which of them are used."""
 
     def __init__(self, words: list[str]) -> None:
         super().__init__(word.split(":=", 1) for word in words)
         self.unused = set(self)
 
     def __contains__(self, name: object) -> bool:
-        """Return whether an argument is given."""
+        """Record and return whether an argument is given."""
         self.unused.discard(name)  # type: ignore[arg-type]
         return super().__contains__(name)
 
     def __getitem__(self, name: str) -> str:
-        """Give an argument's value."""
+        """Record and return an argument's value."""
         self.unused.discard(name)
         return super().__getitem__(name)
 
 
 def package_folder(name: str) -> str:
-    """Give the folder of ``$(find NAME)``.
+    """Return the folder of ``$(find NAME)``.
 
     Raises:
         LookupError: If there is no such package.
@@ -44,7 +44,7 @@ def package_folder(name: str) -> str:
 
 
 def answer_for_ros_2() -> None:
-    """Answer in the place of ROS 2 where packages are: in this process it is ROS 1."""
+    """Replace ROS 2's package index by that of ROS 1."""
     index = ModuleType("ament_index_python")
     packages = ModuleType("ament_index_python.packages")
     packages.get_package_share_directory = package_folder  # type: ignore[attr-defined]
@@ -52,9 +52,9 @@ def answer_for_ros_2() -> None:
 
 
 def sentence(error: Exception, file: str) -> str:
-    """Say what xacro found, and in which file."""
+    """Format an error of xacro, with its file."""
     cause = getattr(error, "exc", None)
-    # xacro reports the class of an error in a substitution, and everything twice.
+    # For errors in substitutions, xacro prints the class, and everything twice.
     shown = cause if str(error).startswith("<class ") and cause else error
     lines = (line.strip() for line in str(shown).splitlines())
     text = " ".join(line for line in lines if not line.startswith("ROS path"))
@@ -67,17 +67,17 @@ def main() -> None:
     try:
         import xacro
     except ImportError:
-        print("xacro is not installed; it is in requirements.txt.")
+        print("xacro is not installed: pip install xacro.")
         sys.exit(1)
     file, arguments = sys.argv[1], Arguments(sys.argv[2:])
     try:
         document = xacro.process_file(file, mappings=arguments)
-    except Exception as error:  # xacro evaluates Python: anything can come out of it
+    except Exception as error:  # xacro evaluates Python and may raise anything
         print(sentence(error, (xacro.filestack or [file])[-1]))
         sys.exit(1)
     if arguments.unused:
         names = " or ".join(sorted(arguments.unused))
-        print(f"{file} has no argument {names}, which is ignored.", file=sys.stderr)
+        print(f"Ignored: {file} has no argument {names}.", file=sys.stderr)
     sys.stdout.buffer.write(document.toprettyxml(indent="  ").encode("utf-8"))
 
 

@@ -1,4 +1,4 @@
-"""Where the files that a URDF names really are."""
+"""Resolving the file names in a URDF."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from g1_description.files.xml import decoded, parse_xml
 
 
 def give_names(root: etree._Element, name: str) -> list[str]:
-    """Give a robot and the materials of its visuals the names that they lack.
+    """Add missing names of a robot and the materials of its visuals.
 
     Args:
         root: The robot element, which is changed.
         name: For the robot.
 
     Returns:
-        A sentence for the robot, and one for all materials, that got a name.
+        A message on the robot's name, and one on all names of materials.
     """
     sentences = []
     if root.get("name") is None:
         root.set("name", name)
-        sentences.append(f"The robot, which had no name, is named {name}, as its file.")
+        sentences.append(f"The robot has no name; using that of its file: {name}.")
     taken = {material.get("name") for material in root.iter("material")}
     free = (f"material_{number}" for number in count(1))
     given = []
@@ -40,18 +40,18 @@ def give_names(root: etree._Element, name: str) -> list[str]:
                 material.set("name", new)
                 given.append(f"{new} (link {link.get('name')})")
     if given:
-        sentences.append(f"Materials that had no name are named {', '.join(given)}.")
+        sentences.append(f"Materials without a name were named: {', '.join(given)}.")
     return sentences
 
 
 _HAS_SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*://")
 
 FINDABLE = ("package", "model", "file")
-"""Schemes of URIs that can be files of this machine."""
+"""Schemes of URIs of local files."""
 
 
 def scheme_of(name: str) -> str:
-    """Give the scheme of a URI, empty for a path."""
+    """Return the scheme of a URI, empty for a path."""
     return name.partition("://")[0] if _HAS_SCHEME.match(name) else ""
 
 
@@ -61,19 +61,18 @@ def with_absolute_uris(
     package_folder: Callable[[str], str | None] = lambda _: None,
     name: str | None = None,
 ) -> str:
-    """Make the file names in a URDF mean the same everywhere.
+    """Make the file names in a URDF absolute.
 
-    RViz and every other reader of the parameter server then find the meshes
-    without knowing where the URDF file was: relative names become absolute, and so
-    do those in a package that only the folder around the file reveals. Everything else
-    stays as it is, comments and unknown tags too.
+    RViz and other readers of the parameter server can then find the meshes. Relative
+    names become absolute, and so do those in a package that is not on the package path
+    but around the file. Everything else is unchanged, comments and unknown tags too.
 
     Args:
         text: URDF as XML text.
-        folder: Folder of the URDF file, which relative names start from.
-        package_folder: Gives a package's folder, None if there is no such package.
-        name: Of the robot where the text gives none; with it materials get names, too,
-            that have none. RViz needs both.
+        folder: Folder of the URDF file; the base of relative names.
+        package_folder: Returns a package's folder, None if there is no such package.
+        name: Name of the robot if the text has none; missing names of materials are
+            added, too. RViz needs both. None: names are not added.
 
     Returns:
         The same XML with ``file://`` URIs in place of plain paths.
@@ -98,25 +97,25 @@ def with_absolute_uris(
 
 
 def _absolute_uri(name: str, folder: Path) -> str:
-    """Make a URI of a path that starts from a folder."""
+    """Make a URI of a path relative to a folder."""
     return "file://" + quote(os.path.normpath(folder.resolve() / name))
 
 
 def find_file(
     name: str, folder: Path, package_folder: Callable[[str], str | None]
 ) -> Path | None:
-    """Find the file that a URDF names.
+    """Find a file named in a URDF.
 
-    A package that is unknown, or has no such file, can be around the URDF file: a
-    folder whose package.xml, or whose own name, has the package's name.
+    If the package is unknown or lacks the file, the folders around the URDF file are
+    searched for one with the package's name, in its package.xml or as its own name.
 
     Args:
         name: As written in the URDF.
-        folder: Folder of the URDF file, which relative names start from.
-        package_folder: Gives a package's folder, None if there is no such package.
+        folder: Folder of the URDF file; the base of relative names.
+        package_folder: Returns a package's folder, None if there is no such package.
 
     Returns:
-        The file's path, or None where there is no such file.
+        The file's path, or None if there is no such file.
     """
     if not name:
         return None
@@ -126,7 +125,7 @@ def find_file(
 
 
 def _around(folder: Path) -> dict[str, str]:
-    """List a folder and those around it by their names; of equal ones the nearest."""
+    """List a folder and its parents by name, the nearest of equal names."""
     folder = folder.resolve()
     around: dict[str, str] = {}
     for place in (folder, *folder.parents):
@@ -137,7 +136,7 @@ def _around(folder: Path) -> dict[str, str]:
 
 
 def package_name(manifest: Path) -> str | None:
-    """Read a package's name; None where there is no package."""
+    """Read a package's name; None if there is no package."""
     try:
         text = decoded(manifest.read_bytes())
         name = parse_xml("package manifest", text).findtext("name")
@@ -147,15 +146,15 @@ def package_name(manifest: Path) -> str | None:
 
 
 def local_path(uri: str, package_folder: Callable[[str], str | None]) -> Path | None:
-    """Find the file behind a mesh URI.
+    """Find the file of a mesh URI.
 
     Args:
         uri: ``package://NAME/...``, ``model://NAME/...``, ``file:///...``,
             ``file://...`` below a folder of Gazebo's resources, or an absolute path.
-        package_folder: Gives a package's folder, None if there is no such package.
+        package_folder: Returns a package's folder, None if there is no such package.
 
     Returns:
-        The file's path without ``..``, or None where there is no such file.
+        The file's path without ``..``, or None if there is no such file.
     """
     scheme, _, rest = uri.partition("://")
     path: Path | None = None
@@ -177,7 +176,7 @@ def local_path(uri: str, package_folder: Callable[[str], str | None]) -> Path | 
 
 
 def _below_resources(name: str) -> Path:
-    """Find a file below the folders of Gazebo's resources, unless it is absolute."""
+    """Find a file below Gazebo's resource folders, unless it is absolute."""
     places = () if os.path.isabs(name) else resource_folders()
     paths = (Path(place, name) for place in places)
     return next((path for path in paths if os.path.isfile(path)), Path(name))

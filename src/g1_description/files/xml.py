@@ -1,9 +1,9 @@
-"""XML from outside, read so that it can do no harm.
+"""Safe reading of XML from outside.
 
-Nothing is fetched, no file is opened for an entity, and a document that declares
-entities is refused: what it means could be a thousand times its length. What stands
-before the XML declaration is ignored, and a namespace need not be declared, as
-for TinyXML in Gazebo and RViz: an undeclared prefix is part of the name.
+Nothing is fetched, no file is opened for an entity, and documents that declare entities
+are refused, as they may expand a thousandfold. As with TinyXML in Gazebo and RViz, text
+before the XML declaration is ignored, and an undeclared namespace prefix is part of the
+name.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from lxml import etree
 from g1_description.errors import DescriptionError
 
 MAX_SIZE = 10_000_000
-"""No robot or model has more bytes: it is something else, or a mistake."""
+"""Largest robot description or model in bytes."""
 
 _DECLARATION = re.compile(
     r"((?:\s|\ufeff|<!--(?:(?!-->).)*-->)*)<\?xml\s(?:(?!\?>).)*\?>", re.DOTALL
@@ -28,23 +28,23 @@ _DECLARATION = re.compile(
 _ENCODING = re.compile(r"""\sencoding\s*=\s*["']([\w.-]+)["']""", re.ASCII)
 
 _CHARSET = re.compile(r"(ascii|us|iso|latin|windows|cp|koi|mac|gb|big|euc|shift)", re.I)
-"""How the names of charsets begin; Python has encodings that are none."""
+"""Beginnings of names of charsets; Python also has other codecs."""
 
 _ASCII = "".join(map(chr, range(128)))
 
 
 def decoded(data: bytes, errors: str = "strict") -> str:
-    """Give the text of an XML file.
+    """Decode an XML file.
 
     Args:
-        data: The file: UTF-8, whatever it declares, or what it declares.
-        errors: What ``bytes.decode`` does about a file that is neither.
+        data: The file, in UTF-8 or the declared encoding.
+        errors: As for ``bytes.decode``, if it is in neither.
 
     Returns:
-        The text; without its declaration, where that declares another encoding.
+        The text; without its declaration if that declares another encoding.
 
     Raises:
-        UnicodeDecodeError: If the file is neither.
+        UnicodeDecodeError: If it is in neither.
     """
     try:
         return data.decode("utf-8-sig")
@@ -56,14 +56,14 @@ def decoded(data: bytes, errors: str = "strict") -> str:
 
 
 def check_size(what: str, size: int) -> None:
-    """Refuse what is too large to be a robot or a model.
+    """Check the size of a robot description or model.
 
     Args:
-        what: What it is, as the sentence begins: "The robot description".
+        what: Subject of the message, such as "The robot description".
         size: In bytes.
 
     Raises:
-        DescriptionError: If it is.
+        DescriptionError: If it is too large.
     """
     if size > MAX_SIZE:
         raise DescriptionError(
@@ -72,12 +72,12 @@ def check_size(what: str, size: int) -> None:
 
 
 def _declared_encoding(data: bytes) -> str:
-    """Find the encoding that an XML file declares; UTF-8 where it is no known one."""
+    """Find the declared encoding of an XML file; UTF-8 if it is unknown."""
     declaration = _DECLARATION.match(data.decode("latin-1"))
     if declaration:
         named = _ENCODING.search(declaration[0], declaration.end(1))
         with suppress(LookupError, UnicodeError):
-            # Only in an extension of ASCII the declaration itself can be read.
+            # The declaration is readable only in extensions of ASCII.
             name = named[1] if named else ""
             if _CHARSET.match(name) and _ASCII.encode().decode(name) == _ASCII:
                 return name
@@ -85,7 +85,7 @@ def _declared_encoding(data: bytes) -> str:
 
 
 def _without_declaration(text: str) -> str:
-    """Take the XML declaration out of a document, and leave what stands before it."""
+    """Remove the XML declaration of a document, but not the text before it."""
     declaration = _DECLARATION.match(text)
     return declaration[1] + text[declaration.end() :] if declaration else text
 
@@ -94,9 +94,9 @@ def parse_xml(what: str, text: str, keep_comments: bool = False) -> etree._Eleme
     """Read a document.
 
     Args:
-        what: What it should be, for the sentences: "robot description".
-        text: XML; its declaration is ignored, the text is text already.
-        keep_comments: Whether comments and processing instructions stay.
+        what: Kind of document for messages, such as "robot description".
+        text: XML; its declaration is ignored.
+        keep_comments: Whether to keep comments and processing instructions.
 
     Returns:
         The root element.
@@ -114,18 +114,18 @@ def parse_xml(what: str, text: str, keep_comments: bool = False) -> etree._Eleme
             if not parser.error_log or _faults(parser):
                 raise
             root = etree.fromstring(data, _parser(keep_comments, recover=True))
-    # A reader's ParseError is a SyntaxError, a character that is none a ValueError.
+    # A ParseError is a SyntaxError, an invalid character a ValueError.
     except (SyntaxError, ValueError) as error:
-        # The text of a ParseError repeats the line, behind the name of no file.
+        # The text of a ParseError contains a file name that does not exist.
         why = next(iter(_faults(parser)), getattr(error, "msg", None) or error)
         raise DescriptionError(f"The {what} is not XML: {why}.") from error
     if root.getroottree().docinfo.doctype:
-        raise DescriptionError(f"The {what} has a DOCTYPE; no entities are read.")
+        raise DescriptionError(f"The {what} has a DOCTYPE, which is not allowed.")
     return root
 
 
 def _parser(keep_comments: bool, recover: bool = False) -> etree.XMLParser:
-    """Make a reader that does no harm; one that recovers takes what is no XML."""
+    """Make a safe parser; with ``recover`` it accepts invalid XML."""
     return etree.XMLParser(
         resolve_entities=False,
         no_network=True,
@@ -139,7 +139,7 @@ def _parser(keep_comments: bool, recover: bool = False) -> etree.XMLParser:
 
 
 def _faults(parser: etree.XMLParser) -> list[str]:
-    """Say what is wrong with a document, but for its namespaces."""
+    """List the errors of a document, except on namespaces."""
     return [
         f"{entry.message}, line {entry.line}, column {entry.column}"
         for entry in parser.error_log
@@ -148,23 +148,23 @@ def _faults(parser: etree.XMLParser) -> list[str]:
 
 
 def local_name(element: etree._Element) -> str:
-    """Give the tag of an element without its prefix, declared or not."""
+    """Return the tag of an element without its prefix, declared or not."""
     return str(element.tag).rpartition("}")[2].rpartition(":")[2]
 
 
 def part_at_fault(
     root: etree._Element, is_readable: Callable[[etree._Element], bool]
 ) -> str:
-    """Find which child of an element makes it unreadable.
+    """Find the child of an element that makes it unreadable.
 
     Args:
         root: An element that cannot be read.
-        is_readable: Tells whether an element can be read; given the root with one
-            child at a time.
+        is_readable: Returns whether an element can be read; called with the root and
+            one child at a time.
 
     Returns:
-        Tag, name and line of the first such child, with a colon; empty if each can
-        be read alone.
+        Tag, name and line of the first such child, with a colon; empty if each child
+        alone can be read.
     """
     for part in root:
         alone = etree.Element(root.tag, root.attrib)

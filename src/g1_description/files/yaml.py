@@ -1,4 +1,4 @@
-"""YAML files of this package's settings: loaded, and refused in one sentence."""
+"""Reading YAML files of settings."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 from g1_description.errors import G1DescriptionError, cause
 
 MAX_SIZE = 1_000_000
-"""No file of settings has more, in bytes."""
+"""Largest file of settings in bytes."""
 
 
 class YamlError(G1DescriptionError):
@@ -23,7 +23,7 @@ def read_yaml(file: Path) -> object:
         Plain Python objects; None if the file has no content.
 
     Raises:
-        YamlError: What is wrong, without the file's name; with the line if it is known.
+        YamlError: If it cannot be read; the message has the line, but not the file.
     """
     try:
         with file.open("rb") as stream:
@@ -36,7 +36,7 @@ def read_yaml(file: Path) -> object:
 
 
 def _loaded(data: bytes) -> object:
-    # Only now: the library takes 40 ms, and most programs read no such file.
+    # Imported late: it takes 40 ms, and most programs read no such file.
     from ruamel.yaml import YAML, YAMLError
     from ruamel.yaml.constructor import DuplicateKeyError
 
@@ -47,11 +47,11 @@ def _loaded(data: bytes) -> object:
 
 
 def yaml_problem(error: Exception) -> str:
-    """Say in one line what is wrong with a text, and where."""
+    """Format an error of a YAML parser in one line."""
     mark = getattr(error, "problem_mark", None)
     where = f"line {mark.line + 1}: " if mark else ""
     problem = cause(Exception(getattr(error, "problem", None) or error))
-    # A duplicate key's problem goes on with both values.
+    # The message on a duplicate key also contains both values.
     return where + problem.partition(" with value")[0]
 
 

@@ -1,4 +1,4 @@
-"""The command import_model: a robot from elsewhere becomes a clean folder."""
+"""The command import_model, which copies a robot and its meshes to a folder."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def report(imported: Import, where: str) -> str:
     """Write the report, in Markdown.
 
     Args:
-        imported: What was done.
+        imported: The import.
         where: A message on how the URDF names its meshes.
     """
     lines = ["# Import report", "", where, ""]
@@ -107,18 +107,18 @@ PROGRESS_PERIOD = 2.0
 
 
 def _folder(text: str) -> Path:
-    """Read the name of a folder; an empty one would be the working directory."""
+    """Parse the name of a folder; empty would mean the working directory."""
     if text:
         return Path(text)
-    raise argparse.ArgumentTypeError("'' is not a folder")
+    raise argparse.ArgumentTypeError("must not be empty")
 
 
 @dataclass(frozen=True)
 class ImportOptions:
     """Copy a robot with the meshes it uses into a folder.
 
-    RViz, Gazebo and the simulator can read the copy. Without --out, only check the
-    robot.
+    RViz, Gazebo and the simulator can read the copy. Without --out, the robot is only
+    checked.
     """
 
     model: str = argument(
@@ -129,7 +129,7 @@ class ImportOptions:
     )
     out: Path | None = option("output folder", None, _folder, metavar="FOLDER")
     force: bool = option(
-        "replace files of the same name; other files in the folder stay", False
+        "replace existing files; other files in the folder are kept", False
     )
     decimate: int | None = option(
         "reduce each mesh to N triangles, or as few as --tolerance allows",
@@ -157,7 +157,7 @@ def read_models(model: str) -> tuple[list[ModelText], list[str]]:
         The robots, and a message for each file of a folder that is not a robot.
 
     Raises:
-        DescriptionError: If there is no robot.
+        DescriptionError: If there is no valid robot.
     """
     folder = named_path(model)
     if not folder.is_dir():
@@ -166,7 +166,7 @@ def read_models(model: str) -> tuple[list[ModelText], list[str]]:
     if not names:
         more = with_robots(folder)
         raise DescriptionError(
-            f"There is no .urdf in the folder {folder} or below it{more}."
+            f"The folder {folder} and its subfolders have no .urdf file{more}."
         )
     models, faults = [], []
     for name in names:
@@ -185,7 +185,7 @@ def read_models(model: str) -> tuple[list[ModelText], list[str]]:
 
 
 def _urdf_files(folder: Path) -> list[str]:
-    """List the .urdf files in a folder and below it, but for hidden folders."""
+    """List the .urdf files in a folder and its subfolders, except hidden ones."""
     found = []
     for place, folders, names in os.walk(str(folder)):
         folders[:] = sorted(name for name in folders if not name.startswith("."))
@@ -198,7 +198,7 @@ def _read(name: str) -> ModelText:
     try:
         return read_model(name)
     except G1DescriptionError as error:
-        raise DescriptionError(f"The model {name} cannot be used: {error}") from error
+        raise DescriptionError(f"Cannot use the model {name}: {error}") from error
 
 
 def _open(models: list[ModelText]) -> list[ImportedRobot]:
@@ -213,7 +213,7 @@ def _open(models: list[ModelText]) -> list[ImportedRobot]:
 
 
 class ProgressLines:
-    """Reports progress on stderr when the import takes long."""
+    """Reports progress on stderr during a long import."""
 
     def __init__(self) -> None:
         self._reported = time.monotonic()
@@ -226,10 +226,10 @@ class ProgressLines:
 
 
 def check_only(robots: list[ImportedRobot], faults: list[str], options: Options) -> str:
-    """Check robots and write nothing; return the summary of what would be done."""
+    """Check robots without writing; return the summary."""
     imported = Import(robots, options, "../meshes", lambda name, data: None, faults)
     imported.run(ProgressLines())
-    return f"{summary(imported)}\nOnly checked: nothing is written without --out."
+    return f"{summary(imported)}\nOnly checked: use --out to write the result."
 
 
 def import_into(
@@ -238,7 +238,7 @@ def import_into(
     """Write the folder; return the summary.
 
     Raises:
-        DescriptionError: If something is in the way.
+        DescriptionError: If files already exist.
         OSError: If it cannot be written.
     """
     meshes = (ref.path for robot in robots for ref in robot.references if ref.path)
@@ -253,7 +253,7 @@ def import_into(
 
 
 def run(arguments: list[str]) -> str:
-    """Run a command line; return what to print.
+    """Run a command line; return its output.
 
     Raises:
         G1DescriptionError: If it fails; nothing was changed.

@@ -1,4 +1,4 @@
-"""An output folder that is written completely or not at all."""
+"""Atomic writing of an output folder."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from g1_description.interrupts import ENDING_SIGNALS
 
 
 class Folder:
-    """The folder that an import writes, kept aside until it is complete.
+    """An output folder, which is written to a temporary place until it is complete.
 
     Args:
         target: The folder; it may exist.
-        replace: Whether files that are there may be replaced by those written.
+        replace: Whether existing files may be replaced.
     """
 
     def __init__(self, target: Path, replace: bool) -> None:
@@ -30,37 +30,44 @@ class Folder:
         self._sources: set[str] = set()
 
     def protect(self, sources: Iterable[Path]) -> None:
-        """Name files that stay as they are, whatever may be replaced."""
+        """Set files that must not be replaced."""
         self._sources = {os.path.realpath(source) for source in sources}
 
     def check(self, names: Iterable[str]) -> None:
-        """Check that nothing is in the way of some files.
+        """Check that files can be written.
 
         Raises:
-            DescriptionError: If something is; the message names it.
+            DescriptionError: If a path is blocked or exists.
         """
         if self.target.exists() and not self.target.is_dir():
-            raise DescriptionError(f"{self.target} is in the way: it is not a folder.")
+            raise DescriptionError(
+                f"Cannot write to {self.target}: it is not a folder."
+            )
         for name in names:
             path = self.target / name
             blocks = [p for p in path.parents if p.exists() and not p.is_dir()]
             if blocks or path.is_dir():
-                raise DescriptionError(f"{(blocks or [path])[0]} is in the way.")
+                raise DescriptionError(
+                    f"Cannot write {path}: {(blocks or [path])[0]} is in the way."
+                )
             if os.path.lexists(path) and not self._replace:
-                raise DescriptionError(f"{path} exists; --force replaces it.")
+                raise DescriptionError(
+                    f"{path} already exists; use --force to replace it."
+                )
             if os.path.realpath(path) in self._sources:
                 raise DescriptionError(
-                    f"{path} is one of the imported files; choose another folder."
+                    f"Refusing to overwrite {path}, which is one of the imported "
+                    "files; choose another folder."
                 )
 
     def write(self, name: str, data: bytes) -> None:
-        """Write a file aside.
+        """Write a file to the temporary folder.
 
         Raises:
-            DescriptionError: If its name leads out of the folder.
+            DescriptionError: If its path is outside of the folder.
         """
         if ".." in Path(name).parts:
-            raise DescriptionError(f"{name} would be outside of {self.target}.")
+            raise DescriptionError(f"{name} is outside of {self.target}.")
         path = self._aside / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(data)
@@ -68,10 +75,10 @@ class Folder:
 
     @contextmanager
     def completed(self) -> Iterator[None]:
-        """Put everything in its place at the end, or nothing if there is an error.
+        """Move all files to the target on success; on errors, discard them.
 
         Raises:
-            DescriptionError: If something came in the way meanwhile.
+            DescriptionError: If a path was blocked meanwhile.
         """
         above = next(p for p in self.target.parents if p.is_dir())
         self._aside = Path(tempfile.mkdtemp(prefix=".import_model-", dir=above))
@@ -84,7 +91,7 @@ class Folder:
                 shutil.rmtree(self._aside, ignore_errors=True)
 
     def _put_in_place(self) -> None:
-        """Move what was written: in one step where there is no such folder yet."""
+        """Move the files to the target, in one step if it does not exist."""
         self.check(self._written)
         if not self.target.exists():
             self.target.parent.mkdir(parents=True, exist_ok=True)
@@ -106,7 +113,7 @@ def _umask() -> int:
 
 @contextmanager
 def undisturbed() -> Iterator[None]:
-    """Ignore signals for the moment that a few renames take."""
+    """Ignore signals during a few renames."""
     former = {n: signal.signal(n, signal.SIG_IGN) for n in ENDING_SIGNALS}
     try:
         yield

@@ -1,4 +1,4 @@
-"""Import robots: write their URDFs and meshes, and keep what was changed."""
+"""Importing robots: their URDFs and meshes, with a record of changes."""
 
 from __future__ import annotations
 
@@ -29,12 +29,11 @@ from g1_description.robot.lumping import fault_of
 
 
 def massless_links(description: Description) -> tuple[list[str], list[str]]:
-    """Find the links without a mass, the root apart.
+    """Find the links without a mass, except the root.
 
     Returns:
-        Those without an inertial that fixed joints hold to a mass: they add none to
-        it. And those that have none of their own nor any they are fixed to: their mass
-        is not known, and Gazebo leaves them out.
+        Links without an inertial that are fixed to a link with mass, so their mass is
+        zero; and those that are not, whose mass is unknown and which Gazebo ignores.
     """
     frames = rigid_frames(description, as_lumped=True)
     with_mass = {
@@ -53,7 +52,7 @@ def massless_links(description: Description) -> tuple[list[str], list[str]]:
 
 
 def _is_bare(inertial: Inertial | None) -> bool:
-    """Check whether a link has no mass."""
+    """Return whether a link has no mass."""
     return inertial is None or inertial.mass == 0.0
 
 
@@ -78,12 +77,12 @@ _UNSAFE = re.compile(r"[^A-Za-z0-9._+-]+")
 
 
 class FileNames:
-    """Gives each file a name of its own in the folder of all meshes.
+    """Assigns distinct names to files in the folder of all meshes.
 
-    Folders below the deepest common one are kept: so meshes with equal names do not
-    collide, and relative paths inside meshes stay valid. Characters other than ASCII
+    Subfolders of the deepest common folder are kept, so that meshes with equal names do
+    not collide, and relative paths in meshes stay valid. Characters other than ASCII
     letters, digits and ._+- become _, because RViz and Gazebo disagree on URIs with
-    spaces; files that need no such change keep their names.
+    spaces.
     """
 
     def __init__(self, files: Iterable[Path]) -> None:
@@ -99,7 +98,7 @@ class FileNames:
             self.of(file)
 
     def of(self, file: Path, name: str = "") -> str:
-        """Return the name of a file, always the same one.
+        """Return the assigned name of a file.
 
         Args:
             file: One of the files, or a folder above.
@@ -118,7 +117,7 @@ class FileNames:
         return self._given[key]
 
     def _free(self, name: str, key: tuple[Path, str]) -> str:
-        """Append a number to a name that another file has."""
+        """Append a number to a name that is already used."""
         stem, suffix = os.path.splitext(name)
         number = 1
         while self._owners.setdefault(name, key) != key:
@@ -165,10 +164,10 @@ class Import:
     robots: list[ImportedRobot]
     options: Options
     prefix: str
-    """What a mesh's name in the URDF begins with."""
+    """Prefix of mesh names in the URDF."""
 
     write: Callable[[str, bytes], None]
-    """Takes the name of a file in the result, and its content."""
+    """Writes a file of the result, given its name and content."""
 
     faults: list[str] = field(default_factory=list)
     """A message for each file that is not a robot and was skipped."""
@@ -185,7 +184,7 @@ class Import:
     _made: dict[tuple[Path, bool], str | DescriptionError] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Find all files of the result."""
+        """Collect the files of the result."""
         for ref in self._references():
             if ref.path:
                 self._scales[ref.path] = max(self._scales.get(ref.path, 0.0), ref.scale)
@@ -208,7 +207,7 @@ class Import:
         """Import all robots.
 
         Args:
-            progress: Called with the number of meshes that are done, and of all.
+            progress: Called with the number of finished meshes, and of all.
 
         Raises:
             OSError: If something cannot be written.
@@ -229,7 +228,7 @@ class Import:
         if not reference.name:
             kind = reference.element.tag
             robot.findings.append(
-                f"The {kind} of {reference.owner} names no file; removed."
+                f"The {kind} of {reference.owner} has no file name; removed."
             )
             reference.remove()
             return
@@ -251,7 +250,7 @@ class Import:
             reference.remove()
 
     def _file(self, path: Path, reference: Reference) -> str | DescriptionError:
-        """Return the name of a file, which the first call writes."""
+        """Return the name of a file in the result; the first call writes it."""
         key = path, reference.is_collision and self.options.convex_collisions
         if key not in self._made:
             try:
@@ -276,7 +275,7 @@ class Import:
     def _write_mesh(self, path: Path, name: str, mesh: MeshFile) -> None:
         """Write a mesh with its side files."""
         found, absent = ({}, []) if mesh.name else self._side_files[path]
-        gone = tuple(f"names {name}, which does not exist" for name in absent)
+        gone = tuple(f"refers to {name}, which does not exist" for name in absent)
         self.write(f"meshes/{name}", mesh.data)
         findings = mesh.findings + gone
         self.files[name] = replace(mesh, name=name, data=b"", findings=findings)
@@ -309,9 +308,11 @@ def _settle_masses(robot: ImportedRobot) -> None:
 
 
 def _settle_mujoco(robot: ImportedRobot) -> None:
-    """Update the folder of meshes in MuJoCo's extension, if there is one."""
+    """Update the mesh folder in MuJoCo's extension, if there is one."""
     for compiler in robot.root.iterfind("mujoco/compiler[@meshdir]"):
         former = compiler.get("meshdir")
         if former != "../meshes":
-            robot.changes.append(f"MuJoCo's meshdir was {former} and is ../meshes now.")
+            robot.changes.append(
+                f"MuJoCo's meshdir was changed from {former} to ../meshes."
+            )
             compiler.set("meshdir", "../meshes")

@@ -1,4 +1,4 @@
-"""Meshes as they are in the result: what is made of a file, and what was changed."""
+"""Conversion of meshes, with a record of changes."""
 
 from __future__ import annotations
 
@@ -100,25 +100,25 @@ TOLERANCE = 0.002
 """Default of how far decimation may move a surface, in [m]."""
 
 AT_A_TIME = 10
-"""Files that are read by one process, which takes a moment to begin.
+"""Files per child process, which is slow to start.
 
-All of them may take their whole time of the processor, and the last is not too late.
+Even if each takes its limit of processor time, the total timeout is not exceeded.
 """
 
 
 @dataclass(frozen=True)
 class Options:
-    """Options of a user for meshes."""
+    """Options for meshes."""
 
     most_triangles: int | None = None
-    """Of each mesh; None for as many as there are."""
+    """Of each mesh; None: no limit."""
 
     tolerance: float = TOLERANCE
-    """How far fewer triangles may move a surface of the robot, in [m]."""
+    """Largest deviation of a decimated surface, in [m]."""
 
     convex_collisions: bool = False
     keep_missing: bool = False
-    """Whether meshes that are missing stay in the URDF."""
+    """Whether to keep references to missing meshes in the URDF."""
 
 
 @dataclass(frozen=True)
@@ -127,32 +127,31 @@ class MeshFile:
 
     source: Path
     name: str = ""
-    """In the result; empty while it is that of the source."""
+    """Name in the result; empty: that of the source."""
 
     data: bytes = b""
     triangles: int | None = None
-    """How many it has; None where they were not counted."""
+    """Number of triangles; None if they were not counted."""
 
     changes: tuple[str, ...] = ()
     findings: tuple[str, ...] = ()
     moved: float | None = None
-    """How far decimation moved its surface, in [m]; None where no triangle was taken
-    away."""
+    """Deviation of the decimated surface, in [m]; None if it was not decimated."""
 
     def kept(self, why: str) -> MeshFile:
-        """Return the same with a finding on why it is kept as it is."""
-        return replace(self, findings=(*self.findings, f"kept as it is: {why}"))
+        """Return a copy with a finding on why it is unchanged."""
+        return replace(self, findings=(*self.findings, f"kept unchanged: {why}"))
 
 
 class MeshReader:
-    """Reads existing files, in the order of their use, as the stand-in does."""
+    """Reads existing files as the simulator does, several at a time in order of use."""
 
     def __init__(self, paths: Iterable[Path]) -> None:
         self._paths = [path for path in paths if path.suffix.lower() in shapes.KINDS]
         self._found: dict[Path, shapes.Mesh | str] = {}
 
     def read(self, path: Path) -> shapes.Mesh:
-        """Read a file, and those that come after it.
+        """Read a file, and the next ones.
 
         Raises:
             DescriptionError: If it cannot be read.
@@ -176,10 +175,10 @@ def make_mesh(
 
     Args:
         path: An existing file.
-        reader: Reads it.
+        reader: Reads meshes.
         is_collision: Whether it is for collisions.
-        scale: By how much the robot magnifies it, in [m] per unit of the file.
-        options: What to make of it.
+        scale: Scale in the URDF, in [m] per unit of the file.
+        options: Options for meshes.
 
     Returns:
         The mesh.
@@ -191,7 +190,7 @@ def make_mesh(
     data = read_bytes(path)
     if kind not in shapes.KINDS:
         note = (
-            f"neither Gazebo nor the stand-in reads {kind or 'a file without suffix'}"
+            f"neither Gazebo nor the simulator reads {kind or 'a file without suffix'}"
         )
         kept = MeshFile(path, data=data, findings=(note,))
         triangles = None
@@ -207,7 +206,7 @@ def make_mesh(
     if not wants_hull and options.most_triangles is None:
         return kept
     if triangles is None or kind == ".dae":
-        return kept.kept(f"of {kind} nothing is made")
+        return kept.kept(f"{kind} meshes are not converted")
     if wants_hull:
         return _hull(kept, triangles, scale, options)
     if kind == ".obj" and any(side_files_of(path)):
@@ -238,7 +237,7 @@ def _corners(parts: tuple[shapes.Part, ...]) -> np.ndarray:
 def _as_stl(
     data: bytes, parts: tuple[shapes.Part, ...]
 ) -> tuple[bytes, tuple[str, ...]]:
-    """Make a binary STL that every reader takes for one, and name the change.
+    """Convert to a binary STL that every reader recognises.
 
     Parts are empty if the file is sound and binary.
     """
@@ -256,7 +255,7 @@ def _hull(
         hull = convex_hull(triangles)
     except DescriptionError as error:
         return kept.kept(str(error))
-    note = f"convex hull, {len(hull)} triangles for {len(triangles)}"
+    note = f"convex hull, {len(hull)} triangles instead of {len(triangles)}"
     name = f"{kept.source.stem}_hull.stl"
     mesh = MeshFile(kept.source, name, write_stl(hull), len(hull), (note,))
     return _fewer(mesh, hull, scale, options, decimated_hull)
@@ -269,7 +268,7 @@ def _fewer(
     options: Options,
     make_fewer: MakeFewer,
 ) -> MeshFile:
-    """Give a mesh of these triangles with fewer of them, if it has too many."""
+    """Decimate a mesh, if it has too many triangles."""
     most = options.most_triangles or len(triangles)
     if len(triangles) <= most:
         return mesh
@@ -277,12 +276,12 @@ def _fewer(
     findings = mesh.findings
     if len(fewer) > most:
         findings += (
-            f"has {len(fewer)} triangles: fewer cannot be made, or would move it by "
-            f"more than {millimetres(options.tolerance)}",
+            f"still has {len(fewer)} triangles: fewer would move its surface by more "
+            f"than {millimetres(options.tolerance)}",
         )
     if len(fewer) == len(triangles):
         return replace(mesh, findings=findings)
-    note = f"{len(fewer)} triangles for {len(triangles)}"
+    note = f"{len(fewer)} triangles instead of {len(triangles)}"
     moved *= scale
     changes = (*mesh.changes, note, f"moved by {millimetres(moved)}")
     return MeshFile(
@@ -291,5 +290,5 @@ def _fewer(
 
 
 def millimetres(distance: float) -> str:
-    """Write a distance in [m] for people."""
+    """Format a distance in [m]."""
     return f"{1000.0 * distance:.2g} mm"

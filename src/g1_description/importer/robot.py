@@ -1,4 +1,4 @@
-"""A URDF that is edited: the files it names, and what is changed in it."""
+"""A URDF with its file references, and edits of it."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from g1_description.robot.load import ModelText
 
 @dataclass
 class Reference:
-    """A mesh or texture that a URDF names."""
+    """A reference to a mesh or texture in a URDF."""
 
     element: etree._Element
     owner: str
-    """What it belongs to, such as "visual of link pelvis" or "material black"."""
+    """Its owner, such as "visual of link pelvis" or "material black"."""
 
     path: Path | None
-    """The file; None where there is none."""
+    """The file; None if it does not exist."""
 
     is_collision: bool
     """Whether it is the mesh of a collision."""
@@ -44,7 +44,7 @@ class Reference:
 
     @property
     def is_mesh(self) -> bool:
-        """Whether it is a mesh and no texture."""
+        """Whether it is a mesh, not a texture."""
         return bool(self.element.tag == "mesh")
 
     def remove(self) -> None:
@@ -66,7 +66,7 @@ class ImportedRobot:
     changes: list[str] = field(default_factory=list)
     findings: list[str] = field(default_factory=list)
     number: int = 1
-    """Which of several files of one name it is from."""
+    """Number among files of the same name."""
 
     @property
     def name(self) -> str:
@@ -85,7 +85,7 @@ class ImportedRobot:
 
 
 def open_robot(model: ModelText) -> ImportedRobot:
-    """Find the files that a URDF names; comments, order and unknown tags stay.
+    """Collect the file references of a URDF; comments and unknown tags are kept.
 
     Names that RViz requires and the file lacks are added, and reported.
 

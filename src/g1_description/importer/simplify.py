@@ -1,4 +1,4 @@
-"""Simpler shapes in place of a mesh: fewer triangles, or its convex hull."""
+"""Simplification of meshes: decimation, and convex hulls."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from scipy.spatial import cKDTree
 from g1_description.errors import DescriptionError
 
 COARSE, FINE = 0.05, 0.02
-"""Longest edges of the pieces whose middles are compared, and of those among which the
-nearest is looked for, as shares of the extent."""
+"""Longest edges of subdivided triangles, for compared points and for the search of the
+nearest triangle, as fractions of the extent."""
 
 NEAREST = 12
-"""Pieces among which the nearest triangle to a point is looked for."""
+"""Number of candidates for the nearest triangle to a point."""
 
 AT_A_TIME = 2000
-"""Points that are compared at a time."""
+"""Points per chunk."""
 
 
 class ComparedSurface:
-    """A surface that others are compared with."""
+    """A surface for comparison with others."""
 
     def __init__(self, triangles: np.ndarray, extent: float) -> None:
         """Prepare.
@@ -47,12 +47,12 @@ class ComparedSurface:
 
         Args:
             points: Shape (m, 3).
-            limit: Where it is more, how much more does not matter.
+            limit: Distances above this need not be exact.
         """
         count = min(NEAREST, len(self._owners))
         bounds, _ = self._tree.query(points)
         farthest = 0.0
-        # Those that can be far come first; the others need not be looked at.
+        # Sorted by their upper bounds, so most points can be skipped.
         order = np.argsort(-bounds)
         for some in np.split(order, range(AT_A_TIME, len(order), AT_A_TIME)):
             if farthest > limit or bounds[some[0]] <= farthest:
@@ -71,12 +71,12 @@ class ComparedSurface:
 def deviation(
     one: ComparedSurface, other: ComparedSurface, limit: float = math.inf
 ) -> float:
-    """Measure how far two surfaces are apart, seen from both sides.
+    """Compute the two-sided distance of surfaces.
 
     Args:
         one: A surface.
         other: Another one.
-        limit: Where it is more, how much more does not matter.
+        limit: Distances above this need not be exact.
 
     Returns:
         The largest distance of a corner of either, or of a point between corners, to
@@ -91,7 +91,7 @@ def deviation(
 
 
 def _pieces(triangles: np.ndarray, size: float) -> tuple[np.ndarray, np.ndarray]:
-    """Cut triangles into pieces whose edges are at most as long as a size.
+    """Subdivide triangles until no edge is longer than a size.
 
     Returns:
         Corners of the pieces, shape (m, 3, 3), and the triangle of each, shape (m,).
@@ -102,7 +102,7 @@ def _pieces(triangles: np.ndarray, size: float) -> tuple[np.ndarray, np.ndarray]
         lengths = np.linalg.norm(pieces - np.roll(pieces, -1, axis=1), axis=2)
         is_long = lengths.max(axis=1) > size
         done.append((pieces[~is_long], owners[~is_long]))
-        # Each is cut in two, in the middle of its longest edge.
+        # Each is bisected at its longest edge.
         turns = (lengths[is_long].argmax(axis=1)[:, None] + np.arange(3)) % 3
         turned = np.take_along_axis(pieces[is_long], turns[:, :, None], axis=1)
         a, b, c = np.swapaxes(turned, 0, 1)
@@ -113,31 +113,31 @@ def _pieces(triangles: np.ndarray, size: float) -> tuple[np.ndarray, np.ndarray]
 
 
 CELLS = (0.0, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)
-"""Corners are joined that are this close, as a share of the largest extent; one after
-the other is tried until there are few enough triangles."""
+"""Sizes of cells in which corners are merged, as fractions of the largest extent; tried
+in order until there are few enough triangles."""
 
 
 MakeFewer = Callable[[np.ndarray, int], np.ndarray]
-"""Takes triangles and how many may be left."""
+"""Takes triangles and the largest number of resulting ones."""
 
 TRIES, CLOSE = 8, 1.2
-"""How often a number of triangles is tried, and how close to the least that will do."""
+"""Number of tries of a binary search, and its relative precision."""
 
 
 def within(
     tolerance: float, triangles: np.ndarray, most: int, make_fewer: MakeFewer
 ) -> tuple[np.ndarray, float]:
-    """Make fewer triangles of a mesh, as long as its surface stays where it was.
+    """Decimate a mesh within a tolerance.
 
     Args:
-        tolerance: How far the surface may move, in the unit of the corners.
+        tolerance: Largest deviation of the surface, in the unit of the corners.
         triangles: Corners, shape (n, 3, 3).
-        most: How many are wanted.
+        most: Desired number of triangles.
         make_fewer: ``decimated`` or ``decimated_hull``.
 
     Returns:
-        Corners, shape (m, 3, 3): as few as are wanted, or the fewest that were found
-        within the tolerance; and how far the surface moved, see ``deviation``.
+        Corners, shape (m, 3, 3): the desired number, or the least found within the
+        tolerance; and the deviation of the surface, see ``deviation``.
     """
     fewest, wanted, enough = most, most, len(triangles)
     best, moved = triangles, 0.0
@@ -147,7 +147,7 @@ def within(
         distance = 0.0
         try:
             fewer = make_fewer(triangles, wanted)
-        except DescriptionError:  # so few that they have no hull
+        except DescriptionError:  # too few for a hull
             fewer, distance = triangles, np.inf
         if len(fewer) < len(triangles):
             distance = deviation(surface, ComparedSurface(fewer, extent), tolerance)
@@ -162,18 +162,17 @@ def within(
 
 
 def decimated(triangles: np.ndarray, most: int) -> np.ndarray:
-    """Make fewer triangles of a mesh, by quadric edge collapse.
+    """Decimate a mesh by quadric edge collapse.
 
-    Edges collapse within a surface only. Where many small parts make too many
-    triangles, corners that are close to each other become one first.
+    Edges collapse only within a surface. If many small parts have too many triangles,
+    corners that are close to each other are merged first.
 
     Args:
         triangles: Corners, shape (n, 3, 3).
-        most: How many may be left.
+        most: Largest number of resulting triangles.
 
     Returns:
-        Corners, shape (m, 3, 3); the mesh itself if it has no more. Where nothing
-        else is left of the shape it has more than requested.
+        Corners, shape (m, 3, 3); may be more than requested, if the shape would vanish.
     """
     best = triangles
     mesh = _joined(triangles)
@@ -228,7 +227,7 @@ def convex_hull(triangles: np.ndarray) -> np.ndarray:
 
 
 def decimated_hull(triangles: np.ndarray, most: int) -> np.ndarray:
-    """Make fewer triangles of a convex hull, which stays one; see ``decimated``."""
+    """Decimate a convex hull, which remains convex; see ``decimated``."""
     # n corners make a hull of at most 2 n - 4 triangles: as many as requested.
     return (
         triangles if len(triangles) <= most else convex_hull(decimated(triangles, most))

@@ -1,4 +1,4 @@
-"""The start and the end of import_model, which a signal may end at any moment."""
+"""Start and end of import_model, which a signal may interrupt at any time."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from g1_description.errors import G1DescriptionError
 
 
 def main() -> None:
-    """Import a model, or say why not."""
-    # trimesh takes an interrupt while it is imported for a library that is missing.
+    """Run the command, or exit with a message."""
+    # trimesh mistakes an interrupt during its import for a missing library.
     _answer_signals(signal.SIG_DFL)
     from g1_description.importer.command import run
 
@@ -30,7 +30,7 @@ def main() -> None:
 
 
 def _answer_signals(handler: Callable[..., Any] | signal.Handlers) -> None:
-    """Set what signals do, but for those that whoever started this ignores."""
+    """Set the handler of signals, except those that the parent ignores."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, handler)

@@ -1,4 +1,4 @@
-"""Motions made from others: cut, faster, elsewhere."""
+"""Edited motions: cut, scaled in time, moved."""
 
 from __future__ import annotations
 
@@ -20,22 +20,22 @@ def cut(
 
     Args:
         trajectory: The motion.
-        begin: When the part begins, in [s]; by default the motion's beginning. A
-            sample is made there where there is none.
-        end: When it ends, in [s]; by default the motion's end.
+        begin: Start of the part, in [s], where a sample is inserted; None: that of the
+            motion.
+        end: End of the part, in [s]; None: that of the motion.
 
     Returns:
         The part, with the motion's own times.
 
     Raises:
-        InvalidValueError: If there is no such part.
+        InvalidValueError: If the part is not inside the motion.
     """
     first, last = float(trajectory.times[0]), trajectory.duration
     begin, end = (first if begin is None else begin), (last if end is None else end)
     if not first <= begin <= end <= last:
         raise InvalidValueError(
-            f"The motion lasts from {first:g} to {last:g} s; {begin:g} to {end:g} s is "
-            "no part of it."
+            f"The requested range {begin:g}-{end:g} s is outside the motion "
+            f"({first:g}-{last:g} s)."
         )
     inside = (trajectory.times > begin + SNAP) & (trajectory.times < end - SNAP)
     ends = np.unique([begin, end])
@@ -54,7 +54,7 @@ def cut(
 
 
 def at_speed(trajectory: Trajectory, speed: float, start: float = 0.0) -> Trajectory:
-    """Play a motion faster or slower.
+    """Scale the speed of a motion.
 
     Args:
         trajectory: The motion.
@@ -70,11 +70,11 @@ def at_speed(trajectory: Trajectory, speed: float, start: float = 0.0) -> Trajec
 
 
 def later(trajectory: Trajectory, lead_in: float) -> Trajectory:
-    """Leave time to come to the first sample, and to be at rest there.
+    """Delay a motion, so that the robot can move to the first sample and rest there.
 
     Args:
         trajectory: The motion.
-        lead_in: The time in [s]; 0: the motion stays as it is.
+        lead_in: The delay in [s]; 0: the motion is returned unchanged.
     """
     if not lead_in:
         return trajectory
@@ -89,7 +89,7 @@ def moved(trajectory: Trajectory, T_map_motion: np.ndarray) -> Trajectory:
 
     Args:
         trajectory: The motion.
-        T_map_motion: Where the origin of the motion shall be in the map, shape (7,).
+        T_map_motion: New pose of the motion's origin in the map, shape (7,).
     """
     if trajectory.base_poses is None:
         return trajectory
@@ -97,9 +97,9 @@ def moved(trajectory: Trajectory, T_map_motion: np.ndarray) -> Trajectory:
 
 
 def to_start_at(trajectory: Trajectory, pose: np.ndarray) -> Trajectory:
-    """Move a motion so that it begins at the place and heading of the base.
+    """Move a motion so that it starts at a position and yaw.
 
-    Height, roll and pitch of the motion stay.
+    Height, roll and pitch of the motion are kept.
 
     Args:
         trajectory: The motion.
@@ -114,7 +114,7 @@ def to_start_at(trajectory: Trajectory, pose: np.ndarray) -> Trajectory:
 
 
 def _on_floor(pose: np.ndarray) -> np.ndarray:
-    """Project a pose to the floor: its place, and the direction of its x axis."""
+    """Project a pose to the floor: its position, and the heading of its x axis."""
     forward = rotate(pose[3:], np.array([1.0, 0.0, 0.0]))
     half = 0.5 * np.arctan2(forward[1], forward[0])
     return np.array([pose[0], pose[1], 0.0, 0.0, 0.0, np.sin(half), np.cos(half)])
@@ -125,15 +125,15 @@ N_SAMPLES = 101
 
 
 def minimum_jerk(start: np.ndarray, goal: np.ndarray, fraction: float) -> np.ndarray:
-    """Compute a point of the path that begins and ends at rest with the least jerk.
+    """Compute a point of the minimum-jerk path between two configurations.
 
-    Each joint goes straight from start to goal and never beyond either, so what is
-    between limits at both ends stays between them.
+    Each joint stays between start and goal, so limits that hold at both ends hold
+    everywhere.
 
     Args:
         start: Positions at the beginning in [rad] or [m], shape (n,).
         goal: Positions at the end, shape (n,).
-        fraction: Of the time; below 0 is before, above 1 after.
+        fraction: Fraction of the time, clamped to 0 to 1.
 
     Returns:
         Positions, shape (n,).
@@ -147,13 +147,13 @@ def minimum_jerk(start: np.ndarray, goal: np.ndarray, fraction: float) -> np.nda
 def minimum_jerk_trajectory(
     joint_names: Sequence[str], start: np.ndarray, goal: np.ndarray, seconds: float
 ) -> Trajectory:
-    """Sample the path of all joints, with velocities.
+    """Sample a minimum-jerk path of joints, with velocities.
 
     Args:
         joint_names: The joints.
         start: Their positions at the beginning in [rad] or [m], shape (n,).
         goal: Their positions at the end, shape (n,).
-        seconds: How long it takes in [s].
+        seconds: Duration in [s].
     """
     fractions = np.linspace(0.0, 1.0, N_SAMPLES)
     rates = 30.0 * fractions**2 * (1.0 - fractions) ** 2 / seconds

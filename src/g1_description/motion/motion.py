@@ -1,4 +1,4 @@
-"""A motion as it comes from a file, and how it fits a robot."""
+"""A motion read from a file, and fitting it to a robot."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ class Motion:
     trajectory: Trajectory
 
     notes: tuple[str, ...] = ()
-    """Messages on what was assumed, and what does not fit."""
+    """Messages on assumptions, and on joints that do not fit."""
 
     has_times: bool = True
-    """Whether the file says when its samples are, or at what rate."""
+    """Whether the file has times or a rate."""
 
 
 def fitted(motion: Motion, robot: Description) -> Motion:
-    """Leave out the joints that a robot does not have.
+    """Remove the joints that a robot does not have.
 
     Returns:
-        The motion of the others, in its own order, with notes.
+        The motion of the other joints, in their order, with notes.
 
     Raises:
-        MotionError: If it has none of them.
+        MotionError: If the robot has none of its joints.
     """
     own = [joint.name for joint in robot.movable_joints]
     names = motion.trajectory.joint_names
@@ -40,21 +40,25 @@ def fitted(motion: Motion, robot: Description) -> Motion:
     unknown = [name for name in names if name not in own]
     if names and len(unknown) == len(names):
         raise MotionError(
-            f"{robot.name} has none of the motion's joints, {listed(names)}; it has "
-            f"{listed(own)}."
+            f"{robot.name} has none of the motion's joints, {listed(names)}. Its "
+            f"joints: {listed(own)}."
         )
     notes = [*motion.notes]
     if unknown:
-        notes.append(f"{robot.name} has no {listed(unknown)}: left out.")
+        notes.append(
+            f"Joints that {robot.name} does not have are ignored: {listed(unknown)}."
+        )
     missing = [name for name in own if name not in names]
     if missing:
-        notes.append(f"The motion has no {listed(missing)}: not moved.")
+        notes.append(
+            f"Joints missing from the motion are not moved: {listed(missing)}."
+        )
     trajectory = _without(motion.trajectory, unknown)
     return replace(motion, trajectory=trajectory, notes=tuple(notes))
 
 
 def _without(trajectory: Trajectory, unknown: Sequence[str]) -> Trajectory:
-    """Leave out some joints."""
+    """Remove some joints."""
     if not unknown:
         return trajectory
     names = trajectory.joint_names

@@ -1,7 +1,7 @@
-"""Motors of joints: how hard they push, and how closely they follow their targets.
+"""Motors of joints: effort limits, and gains with which they follow targets.
 
-A file maps patterns of joint names to numbers, in YAML. A joint has the numbers of the
-first pattern that matches its whole name; what is not given stays at the default.
+A file maps patterns of joint names to numbers, in YAML. The first pattern that matches
+a joint's whole name applies; missing numbers have their defaults.
 """
 
 from __future__ import annotations
@@ -23,26 +23,25 @@ G1_MOTORS = "config/motors.yaml"
 
 @dataclass(frozen=True)
 class Motor:
-    """The motor of a joint, by default as PyBullet has it.
+    """The motor of a joint, by default that of PyBullet.
 
     In each step it brings the joint's velocity to
 
     ``velocity + velocity_gain * (target velocity - velocity)
     + position_gain * (target position - position) / time step``
 
-    with the effort that it takes, gravity and contacts included, unless that is beyond
-    its limit.
+    with the necessary effort, gravity and contacts included, up to its limit.
     """
 
     effort: float = math.inf
-    """Greatest effort in [N m] or [N]; where the robot's file gives a lesser one above
-    0, that counts."""
+    """Largest effort in [N m] or [N]; a smaller positive limit in the URDF takes
+    precedence."""
 
     position_gain: float = 0.1
-    """Share of the position's error that it takes back in a step."""
+    """Fraction of the position error that is corrected in a step."""
 
     velocity_gain: float = 1.0
-    """Share of the velocity's error that it takes back in a step."""
+    """Fraction of the velocity error that is corrected in a step."""
 
 
 NAMES = tuple(field.name for field in fields(Motor))
@@ -52,9 +51,9 @@ class Motors:
     """The motors of all robots of a world.
 
     Args:
-        motors: By patterns of their joints' names.
-        robot: The robot that they are for, a word of its name in lower case; empty: any
-            robot.
+        motors: By patterns of joint names.
+        robot: Restricts them to robots with this lower-case word in their name; empty:
+            any robot.
     """
 
     def __init__(
@@ -65,12 +64,12 @@ class Motors:
         self._robot = robot
 
     def are_for(self, robot: str) -> bool:
-        """Return whether they are for a robot, by the name in its description."""
+        """Return whether they apply to a robot, by the name in its description."""
         words = re.split("[^a-z0-9]+", robot.lower())
         return not self._robot or self._robot in words
 
     def of(self, joint: str) -> Motor:
-        """Return the motor of a joint, the default one where no pattern matches."""
+        """Return the motor of a joint, by default that of PyBullet."""
         for pattern, motor in self._motors:
             if pattern.fullmatch(joint):
                 return motor
@@ -78,10 +77,10 @@ class Motors:
 
 
 def g1_motors() -> Motors:
-    """Read the package's file of motors, which are for the G1 alone.
+    """Read the package's motors, which apply only to the G1.
 
     Raises:
-        MotorFileError: If it cannot be read, or holds something else.
+        MotorFileError: If it cannot be read or is invalid.
     """
     return read_motors(share_folder() / G1_MOTORS, "g1")
 
@@ -91,10 +90,10 @@ def read_motors(file: Path, robot: str = "") -> Motors:
 
     Args:
         file: The file.
-        robot: The robot that they are for, as for ``Motors``.
+        robot: As for ``Motors``.
 
     Raises:
-        MotorFileError: If it cannot be read, or holds something else.
+        MotorFileError: If it cannot be read or is invalid.
     """
     try:
         content = read_yaml(file) or {}
@@ -111,17 +110,21 @@ def _pattern(key: object) -> str:
     try:
         return re.compile(str(key)).pattern
     except re.error as error:
-        raise MotorFileError(f"'{key}' is not a regular expression, {error}") from error
+        raise MotorFileError(f"'{key}' is not a regular expression: {error}") from error
 
 
 def _motor(key: object, value: object) -> Motor:
     """Read an entry."""
     if not isinstance(value, dict):
-        raise MotorFileError(f"'{key}' must have {listed(NAMES)}, not {value!r}")
+        raise MotorFileError(
+            f"'{key}' must map {listed(NAMES)} to numbers (got {value!r})"
+        )
     unknown = [str(name) for name in value if name not in NAMES]
     if unknown:
         known = listed(NAMES)
-        raise MotorFileError(f"'{key}' has {listed(unknown)}; known are {known}")
+        raise MotorFileError(
+            f"unknown key {listed(unknown)} of '{key}'. Known keys: {known}"
+        )
     return Motor(**{name: _number(key, name, value[name]) for name in value})
 
 
@@ -132,4 +135,4 @@ def _number(key: object, name: str, value: object) -> float:
     if number is not None and 0.0 <= number <= largest:
         return number
     bounds = "at least 0" if largest == math.inf else "from 0 to 1"
-    raise MotorFileError(f"{name} of '{key}' must be a number {bounds}, not {value!r}")
+    raise MotorFileError(f"{name} of '{key}' must be a number {bounds} (got {value!r})")

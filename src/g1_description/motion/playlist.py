@@ -1,4 +1,4 @@
-"""The motions that one robot plays; of two for a joint the newer counts."""
+"""The motions that one robot plays; for each joint, the newest one applies."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from g1_description.motion.trajectory import SNAP, Trajectory, sample
 
 
 class Setpoint(NamedTuple):
-    """Where a motion puts a robot at one time."""
+    """Joints and base of a motion at one time."""
 
     rows: np.ndarray
-    """Numbers of the robot's movable joints that it moves, shape (n,)."""
+    """Indices of the robot's movable joints that it moves, shape (n,)."""
 
     positions: np.ndarray
     """In [rad] or [m], shape (n,)."""
@@ -34,13 +34,13 @@ class Setpoint(NamedTuple):
 
 
 class Playback:
-    """A motion at work, or what newer commands have left of it.
+    """A motion that is played, except for joints that newer commands took over.
 
     Args:
         trajectory: The motion.
-        start_ns: When its times count from, in [ns].
-        columns: Numbers of the motion's joints that the robot has, shape (n,).
-        rows: Numbers of these among the robot's movable joints, shape (n,).
+        start_ns: Time zero of the motion, in [ns].
+        columns: Indices of the motion's joints that the robot has, shape (n,).
+        rows: Their indices among the robot's movable joints, shape (n,).
     """
 
     def __init__(
@@ -60,31 +60,31 @@ class Playback:
         self._n_reached = 0
         self._columns = columns
         self.rows = rows
-        """Numbers of the robot's movable joints that it moves, shape (n,)."""
+        """Indices of the robot's movable joints that it moves, shape (n,)."""
 
     @property
     def is_unseen(self) -> bool:
-        """Whether ``reaches_sample`` was true of none of its samples."""
+        """Whether ``reaches_sample`` has never been true."""
         return not self._n_reached
 
     @property
     def is_empty(self) -> bool:
-        """Whether nothing is left of it."""
+        """Whether it moves neither joints nor the base."""
         return not (self.moves_base or len(self.rows))
 
     def release(self, rows: Collection[int], base: bool) -> None:
-        """Leave joints, given by rows, and perhaps the base to another command."""
+        """Release joints, given by rows, and optionally the base."""
         gone = set(rows)
         kept = [n for n, row in enumerate(self.rows.tolist()) if row not in gone]
         self.rows, self._columns = self.rows[kept], self._columns[kept]
         self.moves_base = self.moves_base and not base
 
     def begin(self, time_ns: int, present: Setpoint) -> None:
-        """Begin, and go to the first sample from where the robot is.
+        """Begin, and move to the first sample from the present state.
 
         Args:
             time_ns: When it begins, in [ns].
-            present: Where all of the robot's joints, and its base, are then.
+            present: State of all joints and the base at that time.
         """
         self.has_begun = True
         elapsed = max(0.0, self._elapsed(time_ns))
@@ -92,7 +92,7 @@ class Playback:
             self._prepend(elapsed, present)
 
     def _prepend(self, time: float, present: Setpoint) -> None:
-        """Put the present state of the robot before the first sample."""
+        """Insert the robot's state before the first sample."""
         old = self._trajectory
         positions, velocities = old.positions[0].copy(), np.zeros(len(old.joint_names))
         positions[self._columns] = present.positions[self.rows]
@@ -109,14 +109,14 @@ class Playback:
         self._trajectory = replace(old, **added)
 
     def reaches_sample(self, time_ns: int) -> bool:
-        """Return whether a sample lies between the last such question and a time."""
+        """Return whether there is a sample since the time of the last call."""
         times, before = self._trajectory.times, self._n_reached
         until = self._elapsed(time_ns) + SNAP
         self._n_reached = int(np.searchsorted(times, until, side="right"))
         return self._n_reached != before
 
     def is_over(self, time_ns: int) -> bool:
-        """Return whether it is at its end, or beyond, at a time in [ns]."""
+        """Return whether it has ended at a time in [ns]."""
         return self._elapsed(time_ns) >= self._trajectory.rest_time
 
     def setpoint(self, time_ns: int) -> Setpoint:
@@ -134,12 +134,12 @@ class Playback:
 
 
 class Playlist:
-    """The motions under way, and those that wait for their beginning.
+    """The motions that are played, and those that have not begun.
 
     Args:
         joint_names: The robot's movable joints.
-        on_unseen: Called for each motion that newer ones replaced before any of its
-            samples was reached.
+        on_unseen: Called for each motion that was replaced before any of its samples
+            was reached.
     """
 
     def __init__(
@@ -159,15 +159,15 @@ class Playlist:
 
     @property
     def is_waiting(self) -> bool:
-        """Whether one waits for its beginning."""
+        """Whether any motion has not begun."""
         return any(not one.has_begun for one in self._playbacks)
 
     def add(self, trajectory: Trajectory, start_ns: int) -> Playback:
-        """Add a motion; what it moves is taken from those that were to begin later.
+        """Add a motion; it takes its joints from motions that would begin later.
 
         Args:
-            trajectory: The motion; joints that the robot does not have are ignored.
-            start_ns: When its times count from, in [ns].
+            trajectory: The motion; unknown joints are ignored.
+            start_ns: Time zero of the motion, in [ns].
         """
         if trajectory.joint_names != self._names:
             self._find(trajectory.joint_names)
@@ -182,22 +182,22 @@ class Playlist:
         return playback
 
     def _find(self, names: tuple[str, ...]) -> None:
-        """Find the robot's joints among those of a motion."""
+        """Find the robot's joints in a motion."""
         own = [column for column, name in enumerate(names) if name in self._row_of]
         self._columns = np.array(own, dtype=int)
         self._rows = np.array([self._row_of[names[n]] for n in own], dtype=int)
         self._names = names
 
     def release(self, rows: Collection[int] = (), base: bool = False) -> None:
-        """Leave joints, given by rows, and perhaps the base to another command."""
+        """Release joints, given by rows, and optionally the base."""
         self._release(self._playbacks, rows, base)
 
     def begin(self, time_ns: int, present: Setpoint) -> None:
-        """Begin what is due, and take what it moves from what came before it.
+        """Begin motions that are due; they take their joints from earlier motions.
 
         Args:
             time_ns: The time in [ns].
-            present: Where all of the robot's joints, and its base, are now.
+            present: State of all joints and the base.
         """
         for playback in [*self._playbacks]:
             if playback.start_ns <= time_ns and not playback.has_begun:
@@ -206,11 +206,11 @@ class Playlist:
                 self._replace(older, playback)
 
     def moving(self) -> list[Playback]:
-        """List the motions under way."""
+        """List the motions that have begun."""
         return [one for one in self._playbacks if one.has_begun]
 
     def drop_over(self, time_ns: int) -> None:
-        """Forget what is over at a time in [ns]."""
+        """Remove motions that have ended at a time in [ns]."""
         self._playbacks = [
             one
             for one in self._playbacks
@@ -218,7 +218,7 @@ class Playlist:
         ]
 
     def _replace(self, old: Collection[Playback], new: Playback) -> None:
-        """Take what a motion moves from some that came before it."""
+        """Release the joints of a new motion from older ones."""
         self._release(old, new.rows, new.moves_base)
         for playback in old:
             if playback.is_empty and playback.is_unseen:
@@ -227,7 +227,7 @@ class Playlist:
     def _release(
         self, playbacks: Collection[Playback], rows: Collection[int], base: bool
     ) -> None:
-        """Take joints and base from some motions, and forget those without any."""
+        """Release joints and base from motions, and remove empty ones."""
         if not playbacks:
             return
         for playback in playbacks:
@@ -261,22 +261,22 @@ class Progress:
     outcome: Outcome
 
     message: str
-    """Which joint violates a tolerance, as a part of a sentence; else empty."""
+    """Clause on the joint that violates a tolerance; else empty."""
 
 
 class Following:
     """Compares joints with a trajectory, by the rules of joint_trajectory_controller.
 
-    On the way no error may exceed its path tolerance. From the end on a joint has to
-    come within its goal tolerances before the time for that is over; it need not stay
-    there until the others come.
+    During the motion no error may exceed its path tolerance. After the end, each joint
+    must come within its goal tolerances within the goal time; it need not stay there
+    until the others arrive.
 
     Args:
-        trajectory: The desired motion. Before its first sample the joints go there from
-            where they are.
-        start_ns: When its times count from, in [ns].
+        trajectory: The desired motion. Before its first sample, the joints move there
+            from their present positions.
+        start_ns: Time zero of the motion, in [ns].
         tolerances: The largest errors.
-        is_continuous: Whether whole turns of a joint do not count, shape (n_joints,).
+        is_continuous: Whether full turns of a joint are ignored, shape (n_joints,).
     """
 
     def __init__(
@@ -317,7 +317,7 @@ class Following:
         return Progress(desired, actual, error, outcome, message)
 
     def _outcome(self, time: float, error: np.ndarray) -> tuple[Outcome, str]:
-        """Find the goal's state, with a message if it has failed."""
+        """Return the goal's state, with a message if it failed."""
         allowed = self._tolerances
         if time < self._end:
             message = worst_violation(self.joint_names, error, allowed.path)
@@ -334,7 +334,7 @@ class Following:
 
 
 def remaining(trajectory: Trajectory, time: float) -> Trajectory | None:
-    """Leave out the samples until a time, in [s]; None where no others follow."""
+    """Remove the samples until a time, in [s]; None if none follows."""
     first = int(np.searchsorted(trajectory.times, time + SNAP, side="right"))
     if first == len(trajectory.times):
         return None

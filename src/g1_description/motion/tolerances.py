@@ -1,8 +1,8 @@
 """Largest errors of joints, by the rules of joint_trajectory_controller.
 
-A controller has constraints. A goal may ask for other tolerances, joint by joint: a
-positive number replaces that of the controller, a negative one stands for none, and
-zero keeps the controller's.
+A controller has constraints. A goal may override them per joint: a positive number
+replaces the controller's, a negative one means no tolerance, and zero keeps the
+controller's.
 """
 
 from __future__ import annotations
@@ -27,25 +27,25 @@ NOTHING: Mapping[str, float] = MappingProxyType({})
 
 @dataclass(frozen=True)
 class Constraints:
-    """Tolerances of a controller. Zero stands for none."""
+    """Tolerances of a controller; zero means no tolerance."""
 
     trajectory: Mapping[str, float] = field(default_factory=lambda: NOTHING)
-    """Largest error of a joint's position on the way, in [rad] or [m], by joint."""
+    """Largest position error during the motion, in [rad] or [m], by joint."""
 
     goal: Mapping[str, float] = field(default_factory=lambda: NOTHING)
     """The same at the end."""
 
     goal_time: float = 1.0
-    """How much later than planned a goal may be reached, in [s]. The controller's
-    default is zero, which motors that lag behind hardly ever fulfil."""
+    """Allowed delay of a goal, in [s]. ros_controllers' default is zero, which lagging
+    motors hardly ever meet."""
 
     stopped_velocity_tolerance: float = 0.01
-    """Largest error of any joint's velocity at the end, in [rad/s] or [m/s]."""
+    """Largest velocity error of any joint at the end, in [rad/s] or [m/s]."""
 
 
 @dataclass(frozen=True)
 class JointTolerance:
-    """Requested for one joint by a goal: positive, zero or negative, see above."""
+    """Tolerance of a goal for one joint: positive, zero or negative, see above."""
 
     name: str
 
@@ -58,41 +58,41 @@ class JointTolerance:
 
 @dataclass(frozen=True, eq=False)
 class Tolerances:
-    """Tolerances of one goal. Infinity stands for none."""
+    """Tolerances of one goal; infinity means no tolerance."""
 
     path: np.ndarray
-    """Largest errors of positions and velocities on the way, shape (2, n_joints)."""
+    """Largest position and velocity errors during the motion, shape (2, n_joints)."""
 
     goal: np.ndarray
     """The same at the end."""
 
     goal_time: float
-    """How much later than planned the end may be reached, in [s]."""
+    """Allowed delay of the end, in [s]."""
 
     @property
     def has_path(self) -> bool:
-        """Whether an error on the way may be too large."""
+        """Whether there is any path tolerance."""
         return bool(np.isfinite(self.path).any())
 
 
 def read_constraints(found: Any, joints: Sequence[str]) -> Constraints:
-    """Read the constraints of a controller, in the form that ros_control uses.
+    """Read the constraints of a controller, in the format of ros_control.
 
     Args:
         found: A mapping with ``goal_time``, ``stopped_velocity_tolerance``, and
-            ``trajectory`` and ``goal`` below the name of a joint; each may be left out.
+            ``trajectory`` and ``goal`` below the name of a joint; all optional.
         joints: Names of the controller's joints.
 
     Raises:
-        InvalidValueError: If there is anything else in it.
+        InvalidValueError: If it has other keys or invalid values.
     """
     if not isinstance(found, dict):
-        raise InvalidValueError(f"constraints are {found!r}, not a dictionary")
+        raise InvalidValueError(f"constraints must be a dictionary (got {found!r})")
     unknown = [str(key) for key in found if key not in (*NUMBERS, *joints)]
     if unknown:
         raise InvalidValueError(
-            f"constraints name {listed(unknown)}; there may be {listed(NUMBERS)}, and "
-            f"the joints {listed(joints)}"
+            f"unknown key {listed(unknown)} in constraints. Known keys: "
+            f"{listed(NUMBERS)}, and the joints {listed(joints)}"
         )
     numbers = {key: _number(found[key], key) for key in NUMBERS if key in found}
     of_joints: dict[str, dict[str, float]] = {key: {} for key in OF_A_JOINT}
@@ -106,7 +106,8 @@ def _joint_constraints(found: Any, joint: str) -> dict[str, float]:
     """Read the constraints of one joint."""
     if not isinstance(found, dict) or not {*found} <= {*OF_A_JOINT}:
         raise InvalidValueError(
-            f"constraints of {joint} are {found!r}; there may be {listed(OF_A_JOINT)}"
+            f"constraints of {joint} must have only {listed(OF_A_JOINT)} (got "
+            f"{found!r})"
         )
     return {key: _number(value, f"{joint}/{key}") for key, value in found.items()}
 
@@ -115,8 +116,8 @@ def _number(value: Any, what: str) -> float:
     """Check one number."""
     if type(value) not in (int, float) or not 0.0 <= value <= MAX_VALUE:
         raise InvalidValueError(
-            f"constraints have {what}: {value!r}, which must be a number from 0 to "
-            f"{MAX_VALUE:g}"
+            f"constraint {what} must be a number from 0 to {MAX_VALUE:g} (got "
+            f"{value!r})"
         )
     return float(value)
 
@@ -133,11 +134,11 @@ def tolerances_of_goal(
     Args:
         joint_names: Joints of the goal, in the order of the arrays.
         constraints: Tolerances of the controller.
-        path: Those of the goal on the way. Other joints are ignored, of equal names
-            the last nonzero number counts.
-        goal: The same at the end.
-        goal_time: How much later than planned the end may be reached, in [s]; zero:
-            as the controller has it, negative: not later.
+        path: Path tolerances of the goal. Unknown joints are ignored; of equal names,
+            the last nonzero number applies.
+        goal: Goal tolerances of the goal.
+        goal_time: Allowed delay of the end, in [s]; zero: the controller's, negative:
+            none.
 
     Raises:
         InvalidValueError: If a number is NaN.
@@ -172,9 +173,9 @@ def _applied(
 
 
 def _chosen(default: float, requested: float, what: str) -> float:
-    """Choose between a default and a request; zero stands for none."""
+    """Choose between a default and a request; zero means the default."""
     if math.isnan(requested):
-        raise InvalidValueError(f"The {what} is NaN.")
+        raise InvalidValueError(f"The {what} must not be NaN.")
     return float(default) if requested == 0.0 else max(requested, 0.0)
 
 
@@ -189,7 +190,7 @@ def worst_violation(
         tolerances: The largest errors, positive or infinite, shape (2, n_joints).
 
     Returns:
-        A part of a sentence; empty if none is too large. An error that is NaN is.
+        A clause; empty if no error is too large. NaN is too large.
     """
     too_large = ~(np.abs(errors) <= tolerances)
     if not too_large.any():
@@ -201,5 +202,5 @@ def worst_violation(
     what = ("position", "velocity")[row]
     return (
         f"{joint_names[column]} is {abs(errors[row, column]):.3g} off its desired "
-        f"{what}; {tolerances[row, column]:.3g} is allowed"
+        f"{what} (tolerance {tolerances[row, column]:.3g})"
     )

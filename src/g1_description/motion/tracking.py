@@ -1,4 +1,4 @@
-"""How well motors followed a motion: errors, efforts at their limits, and a fall."""
+"""How well motors followed a motion: errors, saturated efforts, and falls."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ import numpy as np
 from g1_description.errors import InvalidValueError
 
 REACHED = 0.01
-"""Error of a joint that has reached its motion, in [rad] or [m]. The path there, where
-the motion begins elsewhere than the robot, is not an error."""
+"""Error at which a joint has reached its motion, in [rad] or [m]. Before, it moves
+there from its initial position, which is not an error."""
 
 MAX_LISTED = 5
-"""Joints that a text lists, those with the largest errors."""
+"""Number of joints in a text, those with the largest errors."""
 
 
 @dataclass(frozen=True)
 class FallLimits:
-    """Largest differences between a base and that of its motion without a fall."""
+    """Largest deviations of the base from its motion without a fall."""
 
     lean: float = math.pi / 4.0
     """Angle between the two upward axes in [rad]: no humanoid recovers from more."""
@@ -34,9 +34,9 @@ class FallLimits:
             InvalidValueError: If one is out of its range.
         """
         if not 0.0 <= self.lean <= math.pi:
-            raise InvalidValueError(f"lean is {self.lean}, it must be from 0 to pi")
+            raise InvalidValueError(f"lean must be from 0 to pi (got {self.lean})")
         if not self.drop >= 0.0:
-            raise InvalidValueError(f"drop is {self.drop}, it must be at least 0")
+            raise InvalidValueError(f"drop must be at least 0 (got {self.drop})")
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,30 +46,30 @@ class TrackingReport:
     joint_names: tuple[str, ...]
 
     rms_errors: np.ndarray
-    """Root of the mean square of position minus target, in [rad] or [m], shape (n,):
-    from when the joint first reached the motion, over all steps where it never did."""
+    """RMS of position minus target in [rad] or [m], shape (n,): since the joint first
+    reached the motion, or over all steps if it never did."""
 
     largest_errors: np.ndarray
-    """Largest distance from the target in these steps, in [rad] or [m], shape (n,)."""
+    """Largest distance from the target since then, in [rad] or [m], shape (n,)."""
 
     limit_shares: np.ndarray
     """Fraction of the steps with the motor at its effort limit, shape (n,)."""
 
     largest_error_times: np.ndarray
-    """When the error was largest, since the motion's beginning, in [s], shape (n,); NaN
+    """Time of the largest error since the start of the motion, in [s], shape (n,); NaN
     without an error."""
 
     first_limit_times: np.ndarray
-    """When the motor was first at its limit, in [s], shape (n,); NaN if never."""
+    """First time of the motor at its limit, in [s], shape (n,); NaN if never."""
 
     duration: float
     """How long the motors followed, in [s]."""
 
     fall_time: float | None = None
-    """When it fell, since the motion's beginning, in [s]; None if it did not."""
+    """Time of a fall since the start of the motion, in [s]; None without a fall."""
 
     def __str__(self) -> str:
-        """Describe it in a few lines, with the joints of the largest errors."""
+        """Summarize it, with the joints of the largest errors."""
         if not self.joint_names:
             return "No joint followed the motion."
         worst = np.argsort(-self.rms_errors, kind="stable")[:MAX_LISTED]
@@ -102,7 +102,7 @@ class TrackingRecorder:
         n_joints = len(joint_names)
         self._names = joint_names
         self._has_reached = np.zeros(n_joints, dtype=bool)
-        # Steps in all, those whose errors count, and those at the limit of effort.
+        # Steps in total, those with counted errors, and those at the effort limit.
         self._steps, self._counts, self._at_limit = np.zeros((3, n_joints), dtype=int)
         self._squares, self._largest = np.zeros((2, n_joints))
         self._largest_times, self._limit_times = np.full((2, n_joints), np.nan)
@@ -116,7 +116,7 @@ class TrackingRecorder:
 
         Args:
             time: Since the motion's beginning, in [s].
-            joints: Numbers of the joints that the motion still moves, shape (n,).
+            joints: Indices of the joints that the motion still moves, shape (n,).
             errors: Their positions minus their targets, in [rad] or [m], shape (n,).
             at_limit: Whether their motors are at their effort limits, shape (n,).
         """
@@ -125,7 +125,7 @@ class TrackingRecorder:
         self._steps[joints] += 1
         sizes = np.abs(errors)
         reaching = joints[(sizes <= REACHED) & ~self._has_reached[joints]]
-        if reaching.size:  # the errors before are those of the path there
+        if reaching.size:  # earlier errors are those of the path there
             self._has_reached[reaching] = True
             self._counts[reaching], self._squares[reaching] = 0, 0.0
             self._largest[reaching], self._largest_times[reaching] = 0.0, np.nan
@@ -154,17 +154,17 @@ class TrackingRecorder:
 
 
 class FallDetector:
-    """Finds when a base has fallen, compared with that of its motion.
+    """Detects falls by comparing the base with its motion.
 
-    It has fallen when it leans from the motion's base by more than ``FallLimits.lean``,
-    in any direction, or has sunk since the beginning by ``FallLimits.drop`` more than
-    that. If the motion has no base, it is compared with its own attitude at the
-    beginning, at any height.
+    A base has fallen if it leans from the motion's by more than ``FallLimits.lean``, in
+    any direction, or has sunk by ``FallLimits.drop`` more than the motion's since the
+    start. Without a base in the motion, it is compared with its initial attitude, at
+    any height.
 
     Args:
-        base_pose: T_world_base at the beginning, shape (7,).
-        desired: The motion's at that time, shape (7,); None if it has none.
-        limits: Largest differences without a fall.
+        base_pose: T_world_base at the start, shape (7,).
+        desired: Base pose of the motion at that time, shape (7,); None without a base.
+        limits: Largest deviations without a fall.
     """
 
     def __init__(
@@ -178,7 +178,7 @@ class FallDetector:
         self._limits = limits or FallLimits()
 
     def has_fallen(self, base_pose: np.ndarray, desired: np.ndarray | None) -> bool:
-        """Return whether a base has fallen, by T_world_base and the motion's."""
+        """Return whether a base has fallen, from T_world_base and its desired pose."""
         up = self._up if desired is None else _up(desired)
         cosine = sum(a * b for a, b in zip(_up(base_pose), up))
         if cosine < math.cos(self._limits.lean):

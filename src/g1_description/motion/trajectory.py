@@ -1,4 +1,4 @@
-"""A motion in memory, wherever it came from."""
+"""A motion in memory, and its interpolation."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ from g1_description.robot.rotation import multiply, normalized, rotate, shorter_
 from g1_description.text import listed
 
 SINGLE_TIME = 0.1
-"""How long a motion of a single sample has that sample's velocities, in [s]: they show
-in a stream of samples, and a stream that stops leaves the robot at rest."""
+"""Duration of the velocities of a single sample, in [s]: a stream of single samples has
+velocities, and when it stops the robot is at rest."""
 
 UNIT_TOLERANCE = 1e-12
-"""A quaternion this near to unit length stays as it is."""
+"""Smaller errors of the length of a quaternion are kept."""
 
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """Configurations of one robot at rising times.
+    """Configurations of one robot at increasing times.
 
     Raises:
-        MotionError: If shapes do not match, times do not rise, or a number is not
+        MotionError: If shapes do not match, times do not increase, or a number is not
             finite or out of bounds.
     """
 
     times: np.ndarray
-    """When the robot is in each configuration, since the beginning, in [s], rising,
-    shape (n_samples,)."""
+    """Times of the configurations since the start, in [s], increasing, shape
+    (n_samples,)."""
 
     joint_names: tuple[str, ...]
 
@@ -42,8 +42,8 @@ class Trajectory:
     where they are unknown."""
 
     base_poses: np.ndarray | None = None
-    """T_map_base, x y z and quaternion x y z w, shape (n_samples, 7); None where the
-    base does not belong to the motion."""
+    """T_map_base, x y z and quaternion x y z w, shape (n_samples, 7); None if the
+    motion has no base."""
 
     def __post_init__(self) -> None:
         """Check the numbers."""
@@ -63,8 +63,8 @@ class Trajectory:
             late = int(np.argmax(is_late))
             before, after = self.times[late], self.times[late + 1]
             raise MotionError(
-                f"The times of the motion do not rise: sample {late + 2} is at "
-                f"{after:g} s, the one before at {before:g} s."
+                f"Timestamps must increase: sample {late + 2} is at {after:g} s, "
+                f"after one at {before:g} s."
             )
 
     def _check_names(self) -> None:
@@ -73,22 +73,22 @@ class Trajectory:
         if len(set(names)) == len(names):
             return
         twice = [name for name in dict.fromkeys(names) if names.count(name) > 1]
-        raise MotionError(f"The motion names joints twice: {listed(twice)}.")
+        raise MotionError(f"The motion has duplicate joints: {listed(twice)}.")
 
     def _check(self, what: str, array: np.ndarray, shape: tuple[int, ...]) -> None:
         """Check one array's shape and numbers."""
         if array.shape != shape:
             raise MotionError(
-                f"The motion has an array of shape {array.shape} for each {what}, "
-                f"where {shape} belongs to {shape[0]} samples."
+                f"The {what} array of the motion must have the shape {shape} (got "
+                f"{array.shape})."
             )
-        with np.errstate(invalid="ignore"):  # NaN does not fit
+        with np.errstate(invalid="ignore"):  # NaN is not within bounds
             fits = np.abs(array) <= MAX_VALUE
         if not fits.all():
             first = tuple(np.argwhere(~fits)[0])
             raise MotionError(
-                f"Sample {first[0] + 1} of the motion has the {what} {array[first]}; "
-                f"numbers must be within +-{MAX_VALUE:g}."
+                f"The {what} of sample {first[0] + 1} must be within +-{MAX_VALUE:g} "
+                f"(got {array[first]})."
             )
 
     @property
@@ -98,7 +98,7 @@ class Trajectory:
 
     @property
     def rest_time(self) -> float:
-        """Time from which on it rests at its last sample, in [s]."""
+        """Time at which it comes to rest at its last sample, in [s]."""
         is_single = len(self.times) == 1 and self.velocities is not None
         return self.duration + (SINGLE_TIME if is_single else 0.0)
 
@@ -110,8 +110,8 @@ def _normalized(poses: np.ndarray) -> np.ndarray:
     if errors.max() > NORM_TOLERANCE:
         wrong = np.argmax(errors > NORM_TOLERANCE)
         raise MotionError(
-            f"The base of sample {wrong + 1} has a quaternion of length "
-            f"{lengths[wrong]:.6g}, not 1."
+            f"The base quaternion of sample {wrong + 1} must have length 1 (got "
+            f"{lengths[wrong]:.6g})."
         )
     rounded = errors > UNIT_TOLERANCE
     if rounded.any():
@@ -121,13 +121,13 @@ def _normalized(poses: np.ndarray) -> np.ndarray:
 
 
 SNAP = 0.5e-9
-"""A time this near to that of a sample is that of the sample, in [s]: stamps count in
-nanoseconds."""
+"""Times closer than this to a sample's are equal to it, in [s]: stamps have a
+resolution of 1 ns."""
 
 
 @dataclass(frozen=True, eq=False)
 class Sample:
-    """Configurations and how they change, at one or several times."""
+    """Configurations and velocities at one or several times."""
 
     positions: np.ndarray
     """Of the motion's joints in [rad] or [m], shape (..., n_joints)."""
@@ -136,7 +136,7 @@ class Sample:
     """In [rad/s] or [m/s], shape (..., n_joints)."""
 
     base_poses: np.ndarray | None
-    """T_map_base, shape (..., 7); None where the motion has no base."""
+    """T_map_base, shape (..., 7); None if the motion has no base."""
 
     base_twists: np.ndarray | None
     """Linear velocity of the base's origin and its angular velocity, along the map's
@@ -148,11 +148,11 @@ def sample(trajectory: Trajectory, times: np.ndarray | float) -> Sample:
 
     Args:
         trajectory: The motion.
-        times: Since its beginning in [s], shape (...).
+        times: Since its start in [s], shape (...).
 
     Returns:
-        The configurations. At the time of a sample they are the sample to the last
-        bit; the velocities there are those of the segment that follows.
+        The configurations. At the time of a sample they equal the sample exactly, with
+        the velocities of the following segment.
     """
     found = np.asarray(times, dtype=float)
     if len(trajectory.times) == 1:
@@ -192,8 +192,8 @@ def _segments(
     """Find the samples before and after times.
 
     Returns:
-        The sample at or before each time and the one after it, the time between them
-        in [s], 1 where there is none, and whether the motion moves then.
+        Indices of the samples before and after each time, the time between them in [s]
+        (1 without one), and whether the motion moves.
     """
     first = np.searchsorted(knots, times + SNAP, side="right") - 1
     moves = (first >= 0) & (first < len(knots) - 1)

@@ -1,4 +1,4 @@
-"""Where a picture is taken from, and where in it a point of the world is seen."""
+"""The camera of a picture: projection, framing, and OpenGL matrices."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ VIEWS = {
 """Yaw and pitch of the views that have a name, in [rad]."""
 
 FAR = 1000.0
-"""Distance that is as good as infinite, in widths of the picture."""
+"""Distance that stands for infinity, in widths of the picture."""
 
 LENS = 0.25
-"""Half of a picture's height over the distance, where the camera is not far."""
+"""Half of a picture's height over the distance of a perspective camera."""
 
 
 @dataclass(frozen=True)
@@ -31,21 +31,21 @@ class Camera:
     """Point in the middle of the picture, in the world, in [m], shape (3,)."""
 
     yaw: float
-    """Where it stands, seen from the target: from +x about z, in [rad]. 0 sees the
-    front of a robot, whose left is on the picture's right; pi/2 sees its left."""
+    """Direction from the target to the camera, from +x about z, in [rad]: 0 shows the
+    front of a robot, pi/2 its left."""
 
     pitch: float
-    """How far it is above the target, from -pi/2 to pi/2 in [rad]."""
+    """Elevation of the camera above the target, from -pi/2 to pi/2 in [rad]."""
 
     width: float
-    """What the width of the picture spans at the target, in [m]."""
+    """Width of the picture at the target, in [m]."""
 
     distance: float = math.inf
     """From the target, in [m]; infinite for an orthographic picture."""
 
     @property
     def axes(self) -> np.ndarray:
-        """Axes along the picture's right, its top and towards the eye, as rows.
+        """Axes to the right, upwards and towards the eye, as rows.
 
         Returns:
             Rotation from the world to the camera, shape (3, 3).
@@ -57,11 +57,11 @@ class Camera:
 
     @property
     def range(self) -> float:
-        """Distance of the eye from the target, in [m], finite always."""
+        """Distance of the eye from the target, in [m], always finite."""
         return min(self.distance, FAR * self.width)
 
     def seen(self, points: np.ndarray) -> np.ndarray:
-        """Find where points are in the picture.
+        """Project points to the picture.
 
         Args:
             points: In the world, in [m], shape (n, 3).
@@ -74,15 +74,15 @@ class Camera:
         return np.stack([right * scale, up * scale], axis=-1)
 
     def rays(self, width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
-        """Find the lines of sight through the middles of the pixels.
+        """Compute the rays through the centres of the pixels.
 
         Args:
             width: Of the picture, in pixels.
             height: Of the same, in pixels.
 
         Returns:
-            The eye in the world, shape (3,), and directions in the world, as long as
-            the way to the plane through the target, shape (height, width, 3).
+            The eye in the world, shape (3,), and vectors to the plane through the
+            target in the world, shape (height, width, 3).
         """
         right, up, back = self.axes
         pixel = self.width / width
@@ -109,10 +109,10 @@ def framing(
         yaw: As ``Camera`` has it, in [rad].
         pitch: As ``Camera`` has it, in [rad].
         aspect: Width of the picture over its height.
-        margin: Share of width and height that is left free on each side.
+        margin: Fraction of width and height that is left free on each side.
 
     Returns:
-        A camera near enough to show perspective.
+        A perspective camera.
     """
     target = (points.min(axis=0) + points.max(axis=0)) / 2
     axes = Camera(target, yaw, pitch, 1.0).axes
@@ -127,14 +127,14 @@ def framing(
 
 
 Crop = Tuple[slice, slice]
-"""Rows and columns of a picture, none left out in between."""
+"""A range of rows and columns of a picture."""
 
 NEAREST = 0.05
-"""How near the eye something can be seen, in distances of the target."""
+"""Distance of the near plane from the eye, relative to that of the target."""
 
 
 def crop_around(points: np.ndarray, camera: Camera, width: int, height: int) -> Crop:
-    """Find the part of a picture that points are seen in.
+    """Find the part of a picture that contains points.
 
     Args:
         points: In the world, in [m], shape (n, 3).
@@ -143,8 +143,8 @@ def crop_around(points: np.ndarray, camera: Camera, width: int, height: int) -> 
         height: Of the same, in pixels.
 
     Returns:
-        All pixels between the points and one more on each side; the whole picture
-        where a point is next to the eye or behind it.
+        All pixels between the points and one more on each side; the whole picture if a
+        point is near the eye or behind it.
     """
     if not len(points):
         return slice(0, 0), slice(0, 0)
@@ -156,7 +156,7 @@ def crop_around(points: np.ndarray, camera: Camera, width: int, height: int) -> 
 
 
 def _covering(places: np.ndarray, size: int) -> slice:
-    """Give the pixels that hold all places, of those that there are."""
+    """Return the range of existing pixels that contains all positions."""
     ends = np.array([np.floor(places.min()) - 1, np.ceil(places.max()) + 1])
     first, last = np.clip(ends, 0, size).astype(int)
     return slice(int(first), int(last))
@@ -165,10 +165,10 @@ def _covering(places: np.ndarray, size: int) -> slice:
 def matrices(
     camera: Camera, width: int, height: int, crop: Crop
 ) -> tuple[tuple[float, ...], ...]:
-    """Write a camera as OpenGL's view and projection matrix, column by column.
+    """Compute OpenGL's view and projection matrices, in column-major order.
 
-    PyBullet's renderer has no parallel projection, but one from far away. It takes
-    the lower left corner of a pixel for its middle.
+    PyBullet's renderer has no orthographic projection, so a distant camera is used. It
+    samples a pixel at its lower left corner.
 
     Args:
         camera: The camera.

@@ -1,4 +1,4 @@
-"""Pictures of a scene: smooth edges, a floor, a shadow; or outlines alone."""
+"""Pictures of a scene, with antialiasing, a floor and a shadow; or silhouettes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LINE = 0.004
 """Width of a line of the grid, in [m]."""
 
 LINES_DARKEN, SHADOW_DARKENS = 0.13, 0.42
-"""How much darker the floor is there."""
+"""Darkening of the floor by lines and shadows."""
 
 
 def backdrop(
@@ -27,15 +27,15 @@ def backdrop(
     floor: float,
     shadow: tuple[Camera, np.ndarray],
 ) -> np.ndarray:
-    """Paint what is behind the robots.
+    """Draw the background and the floor.
 
     Args:
-        camera: Where the picture is taken from.
+        camera: The camera.
         width: Of the picture, in pixels.
         height: Of the same, in pixels.
         floor: Height of the floor in the world, in [m].
-        shadow: Camera in the place of the lamp, and how much of the lamp's light
-            robots block in each pixel that it sees, from 0 to 1, shape (n, m).
+        shadow: Camera at the lamp, and the blocked fraction of its light in each of its
+            pixels, from 0 to 1, shape (n, m).
 
     Returns:
         Colours from 0 to 1, shape (height, width, 3).
@@ -55,7 +55,7 @@ def backdrop(
 
 
 def _grid(points: np.ndarray, is_floor: np.ndarray) -> np.ndarray:
-    """Compute how much of each pixel lines cover, from 0 to 1."""
+    """Compute the fraction of each pixel that grid lines cover."""
     clear = np.ones(points.shape[:2])
     for axis in (0, 1):
         values = points[..., axis]
@@ -68,12 +68,12 @@ def _grid(points: np.ndarray, is_floor: np.ndarray) -> np.ndarray:
 
 
 def _shadow_at(points: np.ndarray, lamp: Camera, shadow_mask: np.ndarray) -> np.ndarray:
-    """Compute how much of the lamp's light robots block, from 0 to 1.
+    """Compute the fraction of the lamp's light that robots block.
 
     Args:
         points: In the world, in [m], shape (height, width, 3).
-        lamp: Camera in the place of the lamp.
-        shadow_mask: How much they block in each of its pixels, shape (n, m).
+        lamp: Camera at the lamp.
+        shadow_mask: Blocked fraction in each of its pixels, shape (n, m).
     """
     n, m = shadow_mask.shape
     seen = lamp.seen(points.reshape(-1, 3)) * m
@@ -89,14 +89,14 @@ def _shadow_at(points: np.ndarray, lamp: Camera, shadow_mask: np.ndarray) -> np.
 
 
 def blur(fractions: np.ndarray, reach: int) -> np.ndarray:
-    """Blur a picture, three times by the mean of a square.
+    """Blur a picture with a box filter, three times.
 
     Args:
         fractions: Shape (n, m).
         reach: Half of the square's side, in pixels.
 
     Returns:
-        Shape (n, m); what lies outside counts as 0.
+        Shape (n, m); pixels outside count as 0.
     """
     side = 2 * reach + 1
     for _ in range(3):
@@ -110,13 +110,13 @@ SUPERSAMPLING = 3
 """Pixels drawn for one pixel of the picture, in each direction."""
 
 LAMP = np.radians([-38.0, 50.0])
-"""Where the lamp is: about z from the camera, and above the floor, in [rad]."""
+"""Direction of the lamp: yaw relative to the camera, and elevation, in [rad]."""
 
 LAMP_PIXELS = 400
-"""Side of the picture that the lamp takes of the robots to find their shadow."""
+"""Size of the shadow map in pixels."""
 
 SHADOW_BLUR = 2
-"""How far the edge of a shadow reaches, in pixels of that picture."""
+"""Width of a shadow's edge, in pixels of the shadow map."""
 
 
 def draw(
@@ -124,11 +124,11 @@ def draw(
 ) -> np.ndarray:
     """Draw a scene on a floor.
 
-    The floor hides nothing: what is below it is seen.
+    The floor does not hide what is below it.
 
     Args:
         scene: The robots.
-        camera: Where from.
+        camera: The camera.
         width: Of the picture, in pixels.
         height: Of the same, in pixels.
         floor: Its height in the world, in [m].
@@ -136,7 +136,7 @@ def draw(
     Returns:
         Colours as uint8, shape (height, width, 3).
     """
-    # The lamp is on one side of the camera and sees all that this sees.
+    # The lamp next to the camera sees everything that the camera sees.
     reach = 1.5 * camera.width * max(1.0, height / width)
     lamp = Camera(camera.target, camera.yaw + LAMP[0], LAMP[1], reach)
     is_seen = silhouette(scene, lamp, LAMP_PIXELS, LAMP_PIXELS) != NOTHING
@@ -160,16 +160,16 @@ def draw(
 
 
 def silhouette(scene: Scene, camera: Camera, width: int, height: int) -> np.ndarray:
-    """Find which pixels show a robot.
+    """Find the pixels that show a robot.
 
     Args:
         scene: The robots.
-        camera: Where from.
+        camera: The camera.
         width: Of the picture, in pixels.
         height: Of the same, in pixels.
 
     Returns:
-        The robot's number, ``NOTHING`` where there is none, shape (height, width).
+        Numbers of robots, ``NOTHING`` for none, shape (height, width).
     """
     crop = scene.crop(camera, width, height)
     robots = np.full((height, width), NOTHING)

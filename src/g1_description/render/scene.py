@@ -1,8 +1,7 @@
-"""Robots to be drawn: their visual shapes in a PyBullet of their own.
+"""Rendering of robots: their visual shapes in a separate PyBullet client.
 
-Nothing moves here by itself. Each shape is a body without mass, put where our
-kinematics has it, so no joint and no mass of a robot is given to PyBullet, and links
-without mass are seen too.
+Each shape is a static body, placed by our kinematics. PyBullet knows neither joints nor
+masses, so links without mass are drawn, too.
 """
 
 from __future__ import annotations
@@ -23,25 +22,25 @@ from g1_description.sim.meshes.shapes import Mesh, find_meshes, is_there
 from g1_description.sim.meshes.stl import cylinder, sphere
 
 BATCH_SIZE = 40_000
-"""PyBullet takes 131072 corners of one shape."""
+"""Triangles per shape: PyBullet accepts 131072 corners."""
 
 GREY = (0.7, 0.7, 0.7, 1.0)
-"""Colour of a shape where its file gives none."""
+"""Default colour of a shape."""
 
 
 def load_visual(
     client: BulletClient, shape: Shape, mesh: Mesh | None
 ) -> tuple[list[int], str]:
-    """Load a shape, with a box around it that PyBullet keeps up.
+    """Load a shape, with a bounding box that PyBullet updates.
 
     Args:
         client: PyBullet.
         shape: The shape.
-        mesh: What was found of it if it is a mesh. As in RViz, the colours of the
-            mesh's own materials count more than that of the shape.
+        mesh: The mesh, if it is one. As in RViz, the mesh's materials take precedence
+            over the colour of the shape.
 
     Returns:
-        PyBullet's numbers for its bodies, and a message that says why there is none.
+        PyBullet's ids of its bodies, and a message if it cannot be read.
     """
     color = list(shape.color or GREY)
     kind = pybullet.GEOM_BOX if shape.kind == "box" else pybullet.GEOM_MESH
@@ -59,7 +58,7 @@ def load_visual(
 
 
 def by_color(parts: Sequence[Part]) -> list[Part]:
-    """Put the parts of one colour together."""
+    """Merge the parts of each colour."""
     return [
         Part(
             np.concatenate([part.corners for part in parts if part.color == color]),
@@ -73,7 +72,7 @@ def by_color(parts: Sequence[Part]) -> list[Part]:
 def _body(
     client: BulletClient, kind: int, form: dict[str, object], color: list[float]
 ) -> int:
-    """Make a body of a form in PyBullet's words; give PyBullet's number for it."""
+    """Create a body from PyBullet's arguments; return its id."""
     visual = client.createVisualShape(kind, **form, rgbaColor=color)
     solid = {name: value for name, value in form.items() if name != "normals"}
     box = client.createCollisionShape(kind, **solid)
@@ -81,9 +80,9 @@ def _body(
 
 
 def _triangles(part: Part, scale: np.ndarray) -> Iterator[dict[str, object]]:
-    """Write a part as PyBullet takes it, ``BATCH_SIZE`` triangles at a time.
+    """Convert a part to PyBullet's arguments, ``BATCH_SIZE`` triangles at a time.
 
-    A scale, shape (3,), below zero mirrors it.
+    A negative scale, shape (3,), mirrors it.
     """
     turn = 1 if np.prod(scale) > 0 else -1
     with np.errstate(all="ignore"):
@@ -101,7 +100,7 @@ def _triangles(part: Part, scale: np.ndarray) -> Iterator[dict[str, object]]:
 
 
 def _primitive(shape: Shape) -> dict[str, object]:
-    """Write a shape as PyBullet takes it; its own round shapes have corners."""
+    """Convert a primitive to PyBullet's arguments; its own round shapes are coarse."""
     if shape.kind == "mesh":
         return {}
     if shape.kind == "box":
@@ -115,10 +114,10 @@ def _primitive(shape: Shape) -> dict[str, object]:
 
 
 AMBIENT, DIFFUSE, SPECULAR = 0.72, 0.55, 0.06
-"""Shares of the light: from everywhere, from the lamp, mirrored."""
+"""Coefficients of ambient, diffuse and specular light."""
 
 NOTHING = -1
-"""In the place of a robot's number where none is seen."""
+"""The number of a pixel without a robot."""
 
 
 @dataclass(frozen=True)
@@ -130,12 +129,12 @@ class _Piece:
     """In the frame of its link, shape (7,)."""
 
     body: int
-    """PyBullet's number for it."""
+    """PyBullet's id of it."""
 
 
 @dataclass(frozen=True)
 class _Robot:
-    """What is drawn of one robot, and what places it."""
+    """The shapes and kinematics of one robot."""
 
     joints: tuple[str, ...]
     links: tuple[str, ...]
@@ -144,32 +143,32 @@ class _Robot:
 
 
 class Scene:
-    """Robots in the world. Ends with ``close`` or with a ``with`` statement."""
+    """Robots in the world; must be closed, or used in a ``with`` statement."""
 
     def __init__(self) -> None:
         self._client = connect()
         self._robots: list[_Robot] = []
 
     def __enter__(self) -> Scene:
-        """Begin a ``with`` statement."""
+        """Enter a ``with`` statement."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """End it."""
+        """Close the scene."""
         self.close()
 
     def close(self) -> None:
-        """End PyBullet's part."""
+        """Disconnect from PyBullet."""
         self._client.disconnect()
 
     def add(self, description: Description) -> tuple[int, tuple[str, ...]]:
         """Add a robot, its root at the origin and its joints at zero.
 
         Args:
-            description: The robot, with fixed links lumped or not.
+            description: The robot; fixed links may be lumped.
 
         Returns:
-            The robot's number, from 0, and a message for each mesh left out.
+            The robot's number, from 0, and a message for each mesh that cannot be used.
         """
         pieces, refused = [], []
         shapes = [
@@ -197,12 +196,12 @@ class Scene:
     def place(
         self, robot: int, T_world_root: np.ndarray, positions: Mapping[str, float]
     ) -> None:
-        """Put a robot somewhere.
+        """Place a robot.
 
         Args:
             robot: The robot's number.
             T_world_root: Pose of its root link in the world, shape (7,).
-            positions: Of its joints in [rad] or [m] by name; 0 where one is missing.
+            positions: Of its joints in [rad] or [m] by name; missing ones are 0.
         """
         figure = self._robots[robot]
         position = np.array([positions.get(name, 0.0) for name in figure.joints])
@@ -213,7 +212,7 @@ class Scene:
             self._client.resetBasePositionAndOrientation(piece.body, pose[:3], pose[3:])
 
     def corners(self) -> np.ndarray:
-        """Give the corners of the boxes, along the world's axes, around all shapes.
+        """Return the corners of the axis-aligned bounding boxes of all shapes.
 
         Returns:
             Points in the world, in [m], shape (8 n_shapes, 3).
@@ -225,7 +224,7 @@ class Scene:
         return boxes[:, choices, np.arange(3)].reshape(-1, 3)
 
     def crop(self, camera: Camera, width: int, height: int) -> Crop:
-        """Find the part of a picture, in pixels, that robots can be seen in."""
+        """Find the part of a picture, in pixels, that contains the robots."""
         return crop_around(self.corners(), camera, width, height)
 
     def render(
@@ -236,19 +235,19 @@ class Scene:
         crop: Crop,
         light: np.ndarray | None = None,
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Render the robots, without ground and sky and without smooth edges.
+        """Render the robots, without background and antialiasing.
 
         Args:
-            camera: Where from.
+            camera: The camera.
             width: Of the whole picture, in pixels.
             height: Of the same, in pixels.
-            crop: Part of the picture, n times m pixels, that is seen.
-            light: Direction to the lamp in the world, shape (3,); by default it is
-                where the camera is.
+            crop: Part of the picture to render, n times m pixels.
+            light: Direction to the lamp in the world, shape (3,); None: that to the
+                camera.
 
         Returns:
-            Colours as uint8, shape (n, m, 3), and the number of the robot that is
-            seen, ``NOTHING`` for none, shape (n, m).
+            Colours as uint8, shape (n, m, 3), and numbers of robots, ``NOTHING`` for
+            none, shape (n, m).
         """
         rows, columns = (part.stop - part.start for part in crop)
         if not rows or not columns:
@@ -270,7 +269,7 @@ class Scene:
         return rgb, self._owners()[np.reshape(bodies, (rows, columns))]
 
     def _owners(self) -> np.ndarray:
-        """Map PyBullet's numbers for bodies to robots; its last row is for none."""
+        """Map PyBullet's ids of bodies to robots; the last row is for none."""
         pairs = [(p.body, n) for n, r in enumerate(self._robots) for p in r.pieces]
         owners = np.full(max((body for body, _ in pairs), default=0) + 2, NOTHING)
         for body, number in pairs:

@@ -1,4 +1,4 @@
-"""What a simulator builds: bodies, the joints between them, and where they begin."""
+"""A model as it is simulated: bodies, joints, and initial state."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ SCOPE = "::"
 """Separates the name of a model from that of its link or joint."""
 
 WORLD = "world"
-"""A root link of this name is the world itself: it is no body and does not move."""
+"""A root link with this name is the world itself, not a body."""
 
 
 def base_of(description: Description) -> tuple[str, np.ndarray]:
-    """Find the link whose pose is the robot's.
+    """Find the link whose pose is that of the robot.
 
     Args:
         description: The robot as its file has it.
 
     Returns:
-        The root link; where that is the world, the first link that floats in it. And
-        its pose in the root link, if nothing floats yet, shape (7,).
+        The root link, or, if that is the world, the first link that floats in it; and
+        its initial pose in the root link, shape (7,).
     """
     if description.root == WORLD:
         for joint in description.joints:
@@ -37,7 +37,7 @@ def base_of(description: Description) -> tuple[str, np.ndarray]:
 
 
 def root_in_base(description: Description) -> np.ndarray:
-    """Find where the root link is in the base: T_base_root, shape (7,)."""
+    """Return T_base_root, the pose of the root link in the base link, shape (7,)."""
     base, pose = base_of(description)
     return IDENTITY if base == description.root else inverse(pose)
 
@@ -47,29 +47,29 @@ class Assembly:
     """A model as Gazebo would simulate it, whether it came as URDF or as SDF."""
 
     description: Description
-    """Bodies with mass and the joints between them, fixed ones only where they are
-    kept; its root may be ``WORLD``. The bodies of each tree move on their own."""
+    """Bodies with mass and the joints between them, including fixed ones that are not
+    lumped; its root may be ``WORLD``."""
 
     root_poses: np.ndarray = field(default_factory=lambda: np.array([IDENTITY]))
     """Poses of the root links in the model frame, joints at zero, in the order of
     ``Description.roots``, shape (n_trees, 7)."""
 
     positions: dict[str, float] = field(default_factory=dict)
-    """Where joints begin, in [rad] or [m] by name, inside their limits; the others
-    begin at zero."""
+    """Initial positions of joints in [rad] or [m] by name, inside their limits; zero
+    for others."""
 
     canonical: str = ""
-    """Link whose pose and twist are the model's; empty: the root, wherever it is."""
+    """Link whose pose and twist are the model's; empty: the root."""
 
     static: bool = False
-    """Whether it never moves by itself, nor its joints."""
+    """Whether it and its joints never move by themselves."""
 
     nested: tuple[str, ...] = ()
-    """Models inside that keep a name of their own, such as ``inner::innermost``; the
-    names of what they hold begin with it."""
+    """Names of nested models, such as ``inner::innermost``, with which the names of
+    their links and joints begin."""
 
     left_out: tuple[str, ...] = ()
-    """A message for each thing in the file that is not simulated, or not as it is."""
+    """Messages on elements of the file that are ignored or changed."""
 
     @property
     def root_pose(self) -> np.ndarray:
@@ -85,10 +85,10 @@ class Assembly:
         return tuple(name for name in names if name != WORLD)
 
     def inside_limits(self) -> Assembly:
-        """Return a copy in which all joints begin inside their limits.
+        """Return a copy with all initial positions inside the limits.
 
-        One that cannot be at zero, and begins nowhere else, begins at the limit that is
-        nearest.
+        A joint without an initial position that cannot be at zero begins at the nearest
+        limit.
         """
         moved = {
             joint.name: float(np.clip(0.0, joint.lower, joint.upper))
@@ -102,14 +102,18 @@ class Assembly:
         return replace(
             self,
             positions={**self.positions, **moved},
-            left_out=(*self.left_out, f"joints that cannot be at zero begin: {begin}"),
+            left_out=(
+                *self.left_out,
+                "0 is outside the limits of some joints, which "
+                f"begin at the nearest limit: {begin}",
+            ),
         )
 
     def holder(self, name: str) -> str:
-        """Return the nested model that holds a thing directly.
+        """Return the innermost nested model of a name.
 
         Args:
-            name: Of a link, joint or nested model, as this assembly has it.
+            name: Of a link, joint or nested model.
 
         Returns:
             One of ``nested``; empty for the outermost model.
@@ -118,7 +122,7 @@ class Assembly:
         return max(around, key=len, default="")
 
     def with_link(self, link: Link) -> Assembly:
-        """Return a copy with a link in place of the one of the same name."""
+        """Return a copy with the link of the same name replaced."""
         links = tuple(
             link if old.name == link.name else old for old in self.description.links
         )
@@ -128,16 +132,16 @@ class Assembly:
 def rigid_frames(
     description: Description, as_lumped: bool = False
 ) -> dict[str, tuple[str, np.ndarray]]:
-    """Find the uppermost link that each link is rigidly connected to.
+    """Find the topmost link that each link is rigidly connected to.
 
     Args:
         description: Any robot.
-        as_lumped: Whether only what Gazebo lumps counts: the world holds nothing then,
-            nor does a joint that the file wants to be kept.
+        as_lumped: Whether to follow only fixed joints that Gazebo lumps: not those to
+            the world, nor those that the file preserves.
 
     Returns:
-        For each link the uppermost link that fixed joints hold it to, and its pose
-        in that link's frame, shape (7,).
+        For each link: the topmost link connected by fixed joints, and its pose in that
+        link's frame, shape (7,).
     """
     root = description.root
     apart = WORLD if as_lumped and root == WORLD else None
@@ -155,18 +159,18 @@ def rigid_frames(
 def reference_links(
     description: Description, available: Collection[str]
 ) -> dict[str, tuple[str, np.ndarray]]:
-    """Find for each link an available link that it is fixed to.
+    """Find an available link that each link is fixed to.
 
-    A simulator publishes some links of a robot: one that lumps fixed joints leaves
-    out the children of these joints, others leave out other links.
+    Simulators publish some of a robot's links: lumping removes the children of fixed
+    joints.
 
     Args:
         description: The robot as in its file, with its fixed joints.
-        available: Names of the links whose poses are known.
+        available: Names of links with known poses.
 
     Returns:
-        For each link that is available or fixed to an available one: the name of that
-        link, and its own pose in that link's frame, shape (7,).
+        For each link that is available or fixed to an available link: the name of that
+        link, and its pose in that link's frame, shape (7,).
     """
     frames = rigid_frames(description)
     known: dict[str, tuple[str, np.ndarray]] = {}

@@ -1,4 +1,4 @@
-"""A robot as links and joints, whatever file it came from."""
+"""A robot as links and joints, independent of file formats."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MOVABLE = ("revolute", "continuous", "prismatic")
 """Types of joints with one degree of freedom."""
 
 FREE = ("floating", "planar")
-"""Types of joints that have no single position. Gazebo makes nothing of them."""
+"""Types of joints with several degrees of freedom, which Gazebo ignores."""
 
 
 @dataclass(frozen=True)
@@ -36,19 +36,19 @@ class Shape:
     """Shape in the link frame, shape (7,)."""
 
     filename: str = ""
-    """Where the mesh lies: as written in the file."""
+    """File name of the mesh, as in the file."""
 
     name: str = ""
-    """Name of the visual or collision; empty where the file gives none."""
+    """Name of the visual or collision; may be empty."""
 
     friction: float | None = None
-    """Coefficient of friction, may be infinite; None where the file gives none."""
+    """Coefficient of friction, may be infinite; None if not given."""
 
     restitution: float | None = None
-    """Coefficient of restitution; None where the file gives none."""
+    """Coefficient of restitution; None if not given."""
 
     color: tuple[float, ...] | None = None
-    """Red, green, blue, opacity from 0 to 1; None where the file gives none."""
+    """Red, green, blue, opacity from 0 to 1; None if not given."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +65,7 @@ class Inertial:
     """About the center of mass, along the link's axes, in [kg m^2], shape (3, 3)."""
 
     def __eq__(self, other: object) -> bool:
-        """Compare all numbers to the last bit."""
+        """Compare all numbers exactly."""
         return (
             isinstance(other, Inertial)
             and self.mass == other.mass
@@ -82,16 +82,16 @@ class Link:
 
     name: str
     inertial: Inertial | None = None
-    """None where the file gives none: unknown is not zero."""
+    """None if not given: unknown is not zero."""
 
     visuals: tuple[Shape, ...] = ()
     collisions: tuple[Shape, ...] = ()
     gravity: bool | None = None
-    """Whether gravity pulls it; None where the file does not say, and then it does."""
+    """Whether gravity acts on it; None if not given, which means true."""
 
     @property
     def has_gravity(self) -> bool:
-        """Whether gravity pulls it."""
+        """Whether gravity acts on it."""
         return self.gravity is not False
 
 
@@ -121,42 +121,42 @@ class Joint:
 
     effort: float = np.inf
     velocity: float = np.inf
-    """Limits in [N m] or [N] and [rad/s] or [m/s]; infinite where none is given."""
+    """Limits in [N m] or [N] and [rad/s] or [m/s]; infinite if not given."""
 
     damping: float = 0.0
     friction: float = 0.0
 
     remark: str = ""
-    """A message on where it differs from what the file says; empty for most."""
+    """Message on a difference from the file; usually empty."""
 
     listed: bool = True
-    """False for a joint that no file has: it only holds a static model together."""
+    """False for an artificial joint, which holds a static model together."""
 
     kept_as: str = ""
-    """What a fixed joint is where others are lumped: fixed, or revolute without any
-    way to turn; empty where it is lumped too."""
+    """Type of a fixed joint that is not lumped: fixed, or revolute with zero range;
+    empty if it is lumped."""
 
 
 @dataclass(frozen=True)
 class Description:
     """A robot: links and joints, in the order of the file.
 
-    Joints make one tree of what a URDF has. A simulator makes nothing of some joints,
-    and an SDF model may have links that are not joined: then there are several trees.
+    A URDF has one tree. There are several trees if a simulator ignores some joints, or
+    an SDF model has unconnected links.
     """
 
     name: str
     root: str
-    """The root link of the tree, of the first one where there are several."""
+    """The root link of the first tree."""
 
     links: tuple[Link, ...]
     joints: tuple[Joint, ...]
 
     static: bool = False
-    """Whether its file says that it never moves by itself, nor its joints."""
+    """Whether the file declares it static."""
 
     left_out: tuple[str, ...] = ()
-    """A message for each thing in its file for simulators that is not read."""
+    """Messages on ignored elements for simulators."""
 
     @property
     def movable_joints(self) -> tuple[Joint, ...]:
@@ -197,7 +197,7 @@ class Description:
 
     @property
     def mass(self) -> float | None:
-        """Sum of the masses the file gives, in [kg]; None where it gives none."""
+        """Total mass in [kg]; None if the file has no masses."""
         masses = [link.inertial.mass for link in self.links if link.inertial]
         return sum(masses) if masses else None
 
@@ -209,16 +209,16 @@ LIMBS = {
     "waist": ("waist", "torso", "spine", "chest"),
     "head": ("head", "neck"),
 }
-"""Words that tell a limb, the first limb that fits counts: a hand has a wrist, too."""
+"""Words in names that identify a limb; the first match applies."""
 
 OTHER = "joints"
-"""The group of joints whose names tell nothing."""
+"""The group of all other joints."""
 
 _SIDES = {"left": "left ", "l": "left ", "right": "right ", "r": "right "}
 
 
 def limb_of(name: str) -> str:
-    """Name the limb of a joint, such as ``left leg``; ``joints`` if it has none."""
+    """Return the limb of a joint, such as ``left leg``; ``joints`` if unknown."""
     words = re.findall("[a-z]+", name.lower())
     for limb, parts in LIMBS.items():
         if any(part in words for part in parts):
@@ -228,7 +228,7 @@ def limb_of(name: str) -> str:
 
 
 def by_limb(names: Iterable[str]) -> dict[str, list[str]]:
-    """Group joints by limb, in the order in which they come.
+    """Group joints by limb, in the order of their first joints.
 
     Args:
         names: Of the joints.
@@ -243,15 +243,15 @@ def by_limb(names: Iterable[str]) -> dict[str, list[str]]:
 
 
 def origin_reaches(description: Description) -> dict[str, float]:
-    """Bound how far each link's origin can be from the root's.
+    """Compute upper bounds of the distances of link origins from the root's.
 
     Args:
         description: The robot.
 
     Returns:
-        The length of the chain to each link in [m] by name: the ways from joint to
-        joint, and how far those that slide can. No configuration has it farther away,
-        few have it so far. Infinite below a joint that slides without limits.
+        The length of the chain to each link in [m] by name: the distances between
+        joints, and the travel of prismatic joints. Infinite below a prismatic joint
+        without limits.
     """
     above = {joint.child: joint for joint in description.joints}
     reaches = {description.root: 0.0}
@@ -267,11 +267,11 @@ def origin_reaches(description: Description) -> dict[str, float]:
 
 
 def _length(joint: Joint) -> float:
-    """Bound how far a joint's child is from its parent, in [m]."""
+    """Compute the largest distance of a joint's child from its parent, in [m]."""
     if joint.kind == "prismatic":
         travel = max(abs(joint.lower), abs(joint.upper))
         return float(np.linalg.norm(joint.pose[:3])) + travel
-    # The child turns about a point of the axis.
+    # The child turns about a point on the axis.
     origin = joint.pose[:3] + rotate(joint.pose[3:], joint.joint_origin)
     return float(np.linalg.norm(origin) + np.linalg.norm(joint.joint_origin))
 
@@ -279,14 +279,14 @@ def _length(joint: Joint) -> float:
 def clamped_to_limits(
     clamped: Mapping[str, tuple[float, float]], joints: Iterable[Joint]
 ) -> str:
-    """Say which positions are clamped, and whether one looks like degrees.
+    """Format a clause on clamped positions, with a hint if one looks like degrees.
 
     Args:
-        clamped: By joint name, the position requested and the limit.
+        clamped: Requested positions and limits by joint name.
         joints: Joints of the robot.
 
     Returns:
-        Part of a sentence; empty if nothing is clamped.
+        A clause; empty if nothing is clamped.
     """
     if not clamped:
         return ""

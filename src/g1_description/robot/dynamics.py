@@ -1,4 +1,4 @@
-"""Inverse dynamics: what efforts and what wrench at the root a motion takes.
+"""Inverse dynamics: joint efforts and the wrench at the root.
 
 Newton's and Euler's equations of all links, at the world's origin. Source:
 Featherstone, Rigid Body Dynamics Algorithms, 2008, chapter 5.
@@ -17,18 +17,18 @@ from g1_description.robot.kinematics import Kinematics
 from g1_description.robot.rotation import cross, rotate, to_axes
 
 GRAVITY = 9.81
-"""In [m/s^2], as Pinocchio has it; Gazebo's default world has 9.8."""
+"""In [m/s^2], as in Pinocchio; Gazebo's default world has 9.8."""
 
 
 class Masses:
     """The mass properties of all links, as arrays in the order of the description."""
 
     def __init__(self, description: Description) -> None:
-        """Gather them.
+        """Collect them.
 
         Args:
-            description: The robot. A link without ``<inertial>`` has no mass here, nor
-                has a root called ``WORLD``.
+            description: The robot. Links without ``<inertial>`` have no mass; a root
+                called ``WORLD`` is excluded.
         """
         links = [link for link in description.links if link.name != WORLD]
         self.mass = np.zeros(len(links))
@@ -43,7 +43,7 @@ class Masses:
         self._name = description.name
 
     def centers(self, link_poses: np.ndarray) -> np.ndarray:
-        """Place the links' centres of mass.
+        """Compute the links' centres of mass.
 
         Args:
             link_poses: Poses of all links in the world, shape (..., n_links, 7).
@@ -92,7 +92,7 @@ class Masses:
 
 @dataclass(frozen=True, eq=False)
 class RobotMotion:
-    """Configurations of a robot with one tree, and how they change.
+    """Configurations, velocities and accelerations of a robot with one tree.
 
     Leading axes of all arrays are those of a batch.
     """
@@ -120,16 +120,15 @@ class RobotMotion:
 
 @dataclass(frozen=True, eq=False)
 class Dynamics:
-    """What a motion takes."""
+    """Result of inverse dynamics."""
 
     efforts: np.ndarray
-    """Of the joints if nothing but the root is held, in [N m] or [N], shape
-    (..., n_joints)."""
+    """Joint efforts with external forces at the root only, in [N m] or [N], shape (...,
+    n_joints)."""
 
     root_wrench: np.ndarray
-    """What must act on the robot from outside, besides gravity: the force and its
-    moment about the world's origin, along the world's axes, in [N] and [N m], shape
-    (..., 6)."""
+    """External wrench besides gravity: force, and moment about the world's origin,
+    along the world's axes, in [N] and [N m], shape (..., 6)."""
 
     center_of_mass: np.ndarray
     """In the world, in [m], shape (..., 3)."""
@@ -153,7 +152,7 @@ def inverse_dynamics(
         gravity: Along -z, in [m/s^2].
 
     Returns:
-        They, and where the robot is.
+        Efforts, wrench, centre of mass and link poses.
     """
     poses, origin, axis = kinematics.place(motion.T_world_root, motion.positions)
     screws = kinematics.joint_screws(origin, axis)
@@ -180,7 +179,7 @@ def _root_twist(motion: RobotMotion) -> np.ndarray:
 
 
 def _root_rate(motion: RobotMotion) -> np.ndarray:
-    """Find how the root's twist at the world's origin changes, shape (..., 6)."""
+    """Differentiate the root's twist at the world's origin, shape (..., 6)."""
     rate = motion.root_accelerations.copy()
     linear, angular = motion.root_twists[..., :3], motion.root_twists[..., 3:]
     rate[..., :3] += cross(motion.T_world_root[..., :3], rate[..., 3:])
@@ -189,7 +188,7 @@ def _root_rate(motion: RobotMotion) -> np.ndarray:
 
 
 def _motion_cross(twist: np.ndarray, moved: np.ndarray) -> np.ndarray:
-    """Compute how motion vectors change that move with a twist, shape (..., 6)."""
+    """Compute the spatial cross product of motion vectors, shape (..., 6)."""
     linear = cross(twist[..., 3:], moved[..., :3]) + cross(
         twist[..., :3], moved[..., 3:]
     )
@@ -204,14 +203,14 @@ def _wrenches(
     rates: np.ndarray,
     gravity: float,
 ) -> np.ndarray:
-    """Compute the wrench that each link takes, at the world's origin.
+    """Compute the wrench on each link, at the world's origin.
 
     Args:
         poses: Of the links, shape (..., n_links, 7).
         centers: Centres of mass in the world, shape (..., n_links, 3).
         masses: Of the links.
         twists: At the world's origin, shape (..., n_links, 6).
-        rates: How they change, shape (..., n_links, 6).
+        rates: Derivatives of the twists, shape (..., n_links, 6).
         gravity: Along -z, in [m/s^2].
 
     Returns:
@@ -288,7 +287,7 @@ def center_of_mass_jacobian(
 
 
 def _with_root(screws: np.ndarray, T_world_root: np.ndarray) -> np.ndarray:
-    """Put the six ways to move the root before the screws of the joints.
+    """Prepend the root's six degrees of freedom to the screws of the joints.
 
     Args:
         screws: Of the joints, at the world's origin, shape (..., n_joints, 6).

@@ -1,4 +1,4 @@
-"""The measurement: link poses and twists in, joint positions and velocities out."""
+"""Measurement of joint positions and velocities from link poses and twists."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from g1_description.robot.rotation import cross, multiply, relative, rotate, swi
 from g1_description.robot.transform import compose, inverse
 
 OVERSHOOT = 0.1
-"""Largest angle in [rad] by which physics pushes a joint beyond its stop."""
+"""Largest angle in [rad] by which physics pushes a joint beyond its limit."""
 
 TOLERANCE = 1e-4
-"""Largest error in [rad] of a simulator's poses and of a joint that rests at its
-stop."""
+"""Largest error in [rad] of a simulator's poses, and of a joint at rest at its
+limit."""
 
 
 @dataclass(frozen=True)
@@ -30,8 +30,8 @@ class MeasuredJoints:
     """Joint names, in the order of the robot description."""
 
     missing: tuple[str, ...]
-    """Links that are neither available nor fixed to an available one. Their joints
-    are left out."""
+    """Links that are neither available nor fixed to an available one. Their joints are
+    excluded."""
 
     parent: np.ndarray
     """Index of the reference link of each joint's parent, shape (n_joints,)."""
@@ -54,11 +54,11 @@ class MeasuredJoints:
     """Limits in [rad] or [m], infinite for continuous joints, shape (n_joints,)."""
 
     middle: np.ndarray
-    """Middle in [rad] of the turn that a first measurement is put in: the one inside
-    the limits that is nearest zero, shape (n_joints,)."""
+    """Middle in [rad] of the turn of a first measurement, the one inside the limits
+    nearest to zero, shape (n_joints,)."""
 
     needs_unwrapping: np.ndarray
-    """True where several turns lie within the limits, so that an angle is ambiguous
+    """Whether several turns lie within the limits, so that an angle is ambiguous
     without the previous one, shape (n_joints,)."""
 
     @cached_property
@@ -109,8 +109,8 @@ def measured_joints(
 
     Args:
         description: The robot as in its file, with its fixed joints.
-        link_names: Available links, in the order of the poses to come. Of equal names
-            the first counts.
+        link_names: Available links, in the order of the poses. Of equal names, the
+            first is used.
 
     Returns:
         The joints whose two links have reference links, and the links without one.
@@ -151,11 +151,11 @@ def measured_joints(
 def _middle(joint: Joint) -> float:
     """Compute the middle of the turn inside a joint's limits that is nearest zero.
 
-    It is the middle of the limits where they are less than a whole turn apart.
+    If the limits are less than a full turn apart, it is their middle.
     """
     if joint.upper - joint.lower < 2.0 * np.pi:
         return 0.5 * (joint.lower + joint.upper)
-    # Without the tolerance a joint that rests at its stop would read a turn further.
+    # Without the tolerance a joint at rest at its limit would be off by a turn.
     first = joint.lower + np.pi - TOLERANCE
     last = joint.upper - np.pi + TOLERANCE
     return float(np.clip(0.0, first, last))
@@ -164,13 +164,13 @@ def _middle(joint: Joint) -> float:
 TURN = 2.0 * np.pi
 
 MAX_STEP = 0.25 * TURN
-"""Largest distance in [rad] from where its speed would have taken a joint. A joint
-that is further away was set there by a command, and its turns are counted again."""
+"""Largest distance in [rad] from the extrapolated position. A joint farther away was
+set by a command, and its turns are counted again."""
 
 ROUNDING = 1e-14
 """Largest value in [rad] or [rad/s] that counts as zero. Joints of the G1 that stand at
 zero are measured within 1e-15, whatever the base and the other joints do. The position
-of a sliding joint is as exact as the links' positions, so there it is this share of
+of a sliding joint is as exact as the links' positions, so there it is this fraction of
 their distance from the origin, in [m]."""
 
 
@@ -199,8 +199,8 @@ def measure(
 
     Returns:
         Positions in [rad] or [m] and velocities in [rad/s] or [m/s]; and the squared
-        sine of half the rotation that is left over off each joint's axis. Shape
-        (n_joints,) each.
+        sine of half the remaining rotation off each joint's axis. Shape (n_joints,)
+        each.
 
     Raises:
         ValueError: If ``poses`` is not 7 wide.
@@ -260,11 +260,11 @@ def _unwrap(
 ) -> np.ndarray:
     """Unwrap ambiguous angles from the previous measurement.
 
-    Physics may push a joint a little beyond its stop, but only at the speed it has: a
-    joint that a command has set is inside its limits.
+    Physics may push a joint a little beyond its limit, at its current speed. A joint
+    that was set by a command is inside its limits.
     """
     last_position, last_velocity, dt = previous
-    # The lesser of the two speeds: a single wrong one must not wind a joint up.
+    # The smaller of the two speeds: a single wrong one must not add turns.
     steady = 0.5 * (np.sign(velocity) + np.sign(last_velocity))
     steady *= np.minimum(np.abs(velocity), np.abs(last_velocity))
     expected = last_position + steady * dt
@@ -282,11 +282,11 @@ def _unwrap(
 def _turned_inside(
     position: np.ndarray, allowed: np.ndarray, joints: MeasuredJoints
 ) -> np.ndarray:
-    """Move angles too far beyond a stop by a turn, where that is inside the limits.
+    """Shift angles too far beyond a limit by a turn, if that is inside the limits.
 
     Args:
         position: Angles in [rad], shape (n_joints,).
-        allowed: How far beyond its stop each may be, in [rad], shape (n_joints,).
+        allowed: Allowed excess over the limits, in [rad], shape (n_joints,).
         joints: The limits.
     """
     over, under = position - joints.upper, joints.lower - position

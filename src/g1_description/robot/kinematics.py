@@ -2,8 +2,8 @@
 
 Leading axes of all arrays are those of a batch of configurations.
 
-Exact to the last bits of a double, which the link poses PyBullet reports are
-not (it rounds them to single precision, 6e-7 rad on the G1).
+Exact to double precision, unlike PyBullet's link poses, which are rounded to single
+precision (6e-7 rad on the G1).
 """
 
 from __future__ import annotations
@@ -30,8 +30,7 @@ class Kinematics:
         """Prepare the arrays.
 
         Args:
-            description: Bodies and joints, such as lumping leaves. A root called
-                ``WORLD`` is no link: nothing is computed for it.
+            description: Links and joints. A root called ``WORLD`` is excluded.
         """
         links, joints = description.link_names, description.joints
         if description.root == WORLD:
@@ -83,7 +82,7 @@ class Kinematics:
         root_twist: np.ndarray,
         velocity: np.ndarray,
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Place all links and find how they move.
+        """Compute poses and twists of all links.
 
         Each joint adds its angular velocity, and its linear velocity at the
         world's origin, to all links below it; moved to each link's own origin.
@@ -115,7 +114,7 @@ class Kinematics:
         return poses, twists
 
     def joint_screws(self, joint_origin: np.ndarray, axis: np.ndarray) -> np.ndarray:
-        """Find how all links below a joint move, per unit of its velocity.
+        """Compute the screws of joints: the motion of links below, per unit velocity.
 
         Args:
             joint_origin: Joint origins in the world, shape (..., n_joints, 3).
@@ -172,7 +171,7 @@ class Kinematics:
         return poses[..., : self._n_links, :], origin, axis
 
     def _in_parent(self, position: np.ndarray) -> np.ndarray:
-        """Find where links are in their parents, and their joints' axes.
+        """Compute the links' positions in their parents, and the joint axes.
 
         Returns:
             Two columns per node: the origin of its joint, which is its own where no
@@ -190,12 +189,12 @@ class Kinematics:
 
     @property
     def joints_above(self) -> np.ndarray:
-        """1 where a joint is between a link and its root, shape (n_links, n_joints)."""
+        """1 if a joint is between a link and its root, shape (n_links, n_joints)."""
         return self._above
 
     @property
     def child_rows(self) -> np.ndarray:
-        """Rows of the links that the movable joints carry, shape (n_joints,)."""
+        """Rows of the child links of the movable joints, shape (n_joints,)."""
         return self._child
 
     def links_below(self, joints: np.ndarray) -> np.ndarray:
@@ -205,18 +204,18 @@ class Kinematics:
             joints: Indices of joints, shape (n,).
 
         Returns:
-            Whether a link hangs below one of them, shape (n_links,).
+            Whether a link is below one of them, shape (n_links,).
         """
         return self._above[:, joints].any(axis=1)
 
     def end_links(self) -> np.ndarray:
-        """Find the links that carry none that moves against them, shape (n_links,)."""
+        """Find the links at the ends of limbs, shape (n_links,)."""
         n_above = self._above.sum(axis=1)
         carries = self._above @ self._above.T == n_above[:, np.newaxis]
         return ~(carries & (n_above > n_above[:, np.newaxis])).any(axis=1)
 
     def _doubling(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """List, per round, the links not yet placed and the ancestor to use."""
+        """List the links and ancestors of each round."""
         rounds = []
         ancestor = self._parent.copy()
         ancestor[self._roots] = -1
@@ -228,7 +227,7 @@ class Kinematics:
 
 
 def _per_tree(rows: np.ndarray, position: np.ndarray) -> np.ndarray:
-    """Give poses or twists of one tree the axis of trees that those of several have."""
+    """Add the axis of trees to poses or twists of a single tree."""
     return rows[..., np.newaxis, :] if rows.ndim == position.ndim else rows
 
 

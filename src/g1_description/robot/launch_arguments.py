@@ -1,4 +1,4 @@
-"""What the launch files take: a mistake is reported before anything starts."""
+"""Validation of launch arguments, before any node starts."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from g1_description.text import listed, similar_first
 PHYSICS = ("kinematic", "hold", "limp")
 
 CHOICES = {"sim": ("standin", "gazebo"), "physics": PHYSICS}
-"""What there is, by argument."""
+"""Allowed values by argument."""
 
 BOOLEANS = {
     **dict.fromkeys(
@@ -28,43 +28,43 @@ BOOLEANS = {
         ("true", "false", "1", "0"),
     ),
 }
-"""Arguments that are true or false, and the words that roslaunch takes for that."""
+"""Boolean arguments, with the words that roslaunch accepts."""
 
 NUMBERS = ("x", "y", "z", "R", "P", "Y", "rate")
-"""Arguments that are numbers; empty where they need not be given."""
+"""Arguments that are numbers or empty."""
 
 FILES = ("motors", "thresholds", "rvizconfig")
-"""Arguments that are files, empty where they need not be given."""
+"""Arguments that are files or empty."""
 
 
 def check_arguments(given: Mapping[str, str]) -> None:
     """Check arguments that can be checked without the robot.
 
     Args:
-        given: Values by name; those that are not known here are not checked.
+        given: Values by name; unknown arguments are not checked.
 
     Raises:
-        UnknownNameError: If something is requested that does not exist.
-        InvalidValueError: If a value is none that the argument can have.
+        UnknownNameError: If a value or file does not exist.
+        InvalidValueError: If a value is invalid.
     """
     for name, choices in CHOICES.items():
         if given.get(name, choices[0]) not in choices:
             known = listed(similar_first(given[name], choices))
             raise UnknownNameError(
-                f"There is no {name} '{given[name]}'; there are {known}."
+                f"Unknown {name} '{given[name]}'. Known values: {known}."
             )
     for name, words in BOOLEANS.items():
         if given.get(name, "true").lower() not in words:
             raise InvalidValueError(
-                f"{name} is '{given[name]}'; it is either true or false."
+                f"{name} must be true or false (got '{given[name]}')."
             )
     for name in NUMBERS:
         if given.get(name):
             _check_number(name, given[name])
     if not 0.0 <= float(given.get("rate") or 0.0) <= 1e6:
         raise InvalidValueError(
-            f"rate is {given['rate']}; it is a number of states per second, at most "
-            "1e6, or 0 for all there are."
+            "rate must be from 0 to 1e6 states per second, 0 for all (got "
+            f"{given['rate']})."
         )
     for name in FILES:
         if given.get(name):
@@ -76,22 +76,22 @@ def check_arguments(given: Mapping[str, str]) -> None:
 def check_trails(
     name: str, links: Sequence[str], robots: Sequence[Description]
 ) -> None:
-    """Check that each link whose path is wanted is one of a robot.
+    """Check that links of trails exist.
 
     Args:
-        name: Of the argument or parameter that has the links.
+        name: Of the argument or parameter.
         links: The links.
         robots: The robots.
 
     Raises:
-        UnknownNameError: If a link is none of theirs.
+        UnknownNameError: If no robot has a link.
     """
     names = dict.fromkeys(link for robot in robots for link in robot.link_names)
     unknown = [link for link in links if link not in names]
     if unknown:
         near = listed(similar_first(unknown[0], names))
         raise UnknownNameError(
-            f"{name} has {listed(unknown)}, which no robot has; there are {near}."
+            f"Unknown link {listed(unknown)} in {name}. Known links: {near}."
         )
 
 
@@ -99,17 +99,17 @@ def _check_port(text: str) -> None:
     """Check that a text is the number of a port."""
     if not (text.isdecimal() and int(text) <= MAX_PORT):
         raise InvalidValueError(
-            f"port is '{text}'; it is a whole number from 0 to {MAX_PORT}."
+            f"port must be a whole number from 0 to {MAX_PORT} (got '{text}')."
         )
 
 
 def _check_base(text: str) -> None:
-    """Check that a text is a place, as static_transform_publisher of tf takes it."""
+    """Check that a text is a transform, as for static_transform_publisher of tf."""
     words = text.split()
     if words and not (len(words) in (6, 7) and all(map(_is_finite, words))):
         raise InvalidValueError(
-            f"base is '{text}'; it is 'X Y Z YAW PITCH ROLL', six numbers in [m] and "
-            "[rad], or seven with a quaternion."
+            "base must be 'X Y Z YAW PITCH ROLL' in [m] and [rad], or seven numbers "
+            f"with a quaternion (got '{text}')."
         )
 
 
@@ -124,24 +124,24 @@ def _is_finite(text: str) -> bool:
 def _check_number(name: str, text: str) -> None:
     """Check that a text is a finite number."""
     if not _is_finite(text):
-        raise InvalidValueError(f"{name} is '{text}', which is no finite number.")
+        raise InvalidValueError(f"{name} must be a number (got '{text}').")
 
 
 def _check_file(name: str, file: Path) -> None:
-    """Check that there is a file: nodes run in a folder other than roslaunch's."""
+    """Check that a file exists; nodes run in another folder than roslaunch."""
     if not file.is_absolute():
-        near = f"; {file.resolve()} is" if file.is_file() else ""
+        near = f"; use {file.resolve()}" if file.is_file() else ""
         raise InvalidValueError(
-            f"{name} is '{file}', which is not an absolute path{near}."
+            f"{name} must be an absolute path (got '{file}'){near}."
         )
     if not file.is_file():
-        raise UnknownNameError(f"There is no file {file}, which {name} names.")
+        raise UnknownNameError(f"The file {file} of {name} does not exist.")
 
 
 def check_for_empty(given: Mapping[str, str], words: list[str]) -> None:
     """Check that no argument was given without a value.
 
-    roslaunch drops such a one, as ``model:=$MODEL`` without that variable, and takes
+    roslaunch ignores these, such as ``model:=$MODEL`` without that variable, and uses
     the default.
 
     Args:
@@ -149,11 +149,13 @@ def check_for_empty(given: Mapping[str, str], words: list[str]) -> None:
         words: Its command line.
 
     Raises:
-        InvalidValueError: If one is empty that has a default, or must have a value.
+        InvalidValueError: If one is empty.
     """
     for name, value in given.items():
         if value and f"{name}:=" in words:
-            raise InvalidValueError(f"{name}:= is empty; without it, {value} is taken.")
+            raise InvalidValueError(
+                f"{name}:= is empty; leave it out to use the default, {value}."
+            )
 
 
 def own_file(words: list[str]) -> Path | None:
@@ -163,7 +165,7 @@ def own_file(words: list[str]) -> Path | None:
         words: The command line of roslaunch.
 
     Returns:
-        Its path; None if it was given others' files alone.
+        Its path; None if it was given only other files.
     """
     folder = share_folder() / "launch"
     for word in words:
@@ -177,13 +179,13 @@ def own_file(words: list[str]) -> Path | None:
 def given_to_own_file(words: list[str]) -> dict[str, str]:
     """Return the arguments that roslaunch gives to a launch file of this package.
 
-    In other files an argument of the same name may be anything.
+    In other launch files, arguments of these names may have other meanings.
 
     Args:
         words: The command line of roslaunch.
 
     Returns:
-        Values by name, of those arguments that the file has; without empty ones.
+        Values by name of the file's arguments, without empty ones.
     """
     file = own_file(words)
     if file is None:

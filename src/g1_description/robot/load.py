@@ -1,4 +1,4 @@
-"""The robot description that a file holds, whatever it is written in."""
+"""Reading robot descriptions from URDF and xacro files."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from g1_description.robot.description import Description
 from g1_description.robot.urdf import parse_urdf
 
 UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
-"""How text begins that is full of zero bytes."""
+"""Byte order marks of UTF-16, whose text contains zero bytes."""
 
 XACRO_TIMEOUT = 60.0
 """Longest time that xacro may take, in [s]."""
@@ -26,7 +26,7 @@ XACRO_TIMEOUT = 60.0
 
 @dataclass(frozen=True)
 class ModelText:
-    """A robot description and where it came from."""
+    """A robot description and its file."""
 
     path: Path
     text: str
@@ -39,14 +39,14 @@ def read_model(requested: str) -> ModelText:
     """Read a robot description.
 
     Args:
-        requested: URDF file or xacro file as a path, ``package://`` or ``file://``; for
-            xacro with arguments behind it: ``robot.urdf.xacro hand=true``.
+        requested: URDF or xacro file as a path, ``package://`` or ``file://``; for
+            xacro optionally followed by arguments: ``robot.urdf.xacro hand=true``.
 
     Returns:
-        The robot, checked to be one.
+        The robot, checked.
 
     Raises:
-        DescriptionError: If there is no such file, or no robot in it.
+        DescriptionError: If the file cannot be read, or is not a robot.
     """
     name, arguments = split_arguments(requested)
     path = find_model_file(name)
@@ -55,8 +55,8 @@ def read_model(requested: str) -> ModelText:
         text = _expand(path, arguments)
     elif arguments:
         raise DescriptionError(
-            f"{path.name} is no .xacro file and takes no arguments: "
-            f"{', '.join(arguments)}."
+            f"{path.name} is not a .xacro file and takes no arguments (got "
+            f"{', '.join(arguments)})."
         )
     return ModelText(path, text, parse_urdf(text))
 
@@ -73,17 +73,16 @@ def _read(path: Path) -> str:
     except UnicodeDecodeError as error:
         if b"\0" in data and not data.startswith(UTF_16):
             raise DescriptionError(
-                f"{path} is a binary file, as meshes are; a robot description is text."
+                f"{path} is a binary file; a robot description must be text."
             ) from error
         line = data.count(b"\n", 0, error.start) + 1
         raise DescriptionError(
-            f"Line {line} of {path} is not UTF-8, and no other encoding is declared "
-            "that it could be."
+            f"Line {line} of {path} is not UTF-8, and no other encoding is declared."
         ) from error
 
 
 def _expand(path: Path, arguments: dict[str, str]) -> str:
-    """Have xacro write URDF, in a process of its own."""
+    """Expand xacro to URDF, in a separate process."""
     given = [f"{name}:={value}" for name, value in arguments.items()]
     runner = "g1_description.files.run_xacro"
     try:
@@ -102,37 +101,34 @@ def _expand(path: Path, arguments: dict[str, str]) -> str:
         )
     except subprocess.TimeoutExpired as error:
         raise DescriptionError(
-            f"xacro has not written {path.name} within {XACRO_TIMEOUT:.0f} s."
+            f"xacro did not finish {path.name} within {XACRO_TIMEOUT:.0f} s."
         ) from error
     if run.returncode:
-        raise DescriptionError(run.stdout.strip() or f"xacro fails for {path.name}.")
+        raise DescriptionError(run.stdout.strip() or f"xacro failed for {path.name}.")
     return run.stdout
 
 
 def absolute_urdf(requested: str) -> str:
-    """Give the text that ``read_absolute`` reads."""
+    """Return the text of ``read_absolute``."""
     return read_absolute(requested).text
 
 
 def read_absolute(requested: str) -> ModelText:
-    """Read a robot whose meshes may lie anywhere.
+    """Read a robot, and make its mesh URIs absolute.
 
     Args:
-        requested: The model, as for ``read_model``. Its file stays as it is.
+        requested: The model, as for ``read_model``.
 
     Returns:
-        The robot; its text has absolute mesh URIs, and the names that RViz wants: for
-        the robot that of the file.
+        The robot; its text has absolute mesh URIs, and all names that RViz requires.
 
     Raises:
-        DescriptionError: If there is no such model, or it is no robot.
+        DescriptionError: If the file cannot be read, or is not a robot.
     """
     try:
         model = read_model(requested)
         file = model.path
         text = with_absolute_uris(model.text, file.parent, find_folder, file.stem)
     except G1DescriptionError as error:
-        raise DescriptionError(
-            f"The model {requested} cannot be used: {error}"
-        ) from error
+        raise DescriptionError(f"Cannot use the model {requested}: {error}") from error
     return replace(model, text=text)

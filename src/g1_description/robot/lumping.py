@@ -1,15 +1,14 @@
 """Fixed joints lumped away, as Gazebo does it when it loads a URDF.
 
-A link on a fixed joint becomes part of the link above it: masses add up by the
-parallel-axis theorem, shapes move along, joints below hang on the link above.
-What the file says of the gravity of one counts for the whole body, the last word in
-Gazebo's order wins. ``rigid.rigid_frames`` computes where lumped links are.
+The child link of a fixed joint becomes part of the parent link: masses add up by the
+parallel-axis theorem, shapes and child joints move to the parent. Gravity flags apply
+to the whole body; the last one in Gazebo's order wins. ``assembly.rigid_frames``
+computes the poses of lumped links.
 
-A fixed joint that the file wants to be kept stays, and the link on it. A link called
-"world" at the root is the world itself; joints to it are kept, fixed ones too. A link
-without mass on a joint that stays vanishes with all that hangs below it, where things
-move by themselves. A floating or planar joint is none: what it carries is free, below
-"world" as anywhere. Of a model that never moves by itself all joints hold still.
+Fixed joints that the file preserves are kept. A root link called "world" is the world
+itself; all joints to it are kept. In a dynamic simulation, a link without mass on a
+kept joint is removed with all links below. Floating and planar joints are ignored:
+their child links are free. All joints of a static model are fixed.
 """
 
 from __future__ import annotations
@@ -34,8 +33,8 @@ from g1_description.robot.tree import below, depth_first
 from g1_description.text import listed
 
 TOLERANCE = 1e-9
-"""Relative rounding error of the moments: plates meet the triangle inequality with
-equality, and the least moment of a singular tensor is not quite zero."""
+"""Relative rounding error of the moments: for plates, the triangle inequality is an
+equality, and the least moment of a singular tensor is not exactly zero."""
 
 
 def is_positive(inertia: np.ndarray) -> bool:
@@ -45,10 +44,10 @@ def is_positive(inertia: np.ndarray) -> bool:
 
 
 def impossible_inertias(links: Iterable[Link]) -> tuple[str, ...]:
-    """Return messages on links of which physics cannot, or should not, use the inertia.
+    """Return messages on links with impossible inertias.
 
-    Gazebo's ODE takes 1 kg m^2 about each axis for a tensor that is not positive
-    definite, and any other as it is.
+    Gazebo's ODE replaces tensors that are not positive definite by 1 kg m^2 about each
+    axis, and uses others unchanged.
     """
     found: dict[bool, list[str]] = {False: [], True: []}
     for link in links:
@@ -57,7 +56,7 @@ def impossible_inertias(links: Iterable[Link]) -> tuple[str, ...]:
     why = {
         False: "is not positive definite; 1 kg m^2 about each axis is used, as in "
         "Gazebo",
-        True: "violates the triangle inequality; used as it is",
+        True: "violates the triangle inequality; it is used unchanged",
     }
     return tuple(
         f"inertia of {listed(names)} {why[positive]}"
@@ -67,28 +66,34 @@ def impossible_inertias(links: Iterable[Link]) -> tuple[str, ...]:
 
 
 def fault_of(inertial: Inertial) -> str:
-    """Return a message on what is wrong with an inertial; empty if nothing is."""
+    """Return a message on an invalid inertial; empty if it is valid."""
     if inertial.mass == 0.0:
         return "mass 0 with an inertia" if inertial.inertia.any() else ""
     moments = np.linalg.eigvalsh(inertial.inertia)
     listed = ", ".join(f"{moment:.6g}" for moment in moments)
     if not is_positive(inertial.inertia):
-        return f"inertia is not positive, principal moments {listed}"
+        return (
+            "inertia is not physical: principal moments must be positive (got "
+            f"{listed})"
+        )
     if moments[2] > (moments[0] + moments[1]) * (1.0 + TOLERANCE):
-        return f"inertia breaks the triangle inequality, principal moments {listed}"
+        return (
+            "inertia is not physical: principal moments must satisfy the triangle "
+            f"inequality (got {listed})"
+        )
     return ""
 
 
 def combine_inertials(
     parts: Iterable[tuple[Inertial, np.ndarray]],
 ) -> Inertial | None:
-    """Add up masses that are rigidly connected (parallel-axis theorem).
+    """Combine inertials of rigidly connected links (parallel-axis theorem).
 
     Args:
         parts: Inertials with the pose, shape (7,), of their link in the body.
 
     Returns:
-        The inertial of the body, or None where there is no mass at all.
+        The inertial of the body, or None without mass.
     """
     placed = [
         (part.mass, *_turned(part, pose)) for part, pose in parts if part.mass > 0.0
@@ -106,7 +111,7 @@ def combine_inertials(
 
 
 def _turned(part: Inertial, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Write a link's center of mass and inertia in its body's frame."""
+    """Transform a link's center of mass and inertia to its body's frame."""
     axes = to_axes(pose[3:])
     center = pose[:3] + axes @ part.center_of_mass
     return center, axes @ part.inertia @ axes.T
@@ -117,8 +122,7 @@ def lump_fixed_joints(description: Description, is_dynamic: bool = True) -> Asse
 
     Args:
         description: Any robot.
-        is_dynamic: Whether things move by themselves. Where they do not, nothing needs
-            a mass, and links without one stay.
+        is_dynamic: Whether physics moves the links; else links without mass are kept.
 
     Returns:
         The robot as Gazebo would simulate it.
@@ -152,11 +156,11 @@ def lump_fixed_joints(description: Description, is_dynamic: bool = True) -> Asse
 def _between_bodies(
     description: Description, frames: dict[str, tuple[str, np.ndarray]]
 ) -> tuple[Joint, ...]:
-    """Select the joints that are not lumped, hung on the bodies that hold their links.
+    """Select the joints that are not lumped, and attach them to bodies.
 
     Args:
         description: The robot.
-        frames: Which body each link is part of, and where, as ``rigid_frames``.
+        frames: Body of each link, and pose in it, as by ``rigid_frames``.
     """
     joints = tuple(
         _rehang(joint, frames)
@@ -169,15 +173,15 @@ def _between_bodies(
 def _robot(
     description: Description, bodies: dict[str, Link], joints: tuple[Joint, ...]
 ) -> Description:
-    """Make a robot of the bodies that are left.
+    """Make a robot from the remaining bodies.
 
-    Joints that Gazebo makes nothing of leave their children free. Where nothing else
-    hangs on the world, the first free one is the root.
+    Joints that Gazebo ignores leave their child links free. Without joints to the
+    world, the first free link is the root.
 
     Args:
         description: The robot as its file has it.
-        bodies: What is left of its links, by name.
-        joints: Between all bodies, also those that are not left.
+        bodies: Remaining bodies by name.
+        joints: Joints between all bodies, including removed ones.
     """
     names = [name for name in description.link_names if name in bodies]
     held = tuple(j for j in joints if j.child in bodies and j.kind not in FREE)
@@ -200,13 +204,13 @@ def _mass_clauses(
     massless: dict[str, str],
     is_dynamic: bool,
 ) -> list[str]:
-    """Return messages on links that have no mass, or hang on one that has none.
+    """Return messages on links without mass, or below one without mass.
 
     Args:
         description: The robot.
-        frames: Which body each link is part of, and where, as ``rigid_frames``.
-        massless: Bodies without mass, and what hangs on them, as ``_massless``.
-        is_dynamic: Whether they are left out; else they stay, unlike in Gazebo.
+        frames: Body of each link, and pose in it, as by ``rigid_frames``.
+        massless: Bodies without mass and those below, as by ``_massless``.
+        is_dynamic: Whether they are removed; else they are kept, unlike in Gazebo.
     """
     why = {
         name: massless[frames[name][0]]
@@ -217,7 +221,7 @@ def _mass_clauses(
         return [
             f"link {name} has no mass"
             if frames[name][0] == body
-            else f"link {name} hangs on {body}, which has no mass"
+            else f"link {name} is below {body}, which has no mass"
             for name, body in why.items()
         ]
     bare = [name for name, body in why.items() if frames[name][0] == body]
@@ -226,13 +230,13 @@ def _mass_clauses(
 
 
 def _unlike_gazebo(bare: list[str], hanging: list[str]) -> str:
-    """Return a message on links that stay though Gazebo would leave them out."""
+    """Return a message on links that are kept, unlike in Gazebo."""
     one, alone = len(bare) == 1, len(bare) + len(hanging) == 1
     words = f"{listed(bare)} {'has' if one else 'have'} no mass"
     if hanging:
-        verb = "hangs" if len(hanging) == 1 else "hang"
-        words += f" and {listed(hanging)} {verb} on {'it' if one else 'them'}"
-    return f"{words}: Gazebo would leave {'it' if alone else 'them'} out"
+        verb = "is" if len(hanging) == 1 else "are"
+        words += f" and {listed(hanging)} {verb} below {'it' if one else 'them'}"
+    return f"{words}: Gazebo would ignore {'it' if alone else 'them'}"
 
 
 def _root_poses(
@@ -257,7 +261,7 @@ def _root_poses(
 def _parts(
     description: Description, frames: dict[str, tuple[str, np.ndarray]]
 ) -> dict[str, list[tuple[Link, np.ndarray]]]:
-    """Group the links by the body that holds them, in Gazebo's order."""
+    """Group the links by body, in Gazebo's order."""
     links = {link.name: link for link in description.links}
     parts: dict[str, list[tuple[Link, np.ndarray]]] = {}
     for name in depth_first(description.root, description.joints):
@@ -267,7 +271,7 @@ def _parts(
 
 
 def _merge(name: str, parts: list[tuple[Link, np.ndarray]]) -> Link:
-    """Make one link of several that do not move against each other."""
+    """Merge rigidly connected links."""
     collisions = [(link.name, s, pose) for link, pose in parts for s in link.collisions]
     said = [link.gravity for link, _ in parts if link.gravity is not None]
     return Link(
@@ -285,16 +289,16 @@ def _merge(name: str, parts: list[tuple[Link, np.ndarray]]) -> Link:
 
 
 def _collision_name(body: str, link: str, shape: Shape, number: int) -> str:
-    """Name a collision as Gazebo does when it turns URDF into its own format.
+    """Name a collision as Gazebo does when it converts URDF to SDF.
 
-    A name that does not begin with the body's marks a lumped link: also a collision
-    of the body's own that the file gives another name.
+    Names that do not begin with the body's get the prefix of lumped links, even of the
+    body's own collisions.
 
     Args:
-        body: The link that is left.
-        link: The link of the file that has the shape.
+        body: The remaining link.
+        link: The link of the shape in the file.
         shape: The collision.
-        number: Which collision of the body it is, from 0.
+        number: Index among the body's collisions.
     """
     count = f"_{number}" if number else ""
     name = f"{shape.name or link}_collision{count}"
@@ -302,14 +306,14 @@ def _collision_name(body: str, link: str, shape: Shape, number: int) -> str:
 
 
 def _moved(shape: Shape, pose: np.ndarray) -> Shape:
-    """Express a shape's pose in the frame of the body that holds its link."""
+    """Transform a shape to the frame of the body."""
     return replace(shape, pose=compose(pose, shape.pose))
 
 
 def _rehang(joint: Joint, frames: dict[str, tuple[str, np.ndarray]]) -> Joint:
-    """Hang a joint on the body that holds its parent link.
+    """Attach a joint to the body of its parent link.
 
-    A fixed one that is kept as one that turns has the axis that SDF gives one without.
+    A fixed joint that is kept as revolute has SDF's default axis.
     """
     body, pose = frames[joint.parent]
     joint = replace(joint, parent=body, pose=compose(pose, joint.pose))
@@ -320,14 +324,14 @@ def _rehang(joint: Joint, frames: dict[str, tuple[str, np.ndarray]]) -> Joint:
 
 
 def _held(joint: Joint) -> Joint:
-    """Make a joint fixed; one that Gazebo makes nothing of is not listed."""
+    """Make a joint fixed; one that Gazebo ignores is not listed."""
     return replace(joint, kind="fixed", listed=joint.kind not in FREE)
 
 
 def _massless(
     root: str, bodies: dict[str, Link], joints: tuple[Joint, ...]
 ) -> dict[str, str]:
-    """Find the bodies that have no mass, and all that hang on them."""
+    """Find the bodies without mass, and all below them."""
     found: dict[str, str] = {}
     if root != WORLD and bodies[root].inertial is None:
         found[root] = root

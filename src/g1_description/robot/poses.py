@@ -1,4 +1,4 @@
-"""Named poses: joint positions by name, whether they exist and suit a robot."""
+"""Named poses in YAML files, and whether they fit a robot."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from g1_description.robot.description import Description, Joint
 from g1_description.text import listed, similar_first
 
 ZERO = "zero"
-"""The pose that needs no file: every robot has it."""
+"""The built-in pose of every robot."""
 
 
 @dataclass(frozen=True)
 class Pose:
-    """Where some joints of a robot are."""
+    """A named pose: positions of some joints."""
 
     name: str
 
@@ -37,34 +37,33 @@ class Pose:
     """Positions in [rad] or [m] by joint; the others are at 0.0."""
 
     about: str = ""
-    """A line of text."""
+    """Description in one line."""
 
     place: str = ""
-    """The file it is from."""
+    """The file of the pose."""
 
 
 def find_pose(name: str, poses: Mapping[str, Pose]) -> Pose:
     """Find a pose by its name.
 
     Raises:
-        UnknownNameError: If there is none; its words begin with the nearest names.
+        UnknownNameError: If there is none; the message suggests similar names.
     """
     if name not in poses:
         known = listed(similar_first(name, poses)) or "none"
-        raise UnknownNameError(f"There is no pose '{name}'; there are {known}.")
+        raise UnknownNameError(f"Unknown pose '{name}'. Known poses: {known}.")
     return poses[name]
 
 
 def check_pose(pose: Pose, description: Description) -> None:
-    """Check that a robot can take a pose.
+    """Check that a pose fits a robot.
 
     Args:
         pose: The pose.
         description: The robot.
 
     Raises:
-        UnknownNameError: If it names a joint that the robot does not have, or that
-            does not move.
+        UnknownNameError: If it contains an unknown or fixed joint.
         InvalidValueError: If a position is outside the joint's limits.
     """
     joints = {joint.name: joint for joint in description.movable_joints}
@@ -73,40 +72,41 @@ def check_pose(pose: Pose, description: Description) -> None:
         if name not in joints:
             known = listed(similar_first(name, joints)) or "none"
             raise UnknownNameError(
-                f"{owner} names {name}, which is no movable joint of "
-                f"'{description.name}'; there are {known}."
+                f"{owner}: '{description.name}' has no movable joint '{name}'. Its "
+                f"joints: {known}."
             )
         check_limits(owner, joints[name], position)
 
 
 def check_limits(owner: str, joint: Joint, position: float) -> None:
-    """Check that a joint can be somewhere.
+    """Check that a position is within a joint's limits.
 
     Args:
-        owner: What has the position, for the message.
+        owner: Owner of the position, for the message.
         joint: The joint.
         position: In [rad] or [m].
 
     Raises:
-        InvalidValueError: If it cannot.
+        InvalidValueError: If it is outside.
     """
     if not joint.lower <= position <= joint.upper:
         raise InvalidValueError(
-            f"{owner} has {joint.name} at {position:g}, its limits are "
-            f"{joint.lower:g} and {joint.upper:g}."
+            f"{owner}: {joint.name} must be from {joint.lower:g} to {joint.upper:g} "
+            f"(got {position:g})."
         )
 
 
 def pose_positions(pose: Pose, description: Description) -> np.ndarray:
-    """Give the positions of all joints of a robot in a pose.
+    """Return the positions of all joints of a robot in a pose.
 
     Args:
-        pose: A pose that the robot can take.
+        pose: A pose that fits the robot.
         description: The robot.
 
     Returns:
-        Positions in [rad] or [m], in the order of its movable joints; where a joint
-        that is not named cannot be at 0.0, its nearest limit, shape (n_joints,).
+        Positions in [rad] or [m], in the order of the movable joints, shape
+        (n_joints,). Joints that are not in the pose are at 0.0, or at the nearest
+        limit.
     """
     joints = description.movable_joints
     positions = np.array([pose.positions.get(joint.name, 0.0) for joint in joints])
@@ -116,26 +116,26 @@ def pose_positions(pose: Pose, description: Description) -> np.ndarray:
 
 
 def package_file() -> Path:
-    """Give the package's own poses."""
+    """Return the file of the package's poses."""
     return share_folder() / "config" / "poses.yaml"
 
 
 def user_file() -> Path:
-    """Give the file of the user's own poses, which need not exist."""
+    """Return the file of the user's poses, which need not exist."""
     return ros_home() / PACKAGE / "poses.yaml"
 
 
 def read_poses(file: Path | None = None) -> dict[str, Pose]:
-    """Read the package's poses and the user's, who wins where both have a name.
+    """Read the package's and the user's poses; the user's take precedence.
 
     Args:
-        file: A file that must exist; by default the user's, where there is one.
+        file: A file that must exist; None: the user's, if it exists.
 
     Returns:
         The poses by name.
 
     Raises:
-        G1DescriptionError: If a file cannot be read, or holds something else.
+        G1DescriptionError: If a file cannot be read or is invalid.
     """
     own = file or user_file()
     poses = read_file(package_file())
@@ -148,7 +148,7 @@ def read_file(file: Path) -> dict[str, Pose]:
     """Read one file.
 
     Raises:
-        G1DescriptionError: If it cannot be read, or holds something else.
+        G1DescriptionError: If it cannot be read or is invalid.
     """
     return parse_poses(_text_of(file), str(file))
 
@@ -156,34 +156,34 @@ def read_file(file: Path) -> dict[str, Pose]:
 def _text_of(file: Path) -> str:
     """Read a file's text."""
     try:
-        # Not as text, for which Python would change the ends of lines.
+        # As bytes, to keep line endings.
         return file.read_bytes().decode("utf-8")
     except OSError as error:
         raise PoseFileError(
             f"The file of poses {file} cannot be read: {error.strerror}."
         ) from error
     except UnicodeDecodeError as error:
-        raise PoseFileError(f"The file of poses {file} is not text: {error}.") from (
-            error
-        )
+        raise PoseFileError(
+            f"The file of poses {file} is not UTF-8 text: {error}."
+        ) from (error)
 
 
 def save_pose(pose: Pose, file: Path) -> None:
-    """Write a pose into a file, in the place of the one of its name if there is one.
+    """Write a pose to a file; a pose of the same name is replaced.
 
-    The file is there as a whole or as it was.
+    The file is written atomically.
 
     Args:
-        pose: What to write.
-        file: Where to; it and its folder need not exist.
+        pose: The pose.
+        file: The file; it and its folder need not exist.
 
     Raises:
-        G1DescriptionError: If it lies in the package, cannot be read or written.
+        G1DescriptionError: If it is in the package, or cannot be read or written.
     """
     file = file.resolve()
     if package_file().resolve().parents[1] in file.parents:
         raise PoseFileError(
-            f"{file} lies in the package {PACKAGE}, which keeps its own poses; the "
+            f"Cannot save to {file}, which belongs to the package {PACKAGE}. The "
             f"default is {user_file()}."
         )
 
@@ -192,7 +192,7 @@ def save_pose(pose: Pose, file: Path) -> None:
 
 
 ABOUT = "about"
-"""Key of a pose's line of text, which is no joint."""
+"""Key of a pose's description."""
 
 MAX_LINE = 4096
 """Longest line before ruamel.yaml folds it, in characters."""
@@ -204,14 +204,14 @@ def parse_poses(text: str, place: str) -> dict[str, Pose]:
     """Read poses.
 
     Args:
-        text: A file's text; an empty one has no poses.
+        text: A file's text; may be empty.
         place: The file's name, for the messages.
 
     Returns:
         The poses by name, in the order of the file.
 
     Raises:
-        PoseFileError: If the text has another form, or has a name twice.
+        PoseFileError: If the text is invalid, or has a duplicate name.
         InvalidValueError: If a position is not a finite number.
     """
     content = _load(text, place)
@@ -221,19 +221,19 @@ def parse_poses(text: str, place: str) -> dict[str, Pose]:
 def _load(text: str, place: str) -> CommentedMap:
     """Read YAML whose top level is a mapping; an empty text is an empty mapping."""
     try:
-        # The round-trip reader knows each key's line, and takes aliases of aliases
-        # in linear time.
+        # The round-trip reader knows each key's line, and handles nested aliases in
+        # linear time.
         content = YAML().load(text)
     except (YAMLError, DuplicateKeyError, RecursionError, ValueError) as error:
         raise PoseFileError(
-            f"The poses in {place} cannot be read, {yaml_problem(error)}."
+            f"The poses in {place} cannot be read: {yaml_problem(error)}."
         ) from error
     if content is None:
         return CommentedMap()
     if not isinstance(content, CommentedMap):
         raise PoseFileError(
-            f"{place} must map names of poses to joints and their positions; it is "
-            f"{_shown(content)}."
+            f"{place} must map names of poses to joint positions (got "
+            f"{_shown(content)})."
         )
     return content
 
@@ -244,53 +244,55 @@ def _pose(name: object, value: object, place: str) -> Pose:
     pose = f"Pose {name} of {place}"
     if not isinstance(value, CommentedMap):
         raise PoseFileError(
-            f"{pose} must map joints to positions; it is {_shown(value)}."
+            f"{pose} must map joints to positions (got {_shown(value)})."
         )
     joints = {key: position for key, position in value.items() if key != ABOUT}
     about = value.get(ABOUT, "")
     if not isinstance(about, str):
-        raise PoseFileError(f"{pose}: {ABOUT} must be text, not {_shown(about)}.")
+        raise PoseFileError(f"{pose}: {ABOUT} must be text (got {_shown(about)}).")
     for joint, position in joints.items():
         if not isinstance(joint, str):
-            raise PoseFileError(f"{pose}: {joint!r} is not the name of a joint.")
+            raise PoseFileError(
+                f"{pose}: names of joints must be text (got {joint!r})."
+            )
         if isinstance(position, ScalarBoolean) or finite_number(position) is None:
             raise InvalidValueError(
-                f"{pose}: the position of {joint} must be a finite number, not "
-                f"{_shown(position)}."
+                f"{pose}: the position of {joint} must be a finite number (got "
+                f"{_shown(position)})."
             )
     positions = {str(joint): float(position) for joint, position in joints.items()}
     return Pose(str(name), positions, _one_line(about), place)
 
 
 def _shown(value: object) -> str:
-    """Return a value as a message shows it: a list may be endless, by its aliases."""
+    """Format a value for a message; a list may be endless by aliases."""
     if isinstance(value, CommentedMap):
         return "a mapping"
     return "a list" if isinstance(value, list) else repr(value)
 
 
 def _one_line(text: str) -> str:
-    """Put single spaces between the words of a text."""
+    """Collapse white space to single spaces."""
     return " ".join(text.split())
 
 
 def check_name(name: object) -> None:
-    """Check that a pose can have a name.
+    """Check the name of a pose.
 
     Raises:
-        PoseFileError: If it cannot.
+        PoseFileError: If it is invalid.
     """
     if not isinstance(name, str) or not _NAME.fullmatch(name):
         raise PoseFileError(
-            f"A pose cannot be called {name!r}: names begin with a letter and contain "
-            "only letters, digits, _ and -."
+            f"Invalid name of a pose: {name!r}. Names must begin with a letter and "
+            "contain only letters, digits, _ and -."
         )
 
 
 def with_pose(text: str, pose: Pose, place: str) -> str:
-    """Add a pose to a text, or replace the one of its name.
+    """Add a pose to a text, or replace the one of the same name.
 
-    All other lines stay as they are.
+    All other lines are kept.
 
     Args:
         text: Poses, or nothing.
@@ -301,7 +303,7 @@ def with_pose(text: str, pose: Pose, place: str) -> str:
         The new text.
 
     Raises:
-        PoseFileError: If the text holds no poses, or in a form that cannot be edited.
+        PoseFileError: If the text is invalid, or in a form that cannot be edited.
         InvalidValueError: If a position in it is not a finite number.
     """
     pose = replace(pose, about=_one_line(pose.about), place=place)
@@ -313,8 +315,8 @@ def with_pose(text: str, pose: Pose, place: str) -> str:
         is_same = False
     if not is_same:
         raise PoseFileError(
-            f"{place} is written in a form that cannot be edited: each pose must "
-            "begin on a line of its own and refer to no other pose."
+            f"{place} cannot be edited: each pose must begin on its own line, without "
+            "references to other poses."
         )
     return written
 
@@ -322,7 +324,7 @@ def with_pose(text: str, pose: Pose, place: str) -> str:
 def _with_lines(text: str, poses: CommentedMap, name: str, new: str) -> str:
     """Replace the lines of a pose, or add them at the end.
 
-    The comments and empty lines after a pose belong to the next one.
+    Comments and empty lines after a pose belong to the next one.
     """
     end_of_line = "\r\n" if "\r\n" in text else "\n"
     new = new.replace("\n", end_of_line)
@@ -349,7 +351,7 @@ def _lines_of(pose: Pose) -> str:
 
 
 class _Representer(RoundTripRepresenter):
-    """Writes 1e-06 as 1.0e-06: YAML 1.1, which ROS reads, takes the former for text."""
+    """Writes 1e-06 as 1.0e-06: in YAML 1.1, as used by ROS, the former is text."""
 
     def represent_float(self, value: float) -> ScalarNode:
         """Write a finite number."""

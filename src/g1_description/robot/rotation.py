@@ -1,8 +1,7 @@
 """Unit quaternions (x, y, z, w), in batches.
 
-All functions take and return arrays whose last axis is the quaternion (4) or
-the vector (3); leading axes broadcast. Nothing is normalised on the way: unit
-in, unit out.
+All functions take and return arrays whose last axis is the quaternion (4) or the vector
+(3); leading axes broadcast. Nothing is normalized: unit in, unit out.
 """
 
 from __future__ import annotations
@@ -47,8 +46,8 @@ _CROSS = np.array([np.cross(i, j) for i in np.eye(3) for j in np.eye(3)])
 def multiply(q_a_b: np.ndarray, q_b_c: np.ndarray) -> np.ndarray:
     """Chain two rotations.
 
-    One outer product and one matrix product serve the whole batch, which costs
-    a fifth of sixteen products written out.
+    An outer product and a matrix product for the whole batch are five times faster than
+    sixteen products.
 
     Args:
         q_a_b: Quaternions (x, y, z, w) that take b coordinates to a, shape (..., 4).
@@ -163,7 +162,7 @@ def from_rpy(rpy: np.ndarray) -> np.ndarray:
 def axes_to_rpy(axes: np.ndarray) -> np.ndarray:
     """Convert one rotation matrix to URDF's fixed-axis roll, pitch, yaw.
 
-    Where pitch is a quarter turn roll and yaw act alike: roll is then 0.
+    At a pitch of a quarter turn (gimbal lock), roll is 0.
 
     Args:
         axes: The turned axes x, y, z as columns, shape (3, 3).
@@ -181,7 +180,7 @@ def axes_to_rpy(axes: np.ndarray) -> np.ndarray:
 
 
 def swing_twist(q: np.ndarray, axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Split rotations into a twist about an axis and the swing that is left.
+    """Decompose rotations into a twist about an axis and the remaining swing.
 
     Args:
         q: Unit quaternions (x, y, z, w), shape (..., 4).
@@ -216,21 +215,20 @@ def angle_between(q_a: np.ndarray, q_b: np.ndarray) -> np.ndarray:
 
 
 def shorter_turn(q_a_b: np.ndarray, q_a_c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Find the shorter turn from one frame to another.
+    """Compute the shorter rotation from one frame to another.
 
     Args:
         q_a_b: Unit quaternions (x, y, z, w), shape (..., 4).
         q_a_c: Unit quaternions (x, y, z, w), shape (..., 4).
 
     Returns:
-        Its axis in b, zero where there is no turn, shape (..., 3), and half its angle
-        in [rad], from 0 to pi / 2, shape (..., 1).
+        Its axis in b, zero for no rotation, shape (..., 3), and half its angle in
+        [rad], from 0 to pi / 2, shape (..., 1).
     """
     turn = relative(q_a_b, q_a_c)
     turn = np.where(turn[..., 3:] < 0.0, -turn, turn)
     sine = np.linalg.norm(turn[..., :3], axis=-1, keepdims=True)
-    # A copy: numpy computes other last bits of what does not lie together in memory,
-    # depending on where the result happens to lie.
+    # A copy: on strided arrays numpy's last bits depend on memory alignment.
     half = np.arctan2(sine, turn[..., 3:].copy())
     return turn[..., :3] / np.where(sine > 0.0, sine, 1.0), half
 

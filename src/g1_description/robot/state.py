@@ -11,7 +11,7 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False)
 class RobotState:
-    """Joints and base of a robot at one time. The arrays are not to be changed."""
+    """Joints and base of a robot at one time. The arrays must not be changed."""
 
     stamp: int
     """In [ns]."""

@@ -1,7 +1,7 @@
 """Poses as rows of seven numbers: x, y, z and a unit quaternion (x, y, z, w).
 
-This is the order of geometry_msgs/Pose on the wire, so a pose array is a piece
-of a message. ``T_a_b`` takes b coordinates to a; positions are in [m].
+This is the order of geometry_msgs/Pose in serialized messages. ``T_a_b`` takes b
+coordinates to a; positions are in [m].
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def compose(T_a_b: np.ndarray, T_b_c: np.ndarray) -> np.ndarray:
 
 
 def inverse(T_a_b: np.ndarray) -> np.ndarray:
-    """Turn T_a_b into T_b_a.
+    """Invert T_a_b to T_b_a.
 
     Args:
         T_a_b: Poses, shape (..., 7).

@@ -1,4 +1,4 @@
-"""The tree that joints make of links."""
+"""The tree of links and joints: its roots, and traversals."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from g1_description.errors import DescriptionError
 
 
 class Named(Protocol):
-    """A link: all that a tree needs of it."""
+    """A link, as required by a tree."""
 
     @property
     def name(self) -> str:
@@ -18,15 +18,15 @@ class Named(Protocol):
 
 
 class Edge(Named, Protocol):
-    """A joint: all that a tree needs of it."""
+    """A joint, as required by a tree."""
 
     @property
     def parent(self) -> str:
-        """Name of the link that carries it."""
+        """Name of the parent link."""
 
     @property
     def child(self) -> str:
-        """Name of the link that it carries."""
+        """Name of the child link."""
 
 
 _Edge = TypeVar("_Edge", bound=Edge)
@@ -36,22 +36,22 @@ def one_root(name: str, links: Sequence[Named], joints: Sequence[Edge]) -> str:
     """Find the root link, and check that the joints make one tree.
 
     Args:
-        name: Name of the robot, for the sentences.
+        name: Name of the robot, for messages.
         links: All links.
         joints: All joints.
 
     Returns:
-        Name of the one link that no joint carries.
+        Name of the only link without a parent joint.
 
     Raises:
-        DescriptionError: If there are two of a name, joints without links, or more
-            or less than one tree.
+        DescriptionError: If a name is used twice, a link does not exist, or there is
+            not exactly one tree.
     """
     roots = find_roots(name, links, joints)
     if len(roots) > 1:
         found = " and ".join(roots[:3])
         found += f" and {len(roots) - 3} more" if len(roots) > 3 else ""
-        raise DescriptionError(f"Robot '{name}' needs one root link, it has {found}.")
+        raise DescriptionError(f"Robot '{name}' must have one root link (got {found}).")
     return roots[0]
 
 
@@ -61,16 +61,16 @@ def find_roots(
     """Find the root links, and check that the joints make trees.
 
     Args:
-        name: Name of the robot, for the sentences.
+        name: Name of the robot, for messages.
         links: All links.
         joints: All joints.
 
     Returns:
-        Names of the links that no joint carries, in the order of the file.
+        Names of the links without a parent joint, in the order of the file.
 
     Raises:
-        DescriptionError: If there are two of a name, joints without links, or links
-            that hang below no root.
+        DescriptionError: If a name is used twice, a link does not exist, or joints form
+            a loop.
     """
     names = {link.name for link in links}
     for kind, listed in (("link", links), ("joint", joints)):
@@ -79,18 +79,18 @@ def find_roots(
             raise DescriptionError(f"Robot '{name}' has a {kind} without a name.")
         twice = [entry for entry, count in counts.items() if count > 1]
         if twice:
-            raise DescriptionError(f"Robot '{name}' has the {kind} {twice[0]} twice.")
+            raise DescriptionError(f"Robot '{name}' has two {kind}s called {twice[0]}.")
     carrier: dict[str, str] = {}
     for joint in joints:
         for role, link in (("parent", joint.parent), ("child", joint.child)):
             if link not in names:
                 raise DescriptionError(
-                    f"Joint {joint.name} of robot '{name}' has the {role} {link}, "
-                    "which is no link of it."
+                    f"Joint {joint.name} of robot '{name}' refers to the {role} link "
+                    f"{link}, which does not exist."
                 )
         if joint.child in carrier:
             raise DescriptionError(
-                f"Link {joint.child} of robot '{name}' hangs on two joints, "
+                f"Link {joint.child} of robot '{name}' is the child of two joints, "
                 f"{carrier[joint.child]} and {joint.name}."
             )
         carrier[joint.child] = joint.name
@@ -98,22 +98,22 @@ def find_roots(
     if not roots:
         why = "it has no links"
         if links:
-            why = f"its joints make a loop of {_loop(links[0].name, joints)}"
+            why = f"its joints form a loop: {_loop(links[0].name, joints)}"
         raise DescriptionError(
-            f"Robot '{name}' needs one root link, it has none ({why})."
+            f"Robot '{name}' must have one root link, but has none ({why})."
         )
     reached = {*roots, *(joint.child for joint in below(roots, joints))}
     loose = [link.name for link in links if link.name not in reached]
     if loose:
         raise DescriptionError(
-            f"Robot '{name}' has a loop of joints, of {_loop(loose[0], joints)}; "
-            f"it is not below {roots[0]}."
+            f"Robot '{name}' has a loop of joints: {_loop(loose[0], joints)}; it is "
+            f"not below {roots[0]}."
         )
     return roots
 
 
 def _loop(link: str, joints: Sequence[Edge]) -> str:
-    """List the links of the loop that a link is in or hangs on."""
+    """List the links of the loop above a link."""
     parents = {joint.child: joint.parent for joint in joints}
     walked: dict[str, None] = {}
     while link not in walked:
@@ -126,14 +126,14 @@ def _loop(link: str, joints: Sequence[Edge]) -> str:
 
 
 def depth_first(root: str, joints: Sequence[Edge]) -> Iterator[str]:
-    """Walk through a tree as urdfdom does: the joints of a link by their names.
+    """Traverse a tree as urdfdom does: the joints of a link by name.
 
     Args:
         root: Link to start from.
         joints: All joints.
 
     Yields:
-        The root and the links below it, each before what hangs on it.
+        The root and the links below it, each before its children.
     """
     hanging: dict[str, list[Edge]] = {}
     for joint in sorted(joints, key=lambda joint: joint.name, reverse=True):
@@ -146,7 +146,7 @@ def depth_first(root: str, joints: Sequence[Edge]) -> Iterator[str]:
 
 
 def below(roots: Iterable[str], joints: Sequence[_Edge]) -> Iterator[_Edge]:
-    """Walk down trees, so that each joint comes after the one above it.
+    """Traverse trees; each joint comes after its parent joint.
 
     Args:
         roots: Links to start from.

@@ -1,7 +1,6 @@
 """URDF text in, robot description out.
 
-This is the only module that reads URDF, and urdf_parser_py (urdfdom) does the
-reading. No joint or link name is known here or anywhere else in code.
+This is the only module that reads URDF, with urdf_parser_py.
 """
 
 from __future__ import annotations
@@ -45,15 +44,15 @@ def visual_colors(
 ) -> Iterator[tuple[float, ...] | None]:
     """Read the colours of a link's visual shapes.
 
-    A wrong colour hinders nobody from moving the robot, so it is no error.
+    An invalid colour is not an error.
 
     Args:
         link: The link element.
         named: Colours of the robot's own materials by name.
 
     Yields:
-        Red, green, blue, opacity from 0 to 1 for each visual element; None where the
-        file has no numbers.
+        Red, green, blue, opacity from 0 to 1 for each visual element; None if it is not
+        given.
     """
     for visual in link.findall("visual"):
         material = visual.find("material")
@@ -64,7 +63,7 @@ def visual_colors(
 
 
 def _color(material: etree._Element) -> tuple[float, ...] | None:
-    """Read the colour of a material; None where it has no numbers."""
+    """Read the colour of a material; None if it is not given or invalid."""
     color = material.find("color")
     text = "" if color is None else color.get("rgba", "")
     try:
@@ -77,7 +76,7 @@ def _color(material: etree._Element) -> tuple[float, ...] | None:
 
 
 _MANY = ("link", "joint", "visual", "collision")
-"""Elements that may stand beside others of their kind. Of the rest the first counts."""
+"""Elements that may occur several times. Of others, the first is used."""
 
 _SHAPE = ("origin", "geometry")
 _PARTS = {
@@ -98,17 +97,17 @@ _PARTS = {
         "calibration",
     ),
 }
-"""What urdfdom reads in an element."""
+"""Children of elements that urdfdom reads."""
 
 _WITHOUT_AXIS = ("fixed", "floating")
-"""Types of joints whose axis means nothing."""
+"""Types of joints without an axis."""
 
 
 def keep_parts(robot: etree._Element) -> None:
-    """Take out of a robot element all that does not describe links and joints.
+    """Remove everything but links and joints from a robot element.
 
     Args:
-        robot: The element; materials are taken out too.
+        robot: The element; materials are removed, too.
     """
     name = robot.get("name", "")
     robot.attrib.clear()
@@ -116,14 +115,14 @@ def keep_parts(robot: etree._Element) -> None:
     waiting = [robot]
     for element in waiting:
         for key in [key for key in element.attrib if ":" in key]:
-            del element.attrib[key]  # of another format; its prefix may be unknown
+            del element.attrib[key]  # from another format; its prefix may be undeclared
         for child in _surplus(element):
             element.remove(child)
         waiting.extend(element)
 
 
 def _surplus(element: etree._Element) -> list[etree._Element]:
-    """List the children of an element that do not count."""
+    """List the children of an element that are not read."""
     if element.tag == "geometry":
         return list(element)[1:]
     parts = _PARTS.get(element.tag, ())
@@ -140,15 +139,15 @@ def _surplus(element: etree._Element) -> list[etree._Element]:
 
 # An unknown geometry is a plain Exception.
 UNREADABLE = Exception
-"""What urdf_parser_py raises for text that is not URDF."""
+"""Errors of urdf_parser_py on invalid URDF."""
 
 IT_IS_XACRO = (
     "This looks like unexpanded xacro: run xacro on it, or name the file .xacro."
 )
-"""What is added where that is why a description cannot be read."""
+"""Hint on a description that looks like xacro."""
 
 _LOGGER = logging.getLogger(__name__)
-# An attribute that URDF does not know is not worth a line on stderr.
+# Unknown attributes are not printed to stderr.
 xml_reflection.on_error = _LOGGER.debug
 
 
@@ -159,8 +158,8 @@ def parse_urdf(text: str) -> Description:
         text: URDF as XML text.
 
     Returns:
-        The robot, checked to be one tree with unit axes and ordered limits, infinite
-        where the file's are not in order. Its name is empty where the file gives none.
+        The robot: one tree with unit axes and ordered limits, infinite where those of
+        the file are not ordered. Its name is empty if the file has none.
 
     Raises:
         DescriptionError: If the text is too large, not XML, not URDF, or not one tree.
@@ -175,9 +174,9 @@ def parse_urdf(text: str) -> Description:
 
 
 def _is_xacro(text: str) -> bool:
-    """Return whether a document is XML with parts that xacro has to expand.
+    """Return whether a document is XML with unexpanded xacro.
 
-    Plugins may have a ``${`` of their own.
+    Plugins may contain ``${``.
     """
     with suppress(DescriptionError):
         root = parse_xml("robot description", text)
@@ -194,7 +193,8 @@ def _description(element: etree._Element) -> Description:
     """Read a robot description; raises what ``parse_urdf`` does."""
     if element.tag != "robot":
         raise DescriptionError(
-            f"The robot description is not URDF, its root is <{element.tag}>."
+            f"The robot description is not URDF: the root element is <{element.tag}>, "
+            "not <robot>."
         )
     named = named_colors(element)
     colors = [tuple(visual_colors(link, named)) for link in element.findall("link")]
@@ -232,7 +232,7 @@ def _is_urdf(robot: etree._Element) -> bool:
 
 
 def _pose(owner: str, origin: urdf.Pose | None) -> np.ndarray:
-    """Read an origin element; a missing one, or a missing half, is the identity."""
+    """Read an origin element; missing parts are the identity."""
     xyz = (origin.xyz if origin is not None else None) or [0.0, 0.0, 0.0]
     rpy = (origin.rpy if origin is not None else None) or [0.0, 0.0, 0.0]
     numbers = checked(f"an origin of {owner}", [*xyz, *rpy])
@@ -266,7 +266,7 @@ def _inertial(link: urdf.Link) -> Inertial | None:
     if element is None:
         return None
     if element.inertia is None:
-        raise DescriptionError(f"Link {link.name} has an inertial without inertia.")
+        raise DescriptionError(f"<inertial> of link {link.name} has no <inertia>.")
     values = element.inertia
     tensor = np.array(
         [
@@ -297,7 +297,7 @@ def _shape(link: str, element: urdf.Visual | urdf.Collision) -> Shape:
     elif isinstance(geometry, urdf.Sphere):
         kind, size = "sphere", [geometry.radius]
     else:
-        raise DescriptionError(f"Link {link} has a shape without a known geometry.")
+        raise DescriptionError(f"A shape of link {link} has no known geometry.")
     sizes = tuple(checked(f"a {kind} of link {link}", size, 0.0))
     return Shape(kind, sizes, pose, name=name)
 
@@ -308,11 +308,13 @@ def _joint(joint: urdf.Joint, extensions: Extensions) -> Joint:
     length = np.linalg.norm(axis)
     if joint.type in MOVABLE and not 0.0 < length < np.inf:
         raise DescriptionError(
-            f"Joint {joint.name} has no direction: axis {joint.axis}."
+            f"The axis of joint {joint.name} must not be zero (got {joint.axis})."
         )
     limit, dynamics = joint.limit, joint.dynamics
     if limit is None and joint.type in ("revolute", "prismatic"):
-        raise DescriptionError(f"Joint {joint.name} is {joint.type} and has no limit.")
+        raise DescriptionError(
+            f"Joint {joint.name} is {joint.type} and must have a <limit>."
+        )
     if limit is not None:
         bounds = [limit.effort, limit.velocity]
         checked(f"the limit of joint {joint.name}", bounds, least=0.0)

@@ -1,7 +1,7 @@
-"""What a URDF holds for Gazebo besides the robot: its ``<gazebo>`` elements.
+"""The ``<gazebo>`` elements of a URDF.
 
-They mean what libsdformat 9, from 9.9.1 on, makes of them for Gazebo 11; of several
-words on one thing the last counts. What is wrong or not simulated is left out by name.
+They have the meaning of libsdformat 9, from 9.9.1 on, for Gazebo 11; of several values,
+the last applies. Invalid and unsupported elements are ignored and reported.
 """
 
 from __future__ import annotations
@@ -16,39 +16,40 @@ from g1_description.robot.xml_values import friction
 from g1_description.text import listed
 
 _KEPT = {"disableFixedJointLumping": "revolute", "preserveFixedJoint": "fixed"}
-"""What fixed joints are that are not lumped; where both are said, the latter."""
+"""Types of fixed joints that are not lumped, by tag; of both tags, the latter
+applies."""
 
 _OF_MODEL = ("static",)
 _OF_LINK = ("turnGravityOff", "gravity", "mu1")
 _OF_JOINT = tuple(_KEPT)
 
 _SILENT = ("material", "visual", "plugin", "sensor", "canonicalBody", "maxContacts")
-"""Not worth a word, so many files have them."""
+"""Elements that are ignored without a message, as many files have them."""
 
 _OFF = ("selfCollide", "dampingFactor", "laserRetro", "provideFeedback")
-"""What says nothing where it is false or zero."""
+"""Elements without effect if they are false or zero."""
 
 _FLAGS = {"true": True, "yes": True, "1": True, "false": False, "no": False, "0": False}
 
 
 @dataclass
 class Extensions:
-    """What the ``<gazebo>`` elements of a robot say."""
+    """Content of the ``<gazebo>`` elements of a robot."""
 
     static: bool = False
     """Whether the model never moves by itself, nor its joints."""
 
     gravity: dict[str, bool] = field(default_factory=dict)
-    """Whether gravity pulls the links of which that is said."""
+    """Whether gravity acts on a link, if given."""
 
     friction: dict[str, float] = field(default_factory=dict)
-    """Coefficients of friction of the links of which that is said."""
+    """Coefficients of friction of links, if given."""
 
     kept: dict[str, str] = field(default_factory=dict)
-    """What the fixed joints are that are not lumped, fixed or revolute."""
+    """Types of fixed joints that are not lumped, fixed or revolute."""
 
     left_out: tuple[str, ...] = ()
-    """A message for each thing that is wrong, and one for all that is not simulated."""
+    """Messages on invalid elements, and one on all unsupported elements."""
 
 
 def read_extensions(robot: etree._Element) -> Extensions:
@@ -84,22 +85,22 @@ def read_extensions(robot: etree._Element) -> Extensions:
                     _read(found, tag, name, _word(element))
                 except DescriptionError as error:
                     of = f" of {name}" if name else ""
-                    wrong.append(f"{tag}{of} is left out: {error}".rstrip("."))
+                    wrong.append(f"{tag}{of} is ignored: {error}".rstrip("."))
     if unknown:
-        fault = "<gazebo> refers to what is no link or joint"
+        fault = "<gazebo> refers to an unknown link or joint"
         wrong.append(f"{fault}: {listed(unknown)}")
     if unread:
-        fault = "of the <gazebo> elements these are not simulated"
+        fault = "unsupported <gazebo> elements"
         wrong.append(f"{fault}: {listed(unread)}")
     found.left_out = tuple(wrong)
     return found
 
 
 def _read(found: Extensions, tag: str, name: str, word: str) -> None:
-    """Take over what an element says of the model, a link or a joint.
+    """Read an element of the model, a link or a joint.
 
     Raises:
-        DescriptionError: If it says nothing that can be meant.
+        DescriptionError: If its value is invalid.
     """
     if tag == "mu1":
         found.friction[name] = friction("mu1", word)
@@ -113,26 +114,26 @@ def _read(found: Extensions, tag: str, name: str, word: str) -> None:
 
 
 def _flag(tag: str, word: str) -> bool:
-    """Read a word that says true or false."""
+    """Read a boolean."""
     if word.lower() not in _FLAGS:
-        raise DescriptionError(f"The {tag} is '{word[:40]}', neither true nor false.")
+        raise DescriptionError(f"{tag} must be true or false (got '{word[:40]}').")
     return _FLAGS[word.lower()]
 
 
 def _says_nothing(tag: str, word: str, mu1: str | None) -> bool:
-    """Return whether it is no loss that an element is not read.
+    """Return whether an element has no effect.
 
     Args:
         tag: The element's.
-        word: What it says.
-        mu1: What the ``mu1`` beside it says, None where there is none.
+        word: Its value.
+        mu1: Value of ``mu1`` next to it, None if missing.
     """
-    if tag == "mu2":  # friction is the same both ways
+    if tag == "mu2":  # friction is isotropic
         return word == mu1
     is_off = not word.strip("0.") or _FLAGS.get(word.lower()) is False
     return tag in _SILENT or (tag in _OFF and is_off)
 
 
 def _word(element: etree._Element) -> str:
-    """Give what an element says, as its value or as its text."""
+    """Return an element's value, from its attribute or text."""
     return (element.get("value") or element.text or "").strip()

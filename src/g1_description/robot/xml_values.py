@@ -1,8 +1,7 @@
-"""Numbers, flags, names and poses out of the elements of an SDF document.
+"""Reading numbers, flags, names and poses from elements of SDF.
 
-Whatever is missing or empty has SDF's default; numbers are read as C++'s streams
-do it, which libsdformat uses; whatever is wrong is refused with the place where it
-stands.
+Missing and empty values have SDF's defaults. Numbers are read as by C++ streams, which
+libsdformat uses. Errors name the element.
 """
 
 from __future__ import annotations
@@ -27,39 +26,39 @@ _POSE = 6
 
 
 def name_of(element: etree._Element) -> str:
-    """Give an element's name.
+    """Return an element's name.
 
     Raises:
         DescriptionError: If it has none.
     """
     name = element.get("name", "")
     if not name:
-        raise DescriptionError(f"A {element.tag} of the SDF has no name.")
+        raise DescriptionError(f"A {element.tag} in the SDF has no name.")
     return name
 
 
 def text_of(parent: etree._Element | None, tag: str) -> str:
-    """Give the text of a child element, empty where there is none."""
+    """Return the text of a child element, empty if missing."""
     found = None if parent is None else parent.find(tag)
     return "" if found is None else (found.text or "").strip()
 
 
 def flag(parent: etree._Element, tag: str, default: bool, owner: str) -> bool:
-    """Read a child element that says true or false.
+    """Read a boolean child element.
 
     Args:
         parent: Element that may have the child.
         tag: The child's tag.
-        default: What counts where it is missing or empty.
-        owner: Whose it is, for the sentence.
+        default: Value if it is missing or empty.
+        owner: Its owner, for messages.
 
     Raises:
-        DescriptionError: If it says anything else.
+        DescriptionError: If it has another value.
     """
     text = text_of(parent, tag).lower()
     if text and text not in _FLAGS:
         raise DescriptionError(
-            f"The {tag} of {owner} is '{_short(text)}', neither true nor false."
+            f"The {tag} of {owner} must be true or false (got '{_short(text)}')."
         )
     return _FLAGS.get(text, default)
 
@@ -68,14 +67,14 @@ def numbers(what: str, text: str, count: int, least: int = 1) -> list[float]:
     """Read some numbers, which may still be NaN or infinite.
 
     Args:
-        what: What they are, for the sentences.
-        text: Numbers with white space between them; what follows the last one that
-            is needed is passed over, such as a unit.
-        count: How many are needed.
-        least: How many there must be.
+        what: Their meaning, for messages.
+        text: Numbers separated by white space; text after the needed ones, such as a
+            unit, is ignored.
+        count: Number of needed numbers.
+        least: Least number of numbers.
 
     Raises:
-        DescriptionError: If they are too few, or no numbers.
+        DescriptionError: If they are too few, or not numbers.
     """
     values: list[float] = []
     end = 0
@@ -86,21 +85,18 @@ def numbers(what: str, text: str, count: int, least: int = 1) -> list[float]:
         values.append(float(found[0]))
         end = found.end()
     if len(values) < count and text[end:].strip():
-        raise DescriptionError(
-            f"The {what} is '{_short(text)}', which is not a number."
-        )
+        raise DescriptionError(f"The {what} must be a number (got '{_short(text)}').")
     if len(values) < least:
         raise DescriptionError(
-            f"The {what} is '{_short(text)}', which has {len(values)} numbers; "
-            f"needed: {least}."
+            f"The {what} must have {least} numbers (got '{_short(text)}')."
         )
     return values
 
 
 def filled(values: list[float], count: int) -> list[float]:
-    """Make as many numbers as are needed of too few, as Gazebo does.
+    """Fill up missing numbers as Gazebo does.
 
-    A pose of three is a position; all else becomes zero.
+    Three numbers of a pose are its position; everything else becomes zero.
     """
     if len(values) == count:
         return values
@@ -109,15 +105,15 @@ def filled(values: list[float], count: int) -> list[float]:
 
 
 def read_as(what: str, text: str, count: int) -> str:
-    """Say how a text is read that has more, or less, than the numbers needed.
+    """Describe how a text is read if it does not have exactly the needed numbers.
 
     Args:
-        what: What they are.
-        text: As it stands in the file, not empty.
-        count: How many are needed.
+        what: Their meaning.
+        text: Text in the file, not empty.
+        count: Number of needed numbers.
 
     Returns:
-        A message, empty where the text is as it should be or is refused.
+        A message; empty if the text is exact or an error.
     """
     words = text.split()
     if len(words) == count and all(_NUMBER.fullmatch(word) for word in words):
@@ -137,20 +133,20 @@ def vector(
     owner: str,
     least: float = -MAX_VALUE,
 ) -> np.ndarray:
-    """Read a child element with as many numbers as its default has.
+    """Read a child element with the same number of numbers as its default.
 
     Args:
         parent: Element that may have the child; None has no children.
         tag: The child's tag.
-        default: What counts where it is missing or empty.
-        owner: Whose it is, for the sentences.
+        default: Value if it is missing or empty.
+        owner: Its owner, for messages.
         least: Lower bound of each number.
 
     Returns:
-        The numbers, shape (len(default),); zero where they are too few.
+        The numbers, shape (len(default),); missing ones are zero.
 
     Raises:
-        DescriptionError: If they are no numbers, or out of bounds.
+        DescriptionError: If they are not numbers, or out of bounds.
     """
     text, what, count = text_of(parent, tag), f"{tag} of {owner}", len(default)
     values = filled(numbers(what, text, count), count) if text else default
@@ -169,7 +165,7 @@ def number(
 
 
 def optional(parent: etree._Element | None, tag: str, owner: str) -> float | None:
-    """Read a child element with one number from zero up; None where it is missing."""
+    """Read a child element with one number of at least zero; None if missing."""
     return number(parent, tag, 0.0, owner, 0.0) if text_of(parent, tag) else None
 
 
@@ -177,11 +173,11 @@ def friction(what: str, text: str) -> float:
     """Read a coefficient of friction: a negative one is infinite, as in Gazebo.
 
     Args:
-        what: What it is, for the sentences.
+        what: Its meaning, for messages.
         text: One number.
 
     Raises:
-        DescriptionError: If it is no number.
+        DescriptionError: If it is not a number.
     """
     mu = numbers(what, text, 1)[0]
     if mu < 0.0 or mu > MAX_VALUE:
@@ -193,7 +189,7 @@ def unit(what: str, direction: np.ndarray) -> np.ndarray:
     """Scale a direction to unit length.
 
     Args:
-        what: Whose it is, for the sentence.
+        what: Its meaning, for messages.
         direction: Any vector, shape (n,).
 
     Raises:
@@ -201,7 +197,7 @@ def unit(what: str, direction: np.ndarray) -> np.ndarray:
     """
     length = np.linalg.norm(direction)
     if length == 0.0:
-        raise DescriptionError(f"The {what} is zero and so has no direction.")
+        raise DescriptionError(f"The {what} must not be zero.")
     return direction / length
 
 
@@ -210,14 +206,14 @@ def pose_of(element: etree._Element, owner: str) -> tuple[np.ndarray, str]:
 
     Args:
         element: A model, link, joint, frame, shape, inertial or light.
-        owner: What it is called, for the sentences.
+        owner: Name of the element, for messages.
 
     Returns:
-        The pose, shape (7,), and the name of the frame it is written in, empty
-        where the file leaves that to the kind of element.
+        The pose, shape (7,), and the name of its reference frame, empty for the default
+        frame of the element.
 
     Raises:
-        DescriptionError: If it is no pose.
+        DescriptionError: If it is not a pose.
     """
     pose, what = element.find("pose"), f"pose of {owner}"
     if pose is None:
@@ -236,6 +232,6 @@ def pose_of(element: etree._Element, owner: str) -> tuple[np.ndarray, str]:
 
 
 def _short(text: str) -> str:
-    """Cut a text to what fits into a sentence."""
+    """Shorten a text for a message."""
     line = " ".join(text.split())
     return line if len(line) <= 40 else f"{line[:40]}..."

@@ -1,7 +1,6 @@
-"""An SDF document made whole: read as XML, with the models it includes in their place.
+"""Reading an SDF document, with all includes resolved.
 
-The ground plane and the sun are always there to be included, and so is the world
-that has nothing but them.
+The ground plane, the sun and the empty world are built in.
 """
 
 from __future__ import annotations
@@ -17,11 +16,11 @@ from g1_description.robot.xml_values import text_of
 
 _OLDEST = (1, 4)
 _CONVERTED = (1, 3)
-"""A version that is converted, where its elements have had other names."""
+"""A version with other names of elements, which is converted."""
 
 INCLUDED = "included_from"
-"""Attribute of what was included: Gazebo makes its links those of the model around it,
-while a model that is written inside of another is a model of its own."""
+"""Attribute of included elements: in Gazebo, an included model becomes part of the
+model around it, but a nested model does not."""
 
 _MOST_INCLUDES = 1000
 _DEEPEST_INCLUDE = 20
@@ -69,20 +68,20 @@ EMPTY_WORLD = f"""<sdf version="1.7"><world name="default">
 def whole_document(
     text: str, find_model: Callable[[str], str]
 ) -> tuple[etree._Element, list[str]]:
-    """Read a document and put what it includes where it is included.
+    """Read a document and resolve its includes.
 
     Args:
         text: SDF as XML text.
-        find_model: Gives the SDF text behind a URI; raises a NoSuchModelError if there
-            is none, another DescriptionError if it cannot be read.
+        find_model: Returns the SDF text of a URI; raises NoSuchModelError if there is
+            none, another DescriptionError if it cannot be read.
 
     Returns:
-        The root element without includes, and a message for each include, or part of
-        one, that has no effect, and for each version that is not read as it stands.
+        The root element without includes, and messages on ignored includes and on
+        versions that are converted.
 
     Raises:
-        DescriptionError: If the document is not SDF, or includes too much. In a world
-            an include that is wrong is left out, elsewhere it is refused.
+        DescriptionError: If the document is not SDF, or an include is invalid. In a
+            world, invalid includes are ignored.
     """
     left_out: list[str] = []
     root = _document("SDF", text, left_out)
@@ -97,7 +96,7 @@ def whole_document(
             if not is_world:
                 raise
             uri = text_of(include, "uri") or "nothing"
-            left_out.append(f"include of {uri} is left out: {error}".rstrip("."))
+            left_out.append(f"include of {uri} is ignored: {error}".rstrip("."))
         if element is None:
             parent.remove(include)
             continue
@@ -106,18 +105,20 @@ def whole_document(
         waiting.extend((inner, inside) for inner in _includes(element))
         if len(waiting) > _MOST_INCLUDES:
             raise DescriptionError(
-                f"The SDF includes more than {_MOST_INCLUDES} models, one in another."
+                f"The SDF includes more than {_MOST_INCLUDES} models."
             )
     return root, left_out
 
 
 def _document(what: str, text: str, left_out: list[str]) -> etree._Element:
-    """Read one document, as the latest version would say the same."""
+    """Read one document, converted to the latest version."""
     root = parse_xml(what, text)
     if root.tag != "sdf":
-        raise DescriptionError(f"The {what} has the root element {root.tag}, not sdf.")
+        raise DescriptionError(
+            f"The root element of the {what} must be sdf (got {root.tag})."
+        )
     if not len(root):
-        raise DescriptionError(f"The {what} is empty: it has no model, light or world.")
+        raise DescriptionError(f"The {what} has no model, light or world.")
     version = root.get("version", "")
     number = version_number(version)
     if number == _CONVERTED:
@@ -131,7 +132,7 @@ def _document(what: str, text: str, left_out: list[str]) -> etree._Element:
 
 
 def _convert(root: etree._Element, version: tuple[int, int]) -> None:
-    """Make a document of an older version say what it means in the latest."""
+    """Convert a document of an older version to the latest."""
     if version < (1, 4):
         for mesh in root.iter("mesh"):
             _move(mesh, "filename", mesh, "uri")
@@ -148,7 +149,7 @@ def _convert(root: etree._Element, version: tuple[int, int]) -> None:
 
 
 def _move(above: etree._Element, path: str, below: etree._Element, tag: str) -> None:
-    """Put an element below another one under a new tag, if there is one."""
+    """Move an element to another parent with a new tag, if it exists."""
     element = above.find(path)
     if element is not None:
         element.tag = tag
@@ -156,7 +157,7 @@ def _move(above: etree._Element, path: str, below: etree._Element, tag: str) -> 
 
 
 def _includes(element: etree._Element) -> Iterator[etree._Element]:
-    """Find the includes of an element that are no plugin's own."""
+    """Find the includes of an element, except in plugins."""
     for include in element.iter("include"):
         if include.getparent().tag in ("sdf", "world", "model"):
             yield include
@@ -168,48 +169,48 @@ def _included(
     find_model: Callable[[str], str],
     left_out: list[str],
 ) -> etree._Element | None:
-    """Read what is to be included; None where it is not found."""
+    """Read an included element; None if it is not found."""
     uri = _uri(include, chain)
     try:
         found = find_model(uri)
     except NoSuchModelError as error:
         if uri not in _BUILT_IN:
-            left_out.append(f"include of {uri} is left out: {error}".rstrip("."))
+            left_out.append(f"include of {uri} is ignored: {error}".rstrip("."))
             return None
         found = _BUILT_IN[uri]
     return _overridden(_entity(uri, found, left_out), include, uri, left_out)
 
 
 def _uri(include: etree._Element, chain: tuple[str, ...]) -> str:
-    """Give the URI of an include, checked to lead out of those around it."""
+    """Return the URI of an include, checked against cycles."""
     uri = text_of(include, "uri")
     if not uri:
-        raise DescriptionError("An include of the SDF has no uri.")
+        raise DescriptionError("An include in the SDF has no uri.")
     if uri in chain:
-        raise DescriptionError(f"{uri} includes itself, by {' and '.join(chain)}.")
+        raise DescriptionError(f"{uri} includes itself, through {' and '.join(chain)}.")
     if len(chain) >= _DEEPEST_INCLUDE:
         raise DescriptionError(
-            f"{chain[0]} includes models more than {_DEEPEST_INCLUDE} deep."
+            f"The includes of {chain[0]} are nested more than {_DEEPEST_INCLUDE} deep."
         )
     if include.get("merge", "").lower() in ("true", "1"):
         raise DescriptionError(
-            f"The include of {uri} is to be merged, which is unknown."
+            f"The include of {uri} has merge, which is not supported."
         )
     return uri
 
 
 def _entity(uri: str, text: str, left_out: list[str]) -> etree._Element:
-    """Give the model or light that a document holds."""
-    for element in _document(f"SDF behind {uri}", text, left_out):
+    """Return the model or light of a document."""
+    for element in _document(f"SDF of {uri}", text, left_out):
         if element.tag in ("model", "light"):
             return element
-    raise DescriptionError(f"The SDF behind {uri} has no model or light to include.")
+    raise DescriptionError(f"The SDF of {uri} has no model or light.")
 
 
 def _overridden(
     entity: etree._Element, include: etree._Element, uri: str, left_out: list[str]
 ) -> etree._Element:
-    """Give an included model or light what its include says about it."""
+    """Apply the overrides of an include to its model or light."""
     entity.set(INCLUDED, uri)
     for child in list(include):
         if child.tag == "name":
@@ -221,5 +222,5 @@ def _overridden(
         elif child.tag == "plugin":
             entity.append(child)
         elif child.tag != "uri":
-            left_out.append(f"{child.tag} of the include of {uri} is left out")
+            left_out.append(f"{child.tag} of the include of {uri} is ignored")
     return entity

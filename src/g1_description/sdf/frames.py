@@ -1,4 +1,4 @@
-"""The named frames of an SDF document, and the poses that are written in them."""
+"""The named frames of an SDF document, and poses relative to them."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from g1_description.robot.transform import IDENTITY, compose, inverse
 from g1_description.robot.xml_values import pose_of
 
 MODEL = "__model__"
-"""What SDF calls a model's own frame."""
+"""SDF's name of a model's frame."""
 
 
 class Frames:
-    """The named frames of a model or a world, each given in another one.
+    """The named frames of a model or world, each relative to another one.
 
     Args:
-        owner: Whose frames they are, for the sentences.
-        root: Name of the frame that all others are placed in.
+        owner: Owner of the frames, for messages.
+        root: Name of the root frame.
     """
 
     def __init__(self, owner: str, root: str) -> None:
@@ -29,7 +29,7 @@ class Frames:
         self._placed = {root: IDENTITY}
 
     def __contains__(self, name: str) -> bool:
-        """Return whether there is a frame of this very name."""
+        """Return whether there is a frame with exactly this name."""
         return name in self._given or name in self._placed
 
     def add(self, name: str, pose: np.ndarray, relative_to: str) -> None:
@@ -41,29 +41,28 @@ class Frames:
             relative_to: Name of the other frame, which may be added later.
 
         Raises:
-            DescriptionError: If there is one of that name.
+            DescriptionError: If the name is used.
         """
         if name in self:
-            raise DescriptionError(
-                f"There are two of the name {name} in {self._owner}."
-            )
+            raise DescriptionError(f"The name {name} is used twice in {self._owner}.")
         self._given[name] = pose, relative_to
 
     def pose(self, name: str) -> np.ndarray:
-        """Place a frame in the root frame.
+        """Compute the pose of a frame in the root frame.
 
         Returns:
             Its pose, shape (7,).
 
         Raises:
-            DescriptionError: If there is none of that name, or it hangs on itself.
+            DescriptionError: If there is no such frame, or frames refer to each other
+                in a loop.
         """
         above: dict[str, None] = {}
         name = self._known(name)
         while name not in self._placed:
             if name in above:
                 raise DescriptionError(
-                    f"The frames of {self._owner} hang on each other in a loop: "
+                    f"The frames of {self._owner} refer to each other in a loop: "
                     f"{' on '.join([*above, name])}."
                 )
             above[name] = None
@@ -74,11 +73,11 @@ class Frames:
         return self._placed[self._known(next(iter(above), name))]
 
     def between(self, frame: str, other: str) -> np.ndarray:
-        """Give the pose of a frame in another one.
+        """Compute the pose of a frame in another one.
 
         Args:
-            frame: The frame that the pose is written in.
-            other: The frame that is placed.
+            frame: The reference frame.
+            other: The other frame.
 
         Returns:
             T_frame_other, shape (7,).
@@ -86,45 +85,45 @@ class Frames:
         return compose(inverse(self.pose(frame)), self.pose(other))
 
     def _known(self, name: str) -> str:
-        """Find what a name means: a frame, or a model inside with its own frame."""
+        """Resolve a name: a frame, or the frame of a nested model."""
         for meant in (name, f"{name}::{MODEL}"):
             if meant in self:
                 return meant
-        raise DescriptionError(f"There is no frame {name} in {self._owner}.")
+        raise DescriptionError(f"Unknown frame {name} in {self._owner}.")
 
 
 @dataclass(frozen=True)
 class Scope:
-    """Where a name of the file is looked up: a model, or one inside of it."""
+    """The scope of names: a model, or a nested one."""
 
     prefix: str
-    """What stands before its names; empty for the outer model."""
+    """Prefix of its names; empty for the outer model."""
 
     frames: Frames
     """Those of the outer model."""
 
     def full(self, name: str) -> str:
-        """Give the name that the outer model has for a name of this one."""
+        """Return the full name in the outer model."""
         return f"{self.prefix}{name}"
 
     def add(self, name: str, element: etree._Element, relative_to: str) -> None:
-        """Add the frame that an element is.
+        """Add the frame of an element.
 
         Args:
             name: Its full name.
             element: The element, which may have a pose.
-            relative_to: Name of the frame that its pose is in by default.
+            relative_to: Name of the default reference frame of its pose.
         """
         pose, other = pose_of(element, f"{element.tag} {name}")
         self.frames.add(name, pose, self.full(other or relative_to))
 
     def pose_in(self, frame: str, element: etree._Element, owner: str) -> np.ndarray:
-        """Give the pose of an element that is no frame itself.
+        """Return the pose of an element that is not a frame.
 
         Args:
-            frame: Full name of the frame that its pose is in by default.
+            frame: Full name of the default reference frame of its pose.
             element: The element, which may have a pose.
-            owner: What it is called, for the sentences.
+            owner: Name of the element, for messages.
 
         Returns:
             Its pose in that frame, shape (7,).

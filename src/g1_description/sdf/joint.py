@@ -1,7 +1,7 @@
-"""Joints of an SDF model, as a description has them.
+"""Joints of an SDF model.
 
-SDF places a joint in its child link, at zero, and says nothing of where the child
-is in its parent: that follows from the poses of both links.
+SDF places a joint in its child link. The pose of the child in the parent follows from
+the poses of both links.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ KINDS = (*MOVABLE, "fixed")
 def ends_of(
     element: etree._Element, scope: Scope, links: Container[str]
 ) -> tuple[str, str] | str:
-    """Find which links a joint joins.
+    """Find the links of a joint.
 
-    Gazebo takes the world on either side, and goes on without a joint whose links it
-    cannot find.
+    Gazebo accepts the world on either side, and ignores a joint whose links do not
+    exist.
 
     Args:
         element: The joint.
@@ -39,8 +39,8 @@ def ends_of(
         links: Full names of all links.
 
     Returns:
-        Full names of the parent and of the child, or ``WORLD``; or a message that says
-        why there is no such joint.
+        Full names of parent and child, or ``WORLD``; or a message on why the joint is
+        ignored.
     """
     ends = []
     for role in ("parent", "child"):
@@ -58,22 +58,22 @@ def ends_of(
 def fixed_joint(
     name: str, ends: tuple[str, str], frames: Frames, listed: bool = True
 ) -> Joint:
-    """Join two links as they stand.
+    """Make a fixed joint of two links.
 
     Args:
         name: Name of the joint.
         ends: Names of its parent and of its child, one of them may be ``WORLD``.
         frames: Where the links are.
-        listed: Whether the file names the joint.
+        listed: Whether the joint is in the file.
     """
     pose = frames.between(*(MODEL if end == WORLD else end for end in ends))
     return Joint(name, "fixed", *ends, pose, listed=listed)
 
 
 def turned_around(joint: Joint) -> Joint:
-    """Give the same joint with its parent as its child.
+    """Swap parent and child of a joint.
 
-    The links stand to each other as before at each position of the joint.
+    The relative pose of the links at each joint position is unchanged.
     """
     axes = joint.pose[3:]
     return replace(
@@ -89,16 +89,16 @@ def turned_around(joint: Joint) -> Joint:
 def read_joint(
     element: etree._Element, joint: Joint, frame: str, scope: Scope
 ) -> Joint:
-    """Read how a joint moves.
+    """Read axis, limits and dynamics of a joint.
 
     Args:
         element: The joint, of one of the ``KINDS``.
-        joint: The same one as if it were fixed.
+        joint: The joint as a fixed joint.
         frame: Full name of its frame.
         scope: The model that holds it.
 
     Raises:
-        DescriptionError: If a number is wrong.
+        DescriptionError: If a number is invalid.
     """
     kind = element.get("type", "")
     if kind == "fixed":
@@ -141,7 +141,7 @@ def _axis(
 
 
 def _bounds(axis: etree._Element | None, owner: str) -> tuple[float, float, str]:
-    """Read the limits of a position, infinite where SDF's numbers mean none."""
+    """Read the position limits, infinite if SDF's numbers mean none."""
     limit = None if axis is None else axis.find("limit")
     lower = _limit(limit, "lower", -np.inf, owner)
     upper = _limit(limit, "upper", np.inf, owner)
@@ -149,15 +149,15 @@ def _bounds(axis: etree._Element | None, owner: str) -> tuple[float, float, str]
 
 
 def _most(limit: etree._Element | None, tag: str, owner: str) -> float:
-    """Read a limit of effort or velocity, where a negative one is none."""
+    """Read a limit of effort or velocity; negative means none."""
     most = _limit(limit, tag, np.inf, owner)
     return most if most >= 0.0 else np.inf
 
 
 def _limit(limit: etree._Element | None, tag: str, none: float, owner: str) -> float:
-    """Read a limit, which is no limit where it is too large to be one."""
+    """Read a limit; very large numbers mean none."""
     text, what = text_of(limit, tag), f"{tag} limit of {owner}"
     value = numbers(what, text, 1)[0] if text else none
     if np.isnan(value):
-        raise DescriptionError(f"The {what} is '{text}', which is not a number.")
+        raise DescriptionError(f"The {what} must be a number (got '{text}').")
     return value if abs(value) <= MAX_VALUE else np.copysign(np.inf, value)

@@ -1,4 +1,4 @@
-"""Links of an SDF model: their masses and collisions. Nothing of SDF is drawn."""
+"""Links of an SDF model: inertials and collisions. Visuals are not read."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def read_link(element: etree._Element, scope: Scope) -> Link:
         scope: The model that holds it.
 
     Raises:
-        DescriptionError: If a number, a name or a frame is wrong.
+        DescriptionError: If a number, a name or a frame is invalid.
     """
     name = scope.full(name_of(element))
     return Link(
@@ -56,14 +56,14 @@ def read_link(element: etree._Element, scope: Scope) -> Link:
 
 
 def drop_wrong_inertial(element: etree._Element, scope: Scope) -> str:
-    """Take an inertial that cannot be read out of a link that never moves.
+    """Remove an invalid inertial from a static link.
 
     Args:
         element: The link.
         scope: The model that holds it.
 
     Returns:
-        A message with the reason, empty where it can be read.
+        A message with the reason; empty if it is valid.
     """
     name = scope.full(name_of(element))
     inertial = element.find("inertial")
@@ -71,7 +71,7 @@ def drop_wrong_inertial(element: etree._Element, scope: Scope) -> str:
         _inertial(inertial, name, scope)
     except DescriptionError as error:
         element.remove(inertial)
-        return f"inertial of link {name} is left out: {error}".rstrip(".")
+        return f"inertial of link {name} is ignored: {error}".rstrip(".")
     return ""
 
 
@@ -93,7 +93,7 @@ def _inertial(element: etree._Element | None, link: str, scope: Scope) -> Inerti
 
 
 def _collisions(element: etree._Element, link: str, scope: Scope) -> Iterator[Shape]:
-    """Read the collisions of a link, those that can be simulated."""
+    """Read the supported collisions of a link."""
     for shape in element.findall("collision"):
         owner = f"collision {name_of(shape)} of link {link}"
         yield from _shape(shape, owner, link, scope)
@@ -102,7 +102,7 @@ def _collisions(element: etree._Element, link: str, scope: Scope) -> Iterator[Sh
 def _shape(
     element: etree._Element, owner: str, link: str, scope: Scope
 ) -> Iterator[Shape]:
-    """Read a collision element, if its geometry can be simulated."""
+    """Read a collision element, if its geometry is supported."""
     mu = text_of(element.find("surface/friction/ode"), "mu")
     bounce = element.find("surface/bounce")
     restitution = optional(bounce, "restitution_coefficient", owner)
@@ -123,7 +123,7 @@ def _shape(
 
 
 def _size(geometry: etree._Element, owner: str) -> tuple[float, ...] | None:
-    """Read how large a shape is; None where it cannot be simulated."""
+    """Read the size of a shape; None if it is not supported."""
     kind = geometry.tag
     if kind == "plane":
         normal = vector(geometry, "normal", [0.0, 0.0, 1.0], owner)
@@ -146,7 +146,7 @@ _LIGHTS = ("point", "directional", "spot")
 
 @dataclass(frozen=True)
 class Light:
-    """A light, which is kept as data."""
+    """A light; only stored."""
 
     name: str
     kind: str
@@ -169,7 +169,7 @@ class Light:
     attenuation_linear: float
     attenuation_quadratic: float
     direction: tuple[float, ...]
-    """Where a directional or spot light shines, in its own frame."""
+    """Direction of a directional or spot light, in its own frame."""
 
 
 def read_light(element: etree._Element, scope: Scope) -> Light:
@@ -180,13 +180,13 @@ def read_light(element: etree._Element, scope: Scope) -> Light:
         scope: The world that holds it.
 
     Raises:
-        DescriptionError: If its kind is unknown, or a number is wrong.
+        DescriptionError: If its kind is unknown, or a number is invalid.
     """
     name, kind = name_of(element), element.get("type", "point")
     owner = f"light {name}"
     if kind not in _LIGHTS:
         raise DescriptionError(
-            f"Light {name} is of type '{kind}'; there are: {', '.join(_LIGHTS)}."
+            f"Unknown type '{kind}' of light {name}. Known types: {', '.join(_LIGHTS)}."
         )
     attenuation = element.find("attenuation")
     return Light(
@@ -207,7 +207,7 @@ def read_light(element: etree._Element, scope: Scope) -> Light:
 def _color(
     light: etree._Element, tag: str, default: tuple[float, ...]
 ) -> tuple[float, ...]:
-    """Read a color: red, green, blue and perhaps alpha, which else is 1."""
+    """Read a colour: red, green, blue and optionally alpha, by default 1."""
     text, what = text_of(light, tag), f"{tag} of light {name_of(light)}"
     values = numbers(what, text, 4, least=3) if text else default
     return tuple(checked(f"the {what}", [*values, 1.0][:4]).tolist())

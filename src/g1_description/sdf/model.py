@@ -1,8 +1,8 @@
-"""A model of an SDF document, as what a simulator builds.
+"""A model of an SDF document, as it is simulated.
 
-Models inside of it become part of it, under names like ``inner::link``. A joint to
-the world makes the world the root; a model that never moves needs no joints. Joints
-that close a loop are left out, and those of a kind that cannot be simulated hold still.
+Nested models become part of it, with names like ``inner::link``. A joint to the world
+makes the world the root. Joints that close a loop are ignored, and those of unsupported
+types are fixed.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ from g1_description.sdf.unsupported import unread
 
 
 def closes_loop(joints: Sequence[tuple[str, str]]) -> list[bool]:
-    """Find which joints would close a loop.
+    """Find the joints that would close a loop.
 
     Args:
-        joints: The two links that each joins, in any direction.
+        joints: The two links of each joint, in any order.
 
     Returns:
-        For each joint whether those before it join its links already.
+        For each joint, whether its links are already connected by those before it.
     """
     above: dict[str, str] = {}
 
@@ -59,16 +59,16 @@ def closes_loop(joints: Sequence[tuple[str, str]]) -> list[bool]:
 
 
 def hung(links: Sequence[str], joints: Sequence[Joint]) -> tuple[Joint, ...]:
-    """Turn joints around where they lead to the root.
+    """Orient joints away from the root.
 
-    The root of a tree is the world, else the first link that no joint carries.
+    The root of a tree is the world, else the first link without a parent joint.
 
     Args:
         links: Names of all links.
-        joints: Joints that make no loop.
+        joints: Joints without loops.
 
     Returns:
-        The joints in the same order, none two of them with the same child.
+        The joints in the same order, each with another child.
     """
     result = list(joints)
     at: dict[str, list[int]] = {}
@@ -104,18 +104,18 @@ class SdfModel:
     """Of the model frame in the world, shape (7,)."""
 
     assembly: Assembly
-    """What a simulator builds."""
+    """The model as it is simulated."""
 
 
 def read_model_element(element: etree._Element, pose: np.ndarray) -> SdfModel:
     """Read a model element.
 
     Args:
-        element: The model, with nothing left to include.
+        element: The model, with includes resolved.
         pose: Of the model frame in the world, shape (7,).
 
     Raises:
-        DescriptionError: If something in it is wrong, or it is not one tree.
+        DescriptionError: If something in it is invalid.
     """
     name = name_of(element)
     static = flag(element, "static", False, f"model {name}")
@@ -140,7 +140,7 @@ def _assembly(
     static: bool,
     left_out: tuple[str, ...],
 ) -> Assembly:
-    """Place the trees of a model, whose first link in the file carries its frame."""
+    """Place the trees of a model; its frame moves with the first link in the file."""
     frames = scopes[0][0].frames
     first = next(link.name for link in description.links if link.name != WORLD)
     return Assembly(
@@ -165,7 +165,7 @@ def _assembly(
 def _links(
     scopes: list[tuple[Scope, etree._Element]], static: bool
 ) -> tuple[tuple[Link, ...], list[str]]:
-    """Read the links of a model and of those inside of it."""
+    """Read the links of a model and its nested models."""
     elements = [
         (link, scope) for scope, model in scopes for link in model.findall("link")
     ]
@@ -175,7 +175,7 @@ def _links(
 
 
 def _scopes(model: etree._Element, name: str) -> list[tuple[Scope, etree._Element]]:
-    """List a model and the models inside of it, with their frames known."""
+    """List a model and its nested models, and add their frames."""
     frames = Frames(f"model '{name}'", MODEL)
     scopes = [(Scope("", frames), model)]
     for scope, element in scopes:
@@ -192,23 +192,23 @@ def _scopes(model: etree._Element, name: str) -> list[tuple[Scope, etree._Elemen
 
 
 def _check_links(model: str, links: tuple[Link, ...], static: bool) -> None:
-    """Check that there are links, and that they can be moved if they should be."""
+    """Check that there are links, and that they have a mass if they can move."""
     if not links:
         raise DescriptionError(f"Model '{model}' has no links.")
     for link in links:
         if link.name == WORLD:
             raise DescriptionError(
-                f"Model '{model}' has a link called {WORLD}, which is the world's name."
+                f"Model '{model}' has a link called {WORLD}, which is reserved."
             )
         if not static and link.inertial is not None and link.inertial.mass == 0.0:
             raise DescriptionError(
-                f"Link {link.name} of model '{model}' has the mass 0 and cannot move."
+                f"The mass of link {link.name} of model '{model}' must not be 0."
             )
 
 
 @dataclass(frozen=True, eq=False)
 class _Written:
-    """A joint as it is written."""
+    """A joint in the file."""
 
     element: etree._Element
     name: str
@@ -220,11 +220,11 @@ class _Written:
 
     @property
     def odd(self) -> str:
-        """Why it cannot be simulated; empty if it can."""
+        """Why it is not supported; empty if it is."""
         kind = self.element.get("type", "")
         if kind not in KINDS:
             return kind or "of no type"
-        # Its axis would stand in the world, wherever the model is put.
+        # Its axis would be fixed in the world.
         if self.ends[1] == WORLD and kind != "fixed":
             return f"{kind} with the world as its child"
         return ""
@@ -233,9 +233,9 @@ class _Written:
 def _joints(
     scopes: list[tuple[Scope, etree._Element]], links: set[str], static: bool
 ) -> tuple[tuple[Joint, ...], list[str]]:
-    """Read the joints of a model that make no loop; all fixed where it is static."""
+    """Read the joints of a model, without loops; all fixed if it is static."""
     written, left_out = _written_joints(scopes, links)
-    # What cannot be simulated comes last: it holds what nothing else joins.
+    # Unsupported joints come last: they fix links that nothing else connects.
     in_order = sorted(written, key=lambda joint: joint.odd != "")
     loops = dict(zip(in_order, closes_loop([joint.ends for joint in in_order])))
     joints = []
@@ -246,7 +246,7 @@ def _joints(
         if loops[one]:
             why = why or f"closes a loop of joints at {child}, which is not simulated"
             why = f"it {why}" if parent != child else f"both of its links are {child}"
-            left_out.append(f"joint {one.name} is left out: {why}")
+            left_out.append(f"joint {one.name} is ignored: {why}")
             continue
         joint = fixed_joint(one.name, one.ends, one.scope.frames, listed=not odd)
         if odd:
@@ -263,14 +263,14 @@ def _joints(
 def _written_joints(
     scopes: list[tuple[Scope, etree._Element]], links: set[str]
 ) -> tuple[list[_Written], list[str]]:
-    """List the joints of a model, and make their frames known."""
+    """List the joints of a model, and add their frames."""
     written, left_out = [], []
     for scope, owner in scopes:
         for element in owner.findall("joint"):
             name = scope.full(name_of(element))
             ends = ends_of(element, scope, links)
             if isinstance(ends, str):
-                left_out.append(f"joint {name} is left out: {ends}")
+                left_out.append(f"joint {name} is ignored: {ends}")
                 continue
             # Before version 1.7 a joint and a link may have the same name.
             frame = f"{name}::__joint__" if name in scope.frames else name
@@ -283,10 +283,10 @@ def _written_joints(
 def _held_together(
     links: tuple[Link, ...], joints: tuple[Joint, ...], frames: Frames
 ) -> tuple[Joint, ...]:
-    """Make one tree of the links of a model that never moves.
+    """Connect the links of a static model to one tree.
 
-    A link on a joint to the world becomes the root, else the first one that no
-    joint carries; all the others that no joint carries are fixed to it.
+    The root is a link with a joint to the world, else the first one without a parent
+    joint. All others without a parent joint are fixed to it.
     """
     carried = {joint.child for joint in joints}
     anchored = [joint.child for joint in joints if joint.parent == WORLD]
@@ -310,7 +310,7 @@ def _held_together(
 def _static_inside(
     scopes: list[tuple[Scope, etree._Element]], static: bool
 ) -> tuple[str, ...]:
-    """Name the models that would stand still inside of one that moves."""
+    """Report static models nested in a model that moves."""
     inner = [] if static else scopes[1:]
     names = [(element, scope.prefix[: -len("::")]) for scope, element in inner]
     return tuple(

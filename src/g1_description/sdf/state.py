@@ -1,4 +1,4 @@
-"""The state that Gazebo writes into a world when it saves it: where all was then."""
+"""The state of a world that was saved by Gazebo."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from g1_description.sdf.model import SdfModel
 
 @dataclass(frozen=True)
 class SavedState:
-    """When a world was saved, and where its models, links and lights were."""
+    """Time of saving, and poses of models, links and lights."""
 
     time: float | None = None
     """Simulated time in [s]; None if it is not given."""
@@ -27,7 +27,7 @@ class SavedState:
     """Poses in the world by name, shape (7,), as the others."""
 
     links: dict[str, dict[str, np.ndarray]] = field(default_factory=dict)
-    """By names of model and link; those of models inside begin with their names."""
+    """By names of model and link; links of nested models have their prefix."""
 
     lights: dict[str, np.ndarray] = field(default_factory=dict)
 
@@ -45,7 +45,7 @@ def read_state(element: etree._Element) -> SavedState:
     """Read a state element of a world.
 
     Raises:
-        DescriptionError: If a pose or the time is wrong, or a name is missing.
+        DescriptionError: If a pose or the time is invalid, or a name is missing.
     """
     time = None
     if text_of(element, "sim_time"):
@@ -81,17 +81,17 @@ def _poses(
 
 
 def in_state(model: SdfModel, state: SavedState) -> SdfModel:
-    """Put a model where a state has it: its roots, and its joints by their links.
+    """Apply a saved state to a model: its roots, and its joints from link poses.
 
     Args:
-        model: As the file has it.
-        state: The world's state; what it does not give stays as it is.
+        model: As in the file.
+        state: The world's state; may be partial.
     """
     links = state.links.get(model.name, {})
     assembly = model.assembly
     description = assembly.description
     pose = state.models.get(model.name, model.pose)
-    # Joints move what carries the model frame, so the root shows where it was.
+    # The link of the model frame moves with joints, so the pose follows from the root.
     if description.root == WORLD:
         pose = model.pose
     elif description.root in links:

@@ -1,7 +1,7 @@
-"""What of an SDF document is not simulated, or not read as it stands, in words.
+"""Messages on unsupported elements of an SDF document.
 
-One table lists the elements that are read and those without effect while they have
-their default; everything else is named.
+Tables list the supported elements, and those that are ignored with their default value;
+everything else is reported.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ _READ = {
     "dynamics": "damping friction",
 }
 _LOOKS = ("material", "visual")
-"""What is only to be seen: nothing of SDF is drawn."""
+"""Visual elements, which are ignored."""
 
 _NUMBERS = {
     6: "pose",
@@ -56,7 +56,7 @@ _NUMBERS = {
     "real_time_update_rate range constant linear quadratic iters precon_iters sor cfm "
     "erp contact_surface_layer contact_max_correcting_vel physics/max_contacts",
 }
-"""How many numbers the elements have that are read, by tag or parent/tag."""
+"""Number of values of the supported elements, by tag or parent/tag."""
 
 _COUNTS = {tag: count for count, tags in _NUMBERS.items() for tag in tags.split()}
 
@@ -81,18 +81,18 @@ _DEFAULTS = {
     "transparency": 0.0,
     "velocity_decay": 0.0,
 }
-"""What elements that are not read may say without a difference."""
+"""Values of unsupported elements that have no effect."""
 
 
 def unread(root: etree._Element) -> tuple[str, ...]:
-    """Name what is not simulated.
+    """List unsupported elements.
 
     Args:
-        root: A document, a world, a model or a light. Models of a world are not
-            looked into.
+        root: A document, a world, a model or a light. Models in a world are not
+            examined.
 
     Returns:
-        A message for each, such as "sensor of link head is not simulated", each once.
+        Distinct messages, such as "sensor of link head is not simulated".
     """
     messages: dict[str, None] = {}
     waiting = [(root, _owner(root, "", ""), "")]
@@ -117,17 +117,17 @@ def unread(root: etree._Element) -> tuple[str, ...]:
 
 
 def _namesakes(element: etree._Element, owner: str) -> Iterator[str]:
-    """Name the shapes of a link that have one name: Gazebo takes them, and so do we."""
+    """Report duplicate names of collisions, which Gazebo accepts."""
     if element.tag != "link":
         return
     counts = Counter(shape.get("name", "") for shape in element.findall("collision"))
     for name, count in counts.items():
         if count > 1:
-            yield f"{owner} has {count} collisions of the name {name}"
+            yield f"{owner} has {count} collisions called {name}"
 
 
 def _owner(element: etree._Element, scope: str, above: str) -> str:
-    """Say whose the children of an element are."""
+    """Name the owner of the children of an element."""
     tag, name = element.tag, element.get("name", "")
     if tag in ("sdf", "world"):
         return "the file" if tag == "sdf" else "the world"
@@ -139,14 +139,14 @@ def _owner(element: etree._Element, scope: str, above: str) -> str:
 
 
 def _message(element: etree._Element, tag: str, parent_tag: str, owner: str) -> str:
-    """Name an element that is not read."""
+    """Describe an unsupported element."""
     name = f"light {element.get('name')}" if tag == "light" else tag
     place = "in" if parent_tag == "geometry" else "of"
     return f"{name} {place} {owner} is not simulated"
 
 
 def _read_as(element: etree._Element, owner: str) -> str:
-    """Say how the numbers of an element are read if they are not as they should be."""
+    """Describe how malformed numbers of an element are read."""
     tag, text = element.tag, (element.text or "").strip()
     place = f"{element.getparent().tag}/{tag}"
     count = _COUNTS.get(tag, _COUNTS.get(place))
@@ -156,7 +156,7 @@ def _read_as(element: etree._Element, owner: str) -> str:
 
 
 def _says_nothing(element: etree._Element) -> bool:
-    """Return whether an element has only the values it would have had anyway."""
+    """Return whether an element has only default values."""
     default = _DEFAULTS.get(element.tag)
     return default is not None and all(
         value == default for leaf in element.iter() for value in _values(leaf)
@@ -164,7 +164,7 @@ def _says_nothing(element: etree._Element) -> bool:
 
 
 def _values(element: etree._Element) -> Iterator[float | None]:
-    """Read an element's text as numbers, true as 1; None for any other word."""
+    """Read an element's text as numbers, true as 1; None for other words."""
     for word in (element.text or "").lower().split():
         try:
             yield float({"true": "1", "false": "0"}.get(word, word))

@@ -1,7 +1,6 @@
-"""SDF text in, models and lights out: all that is known about a world.
+"""Reading SDF worlds: models, lights, physics and saved state.
 
-This module and those whose names begin like its own are the only ones that read
-SDF: versions 1.3 to 1.9, with the meaning that Gazebo 11 gives them.
+Supports versions 1.3 to 1.9, with the meaning of Gazebo 11.
 """
 
 from __future__ import annotations
@@ -35,22 +34,21 @@ _PLACES = {
     "contact_surface_layer": ("ode/constraints", "contact_surface_layer"),
     "contact_max_correcting_vel": ("ode/constraints", "contact_max_correcting_vel"),
 }
-"""Where each number is, by its name in ``get_physics_properties``."""
+"""Element of each number, by its name in ``get_physics_properties``."""
 
 
 def read_physics(holder: etree._Element) -> dict[str, float]:
-    """Read what a world says of its physics.
+    """Read the physics of a world.
 
     Args:
         holder: The world.
 
     Returns:
-        Numbers from zero up by their names in ``get_physics_properties``: the time
-        step in [s], the rate in steps per second of real time, and those of ODE. What
-        the file does not give is left out.
+        The given numbers by their names in ``get_physics_properties``: the time step in
+        [s], the rate in steps per second of real time, and those of ODE.
 
     Raises:
-        DescriptionError: If one is no number, or is negative.
+        DescriptionError: If one is not a number, or is negative.
     """
     physics = _physics(holder)
     found = {}
@@ -63,7 +61,7 @@ def read_physics(holder: etree._Element) -> dict[str, float]:
 
 
 def _physics(holder: etree._Element) -> etree._Element | None:
-    """Find the physics that count: those that say so, else the first."""
+    """Find the default physics, else the first."""
     all_physics = holder.findall("physics")
     for physics in all_physics:
         if physics.get("default", "").lower() in ("true", "1"):
@@ -78,25 +76,25 @@ _Read = TypeVar("_Read")
 
 @dataclass(frozen=True)
 class Sdf:
-    """What an SDF document holds."""
+    """The content of an SDF document."""
 
     models: tuple[SdfModel, ...]
     lights: tuple[Light, ...]
     gravity: tuple[float, ...] | None
-    """In the world, in [m/s^2]; None where the file does not say."""
+    """In the world, in [m/s^2]; None if not given."""
 
     physics: Mapping[str, float]
-    """What the file says of the physics, as ``read_physics``."""
+    """The physics, as by ``read_physics``."""
 
     time: float
-    """Simulated time at which it begins, in [s]: when it was saved."""
+    """Initial simulated time in [s]: that of the saved state."""
 
     left_out: tuple[str, ...]
-    """A message for each thing outside of the models that is not simulated, and for
-    each model or light that cannot be."""
+    """Messages on unsupported elements outside of models, and on ignored models and
+    lights."""
 
     refused: tuple[str, ...] = ()
-    """The reason alone, a sentence, for each model or light that is wrong."""
+    """Errors of invalid models and lights."""
 
 
 def no_model(uri: str) -> str:
@@ -113,17 +111,16 @@ def read_sdf(text: str, find_model: Callable[[str], str] = no_model) -> Sdf:
 
     Args:
         text: SDF as XML text.
-        find_model: Gives the SDF text behind the URI of an include, such as
-            ``model://NAME``; raises a NoSuchModelError if there is none. The ground
-            plane and the sun are there even so.
+        find_model: Returns the SDF text of an include's URI, such as ``model://NAME``;
+            raises NoSuchModelError if there is none. Ground plane and sun are built in.
 
     Returns:
-        The models and lights of its world, or those outside of one; in the order
-        of the file.
+        The models and lights of its world, or those outside of a world; in the order of
+        the file.
 
     Raises:
-        DescriptionError: If it is not SDF, holds nothing, or something in it is
-            wrong. A model, light or frame of a world that is wrong is left out.
+        DescriptionError: If it is not SDF, empty or invalid. In a world, invalid
+            models, lights and frames are ignored.
     """
     root, left_out = whole_document(text, find_model)
     world = root.find("world")
@@ -166,26 +163,26 @@ def read_sdf(text: str, find_model: Callable[[str], str] = no_model) -> Sdf:
 
 
 def _surplus(root: etree._Element) -> list[str]:
-    """Name the models and lights that are one too many, and worlds but the first."""
+    """Report models, lights and worlds after the first, which are ignored."""
     has_world = root.find("world") is not None
     surplus = [*root.findall("world")[1:], *root.findall("model")[not has_world :]]
     surplus += root.findall("light") if has_world else []
     first = "world" if has_world else "model"
     return [
-        f"{element.tag} {element.get('name')} is left out: of a file the first {first} "
-        "is read"
+        f"{element.tag} {element.get('name')} is ignored: only the first {first} of a "
+        "file is read"
         for element in surplus
     ]
 
 
 class _Reader:
-    """Reads all of a kind; in a world what is wrong is left out, else refused."""
+    """Reads elements; invalid ones in a world are ignored, else they are errors."""
 
     def __init__(self, left_out: list[str] | None) -> None:
-        """Take a list for messages on what is left out; None: that is refused."""
+        """Take a list for messages on ignored elements; None: errors are raised."""
         self._left_out = left_out
         self.refused: list[str] = []
-        """The reason for each model or light that is left out."""
+        """Errors of ignored models and lights."""
 
     def read(
         self,
@@ -195,7 +192,7 @@ class _Reader:
         """Read elements.
 
         Raises:
-            DescriptionError: If one is wrong, and such are refused.
+            DescriptionError: If one is invalid, outside of a world.
         """
         found = []
         for element in elements:
@@ -205,14 +202,14 @@ class _Reader:
                 if self._left_out is None:
                     raise
                 thing = f"{element.tag} {element.get('name', '')}".rstrip()
-                self._left_out.append(f"{thing} is left out: {error}".rstrip("."))
+                self._left_out.append(f"{thing} is ignored: {error}".rstrip("."))
                 if element.tag != "frame":
                     self.refused.append(str(error))
         return found
 
 
 def _placed(element: etree._Element, frame: str, scope: Scope) -> etree._Element:
-    """Make a model or a frame known as a frame of the world, and give it back."""
+    """Add the frame of a model or frame element to the world; return the element."""
     scope.add(name_of(element), element, frame)
     return element
 
@@ -220,10 +217,10 @@ def _placed(element: etree._Element, frame: str, scope: Scope) -> etree._Element
 def _add_light(
     element: etree._Element, scope: Scope, lights: dict[str, Light]
 ) -> tuple[str, ...]:
-    """Read a light and add it to those read before; return what of it is not read."""
+    """Read a light and add it to the others; return messages on ignored elements."""
     light = read_light(element, scope)
     if light.name in lights:
-        raise DescriptionError(f"There are two lights of the name {light.name}.")
+        raise DescriptionError(f"There are two lights called {light.name}.")
     lights[light.name] = light
     return unread(element)
 

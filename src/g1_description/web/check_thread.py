@@ -1,4 +1,4 @@
-"""Verdicts on motions and on where robots are, found by a thread of its own."""
+"""Checks of motions and current states, in a thread."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 
 
 PERIOD = 0.04
-"""Least time between two verdicts on where robots are, in [s]."""
+"""Shortest period of checks of current states, in [s]."""
 
 AGAIN = 10.0
-"""Time from one try to prepare checks to the next, in [s]."""
+"""Time between attempts to prepare checks, in [s]."""
 
 MakeChecker = Callable[[Description], Checker]
 
@@ -43,12 +43,12 @@ class CheckThread:
         make: MakeChecker,
         seen: Callable[[ShownRobot, RobotState, Verdict], object],
     ) -> None:
-        """Begin; nothing is prepared before it is needed.
+        """Start the thread; checks are prepared on first use.
 
         Args:
-            ui: Where results are handed over.
+            ui: Receives the results.
             make: Prepares the checks of a robot.
-            seen: Given each verdict on a state, by the thread that draws.
+            seen: Called by the UI loop with each verdict on a state.
         """
         self._ui, self._make, self._seen = ui, make, seen
         self._checkers: dict[int, Checker] = {}
@@ -69,17 +69,17 @@ class CheckThread:
         """Check a motion.
 
         Args:
-            robot: Who goes through it.
+            robot: The robot of the motion.
             motion: The motion.
-            then: Given the verdict by the thread that draws.
-            failed: Called by that thread if there is none.
+            then: Called by the UI loop with the verdict.
+            failed: Called by the UI loop on errors.
         """
         with self._lock:
             self._motions.append((robot, motion, then, failed))
             self._lock.notify()
 
     def check_state(self, robot: ShownRobot, state: RobotState) -> None:
-        """Check where a robot is, unless something newer comes before it is time."""
+        """Check a state, unless a newer one arrives before."""
         with self._lock:
             self._states[robot] = state
             self._lock.notify()
@@ -104,10 +104,10 @@ class CheckThread:
     def _try(
         self, act: Callable[[], object], failed: Callable[[], object] = lambda: None
     ) -> None:
-        """Check; a mistake is told as of anything that a person does."""
+        """Run a check; errors are shown like those of user actions."""
         try:
             act()
-        except Exception as error:  # raised again where it is told
+        except Exception as error:  # raised again in the UI loop
             self._ui.post(object(), failed)
             self._ui.post(("check", str(error)), partial(_raise, error))
 
@@ -115,7 +115,9 @@ class CheckThread:
         self, robot: ShownRobot, motion: Motion, then: Callable[[Verdict], object]
     ) -> None:
         verdict = self._checker(robot).check(motion)
-        found = replace(verdict, measured=None)  # a long motion's needs much memory
+        found = replace(
+            verdict, measured=None
+        )  # measurements of long motions need much memory
         self._ui.post(("motion", robot), lambda: then(found))
 
     def _state(self, robot: ShownRobot, state: RobotState) -> None:
@@ -139,7 +141,7 @@ class CheckThread:
         return self._checkers[number]
 
     def _failure(self, robot: ShownRobot) -> Exception | None:
-        """Return why checks could not be prepared, unless it is time to try again."""
+        """Return the error of preparing checks, until the next attempt."""
         error, until = self._failed.get(id(robot.description), (None, 0.0))
         return error if time.monotonic() < until else None
 

@@ -1,4 +1,4 @@
-"""What moves a robot by hand: sliders, a gizmo for its base, named poses."""
+"""Controls of a robot: joint sliders, a gizmo for its base, named poses."""
 
 from __future__ import annotations
 
@@ -37,79 +37,79 @@ if TYPE_CHECKING:
 
 
 class EditGuard:
-    """Lets elements stay for a while where a person has put them.
+    """Keeps elements from being updated while a user edits them.
 
-    A person's value comes by a thread of viser's, and the thread that draws is told of
-    it later. Until then, it must not show an older one in its place.
+    A user's value is set by a thread of viser, and the UI loop learns of it later.
+    Until then it must not overwrite it with an older one.
     """
 
     def __init__(self, seconds: float) -> None:
-        """Hold nothing.
+        """Create a guard.
 
         Args:
-            seconds: How long an element stays, in [s].
+            seconds: How long an edited element is not updated, in [s].
         """
         self._seconds = seconds
         self._seen: dict[int, Any] = {}
         self._until: dict[int, float] = {}
 
     def know(self, handle: Any) -> None:
-        """Take the present value of an element for one of ours."""
+        """Record the current value of an element as set by the program."""
         self._seen[id(handle)] = handle.value
 
     def hold(self, handle: Any) -> None:
-        """Let an element stay as it is."""
+        """Keep an element from being updated for a while."""
         self._seen[id(handle)] = handle.value
         self._until[id(handle)] = time.monotonic() + self._seconds
 
     def is_held(self, handle: Any) -> bool:
-        """Tell whether an element stays, also because a person has just moved it."""
-        # The same object, as a value that is no number is not equal to itself.
+        """Return whether an element was edited recently."""
+        # By identity, as NaN is not equal to itself.
         if handle.value is not self._seen.get(id(handle)):
             self.hold(handle)
         return time.monotonic() < self._until.get(id(handle), 0.0)
 
     def show(self, handle: Any, value: Any, tolerance: float = 0.0) -> None:
-        """Show a value, if it is another one.
+        """Show a value, if it differs.
 
-        A browser that sends a value does not hear of it, but may still get the one
-        before. So what was held is shown again in any case.
+        A browser that sent a value may receive an older one afterwards, so an element
+        that was held is always updated.
 
         Args:
             handle: The element.
             value: A number, or some.
-            tolerance: By how much it may be another one.
+            tolerance: Smaller differences are ignored.
         """
         was_held = self._until.pop(id(handle), None) is not None
         is_same = np.shape(handle.value) == np.shape(value) and (
             np.abs(np.subtract(handle.value, value)).max() <= tolerance
         )
         if is_same and was_held:
-            handle.value = np.add(value, 1.0)  # as viser sends only what changes
+            handle.value = np.add(value, 1.0)  # viser sends only changed values
         if was_held or not is_same:
             handle.value = value
             self._seen[id(handle)] = handle.value
 
     def let_go(self) -> None:
-        """Hold nothing any more."""
+        """Allow updates of all elements."""
         self._until = dict.fromkeys(self._until, 0.0)
 
 
 STEP = 0.001
-"""Of sliders, in [rad] or [m]."""
+"""Step of sliders, in [rad] or [m]."""
 
 FINE = 5e-5
-"""Sliders show a change of more than this, in [rad] or [m]."""
+"""Smaller changes are not shown by sliders, in [rad] or [m]."""
 
 UNLIMITED = {"prismatic": 1.0}
-"""How far the slider of a joint without limits goes to both sides, by kind."""
+"""Range of the slider of a joint without limits, to both sides, by kind."""
 
 HELD = 0.7
-"""How long a slider that a person has moved does not follow the robot, in [s]: states
-that are on their way are older than what the person wants."""
+"""Time for which an edited slider does not follow the robot, in [s]: states that arrive
+meanwhile are older."""
 
 PERIOD = 0.1
-"""Time between two looks at the robot by sliders, in [s]."""
+"""Period of updates, in [s]."""
 
 
 class JointPanel:
@@ -119,9 +119,9 @@ class JointPanel:
         """Add the sliders.
 
         Args:
-            gui: Where to.
-            ui: Does what a person wants.
-            robot: Whose joints they are.
+            gui: The GUI.
+            ui: Runs the actions.
+            robot: The robot.
         """
         self._robot = robot
         self._sliders: dict[str, GuiSliderHandle[float]] = {}
@@ -155,16 +155,16 @@ class JointPanel:
         )
 
     def _moved(self, name: str) -> None:
-        """Move a joint to where a person wants it."""
+        """Command the position of a slider."""
         slider = self._sliders[name]
         value = float(slider.value)
-        # A browser sends no others; these come from elsewhere, or are not numbers.
+        # Browsers send no other values; they may be forged, or NaN.
         if slider.min - STEP <= value <= slider.max + STEP:
             self._guard.hold(slider)
             self._robot.command({name: min(max(value, slider.min), slider.max)})
 
     def follow(self, state: RobotState) -> None:
-        """Show where the joints are, but those that a person moves."""
+        """Show the joint positions, except of edited sliders."""
         now = time.monotonic()
         if now < self._looked + PERIOD:
             return
@@ -178,17 +178,17 @@ class JointPanel:
             self._guard.show(slider, round(value, 4), FINE)
 
     def let_go(self) -> None:
-        """Follow the robot again: it is moved by other means."""
+        """Follow the robot again, as it is moved by other means."""
         self._guard.let_go()
 
 
 def label_of(name: str) -> str:
-    """Leave out what ends the names of most joints."""
+    """Remove the usual suffix of a joint's name."""
     return name[: -len("_joint")] if name.endswith("_joint") else name
 
 
 def slider_range(joint: Joint) -> tuple[float, float]:
-    """Return from where to where a joint's slider goes, in [rad] or [m]."""
+    """Return the range of a joint's slider, in [rad] or [m]."""
     most = UNLIMITED.get(joint.kind, math.pi)
     lower = joint.lower if math.isfinite(joint.lower) else -most
     upper = joint.upper if math.isfinite(joint.upper) else most
@@ -198,7 +198,7 @@ def slider_range(joint: Joint) -> tuple[float, float]:
 def known(positions: Mapping[str, float], robot: ShownRobot) -> dict[str, float]:
     """Return the known positions of a robot's joints in the order of its file.
 
-    They are rounded, but not to beyond a limit: others would refuse them.
+    They are rounded, but not beyond a limit.
     """
     return {
         joint.name: min(max(round(positions[joint.name], 6), joint.lower), joint.upper)
@@ -208,19 +208,19 @@ def known(positions: Mapping[str, float], robot: ShownRobot) -> dict[str, float]
 
 
 LEAST_NORM = 0.1
-"""A quaternion that is shorter has no direction."""
+"""Least length of a valid quaternion."""
 
 
 class BasePanel:
-    """Moves the base of one robot, and shows where it is."""
+    """Controls and shows the base of one robot."""
 
     def __init__(self, server: ViserServer, ui: UiLoop, robot: ShownRobot) -> None:
         """Add the panel.
 
         Args:
-            server: Where to.
-            ui: Does what a person wants.
-            robot: Whose base it is.
+            server: The server.
+            ui: Runs the actions.
+            robot: The robot.
         """
         self._robot = robot
         self._guard = EditGuard(HELD)
@@ -253,7 +253,7 @@ class BasePanel:
 
     @property
     def has_gizmo(self) -> bool:
-        """Whether the gizmo is seen."""
+        """Whether the gizmo is shown."""
         return bool(self._gizmo_on.value)
 
     def _show_gizmo(self) -> None:
@@ -261,21 +261,21 @@ class BasePanel:
         self._gizmo.visible = bool(self._gizmo_on.value)
 
     def _typed(self) -> None:
-        """Move the base to where the fields say."""
+        """Command the pose in the fields."""
         rpy = np.array(self._rpy.value, dtype=float)
         if rpy.shape == (3,):
             self._command(np.concatenate([self._place.value, from_rpy(rpy)]))
 
     def _dragged(self) -> None:
-        """Move the base to where the gizmo is."""
+        """Command the pose of the gizmo."""
         self._gizmo_turn = self._gizmo.wxyz
         pose = pose_of(self._gizmo.position, self._gizmo_turn)
         self._command(pose)
         self._show_fields(pose)
 
     def _command(self, pose: np.ndarray) -> None:
-        """Move the base, if that is a pose."""
-        # A browser sends no others; a field of two numbers would be kept, too.
+        """Command a pose, if it is valid."""
+        # Browsers send no other values; viser does not validate them.
         if pose.shape != (7,) or not (np.abs(pose) <= MAX_VALUE).all():
             return
         if np.linalg.norm(pose[3:]) > LEAST_NORM:
@@ -285,7 +285,7 @@ class BasePanel:
             self._robot.command_base(pose)
 
     def follow(self, state: RobotState) -> None:
-        """Show where the base is, unless a person moves it."""
+        """Show the pose of the base, unless it is edited."""
         now = time.monotonic()
         if now < self._looked + PERIOD or state.base_pose is None:
             return
@@ -293,8 +293,8 @@ class BasePanel:
         if any([self._guard.is_held(field) for field in self._fields]):
             return
         self._show_fields(state.base_pose)
-        # What is set here is written into viser's array; a person's comes as another
-        # one, the turn first, and _dragged may not be told of it yet.
+        # Values set here are written into viser's array. A user's value is another
+        # array, wxyz first, and _dragged may not have been called yet.
         if self._gizmo_on.value and self._gizmo.wxyz is self._gizmo_turn:
             self._gizmo.position = state.base_pose[:3]
             self._gizmo.wxyz = np.array(wxyz(state.base_pose))
@@ -310,11 +310,11 @@ class BasePanel:
 MAX_SECONDS = 10.0
 
 NONE = "none"
-"""In the place of a pose where the robot can take none."""
+"""Entry of the list if no pose fits."""
 
 
 class PosePanel:
-    """Buttons of the poses that one robot can take."""
+    """Buttons of the poses that fit one robot."""
 
     def __init__(
         self,
@@ -327,11 +327,11 @@ class PosePanel:
         """Add the panel.
 
         Args:
-            gui: Where to.
-            ui: Does what a person wants.
-            world: What moves the robot.
+            gui: The GUI.
+            ui: Runs the actions.
+            world: Moves the robot.
             robot: The robot.
-            joints: Its sliders, which follow what is done here.
+            joints: Its sliders.
         """
         self._gui, self._ui, self._world = gui, ui, world
         self._robot, self._joints = robot, joints
@@ -355,11 +355,11 @@ class PosePanel:
         ui.on(self._poses, self._take)
 
     def _names(self) -> list[str]:
-        """Name the poses that the robot can take."""
+        """List the poses that fit the robot."""
         return [n for n, pose in read_poses().items() if _fits(pose, self._robot)]
 
     def _take(self) -> None:
-        """Move the robot to a pose, as the file has it now."""
+        """Move the robot to the selected pose, read again from the file."""
         pose = find_pose(self._poses.value, read_poses())
         robot = self._robot.description
         check_pose(pose, robot)
@@ -374,28 +374,28 @@ class PosePanel:
         self._ui.wait_for(lambda: self._world.move(self._robot, goal, seconds))
 
     def _save(self) -> None:
-        """Save where the robot is under the name in the field."""
+        """Save the current pose under the name in the field."""
         name, state = self._name.value.strip(), self._robot.state()
         if not name:
-            raise InvalidValueError("The pose has no name yet: type one above.")
+            raise InvalidValueError("Enter a name for the pose.")
         check_name(name)
         if name == ZERO:
-            raise InvalidValueError(f"Every robot has {ZERO}: choose another name.")
+            raise InvalidValueError(f"{ZERO} is a built-in pose: choose another name.")
         if name in read_poses() and not self._replace.value:
             raise InvalidValueError(
-                f"There is a pose {name} already; tick Replace to save over it."
+                f"The pose {name} already exists; tick Replace to overwrite it."
             )
         if state is None:
-            raise InvalidValueError("There is nothing to save: no state has come yet.")
+            raise InvalidValueError("Nothing to save: no state has been received yet.")
         positions = known(state.positions_by_name, self._robot)
         save_pose(Pose(name, positions, "saved in the browser"), user_file())
         self._replace.value = False
         self._poses.options = tuple(self._names())
-        self._ui.tell(f"Pose {name} is in {user_file()}.", "green")
+        self._ui.tell(f"Saved pose {name} in {user_file()}.", "green")
 
 
 def _fits(pose: Pose, robot: ShownRobot) -> bool:
-    """Tell whether a robot can take a pose."""
+    """Return whether a pose fits a robot."""
     try:
         check_pose(pose, robot.description)
     except G1DescriptionError:

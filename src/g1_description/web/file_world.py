@@ -1,4 +1,4 @@
-"""Robots that go through motions of files, without ROS: what they are told, they do."""
+"""Robots that play motions from files, without ROS."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from g1_description.sim.standing import lowest_height
 from g1_description.web.robot import ShownRobot
 
 DISTANCE = 1.2
-"""Between robots that stand beside each other, in [m]."""
+"""Distance between robots next to each other, in [m]."""
 
 ReadMotion = Callable[[Path, Description, Optional[float]], Motion]
 """Reads a motion of a robot, with samples per second for files without times."""
 
 
 class StillRobot:
-    """A robot that is where it was last put."""
+    """A robot that is moved only by commands and motions."""
 
     joint_topic = "/joint_commands"
 
     def __init__(self, name: str, description: Description) -> None:
-        """Put it on the floor, its joints at zero or the nearest limit.
+        """Place it on the floor, with joints at zero or the nearest limit.
 
         Args:
             name: Its name on the page.
@@ -41,20 +41,20 @@ class StillRobot:
         self.name, self.description = name, description
         self._lock = Lock()
         self.offset = np.zeros(3)
-        """Where it is shown, from where it is, in [m]."""
+        """Offset of its displayed position, in [m]."""
         joints = description.movable_joints
         bent = {j.name: float(np.clip(0.0, j.lower, j.upper)) for j in joints}
         self._beginning = bent, standing_base(description, bent)
         self.reset()
 
     def reset(self) -> None:
-        """Put it back to where it began."""
+        """Return to the initial state."""
         with self._lock:
             self._positions, self._base = self._beginning
             self._way: tuple[Trajectory, float] | None = None
 
     def state(self) -> RobotState:
-        """Return where it is."""
+        """Return the current state."""
         now = time.monotonic()
         with self._lock:
             if self._way is not None:
@@ -75,18 +75,18 @@ class StillRobot:
             self._positions = {**self._positions, **positions}
 
     def command_base(self, pose: np.ndarray) -> None:
-        """Put the base somewhere."""
+        """Set the pose of the base."""
         with self._lock:
             self._base = pose.copy()
             self._base[:3] -= self.offset
 
     def go(self, trajectory: Trajectory) -> None:
-        """Go through a motion of joints, beginning now."""
+        """Play a motion of joints from now."""
         with self._lock:
             self._way = trajectory, time.monotonic()
 
     def take(self, trajectory: Trajectory, at: float) -> None:
-        """Be where a motion is at a time, in [s]."""
+        """Take the state of a motion at a time, in [s]."""
         with self._lock:
             self._way = None
             self._take(trajectory, at)
@@ -100,12 +100,12 @@ class StillRobot:
 
     @property
     def is_moving(self) -> bool:
-        """Whether it is on its way."""
+        """Whether a motion is played."""
         return self._way is not None
 
 
 class ClockPlayer:
-    """Plays the motions of all robots in step, by the clock."""
+    """Plays the motions of all robots in sync, in real time."""
 
     def __init__(self, world: FileWorld) -> None:
         self._world = world
@@ -127,21 +127,21 @@ class ClockPlayer:
 
     @property
     def is_running(self) -> bool:
-        """Whether it goes on by itself."""
+        """Whether it is playing."""
         return self._began is not None
 
     def play(self, begin: float, speed: float) -> None:
-        """Play from a time on, in [s], at so many seconds of it in a second."""
+        """Play from a time, in [s], at a speed relative to real time."""
         self._from, self._speed = begin, speed
         self._began = time.monotonic()
         self._world.changed.set()
 
     def pause(self) -> None:
-        """Stop where it is."""
+        """Pause."""
         self._from, self._began = self.time, None
 
     def rest(self) -> None:
-        """Stay at the end, which is reached."""
+        """Stay at the end."""
         self.pause()
 
     def show(self, time: float) -> None:
@@ -150,7 +150,7 @@ class ClockPlayer:
         self.tick()
 
     def tick(self) -> None:
-        """Put all robots where they are now."""
+        """Update all robots."""
         at = self.time
         for robot, motion in self._world.motions.items():
             robot.take(motion.trajectory, at)
@@ -158,14 +158,14 @@ class ClockPlayer:
 
 
 class FileWorld:
-    """Robots without a simulator, and the motions that they go through."""
+    """Robots without a simulator, with motions from files."""
 
     simulator = None
     can_move = True
     has_commanded = False
 
     def __init__(self, robots: list[StillRobot], read: ReadMotion) -> None:
-        """Begin without motions.
+        """Create a world without motions.
 
         Args:
             robots: All robots.
@@ -181,17 +181,17 @@ class FileWorld:
         self.arrange(beside=True)
 
     def arrange(self, beside: bool) -> None:
-        """Show robots beside each other, or all where their motions have them."""
+        """Show robots next to each other, or at the positions of their motions."""
         for number, robot in enumerate(self.robots):
             robot.offset = np.array([0.0, -DISTANCE * number * beside, 0.0])
         self.changed.set()
 
     def watch(self, is_watched: bool) -> None:
-        """Show the present state to whoever comes."""
+        """Show the current state to a new viewer."""
         self.changed.set()
 
     def tick(self) -> None:
-        """Go on with what moves by itself."""
+        """Update moving robots."""
         if self.player is not None and self.player.is_running:
             self.player.tick()
         elif any(robot.is_moving for robot in self.robots):
@@ -202,7 +202,7 @@ class FileWorld:
         return self._read(path, robot.description, rate)
 
     def open(self, robot: StillRobot, motion: Motion) -> ClockPlayer:
-        """Let a robot have a motion."""
+        """Set the motion of a robot."""
         self.motions[robot] = motion
         self.player = ClockPlayer(self)
         return self.player
@@ -210,7 +210,7 @@ class FileWorld:
     def move(
         self, robot: StillRobot, positions: Mapping[str, float], seconds: float
     ) -> None:
-        """Move joints from where they are, beginning and ending at rest."""
+        """Move joints from their current positions, from rest to rest."""
         if self.player is not None:
             self.player.pause()
         if not seconds:
@@ -224,7 +224,7 @@ class FileWorld:
 
 
 def standing_base(robot: Description, positions: Mapping[str, float]) -> np.ndarray:
-    """Place the base upright above the map's origin, so that the robot stands.
+    """Compute an upright base pose above the map's origin on which the robot stands.
 
     Args:
         robot: The robot.

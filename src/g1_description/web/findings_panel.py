@@ -1,4 +1,4 @@
-"""What checks found of motions: in a line, along the time, one by one."""
+"""Findings of motions: a summary, bars along the time line, and buttons."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ if TYPE_CHECKING:
 
 
 SPECIAL = frozenset("\\`*_{}[]()#+-.!|<>&~$:/@")
-"""Characters that mean something; ``:`` and the like make links of addresses."""
+"""Special characters of Markdown; ``:`` and others make links of addresses."""
 
 
 def plain(text: str) -> str:
-    """Write a text so that it is read as it is, in one line."""
+    """Escape a text for Markdown, in one line."""
     line = " ".join(text.split())
     return "".join(f"\\{c}" if c in SPECIAL else c for c in line)
 
 
 MAX_BUTTONS = 25
-"""Findings of one motion that have a button; the worst come first."""
+"""Largest number of findings with a button; the worst come first."""
 
 COLORS = {FAILED: "#d64541", "warning": "#f0932b"}
 
 LEAST_WIDTH = 0.6
-"""Of a stretch of time that is shown, in percent of the motion."""
+"""Least width of a bar, in percent of the motion."""
 
 
 class FindingList:
@@ -39,20 +39,20 @@ class FindingList:
     def __init__(
         self, gui: GuiApi, ui: UiLoop, jump: Callable[[float], object], read_only: bool
     ) -> None:
-        """Begin hidden.
+        """Create a hidden list.
 
         Args:
             gui: Where to.
             ui: Does what a person wants.
             jump: Shows a time in [s].
-            read_only: Whether there is nothing to click.
+            read_only: Whether to show text instead of buttons.
         """
         self._gui, self._ui, self._jump = gui, ui, jump
         self._read_only = read_only
         self._buttons: list[GuiButtonHandle] = []
         self._folder = gui.add_folder("Findings", visible=False)
         with self._folder:
-            # These stay: a browser complains of texts that go while they come.
+            # Kept: removing them during their creation is an error in the browser.
             self._summary = gui.add_markdown("")
             self._strips = gui.add_html("")
 
@@ -61,25 +61,25 @@ class FindingList:
         self._clear()
         self._folder.label = f"Findings: {name}"
         self._folder.visible = True
-        self._summary.content = "*Being checked ...*"
+        self._summary.content = "*Checking ...*"
 
     def fail(self) -> None:
         """Show that a motion could not be checked."""
-        self._summary.content = "*Could not be checked.*"
+        self._summary.content = "*The check failed.*"
 
     def _clear(self) -> None:
-        """Show nothing of the last motion."""
+        """Remove the findings of the last motion."""
         for button in self._buttons:
             button.remove()
         self._buttons = []
         self._strips.content = ""
 
     def show(self, verdict: Verdict, span: tuple[float, float]) -> None:
-        """Show what was found.
+        """Show findings.
 
         Args:
-            verdict: On the motion.
-            span: Where the time line begins and ends, in [s].
+            verdict: The verdict on the motion.
+            span: Start and end of the time line, in [s].
         """
         self._clear()
         more = len(verdict.findings) - MAX_BUTTONS
@@ -106,19 +106,19 @@ class FindingList:
 
 
 def title(finding: Finding) -> str:
-    """Return a finding in a few words, with the time at which it is worst."""
+    """Format a finding in a few words, with the time of its worst size."""
     subject = " - ".join(short_name(name) for name in finding.subject)
     what = finding.check.replace("_", " ")
     return f"{shown_time(finding.worst_time)}  {what} {subject}".strip()
 
 
 def shown_time(time: float) -> str:
-    """Return a time in [s] as it is read."""
+    """Format a time in [s]."""
     return f"{time:.2f} s"
 
 
 def summary(verdict: Verdict) -> str:
-    """Return a verdict in a line of markdown, and what was not judged."""
+    """Format a verdict in Markdown, with the skipped checks."""
     failures = sum(finding.severity == FAILED for finding in verdict.findings)
     warnings = len(verdict.findings) - failures
     counts = [
@@ -130,16 +130,16 @@ def summary(verdict: Verdict) -> str:
     if verdict.nothing_made:
         lines = [verdict.nothing_made]
     elif verdict.skipped:
-        lines.append(f"*Not judged: {', '.join(verdict.skipped)}.*")
+        lines.append(f"*Not checked: {', '.join(verdict.skipped)}.*")
     return "  \n".join(lines)
 
 
 def strips(findings: tuple[Finding, ...], span: tuple[float, float]) -> str:
-    """Draw when findings are, one below the other, as wide as the time line.
+    """Draw the times of findings as bars, as wide as the time line.
 
     Args:
         findings: The findings.
-        span: Where the time line begins and ends, in [s].
+        span: Start and end of the time line, in [s].
 
     Returns:
         HTML.

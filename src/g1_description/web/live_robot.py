@@ -1,10 +1,8 @@
-"""A robot behind the topics of a bridge, as a page shows and moves it.
+"""A robot of a bridge, as shown and moved by a page.
 
-Subscribes, while somebody looks: robot_state, or joint_states and TF where nobody
-    publishes that, as ros.robot_states.RobotStates does
-Publishes: joint_commands (sensor_msgs/JointState), base_command
-    (geometry_msgs/PoseStamped)
-Calls: play_motion (g1_description/PlayMotion)
+Subscribes, while the page is open: robot_state, or else joint_states and TF, as
+ros.robot_states.RobotStates Publishes: joint_commands (sensor_msgs/JointState),
+base_command (geometry_msgs/PoseStamped) Calls: play_motion (g1_description/PlayMotion)
 """
 
 from __future__ import annotations
@@ -31,11 +29,10 @@ from g1_description.ros.robot_states import RobotStates
 from g1_description.srv import PlayMotion
 
 PERIOD = 0.01
-"""How long messages may gather before they are read, in [s]: a page shows them late by
-so much."""
+"""Polling period of messages, in [s], which adds to the latency."""
 
 QUEUE_SIZE = 10
-"""Commands kept for a slow bridge."""
+"""Queue size of commands."""
 
 
 class LiveRobot:
@@ -71,10 +68,10 @@ class LiveRobot:
         )
         service = topic_of(parameters, "play_motion")
         self.motions = MotionClient(rospy.ServiceProxy(service, PlayMotion))
-        """What lets it go through motions."""
+        """Client of the service that plays motions."""
 
     def watch(self, log: ThrottledLog) -> None:
-        """Begin to listen."""
+        """Subscribe."""
         states = RobotStates(
             self._map,
             self._base_frame,
@@ -87,7 +84,7 @@ class LiveRobot:
             self._states = states
 
     def ignore(self) -> None:
-        """Stop to listen; the last state stays until there is another."""
+        """Unsubscribe; the last state is kept."""
         with self._lock:
             states, self._states = self._states, None
         if states is not None:
@@ -95,17 +92,17 @@ class LiveRobot:
 
     @property
     def now_ns(self) -> int:
-        """Time of its newest state, in [ns], also while nobody looks; 0: none yet."""
+        """Time of the newest state, in [ns]; 0: none yet."""
         with self._lock:
             if self._states is not None:
                 self._stamp = self._states.stamp or self._stamp
             return self._stamp
 
     def look_after_time(self) -> None:
-        """Do nothing: the page shows what keeps time from going on."""
+        """Do nothing: the page shows whether time is paused."""
 
     def state(self) -> RobotState | None:
-        """Return the newest state that can be read, of the robot's own joints."""
+        """Return the newest valid state, with the robot's joints only."""
         with self._lock:
             try:
                 state = None if self._states is None else self._states.newest()
@@ -116,7 +113,7 @@ class LiveRobot:
             return self._newest
 
     def _own(self, state: RobotState) -> RobotState:
-        """Ignore joints that are not the robot's, or not finite."""
+        """Remove unknown joints, and positions that are not finite."""
         rows = [
             row
             for row, name in enumerate(state.names)
@@ -135,14 +132,14 @@ class LiveRobot:
         )
 
     def command(self, positions: Mapping[str, float]) -> None:
-        """Set joints."""
+        """Command positions of joints."""
         message = JointState(name=list(positions), position=list(positions.values()))
         message.header.stamp = rospy.Time.now()
         with quiet_when_closing():
             self._joint_commands.publish(message)
 
     def command_base(self, pose: np.ndarray) -> None:
-        """Put the base somewhere."""
+        """Command the pose of the base."""
         message = PoseStamped(pose=pose_from_array(pose))
         message.header.frame_id = self._map
         with quiet_when_closing():

@@ -1,4 +1,4 @@
-"""The simulator, as a page shows and steers it.
+"""The simulator, as shown and controlled by a page.
 
 Calls, below the simulator's name: get_physics_properties
     (gazebo_msgs/GetPhysicsProperties), pause_physics, unpause_physics, reset_world
@@ -20,17 +20,18 @@ from g1_description.ros.master import SLAVE_API_ERRORS
 from g1_description.srv import SetRealTimeFactor, Step
 
 PERIOD = 1.0
-"""Time between two questions, in [s]."""
+"""Polling period, in [s]."""
 
 SILENCE = 5.0
-"""A simulator that has not answered for so long is told to be silent, in [s]."""
+"""Time without an answer after which the simulator is shown as not responding, in
+[s]."""
 
 TIMEOUT = 10.0
 """Longest wait for a service, in [s]: machines may be busy."""
 
 
 class LiveSimulator:
-    """A simulator that answers as Gazebo does."""
+    """A simulator with Gazebo's services."""
 
     def __init__(self, gazebo: str) -> None:
         self._name = "/" + gazebo.strip("/")
@@ -46,15 +47,15 @@ class LiveSimulator:
         threading.Thread(target=self._ask_forever, daemon=True).start()
 
     def watch(self, is_watched: bool) -> None:
-        """Begin to ask, or stop."""
+        """Start or stop polling."""
         if is_watched:
             self._watched.set()
         else:
             self._watched.clear()
 
     def _ask_forever(self) -> None:
-        """Ask how it is, again and again."""
-        # A connection of its own: an answer may be long in coming.
+        """Poll the simulator."""
+        # A separate connection: an answer may take long.
         properties = rospy.ServiceProxy(
             f"{self._name}/get_physics_properties", GetPhysicsProperties
         )
@@ -70,7 +71,7 @@ class LiveSimulator:
             time.sleep(PERIOD)
 
     def _measure(self) -> None:
-        """Find how fast simulated time runs."""
+        """Measure the real-time factor."""
         now = time.monotonic(), rospy.get_time()
         if self._clock is not None and now[0] > self._clock[0]:
             passed = now[1] - self._clock[1]
@@ -78,7 +79,7 @@ class LiveSimulator:
         self._clock = now
 
     def status(self) -> str:
-        """Describe physics, time and speed in a line."""
+        """Format physics, time and speed in a line."""
         if self._paused is None or time.monotonic() > self._answered + SILENCE:
             return f"*{self._name} does not answer.*"
         parts = [self._physics and f"**{self._physics}**", f"{rospy.get_time():.1f} s"]
@@ -90,21 +91,21 @@ class LiveSimulator:
 
     @property
     def is_paused(self) -> bool:
-        """Whether simulated time stands still."""
+        """Whether simulated time is paused."""
         return bool(self._paused)
 
     def pause(self) -> None:
-        """Let simulated time stand still."""
+        """Pause simulated time."""
         self._call("pause_physics", Empty)
         self._paused = True
 
     def go_on(self) -> None:
-        """Let simulated time run."""
+        """Resume simulated time."""
         self._call("unpause_physics", Empty)
         self._paused = False
 
     def step(self, steps: int) -> None:
-        """Run so many steps while time stands still."""
+        """Run a number of steps while time is paused."""
         self._call("step", Step, steps=steps)
 
     def set_speed(self, factor: float) -> None:
@@ -112,14 +113,14 @@ class LiveSimulator:
         self._call("set_real_time_factor", SetRealTimeFactor, real_time_factor=factor)
 
     def reset(self) -> None:
-        """Put all robots back to where they began."""
+        """Reset the world."""
         self._call("reset_world", Empty)
 
     def _call(self, service: str, kind: type, **fields) -> None:
         """Call a service.
 
         Raises:
-            G1DescriptionError: If that is refused or nobody answers.
+            G1DescriptionError: If it fails or is not answered.
         """
         connection = self._connection
         with self._lock:

@@ -1,4 +1,4 @@
-"""Motions of files: a time line, and what checks found along it."""
+"""Motions from files: opening, time line, and checks."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class Scrub:
-    """Shows the newest of many times, one after the other."""
+    """Shows the newest requested time; older requests are dropped."""
 
     def __init__(self, ui: UiLoop) -> None:
         self._ui = ui
@@ -57,19 +57,19 @@ class Scrub:
 
 
 STEP = 0.001
-"""Of the time line, in [s]."""
+"""Step of the time line, in [s]."""
 
 PERIOD = 0.1
-"""Time between two moves of the time line by itself, in [s]."""
+"""Period of updates of the time line, in [s]."""
 
 HELD = 0.4
-"""How long the time line stays where a person has put it, in [s]."""
+"""Time for which an edited time line is not updated, in [s]."""
 
 REST = 1.0
-"""Time between the end of a motion and its next beginning, in [s]."""
+"""Pause before a motion is repeated, in [s]."""
 
 RATE = 30.0
-"""Samples per second of files without times, where nobody chooses another."""
+"""Default rate of files without times, in [Hz]."""
 
 SPEEDS = ("0.1", "0.25", "0.5", "1", "1.5", "2", "4")
 
@@ -101,7 +101,7 @@ class MotionPanel:
             ui: Does what a person wants.
             world: The robots.
             checks: Checks motions.
-            read_only: Whether motions play by themselves, again and again.
+            read_only: Whether motions are played in a loop, without controls.
         """
         self._gui, self._ui, self._world, self._checks = gui, ui, world, checks
         self._read_only = read_only
@@ -109,19 +109,19 @@ class MotionPanel:
         self.motions: dict[ShownRobot, Motion] = {}
         self._titles: dict[ShownRobot, str] = {}
         self.opened: Callable[[], object] = lambda: None
-        """Called when there is another motion."""
+        """Called when a motion is opened."""
         self._scrub = Scrub(ui)
         self._guard = EditGuard(HELD)
         self._looked = 0.0
         self._again = math.inf
-        """When the motion begins again by itself, on the monotonic clock, in [s]."""
+        """Time of the next repetition on the monotonic clock, in [s]."""
         self._add()
         self._findings = {
             robot: FindingList(gui, ui, self._jump, read_only) for robot in world.robots
         }
 
     def _add(self) -> None:
-        """Add what a person uses."""
+        """Add the elements."""
         gui, names = self._gui, [robot.name for robot in self._world.robots]
         can_open = not self._read_only and self._world.can_move
         if can_open:
@@ -134,10 +134,10 @@ class MotionPanel:
             RATE,
             min=0.001,
             max=1e6,
-            hint="of the next file, if it has no times",
+            hint="for files without times",
             visible=can_open,
         )
-        self._title = gui.add_markdown("*No motion yet.*" if can_open else "")
+        self._title = gui.add_markdown("*No motion is open.*" if can_open else "")
         self._line = gui.add_slider(
             "Time", 0.0, 1.0, STEP, 0.0, visible=False, disabled=self._read_only
         )
@@ -158,24 +158,27 @@ class MotionPanel:
     # --- opening ---
 
     def read(self, name: str, path: Path) -> str:
-        """Read a file and open it; called by a thread of its own.
+        """Read and open a file; called in a separate thread.
 
         Args:
-            name: What a person calls the file.
-            path: Where it is.
+            name: The user's name of the file.
+            path: Its temporary path.
 
         Returns:
-            A sentence on what it is.
+            A message on the motion.
 
         Raises:
-            G1DescriptionError: If it holds no motion of the chosen robot.
+            G1DescriptionError: If it is not a motion of the selected robot.
         """
         robot = self._chosen
         rate = float(self._rate.value)
         if not 0.0 < rate < math.inf:
-            raise InvalidValueError(f"{rate:g} is no number of samples per second.")
+            raise InvalidValueError(
+                f"Samples per second must be greater than 0 (got {rate:g})."
+            )
         try:
-            # The usual rate goes without saying: a file that has times says no more.
+            # None for the default rate, else files with times would note that it is
+            # ignored.
             motion = self._world.read(path, robot, None if rate == RATE else rate)
         except MotionError as error:
             text = str(error).replace(str(path), name).replace(path.name, name)
@@ -185,7 +188,7 @@ class MotionPanel:
         return f"{name}: {times[-1] - times[0]:.2f} s, {len(times)} samples."
 
     def open(self, name: str, robot: ShownRobot, motion: Motion) -> None:
-        """Let a robot have a motion, and show its time line."""
+        """Set the motion of a robot, and show its time line."""
         self.motions[robot] = motion
         player = self.player = self._world.open(robot, motion)
         span = player.end - player.begin
@@ -208,14 +211,14 @@ class MotionPanel:
             self._start(player.begin)
 
     def _checked(self, robot: ShownRobot, motion: Motion, verdict: Verdict) -> None:
-        """Show what was found, unless another motion was opened meanwhile."""
+        """Show findings, unless another motion was opened meanwhile."""
         if self.motions.get(robot) is motion and self.player is not None:
             span = self.player.begin, self.player.end
             self._findings[robot].show(verdict, span)
 
     @property
     def _chosen(self) -> ShownRobot:
-        """The robot that shall have the next motion."""
+        """The robot of the next motion."""
         robots = {robot.name: robot for robot in self._world.robots}
         return robots[self._robot.value]
 
@@ -223,11 +226,11 @@ class MotionPanel:
 
     @property
     def _factor(self) -> float:
-        """Seconds of the motion in a second."""
+        """The selected speed."""
         return float(self._speed.value)
 
     def _start(self, begin: float) -> None:
-        """Play from a time on; from the first sample if that is the end."""
+        """Play from a time; at the end, from the first sample."""
         player = self._player
         begin = player.begin if begin >= player.end else begin
         speed, self._again = self._factor, math.inf
@@ -236,30 +239,30 @@ class MotionPanel:
     @property
     def _player(self) -> Player:
         if self.player is None:
-            raise InvalidValueError("There is no motion yet: open a file first.")
+            raise InvalidValueError("No motion is open: open a file first.")
         return self.player
 
     def _toggle(self) -> None:
         """Play, or pause."""
         player = self._player
-        if self._play.label == "Pause":  # what was seen when it was pressed
+        if self._play.label == "Pause":  # the label when it was pressed
             self._ui.wait_for(player.pause)
         else:
             self._start(player.time)
 
     def _change_speed(self) -> None:
-        """Go on at another speed."""
+        """Continue at another speed."""
         if self._player.is_running:
             self._start(self._player.time)
 
     def _moved(self) -> None:
-        """Show the time that a person has chosen."""
+        """Show the selected time."""
         to = float(self._line.value)
         if math.isfinite(to):
             self._jump(to)
 
     def _step(self) -> None:
-        """Show the first or last sample, or one beside the present one."""
+        """Show the first, last, previous or next sample."""
         player, wanted = self._player, self._steps.value
         times = sorted(
             {t for m in self.motions.values() for t in m.trajectory.times.tolist()}
@@ -279,7 +282,7 @@ class MotionPanel:
         self._scrub.to(player, to)
 
     def follow(self) -> None:
-        """Move the time line along, and begin again where that is wanted."""
+        """Update the time line, and repeat the motion if selected."""
         now, player = time.monotonic(), self.player
         if player is None or now < self._looked + PERIOD:
             return
@@ -300,7 +303,7 @@ class MotionPanel:
 
 
 def _title(name: str, motion: Motion) -> str:
-    """Say what a motion is, in markdown."""
+    """Describe a motion in Markdown."""
     times = motion.trajectory.times
     notes = "".join(f"\n- {plain(note)}" for note in motion.notes)
     lasts = f"{times[-1] - times[0]:.2f} s, {len(times)} samples"

@@ -32,7 +32,7 @@ from g1_description.web.show import Show, tell_address
 
 
 class LiveWorld:
-    """All that a page shows of what runs."""
+    """The running robots and simulator."""
 
     def __init__(
         self,
@@ -51,10 +51,10 @@ class LiveWorld:
     can_arrange = False
 
     def arrange(self, beside: bool) -> None:
-        """Do nothing: robots are where they are."""
+        """Do nothing: robots are shown at their positions."""
 
     def watch(self, is_watched: bool) -> None:
-        """Begin to listen, or stop: nobody looks."""
+        """Subscribe while the page is open."""
         if self.simulator is not None:
             self.simulator.watch(is_watched)
         for robot in self.robots:
@@ -64,21 +64,21 @@ class LiveWorld:
                 robot.ignore()
 
     def tick(self) -> None:
-        """Do nothing: what moves says so."""
+        """Do nothing: messages set ``changed``."""
 
     def read(self, path: Path, robot: LiveRobot, rate: float | None) -> Motion:
         """Read a motion from a file of any format."""
         return read_motion(path, robot.description, rate)
 
     def open(self, robot: LiveRobot, motion: Motion) -> LivePlayer:
-        """Let a robot have a motion; it does not move yet."""
+        """Set the motion of a robot; it does not move yet."""
         self._players[robot] = LivePlayer(robot, motion)
         return self._players[robot]
 
     def move(
         self, robot: LiveRobot, positions: Mapping[str, float], seconds: float
     ) -> None:
-        """Move joints from where they are, beginning and ending at rest."""
+        """Move joints from their current positions, from rest to rest."""
         state = robot.state()
         if robot in self._players:
             self._players[robot].give_way()
@@ -88,7 +88,7 @@ class LiveWorld:
         missing = [n for n in positions if state is None or n not in state.names]
         if missing:
             raise MotionError(
-                f"No state of {missing[0]} has come yet: it cannot be moved smoothly."
+                f"Cannot move smoothly: no state of {missing[0]} has been received yet."
             )
         now = state.positions_by_name
         begin = np.array([now[name] for name in positions])
@@ -103,11 +103,11 @@ class LivePlayer(Session):
         super().__init__(robot, motion.trajectory, 1.0, rospy.loginfo)
 
     def give_way(self) -> None:
-        """Count as paused: something else moves the robot."""
+        """Become paused, as another command moves the robot."""
         self._time, self.is_running = self.time, False
 
     def play(self, begin: float, speed: float) -> None:
-        """Play from a time on, in [s], at so many seconds of it in a second."""
+        """Play from a time, in [s], at a speed relative to simulated time."""
         self.speed = speed
         self.start(begin)
 
@@ -116,7 +116,7 @@ def make_show(parameters: WebParameters) -> Show:
     """Wait for the robots, and open the page.
 
     Raises:
-        G1DescriptionError: If the page cannot be opened, or there is no such robot.
+        G1DescriptionError: If the page cannot be opened, or a robot is invalid.
         ROSInterruptException: If the node is shut down.
     """
     changed = threading.Event()
@@ -143,7 +143,7 @@ def main() -> None:
     except G1DescriptionError as error:
         rospy.logfatal("%s", error)
         sys.exit(1)
-    except rospy.ROSInterruptException:  # before the robots were there
+    except rospy.ROSInterruptException:  # while waiting for the robots
         return
     at_shutdown(show.stop)
     stay_registered()

@@ -1,4 +1,4 @@
-"""The rules of all checks, a module per family; each check is listed here once."""
+"""The rules of all checks, a module per family."""
 
 from __future__ import annotations
 

@@ -54,5 +54,5 @@ ZERO_MOMENT_POINT = Rule(
     find=_zero_moment_point,
     needs=("ground", "balance"),
     requires="base",
-    is_live=False,  # at rest it is below the centre of mass
+    is_live=False,  # equal to the centre of mass at rest
 )

@@ -16,23 +16,22 @@ from g1_description.checks.verdict import Finding
 from g1_description.robot.dynamics import GRAVITY
 
 FREE_FALL = 0.5
-"""A robot in the air that accelerates downwards by more than this fraction of gravity
-falls; with less it floats."""
+"""A robot in the air with less downward acceleration than this fraction of gravity
+floats."""
 
 SHORTEST_FLIGHT = 0.1
-"""A robot in the air for a shorter time is not checked, in [s]: its acceleration cannot
-be told from noise."""
+"""Shorter times in the air are not checked, in [s]: noise hides the acceleration."""
 
 
 def _slides(measured: Measured) -> np.ndarray:
-    """Compute the speeds of links that slide, in [m/s]; else NaN, shape (n, k)."""
+    """Compute the speeds of sliding links in [m/s], NaN for others, shape (n, k)."""
     is_unknown = measured.once(near_jumps).body
     ground = measured.robot.ground
     return ground.sliding(_ground(measured), measured.times, is_unknown)
 
 
 def _ground(measured: Measured) -> GroundFrames:
-    """Return how the robot stands."""
+    """Return the measurements of the ground."""
     assert measured.ground is not None
     return measured.ground
 
@@ -43,7 +42,7 @@ def _penetrations(rule: Rule, measured: Measured) -> Iterator[Finding | None]:
     is_low = frames.in_contact | ~np.isnan(measured.once(_slides))
     for column in np.flatnonzero(is_low.any(axis=0)).tolist():
         link, points = measured.ground_links[column], frames.lowest[:, column]
-        text = f"{link} is {{worst:.4g}} m deep in the floor{{when}}"
+        text = f"{link} penetrates the floor by {{worst:.4g}} m{{when}}"
         sizes = -frames.heights[:, column]
         yield rule.compared(measured, (link,), sizes, text, points=points)
 
@@ -56,7 +55,7 @@ def _skating(rule: Rule, measured: Measured) -> Iterator[Finding | None]:
             measured.ground_links[column],
             _ground(measured).lowest[:, column],
         )
-        text = f"{link} slides on the floor with {{worst:.4g}} m/s{{when}}"
+        text = f"{link} slides on the floor at {{worst:.4g}} m/s{{when}}"
         yield rule.compared(measured, (link,), slides[:, column], text, points=points)
 
 
@@ -78,7 +77,8 @@ def _float_heights(measured: Measured) -> np.ndarray:
     """Compute the height of a robot that is in the air and does not fall.
 
     Returns:
-        Of its lowest point, in [m], shape (n,); NaN where it stands or falls.
+        Height of the lowest point in [m], NaN where the robot stands or falls, shape
+        (n,).
     """
     times, balance = measured.times, measured.balance
     center = measured.base_poses()[:, :3] if balance is None else balance.center
@@ -99,7 +99,7 @@ def _float_heights(measured: Measured) -> np.ndarray:
 
 PENETRATION = Rule(
     name="penetration",
-    about="links in the floor",
+    about="links that penetrate the floor",
     level=Level(0.006, 0.01),
     limit="m, depth in the floor; more than the 5 mm of some retargeters",
     unit="m",

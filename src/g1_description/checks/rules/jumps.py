@@ -14,27 +14,26 @@ from g1_description.checks.thresholds import Level
 from g1_description.checks.verdict import Finding
 
 QUIET_SAMPLES = 3
-"""Samples before and after a jump that say nothing of speeds: differences of third
-order reach this far."""
+"""Samples before and after a jump without usable speeds: third-order differences span
+this many."""
 
 LONGEST_STEP = 0.0501
-"""Samples that are farther apart are way points, between which nothing jumps, in [s]:
-20 Hz is the least rate of recorded motions."""
+"""Samples farther apart than this, in [s], are waypoints, which are never jumps:
+recorded motions have at least 20 Hz."""
 
 
 def _jumps(times: np.ndarray, steps: np.ndarray) -> np.ndarray:
-    """Compute the part of steps that the steps beside them do not explain.
+    """Compute the part of each step that its neighbours do not explain.
 
-    A fast motion is fast before or after, and one that speeds up or slows down is
-    faster on one side; what jumps is faster, or slower, than both. Between way points
-    that are far apart nothing jumps: the motion goes evenly.
+    In a fast or accelerating motion a neighbouring step is about as fast. A jump is
+    faster, or slower, than both neighbours. Steps between waypoints are not jumps.
 
     Args:
         times: Of the samples in [s], rising, shape (n,).
         steps: From each sample to the next, shape (n - 1, k).
 
     Returns:
-        Sizes at the samples that a jump leads to, shape (n, k).
+        Sizes of the jumps, at the sample after each, shape (n, k).
     """
     still = np.zeros((1, steps.shape[1]))
     if len(times) < 3:
@@ -68,21 +67,21 @@ def _base_jumps(measured: Measured) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class NearJumps:
-    """Samples whose rates say nothing, as a joint or the base jumps."""
+    """Samples whose rates are not usable because of a jump nearby."""
 
     joints: np.ndarray
-    """Where the rates of a joint say nothing, shape (n, n_joints)."""
+    """Where the rates of a joint are not usable, shape (n, n_joints)."""
 
     body: np.ndarray
-    """Where the velocities of links say nothing, shape (n,)."""
+    """Where the velocities of links are not usable, shape (n,)."""
 
     is_known: np.ndarray
-    """Where the window of accelerations has no jump and does not reach beyond the
-    motion, shape (n,)."""
+    """Where the window of accelerations contains no jump and lies inside the motion,
+    shape (n,)."""
 
 
 def near_jumps(measured: Measured) -> NearJumps:
-    """Mark the samples near jumps; those that are only warned of hide nothing."""
+    """Mark the samples near jumps that are failures."""
     times, thresholds = measured.times, measured.robot.thresholds
     jumps = [
         measured.once(find) > _failure(rule.level_in(thresholds))
@@ -125,7 +124,7 @@ def _find_joint_jumps(rule: Rule, measured: Measured) -> Iterator[Finding | None
 def _find_base_jumps(rule: Rule, measured: Measured) -> Iterator[Finding | None]:
     """Find jumps and turns of the base."""
     sizes = measured.once(_base_jumps)
-    for size, unit, verb in zip(sizes.T, ("m", "rad"), ("jumps", "turns at once")):
+    for size, unit, verb in zip(sizes.T, ("m", "rad"), ("jumps", "turns abruptly")):
         text = f"the base {verb} by {{worst:.4g}} {unit}{{when}}"
         yield rule.compared(measured, ("base",), size, text, unit)
 
@@ -140,7 +139,7 @@ JUMP = Rule(
 )
 BASE_JUMP = Rule(
     name="base_jump",
-    about="the same of the base",
+    about="a discontinuity of the base between neighbouring samples",
     level=Level(0.05, 0.1),
     limit="m or rad, between two samples",
     find=_find_base_jumps,

@@ -90,20 +90,20 @@ def _fractions(
         rule: The check.
         measured: The motion.
         joints: Movable joints.
-        values: Theirs, shape (n, n_joints); NaN where they are not known.
-        bounds: Their largest magnitudes, shape (n_joints,); infinite where there are
-            none.
+        values: Of the joints, shape (n, n_joints); NaN if unknown.
+        bounds: Largest magnitudes of the values, shape (n_joints,); infinite without a
+            limit.
         words: Units of the values.
     """
-    is_bounded = bounds > 0.0  # URDF exporters write 0 where they know none
+    is_bounded = bounds > 0.0  # URDF exporters write 0 for unknown limits
     sizes = np.abs(values) / np.where(is_bounded, bounds, np.inf)
     for column in rule.columns(measured, sizes):
         if is_bounded[column]:
             name, unit = joints[column].name, words[column]
             largest = np.nanmax(np.abs(values[:, column]))
             text = (
-                f"{name} has {largest:.4g} {unit}{{when}}, where "
-                f"{bounds[column]:.4g} {unit} is its limit"
+                f"{name} reaches {largest:.4g} {unit}{{when}}; its limit is "
+                f"{bounds[column]:.4g} {unit}"
             )
             yield rule.compared(measured, (name,), sizes[:, column], text)
 
@@ -113,9 +113,9 @@ def _derivatives(measured: Measured) -> tuple[np.ndarray, np.ndarray]:
 
     Returns:
         In [rad/s^2] and [rad/s^3], or [m/s^2] and [m/s^3], shape (n, n_joints) each:
-        of the cubic polynomials between samples where the motion has velocities, the
-        larger acceleration of both sides; else differences of neighbouring samples. NaN
-        at the ends, where neighbours are missing.
+        those of the cubic polynomials between samples if the motion has velocities,
+        with the larger acceleration of both sides; else differences of neighbouring
+        samples. NaN at the ends, where neighbours are missing.
     """
     trajectory = measured.trajectory
     times, positions = trajectory.times, trajectory.positions
@@ -137,13 +137,13 @@ def _derivatives(measured: Measured) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _no_bounds(robot: CheckedRobot, trajectory: Trajectory, name: str) -> str:
-    """Say that no joint of a motion has a bound; empty if one has."""
+    """Return a reason if no joint of a motion has a bound; else empty."""
     bounds = getattr(robot.thresholds, name).of(trajectory.joint_names)
-    return "" if np.isfinite(bounds).any() else "no bounds are given"
+    return "" if np.isfinite(bounds).any() else "no bounds are set"
 
 
 def check_bounds(thresholds: Thresholds, description: Description) -> None:
-    """Check that bounds are of joints that a robot has.
+    """Check that bounds refer to joints of a robot.
 
     Raises:
         ThresholdError: If it has no such joint.
@@ -153,21 +153,21 @@ def check_bounds(thresholds: Thresholds, description: Description) -> None:
         for joint in getattr(thresholds, name).joints:
             if joint not in own:
                 raise ThresholdError(
-                    f"{name} names {joint}; {description.name} has "
+                    f"{name}: {description.name} has no joint '{joint}'. Its joints: "
                     f"{listed(similar_first(joint, own))}."
                 )
 
 
 def zero_limits(description: Description) -> tuple[str, ...]:
-    """Report limits of zero, which exporters write where they know none."""
+    """Report limits of zero, which exporters write for unknown limits."""
     notes = []
     for what in ("velocity", "effort"):
         joints = description.movable_joints
         names = [joint.name for joint in joints if getattr(joint, what) == 0.0]
         if names:
             notes.append(
-                f"{description.name} limits the {what} of {listed(names)} to 0: it is "
-                "not checked."
+                f"The {what} limit of {listed(names)} in {description.name} is 0: the "
+                f"{what} is not checked."
             )
     return tuple(notes)
 
@@ -190,7 +190,7 @@ VELOCITY = Rule(
 )
 ACCELERATION = Rule(
     name="acceleration",
-    about="joints whose acceleration exceeds a bound of the file of thresholds",
+    about="joints whose acceleration exceeds a bound in the file of thresholds",
     level=Level(None, 1.0),
     limit="fraction of acceleration_bounds",
     unit="of the limit",
@@ -201,7 +201,7 @@ ACCELERATION = Rule(
 )
 JERK = Rule(
     name="jerk",
-    about="the same of jerk",
+    about="joints whose jerk exceeds a bound in the file of thresholds",
     level=Level(None, 1.0),
     limit="fraction of jerk_bounds",
     unit="of the limit",

@@ -1,4 +1,4 @@
-"""A motion in physics: tracking errors, motors at their limits, and falls."""
+"""Simulated motions: tracking errors, saturated motors, and falls."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from g1_description.checks.verdict import Finding
 from g1_description.sim.rollout import Rollout
 
 AT_LIMIT = 0.999
-"""Fraction of its limit from which on an effort is shown as one at its limit."""
+"""Fraction of its limit at which an effort is shown as saturated."""
 
 
 def _played(measured: Measured) -> Rollout:
-    """Return what happened in physics."""
+    """Return the simulated motion."""
     assert measured.played is not None
     return measured.played
 
 
 def _tracking(rule: Rule, measured: Measured) -> Iterator[Finding]:
-    """Find joints that are far from where they should be."""
+    """Find joints with large tracking errors."""
     played = _played(measured)
     report, rows = played.report, _rows(played)
     kinds = {joint.name: units(joint)[0] for joint in measured.robot.joints}
@@ -48,17 +48,17 @@ def _tracking(rule: Rule, measured: Measured) -> Iterator[Finding]:
             time,
             time_share(played.times[rows], errors > bound),
             when,
-            f"{name} is {worst:.4g} {unit} from where it should be at {time:.3f} s",
+            f"{name} is {worst:.4g} {unit} off its desired position at {time:.3f} s",
         )
 
 
 def _saturation(rule: Rule, measured: Measured) -> Iterator[Finding]:
-    """Find motors that give all they can."""
+    """Find saturated motors."""
     played = _played(measured)
     report, rows = played.report, _rows(played)
     for number, name in enumerate(report.joint_names):
-        share = float(report.limit_shares[number])
-        severity, bound = rule.severity(measured.robot.thresholds, share)
+        fraction = float(report.limit_shares[number])
+        severity, bound = rule.severity(measured.robot.thresholds, fraction)
         if not severity:
             continue
         first = float(report.first_limit_times[number])
@@ -69,14 +69,14 @@ def _saturation(rule: Rule, measured: Measured) -> Iterator[Finding]:
             rule.name,
             severity,
             (name,),
-            share,
+            fraction,
             bound,
             rule.unit,
             first,
             first,
-            share,
+            fraction,
             intervals(played.times[rows], is_full) or ((first, first),),
-            f"the motor of {name} is at its limit in {100.0 * share:.3g} % of the time",
+            f"the motor of {name} is saturated {100.0 * fraction:.3g} % of the time",
         )
 
 
@@ -123,7 +123,7 @@ def physics_figures(played: Rollout) -> dict[str, float]:
 
 
 def physics_summary(measured: Measured) -> str:
-    """Say in a sentence what happened."""
+    """Describe the simulated motion in a sentence."""
     played, outcome = _played(measured), "the robot does not fall"
     if played.fell_at is not None:
         outcome = f"the robot falls at {played.fell_at:.3f} s"
@@ -131,12 +131,12 @@ def physics_summary(measured: Measured) -> str:
         outcome = "the base is fixed"
     report, names = played.report, played.report.joint_names
     if not names:
-        return f"In physics {outcome}."
+        return f"In simulation {outcome}."
     kinds = {joint.name: units(joint)[0] for joint in measured.robot.joints}
     figures = physics_figures(played)
     unit = " or ".join(dict.fromkeys(kinds[name] for name in names))
     return (
-        f"In physics {outcome}; tracking error of {len(names)} joint"
+        f"In simulation {outcome}; tracking error of {len(names)} joint"
         f"{'s' if len(names) > 1 else ''}: rms "
         f"{figures['rms_tracking_error']:.4f} {unit}, largest "
         f"{figures['largest_tracking_error']:.4f} {unit} "
@@ -146,7 +146,7 @@ def physics_summary(measured: Measured) -> str:
 
 TRACKING = Rule(
     name="tracking",
-    about="joints far from where they should be in [physics](#what-physics-says)",
+    about="joints far from their desired positions in [simulation](#what-physics-says)",
     level=Level(0.2, None),
     limit="rad or m, of a joint; with --physics",
     find=_tracking,
@@ -155,7 +155,7 @@ TRACKING = Rule(
 )
 SATURATION = Rule(
     name="saturation",
-    about="motors that give all they can",
+    about="saturated motors",
     level=Level(0.1, None),
     limit="fraction of the time at the motor's limit; with --physics",
     unit="of the time",

@@ -25,7 +25,7 @@ def per_pair(
     Yields:
         Names of both links; distances in [m], negative where they overlap, shape (n,);
         nearest or deepest points of both links in the map, in [m], shape (n, 2, 3). NaN
-        where there is no contact.
+        without a contact.
     """
     n_samples = len(measured.times)
     for pair in np.unique(contacts.pair).tolist():
@@ -46,7 +46,7 @@ def _measure(robot: CheckedRobot, link_poses: np.ndarray) -> Contacts:
 def _find(rule: Rule, measured: Measured) -> Iterator[Finding | None]:
     """Find links that overlap."""
     for pair, distances, points in per_pair(measured, measured.own[rule.name]):
-        text = f"{pair[0]} is {{worst:.4g}} m deep in {pair[1]}{{when}}"
+        text = f"{pair[0]} penetrates {pair[1]} by {{worst:.4g}} m{{when}}"
         yield rule.compared(measured, pair, -distances, text, points=points)
 
 

@@ -1,7 +1,7 @@
 """Rosbags, read by the library rosbags, which needs no ROS.
 
-A bag brings definitions of its messages. They are not used: md5 sums identify the
-messages, which are read by definitions of ours, so nothing in a bag becomes code.
+The message definitions in a bag are not used: messages are identified by md5 sum and
+read with own definitions, so nothing in a bag becomes code.
 """
 
 from __future__ import annotations
@@ -36,18 +36,19 @@ MAX_MESSAGES = 250_000
 """Most messages on the topics that are read."""
 
 MAX_CHUNK = 100_000_000
-"""Most bytes of a compressed chunk that are unpacked: rosbag makes chunks of 0.8 MB."""
+"""Largest size of a decompressed chunk in bytes: rosbag writes 0.8 MB."""
 
 BASE_FRAME = "base_link"
 
 PARENTS = ("map", "world", "odom")
-"""Frames that a base is in, the best one first."""
+"""Parent frames of a base, by preference."""
 
 USUAL = ("joint_states", "motion", "joint_trajectory", "joint_commands")
-"""Names of topics with a robot's joints, the first one counts."""
+"""Usual names of topics with joints, by preference."""
 
 LATE = 100_000_000
-"""Time without a base that is reported, in [ns]: the bridge sends it each 0.05 s."""
+"""Time without a base that is reported, in [ns]: the bridge publishes it every 0.05
+s."""
 
 _STAMP = "uint32 seq\nuint32 secs\nuint32 nsecs\n"
 _DURATION = "int32 secs\nint32 nsecs\n"
@@ -69,8 +70,8 @@ DEFINITIONS = {
     "TFMessage": "Edge[] edges",
     "Odometry": "Edge edge\nfloat64[78] covariances_and_twist",
 }
-"""Messages with the bytes of ROS' and as few fields as these allow: to read ten minutes
-of TF takes 2 s so, and 13 s with ROS' own definitions."""
+"""Definitions that match the bytes of ROS' messages with few fields: reading ten
+minutes of TF takes 2 s instead of 13 s."""
 
 MD5_SUMS = {
     "3066dcd76a6cfaef579bd0f34173e9fd": "JointState",
@@ -79,11 +80,11 @@ MD5_SUMS = {
     "65b4f94a94d1ed67169da35a02f33d3f": "JointTrajectory",
     "dfa9556423d709a3729bcef664bddf67": "RobotTrajectory",
 }
-"""Messages by the md5 sums of ROS' definitions: moveit_msgs, tf and this package have
-names of their own for some."""
+"""Message types by md5 sum: some exist under several names, as in moveit_msgs, tf and
+this package."""
 
 JOINTS = ("JointState", "JointTrajectory", "RobotTrajectory")
-"""Messages with joints."""
+"""Message types with joints."""
 
 
 def recognise(source: MotionSource) -> bool:
@@ -95,20 +96,20 @@ def read(source: MotionSource, robot: Description) -> Motion:
     """Read a motion: joints, and the base on TF or in an odometry.
 
     Raises:
-        MotionError: If the bag is damaged, or has no motion on the topic.
+        MotionError: If the bag is damaged or has no motion on the topic.
     """
     try:
         with _opened(source) as bag:
             return _motion(bag, robot, source.topic)
     except MotionError:
         raise
-    # Whatever a damaged bag makes rosbags and the libraries of compression raise.
+    # Any error of rosbags or a decompressor on a damaged bag.
     except Exception as error:
         raise MotionError(f"The bag cannot be read: {cause(error)}.") from error
 
 
 def _opened(source: MotionSource) -> Reader:
-    """Open a bag with a reader that unpacks no chunk without bound."""
+    """Open a bag with a limit on decompressed chunks."""
     # Not at the top: it takes 0.05 s, and few programs read bags.
     import lz4.frame
     from rosbags.rosbag1 import Reader
@@ -119,7 +120,7 @@ def _opened(source: MotionSource) -> Reader:
     }
 
     class BoundedReader(Reader):
-        """Unpacks ``MAX_CHUNK`` bytes of a chunk at most, and each chunk once."""
+        """Decompresses each chunk once, and at most ``MAX_CHUNK`` bytes of it."""
 
         def messages(self, connections: Any = (), *_: Any) -> Any:
             # In the order of the file: recorded times go back at a reset, and by them
@@ -159,12 +160,12 @@ def _typestore() -> Typestore:
 
 
 def _kind(connection: Connection) -> str:
-    """Name a connection's messages as ``DEFINITIONS`` does; others are empty."""
+    """Return the type of messages in ``DEFINITIONS``, or an empty string."""
     return MD5_SUMS.get(connection.digest, "")
 
 
 def _topics(bag: Reader, *kinds: str) -> dict[str, list[Connection]]:
-    """Find the topics that have messages of some kinds, each with one kind."""
+    """Find the topics with messages of some types."""
     found: dict[str, list[Connection]] = {}
     for connection in bag.connections:
         if connection.msgcount and _kind(connection) in kinds:
@@ -177,25 +178,25 @@ def _topics(bag: Reader, *kinds: str) -> dict[str, list[Connection]]:
 def _messages(
     bag: Reader, connections: Collection[Connection]
 ) -> Iterator[tuple[int, Any]]:
-    """Read messages, and when they were recorded, in [ns]."""
+    """Yield times of recording in [ns], and messages."""
     if not connections:
         return
     if sum(connection.msgcount for connection in connections) > MAX_MESSAGES:
         raise MotionError(
-            f"The bag has more than {MAX_MESSAGES} messages where the motion may be: "
-            "'rosbag filter' makes a bag of the motion's topics alone."
+            f"The bag has more than {MAX_MESSAGES} messages on the relevant topics. "
+            "Reduce it with 'rosbag filter'."
         )
     store = _typestore()
     for connection, time, data in bag.messages(connections):
         try:
             yield time, store.deserialize_ros1(data, f"g1/msg/{_kind(connection)}")
-        except Exception as error:  # whatever bytes make struct and numpy raise
+        except Exception as error:  # any error of struct or numpy on damaged bytes
             problem = f"a message is damaged: {cause(error)}"
             raise MotionError(f"On {connection.topic} {problem}.") from error
 
 
 def _nanoseconds(stamp: Any) -> int:
-    """Give a stamp or a duration in [ns]."""
+    """Convert a stamp or a duration to [ns]."""
     return stamp.secs * 1_000_000_000 + stamp.nsecs
 
 
@@ -208,7 +209,7 @@ def _motion(bag: Reader, robot: Description, topic: str | None) -> Motion:
     if _kind(joints[0]) == "JointState":
         rows: list[_Row] = []
         for time, state in messages:
-            # Most messages have equal names, which need be kept but once.
+            # Most messages have equal names, which are kept once.
             names = rows[-1][2] if rows and rows[-1][2] == state.names else state.names
             stamp = _nanoseconds(state)
             rows.append((stamp, time, names, state.positions, state.velocities))
@@ -232,51 +233,52 @@ def _chosen(bag: Reader, topics: Collection[str], name: str | None) -> str:
         for topic in topics:
             if topic.strip("/") == name.strip("/"):
                 return topic
-        raise MotionError(f"The bag has no joints on {name}; it has {known}.")
+        raise MotionError(f"The bag has no joints on {name}. Its topics: {known}.")
     for usual in USUAL:
         found = [topic for topic in topics if posixpath.basename(topic) == usual]
         plain = [topic for topic in found if topic.strip("/") == usual] or found
         if len(plain) > 1:
             raise MotionError(
-                f"The bag has several robots, {listed(plain)}: name the topic of one."
+                f"The bag has several robots, {listed(plain)}. Choose one with --topic."
             )
         if plain:
             return plain[0]
     if len(topics) != 1:
         raise MotionError(
-            f"The bag has no {listed(USUAL)}: name the topic with the joints; it has "
-            f"{known}."
+            f"The bag has no {listed(USUAL)}. Choose the topic of the joints with "
+            f"--topic: {known}."
         )
     return next(iter(topics))
 
 
 _Row = Tuple[int, int, List[str], np.ndarray, np.ndarray]
-"""A sample: its stamp, when it was recorded, both in [ns], names, positions and
-velocities."""
+"""A sample: stamp and time of recording in [ns], names, positions, velocities."""
 
 _Path = Tuple[str, List[Tuple[int, np.ndarray]]]
-"""A path of the base: where it is from, stamps in [ns] and poses, shape (7,)."""
+"""A path of the base: its source, stamps in [ns] and poses, shape (7,)."""
 
 
 def _joined(
     topic: str, rows: Sequence[_Row], find_base: Callable[[bool], _Path]
 ) -> Motion:
-    """Join samples and the base, which is found by its stamps or times of recording."""
+    """Join samples and the base, by stamps or times of recording."""
     names, positions, velocities = _table(topic, rows)
     stamps, notes = np.array([row[0] for row in rows]), []
     has_stamps = bool(stamps.all())
     if not has_stamps:
         stamps = np.array([row[1] for row in rows])
-        notes.append("Some messages have no stamps: the times of the recording count.")
+        notes.append("Some messages have no stamps: the times of recording are used.")
     kept, goes_back = _rising(stamps)
     if goes_back:
         seconds = (stamps[kept[-1]] - stamps[0]) / 1e9
-        notes.append(f"Time goes back after {seconds:.3f} s: the rest is left out.")
+        notes.append(f"Time goes back after {seconds:.3f} s: the rest is ignored.")
     stamps = stamps[kept]
     source, path = find_base(has_stamps)
     if path and path[0][0] > stamps[0] + LATE:
         seconds = (path[0][0] - stamps[0]) / 1e9
-        notes.append(f"The base is known from {seconds:.3f} s on; before it rests.")
+        notes.append(
+            f"There is no base pose before {seconds:.3f} s: the first one is held."
+        )
     trajectory = Trajectory(
         (stamps - stamps[0]) / 1e9,
         names,
@@ -284,8 +286,8 @@ def _joined(
         None if velocities is None else velocities[kept],
         _poses_at(path, stamps) if path else None,
     )
-    whence = f", the base that of {source}" if path else ""
-    return Motion(trajectory, (f"The joints are those of {topic}{whence}.", *notes))
+    whence = f", base from {source}" if path else ""
+    return Motion(trajectory, (f"Joints from {topic}{whence}.", *notes))
 
 
 def _table(
@@ -294,8 +296,8 @@ def _table(
     """Put the joints of all samples into columns.
 
     Returns:
-        Names; positions, where a sample does not name a joint those before, or else the
-        first ones; velocities, None unless all samples have those of all joints.
+        Names; positions, where missing values are the previous ones, or else the next
+        ones; velocities, None unless all samples have those of all joints.
     """
     columns: dict[str, int] = {}
     for number, (*_, names, given, _) in enumerate(rows, 1):
@@ -319,7 +321,7 @@ def _table(
 
 
 def _filled(positions: np.ndarray) -> np.ndarray:
-    """Fill what is not finite with what was before it, else with what comes next."""
+    """Replace values that are not finite by the previous, else the next ones."""
     for turned in (positions, positions[::-1]):
         known = np.isfinite(turned)
         if not known.all():
@@ -330,10 +332,10 @@ def _filled(positions: np.ndarray) -> np.ndarray:
 
 
 def _rising(stamps: np.ndarray) -> tuple[np.ndarray, bool]:
-    """Choose the samples whose stamps rise, until they go back.
+    """Select samples with increasing stamps, until they go back.
 
     Returns:
-        Their numbers, of equal stamps the last one; and whether time goes back.
+        Their indices, of equal stamps the last one; and whether time goes back.
     """
     back = np.flatnonzero(np.diff(stamps) < 0)
     whole = stamps[: back[0] + 1] if back.size else stamps
@@ -343,7 +345,7 @@ def _rising(stamps: np.ndarray) -> tuple[np.ndarray, bool]:
 def _poses_at(
     path: Sequence[tuple[int, np.ndarray]], stamps: np.ndarray
 ) -> np.ndarray | None:
-    """Interpolate a path; before its first pose and after its last one it rests."""
+    """Interpolate a path; its first and last poses are held."""
     own = np.array([stamp for stamp, _ in path])
     kept, _ = _rising(own)
     times = (own[kept] - own[0]) / 1e9
@@ -353,7 +355,7 @@ def _poses_at(
 
 
 def _base(bag: Reader, joints: str, robot: Description, has_stamps: bool) -> _Path:
-    """Find where the base is: on TF, else in an odometry.
+    """Find the path of the base: on TF, else in an odometry.
 
     Args:
         bag: The bag.
@@ -390,7 +392,7 @@ def _base(bag: Reader, joints: str, robot: Description, has_stamps: bool) -> _Pa
 
 
 def _rank(parent: str) -> int:
-    """Return how good a frame is as the one above the base; less is better."""
+    """Rank a parent frame of the base; less is better."""
     name = posixpath.basename(parent)
     return PARENTS.index(name) if name in PARENTS else len(PARENTS)
 
@@ -401,7 +403,7 @@ def _edges(
     """Collect stamps and poses of some frames by parent and child."""
     found: dict[tuple[str, str], list[tuple[int, np.ndarray]]] = {}
     connections = [one for own in _topics(bag, "TFMessage").values() for one in own]
-    written = {*frames, *(f"/{frame}" for frame in frames)}  # the latter by old tf
+    written = {*frames, *(f"/{frame}" for frame in frames)}  # the latter from old tf
     for time, message in _messages(bag, connections):
         for edge in message.edges:
             if edge.child in written:
@@ -412,7 +414,7 @@ def _edges(
 
 
 def _odometry(bag: Reader, namespace: str, has_stamps: bool) -> _Path:
-    """Find the base in an odometry: that of the namespace, called odom if there is."""
+    """Find the base in an odometry, preferably odom of the namespace."""
 
     def rank(topic: str) -> tuple[bool, bool, str]:
         place, name = posixpath.split(topic)
@@ -429,7 +431,7 @@ def _odometry(bag: Reader, namespace: str, has_stamps: bool) -> _Path:
 
 
 def _trajectory(topic: str, messages: Sequence[tuple[int, Any]]) -> Motion:
-    """Make a motion of the first trajectory, or of all if each has one point."""
+    """Read the first trajectory, or join all if each has one point."""
     parts = [
         (time, getattr(message, "joints", message), getattr(message, "base", None))
         for time, message in messages
@@ -453,11 +455,11 @@ def _trajectory(topic: str, messages: Sequence[tuple[int, Any]]) -> Motion:
         np.array(rates) if has_rates else None,
         _poses_at(_path(base), stamps) if base and base.points else None,
     )
-    return Motion(trajectory, (f"The motion is that of {topic}{more}.",))
+    return Motion(trajectory, (f"Motion from {topic}{more}.",))
 
 
 def _path(base: Any) -> list[tuple[int, np.ndarray]]:
-    """Give stamps in [ns] and poses of a base's points."""
+    """Return stamps in [ns] and poses of a base's points."""
     return [(_nanoseconds(point), point.poses[0].numbers) for point in base.points]
 
 
@@ -468,23 +470,25 @@ def _check_points(topic: str, joints: Any, base: Any) -> None:
             is_left_out = values is point.velocities and not len(values)
             if len(values) != len(joints.names) and not is_left_out:
                 raise MotionError(
-                    f"On {topic}: Point {number} has {len(values)} numbers, not "
-                    f"{len(joints.names)}."
+                    f"Point {number} on {topic} must have {len(joints.names)} numbers "
+                    f"(got {len(values)})."
                 )
     for number, point in enumerate(base.points if base else (), 1):
         if len(point.poses) != 1:
             raise MotionError(
-                f"On {topic}: Point {number} has {len(point.poses)} poses of the base."
+                f"Point {number} on {topic} must have one pose of the base (got "
+                f"{len(point.poses)})."
             )
 
 
 def _stream(topic: str, parts: Sequence[tuple[int, Any, Any]]) -> Motion:
-    """Make a motion of configurations that a planner sent one after the other."""
+    """Join the single points of a stream of trajectories."""
     rows, path = [], []
     for number, (time, joints, base) in enumerate(parts, 1):
         if len(joints.points) != 1 or (base and len(base.points) > 1):
             raise MotionError(
-                f"Message {number} on {topic} has not one point, as the first has."
+                f"Message {number} on {topic} must have exactly one point, like the "
+                "first."
             )
         point = joints.points[0]
         rows.append((0, time, joints.names, point.positions, point.velocities))

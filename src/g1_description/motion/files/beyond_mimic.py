@@ -1,8 +1,9 @@
-"""Arrays of BeyondMimic and mjlab in an npz, which we write, too.
+"""Arrays of BeyondMimic and mjlab in an npz; also written by this package.
 
 ``fps, joint_pos, joint_vel, body_pos_w, body_quat_w``; body 0 is the root, quaternions
-are w x y z. Isaac Lab counts joints and bodies breadth first, MuJoCo in the order of
-the file; ``joint_names`` tells, which our own files have, or the bodies' places do.
+are w x y z. Isaac Lab orders joints and bodies breadth first, MuJoCo as in the file.
+The order follows from ``joint_names``, which this package writes, or from the positions
+of the bodies.
 """
 
 from __future__ import annotations
@@ -26,16 +27,16 @@ ARRAYS = ("fps", "joint_pos", "body_pos_w", "body_quat_w")
 ENDINGS = (".npz",)
 
 BODY_MISMATCH = 0.002
-"""Bodies farther than this from where the robot has them are reported, in [m]."""
+"""Larger distances of bodies from those of the robot are reported, in [m]."""
 
 N_COMPARED = 5
 """Samples whose bodies are compared with the robot's."""
 
 EVEN = 1e-6
-"""Times this near to those of a rate are that rate's, in [s]."""
+"""Tolerance of evenly spaced times, in [s]."""
 
 BATCH = 1000
-"""Samples whose bodies are computed at once."""
+"""Samples per chunk when bodies are computed."""
 
 MAX_SAMPLES = 1_000_000
 """Most samples that are written."""
@@ -43,11 +44,9 @@ MAX_SAMPLES = 1_000_000
 OVERHEAD = 20_000
 """Most bytes of an npz without numbers and names."""
 
-NO_BASE = "An npz needs the base, which this motion has not."
+NO_BASE = "An npz needs base poses, and this motion has none; write .csv."
 
-UNKNOWN_ORDER = (
-    "The order of the joints is unknown: that of the robot's file is assumed."
-)
+UNKNOWN_ORDER = "The joint order is unknown; assuming that of the robot's file."
 
 
 def recognise(source: MotionSource) -> bool:
@@ -59,7 +58,7 @@ def read(source: MotionSource, robot: Description) -> Motion:
     """Read a motion.
 
     Raises:
-        MotionError: If names, shapes or numbers are others.
+        MotionError: If an array has a wrong shape or content.
     """
     positions = source.numbers("joint_pos", None, None)
     n_samples, n_joints = positions.shape
@@ -69,12 +68,14 @@ def read(source: MotionSource, robot: Description) -> Motion:
     if "joint_vel" in source.arrays:
         velocities = source.numbers("joint_vel", n_samples, n_joints)
     if not places.shape[1]:
-        raise MotionError("body_pos_w has no bodies; the first one is the root.")
+        raise MotionError("body_pos_w must have at least one body, the root.")
     named = None
     if "joint_names" in source.arrays:
         named = source.names("joint_names")
         if len(named) != n_joints:
-            raise MotionError(f"{len(named)} joint_names come with {n_joints} joints.")
+            raise MotionError(
+                f"joint_names has {len(named)} names for {n_joints} joints."
+            )
     times, of_times = source.times(n_samples)
     base = np.concatenate([places[:, 0], turns[:, 0, 1:], turns[:, 0, :1]], axis=1)
     names, notes = _names(named, positions, base, places, robot)
@@ -89,10 +90,10 @@ def _names(
     places: np.ndarray,
     robot: Description,
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Name the joints: as the file does, else as the places of the bodies fit best.
+    """Name the joints as in the file, else by the best fit of the bodies.
 
     Returns:
-        The names, and messages if they are a choice or the bodies do not fit.
+        The names, and messages on assumptions and on bodies that do not fit.
     """
     n_joints = positions.shape[1]
     own = {joint.name for joint in robot.movable_joints}
@@ -110,24 +111,24 @@ def _names(
     best = int(np.argmin(errors))
     found: list[str] = []
     if named is None and orders[best] not in layouts(n_joints, robot):
-        found.append("The joints are in the order of Isaac Lab.")
+        found.append("Joint order: Isaac Lab.")
     if errors[best] > BODY_MISMATCH:
         found.append(
-            f"The file's bodies are up to {errors[best]:.3f} m from where {robot.name} "
-            "has them: it is of another robot, or of another version."
+            f"The bodies in the file are up to {errors[best]:.3f} m off those of "
+            f"{robot.name}: the motion may be for another robot or version."
         )
     return orders[best], tuple(found)
 
 
 def _orders(n_joints: int, robot: Description) -> list[tuple[str, ...]]:
-    """List the orders that joints without names may have."""
+    """List the possible orders of unnamed joints."""
     found = layouts(n_joints, robot)
     isaac = [_breadth_first(robot, names) for names in found]
     return [*found, *(order for order in isaac if len(order) == n_joints)]
 
 
 def _breadth_first(robot: Description, names: Collection[str]) -> tuple[str, ...]:
-    """List some movable joints level by level, as if all others were fixed."""
+    """List the named joints breadth first, as if all others were fixed."""
     depth = {robot.root: 0}
     found: list[Joint] = []
     for joint in below([robot.root], robot.joints):
@@ -147,8 +148,8 @@ def _deviation(
 ) -> float:
     """Compute the largest distance of bodies from the robot's, in [m].
 
-    Positions are those of the named joints, others are at zero; ``places`` those of the
-    root and the joints' child links, shape (n, n_joints + 1, 3).
+    ``places`` are positions of the root and the joints' child links, shape (n, n_joints
+    + 1, 3). Joints that are not named are at zero.
     """
     child = {joint.name: joint.child for joint in robot.movable_joints}
     links = [robot.root, *(child[name] for name in names)]
@@ -161,15 +162,15 @@ def _deviation(
 
 
 def most_samples(joints: Sequence[str], has_base: bool, size: int) -> int:
-    """Return how many samples ``write`` may write.
+    """Return the largest number of samples of a file.
 
     Args:
         joints: Names of the joints, which have velocities.
         has_base: Whether there is a base.
-        size: Most bytes.
+        size: Largest file size in bytes.
 
     Raises:
-        MotionError: If there is none.
+        MotionError: If there is no base.
     """
     if not has_base:
         raise MotionError(NO_BASE)
@@ -182,18 +183,18 @@ def most_samples(joints: Sequence[str], has_base: bool, size: int) -> int:
 def write(
     trajectory: Trajectory, robot: Description, rate: float | None
 ) -> tuple[bytes, tuple[str, ...]]:
-    """Write a motion at even times from zero on.
+    """Write a motion with evenly spaced times from zero.
 
     Args:
-        trajectory: With a base; joints of the robot that it has not are at zero.
-        robot: The robot, of whose links the places are written.
+        trajectory: With a base; joints missing in it are at zero.
+        robot: The robot.
         rate: Samples per second, in [Hz]; None: those of the motion, on average.
 
     Returns:
-        The file's content, and messages on what is not as in the motion.
+        The file's content, and messages on differences from the motion.
 
     Raises:
-        MotionError: If it has no base, or the rate makes too many samples.
+        MotionError: If it has no base or too many samples.
     """
     if trajectory.base_poses is None:
         raise MotionError(NO_BASE)
@@ -217,10 +218,10 @@ def write(
 def _even(
     trajectory: Trajectory, rate: float | None
 ) -> tuple[Trajectory, float, tuple[str, ...]]:
-    """Bring a motion to even times; as it is where they are.
+    """Resample a motion to evenly spaced times, if necessary.
 
     Returns:
-        The motion, its samples per second, and what was done to it.
+        The motion, its samples per second, and a message if it was resampled.
     """
     times = trajectory.times - trajectory.times[0]
     mean = (len(times) - 1) / times[-1] if len(times) > 1 else 30.0
@@ -228,7 +229,8 @@ def _even(
     n_samples = int(times[-1] * fps + 1e-3) + 1
     if n_samples > MAX_SAMPLES:
         raise MotionError(
-            f"{n_samples} samples at {fps:g} Hz are more than {MAX_SAMPLES}."
+            f"The motion would have {n_samples} samples at {fps:g} Hz; the limit is "
+            f"{MAX_SAMPLES}."
         )
     regular = np.arange(n_samples) / fps
     if n_samples == len(times) and np.abs(times - regular).max() <= EVEN:
@@ -236,7 +238,10 @@ def _even(
     found = sample(trajectory, trajectory.times[0] + regular)
     velocities = None if trajectory.velocities is None else found.velocities
     names, poses = trajectory.joint_names, found.base_poses
-    note = f"The times are not even: written as {n_samples} samples at {fps:g} Hz."
+    note = (
+        f"The times are not evenly spaced: resampled to {n_samples} samples at "
+        f"{fps:g} Hz."
+    )
     even = Trajectory(regular, names, found.positions, velocities, poses)
     return even, float(fps), (note,)
 
@@ -276,7 +281,7 @@ def _bodies(
 
 
 def _between(differences: np.ndarray) -> np.ndarray:
-    """Find velocities at samples from those behind each, shape (n, ...)."""
+    """Average the velocities before and after each sample, shape (n, ...)."""
     if len(differences) < 2:
         return differences
     behind = np.concatenate([differences[:-1], differences[-2:-1]])

@@ -1,9 +1,9 @@
-"""Motions from files and to files: one table of formats.
+"""The table of motion formats, and reading and writing by it.
 
-A format is a module with ``recognise(source)``, which says by a file's content whether
-it is of that format, ``read(source, robot)`` and ``ENDINGS``, which its files in
-folders have. One that is written, too, has ``write(trajectory, robot, rate)`` and
-``most_samples``, and the first of its ``ENDINGS`` tells it.
+A format is a module with ``recognise(source)``, which examines a file's content,
+``read(source, robot)``, and ``ENDINGS``, the extensions of its files in folders. To be
+written, it also has ``write(trajectory, robot, rate)`` and ``most_samples``; its files
+have the first of these extensions.
 """
 
 from __future__ import annotations
@@ -27,24 +27,24 @@ FORMATS: Sequence[ModuleType] = (bag, beyond_mimic, gmr, trajectory_yaml, table)
 """The first one that recognises a file reads it; a table is any other text."""
 
 ENDINGS = tuple(sorted({ending for module in FORMATS for ending in module.ENDINGS}))
-"""What names of motions in folders end in; files that are named may have any name."""
+"""Extensions of motions in folders; files that are given may have any name."""
 
 WRITTEN: Mapping[str, ModuleType] = {
     module.ENDINGS[0]: module for module in (table, beyond_mimic)
 }
-"""Formats that are written, by the ending of the file's name."""
+"""Formats that can be written, by file extension."""
 
 _COMPRESSED = (
-    "A compressed file; if joblib wrote it, save the motion with pickle.dump or "
-    "numpy.savez."
+    "Compressed files are not supported; if joblib wrote it, save the motion with "
+    "pickle.dump or numpy.savez."
 )
 BINARY = {
-    b"\x93NUMPY": "An npy file has no names: save all arrays of the motion with "
+    b"\x93NUMPY": "npy files are not supported; save all arrays of the motion with "
     "numpy.savez.",
     **dict.fromkeys((b"x\x01", b"x^", b"x\x9c", b"x\xda"), _COMPRESSED),
     **dict.fromkeys((b"\x1f\x8b", b"BZh", b"\xfd7zXZ"), _COMPRESSED),
 }
-"""Sentences on files that begin so: those of numpy, zlib, gzip, bz2 and xz."""
+"""Messages by first bytes: of numpy, zlib, gzip, bz2 and xz."""
 
 
 def read_motion(
@@ -53,27 +53,27 @@ def read_motion(
     rate: float | None = None,
     topic: str | None = None,
 ) -> Motion:
-    """Read a motion of a robot from a file, whose format its content tells.
+    """Read a motion of a robot from a file; its format is detected by content.
 
     Args:
         path: CSV, npz, pickle, YAML of a JointTrajectory, or rosbag.
-        robot: The robot; joints that it does not have are left out, with a note.
+        robot: The robot; joints that it does not have are ignored, with a note.
         rate: Samples per second of a file without times.
-        topic: Topic of a bag with the joints; None: the usual one.
+        topic: Topic of the joints in a bag; None: the usual one.
 
     Raises:
-        MotionError: If there is no such file, or no motion in it that fits.
+        MotionError: If the file cannot be read, or its motion does not fit the robot.
     """
     source = MotionSource(path, rate, topic)
     try:
         module = _format(source)
         motion = module.read(source, robot)
         if rate is not None and motion.has_times:
-            ignored = f"{rate:g} samples per second are ignored"
+            ignored = f"the rate of {rate:g} Hz is ignored"
             notes = (*motion.notes, f"The file has its own times: {ignored}.")
             motion = replace(motion, notes=notes)
         motion = fitted(motion, robot)
-        if module is not bag:  # ROS has radians
+        if module is not bag:  # ROS uses radians
             check_radians(motion, robot)
     except MotionError as error:
         raise type(error)(f"{path.name}: {error}") from error
@@ -81,13 +81,13 @@ def read_motion(
 
 
 def _format(source: MotionSource) -> ModuleType:
-    """Find the module that reads a file.
+    """Find the format of a file.
 
     Raises:
         MotionError: If there is none.
     """
     if source.topic is not None and not bag.recognise(source):
-        raise MotionError(f"Not a bag: it has no topic {source.topic}.")
+        raise MotionError(f"Not a rosbag; --topic {source.topic} needs one.")
     for module in FORMATS:
         if module.recognise(source):
             return module
@@ -95,20 +95,20 @@ def _format(source: MotionSource) -> ModuleType:
 
 
 def _problem(source: MotionSource) -> str:
-    """Say what a file may be that no format recognises."""
+    """Explain why no format recognises a file."""
     names = list(map(str, source.arrays))
     if source.head.startswith(ZIP) and b".npy" not in source.data:
         if any(name.endswith("/data.pkl") for name in names):
-            return "A PyTorch file; convert it to npz or CSV."
-        return "A zip file without arrays: not an npz."
+            return "PyTorch files are not supported; convert it to npz or CSV."
+        return "Not an npz: a zip file without arrays."
     if names:
         found = listed(names)
         for arrays in (beyond_mimic.ARRAYS, gmr.ARRAYS):
             missing = [name for name in arrays if name not in names]
             if len(missing) == 1:
-                return f"{missing[0]} is missing; the file has {found}."
-        known = f"{listed(beyond_mimic.ARRAYS)}, or {listed(gmr.ARRAYS)}"
-        return f"The file has {found}; a motion has {known}."
+                return f"The array {missing[0]} is missing; the file has {found}."
+        known = f"{listed(beyond_mimic.ARRAYS)}; or {listed(gmr.ARRAYS)}"
+        return f"The file has {found}; expected {known}."
     for begin, words in BINARY.items():
         if source.head.startswith(begin):
             return words
@@ -116,7 +116,7 @@ def _problem(source: MotionSource) -> str:
 
 
 def _line(source: MotionSource) -> str:
-    """Name the line where a file is not text, but for the first one."""
+    """Name the first line that is not text, unless it is line 1."""
     try:
         source.data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -131,30 +131,30 @@ def write_motion(
     robot: Description,
     rate: float | None = None,
 ) -> tuple[str, ...]:
-    """Write a motion; ``read_motion`` reads the same numbers.
+    """Write a motion, so that ``read_motion`` reads the same numbers.
 
     Args:
-        path: The file, whose ending tells the format; one that is there is replaced.
+        path: The file, in the format of its extension; an existing one is replaced.
         trajectory: The motion.
         robot: Whose motion it is.
         rate: Samples per second of an npz, in [Hz]; None: those of the motion.
 
     Returns:
-        Messages on what is not as in the motion: an npz has samples at even times.
+        Messages on differences from the motion: an npz has evenly spaced times.
 
     Raises:
-        MotionError: If the format cannot hold it, or no reader would take it.
+        MotionError: If the format does not support it, or it is too large.
         InvalidValueError: If the file cannot be written.
     """
     module = WRITTEN.get(path.suffix.lower())
     if module is None:
         raise MotionError(
-            f"{path.name} ends in none of {', '.join(WRITTEN)}: its format is unknown."
+            f"Unknown format of {path.name}: it must end in {' or '.join(WRITTEN)}."
         )
     content, notes = module.write(trajectory, robot, rate)
     if len(content) > MAX_FILE_SIZE:
         raise MotionError(
-            f"{path.name} would have {len(content) / 1e6:.0f} MB; a motion has at most "
+            f"{path.name} would have {len(content) / 1e6:.0f} MB; the limit is "
             f"{MAX_FILE_SIZE / 1e6:.0f} MB."
         )
     write_whole(path, content)
@@ -162,17 +162,17 @@ def write_motion(
 
 
 def most_samples(ending: str, joints: Sequence[str], has_base: bool) -> int:
-    """Return how many samples of a motion a file can have and be read again.
+    """Return the largest number of samples of a file that can be read again.
 
     Args:
-        ending: One of ``WRITTEN``; samples of an npz are those at even times.
+        ending: One of ``WRITTEN``; an npz counts evenly spaced samples.
         joints: Names of the motion's joints.
         has_base: Whether it has a base.
 
     Raises:
-        MotionError: If the format can hold none.
+        MotionError: If the format does not support such a motion.
     """
     count: int = WRITTEN[ending].most_samples(joints, has_base, MAX_FILE_SIZE)
     if count < 1:
-        raise MotionError(f"A {ending} can hold no motion of {len(joints)} joints.")
+        raise MotionError(f"{ending} files cannot hold {len(joints)} joints.")
     return count

@@ -1,6 +1,6 @@
 """Arrays of GMR, in a pickle or an npz: ``fps, root_pos, root_rot, dof_pos``.
 
-Quaternions are x y z w, which is checked. TWIST2 and GMT have the same arrays.
+Quaternions are x y z w, which is checked. TWIST2 and GMT use the same arrays.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def read(source: MotionSource, robot: Description) -> Motion:
     """Read a motion.
 
     Raises:
-        MotionError: If shapes or numbers are others.
+        MotionError: If an array has a wrong shape or content.
     """
     positions = source.numbers("dof_pos", None, None)
     n_samples = len(positions)

@@ -1,4 +1,4 @@
-"""A file that may hold a motion, as the modules of formats look at it."""
+"""A file that may contain a motion, as the format modules read it."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ from g1_description.errors import MotionError, cause
 from g1_description.motion.files.pickles import PICKLE, read_pickle
 
 MAX_FILE_SIZE = 100_000_000
-"""No motion has more, in bytes: an hour at 60 Hz, written as text, has less."""
+"""Largest file in bytes: more than an hour at 60 Hz as text."""
 
 MAX_SIZE = 12_000_000
-"""Most numbers of an array: half an hour of 30 bodies at 60 Hz."""
+"""Largest array: half an hour of 30 bodies at 60 Hz."""
 
 MAX_BYTES = 250_000_000
-"""Most bytes of an array in an npz, unpacked."""
+"""Largest array of an npz in bytes, decompressed."""
 
 ZIP = b"PK"
 GIT_LFS = "version https://git-lfs."
 
 NOT_TEXT = {".npz": "npz file", ".pkl": "pickle", ".pickle": "pickle", ".bag": "rosbag"}
-"""What files with these endings are, whose text is never a table."""
+"""Extensions of binary formats: text in such files is never a table."""
 
 
 class MotionSource:
-    """A file and how it is to be read; its content is read when it is first used.
+    """A file and options for reading it; its content is read on first use.
 
     Raises:
-        MotionError: If there is no such file, and by each property if it is damaged.
+        MotionError: If there is no such file; by each property if it is damaged.
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class MotionSource:
         self.rate = rate
         """Samples per second of a file without times, in [Hz]; None: the usual one."""
         self.topic = topic
-        """Topic of a bag with the joints; None: the usual one."""
+        """Topic of the joints in a bag; None: the usual one."""
         self.head = self._read(100)
         """The first bytes."""
 
@@ -52,7 +52,7 @@ class MotionSource:
         """Read the first bytes."""
         try:
             if not stat.S_ISREG(self.path.stat().st_mode):
-                raise MotionError(f"{self.path} is no file.")
+                raise MotionError(f"{self.path} is not a file.")
             with self.path.open("rb") as file:
                 return file.read(size)
         except (OSError, ValueError) as error:
@@ -65,7 +65,7 @@ class MotionSource:
         size = self.path.stat().st_size
         if size > MAX_FILE_SIZE:
             raise MotionError(
-                f"The file has {size / 1e6:.0f} MB; a motion has at most "
+                f"The file has {size / 1e6:.0f} MB; the limit is "
                 f"{MAX_FILE_SIZE / 1e6:.0f} MB."
             )
         return self._read(MAX_FILE_SIZE)
@@ -78,21 +78,21 @@ class MotionSource:
         except UnicodeDecodeError:
             return None
         if text.startswith(GIT_LFS):
-            raise MotionError("The file itself is in Git LFS: run git lfs pull.")
+            raise MotionError("This is a Git LFS pointer: run git lfs pull.")
         if self.ending in NOT_TEXT:
-            raise MotionError(f"Not a whole {NOT_TEXT[self.ending]}.")
+            raise MotionError(f"Not a valid {NOT_TEXT[self.ending]}.")
         return text
 
     @cached_property
     def arrays(self) -> Mapping[str, Any]:
-        """What an npz or a pickle of a dictionary holds; of other files nothing."""
+        """Arrays of an npz or a pickled dictionary; empty for other files."""
         if self.head.startswith(PICKLE):
             return read_pickle(self.data)
         if not self.head.startswith(ZIP):
             return {}
         try:
             return np.load(io.BytesIO(self.data), allow_pickle=False)
-        # Whatever a damaged file makes zipfile and numpy raise.
+        # Any error of zipfile or numpy on a damaged file.
         except Exception as error:
             raise _damaged(error) from error
 
@@ -101,26 +101,28 @@ class MotionSource:
 
         Args:
             name: One of ``arrays``.
-            shape: What it must be; None fits any number. Without, any shape will do.
+            shape: Required shape; None fits any number. Without sizes, any shape fits.
         """
         value = self._array(name)
         fits = isinstance(value, (np.ndarray, np.generic, int, float))
         array = np.asarray(value if fits else None)
         if array.dtype.kind not in "fiu":
-            raise MotionError(f"{name} holds no numbers.")
+            raise MotionError(f"{name} must contain numbers.")
         if array.size > MAX_SIZE:
             raise MotionError(
-                f"{name} has {array.size} numbers; a motion has at most {MAX_SIZE}."
+                f"{name} has {array.size} numbers; the limit is {MAX_SIZE}."
             )
         array = array.astype(float, copy=False)
         if not np.isfinite(array).all():
-            raise MotionError(f"{name} has numbers that are not finite.")
+            raise MotionError(f"{name} must be finite, but has NaN or infinity.")
         if shape and not (
             array.ndim == len(shape)
             and all(size in (None, n) for size, n in zip(shape, array.shape))
         ):
             words = ", ".join("n" if size is None else str(size) for size in shape)
-            raise MotionError(f"{name} has the shape {array.shape}, not ({words}).")
+            raise MotionError(
+                f"{name} must have the shape ({words}) (got {array.shape})."
+            )
         return array
 
     def names(self, name: str) -> tuple[str, ...]:
@@ -128,18 +130,20 @@ class MotionSource:
         names = self._array(name)
         is_list = isinstance(names, np.ndarray) and names.dtype.kind == "U"
         if not is_list or names.ndim != 1 or names.size > MAX_SIZE:
-            raise MotionError(f"{name} holds no list of names.")
+            raise MotionError(f"{name} must be a list of names.")
         return tuple(names.tolist())
 
     def times(self, n_samples: int) -> tuple[np.ndarray, tuple[str, ...]]:
-        """Make times of the rate ``fps``.
+        """Compute times from the rate ``fps``.
 
         Returns:
             Times in [s], shape (n_samples,), and a message if the rate is doubtful.
         """
         rate = self.numbers("fps").ravel()
         if rate.size != 1 or not 0.0 < rate[0] < 1e6:
-            raise MotionError(f"fps is {rate[:3].tolist()}; one rate is expected.")
+            raise MotionError(
+                f"fps must be one number greater than 0 (got {rate[:3].tolist()})."
+            )
         fps, notes = rate[0], []
         if fps < 1.0 and n_samples > 1:
             notes.append(
@@ -157,12 +161,11 @@ class MotionSource:
             size = self.arrays.zip.getinfo(f"{name}.npy").file_size  # type: ignore[attr-defined]
             if size <= MAX_BYTES:
                 return self.arrays[name]
-        # Whatever a damaged file makes zipfile and numpy raise.
+        # Any error of zipfile or numpy on a damaged file.
         except Exception as error:
             raise _damaged(error) from error
         raise MotionError(
-            f"{name} has {size / 1e6:.0f} MB; an array of a motion has at most "
-            f"{MAX_BYTES / 1e6:.0f} MB."
+            f"{name} has {size / 1e6:.0f} MB; the limit is {MAX_BYTES / 1e6:.0f} MB."
         )
 
 

@@ -1,8 +1,8 @@
 """Tables of comma-separated numbers, with or without a header.
 
 Without a header a row is a sample: x y z and quaternion x y z w of the base, then the
-joints, as in the LAFAN1 retargeting set of the G1; tables of Kimodo have w first, which
-their numbers tell. With a header, also in a comment, the columns are named:
+joints, as in the LAFAN1 retargeting set of the G1. Tables of Kimodo have w first, which
+is detected. With a header, which may be a comment, the columns are named:
 
 - ``time``;
 - ``base_x`` to ``base_qw``, or none of them;
@@ -28,10 +28,10 @@ from g1_description.text import listed
 
 TIME = "time"
 BASE = tuple(f"base_{part}" for part in ("x", "y", "z", "qx", "qy", "qz", "qw"))
-"""Columns of the base: its place in [m] and its quaternion."""
+"""Columns of the base: position in [m] and quaternion."""
 
 VELOCITY = ".velocity"
-"""Follows a joint's name in the name of the column with its velocity."""
+"""Suffix of the columns of joint velocities."""
 
 DEFAULT_RATE = 30.0
 """Rate of a table without times, in [Hz]: that of the LAFAN1 set."""
@@ -42,30 +42,30 @@ MAX_LINE = 100_000
 """Longest line, in characters."""
 
 MAX_LINES = 1_000_000
-"""Most lines, a quarter of an hour at 1 kHz."""
+"""Largest number of lines: a quarter of an hour at 1 kHz."""
 
 MAX_NUMBERS = 8_000_000
-"""Most numbers: an hour of 29 joints and the base at 60 Hz."""
+"""Largest number of numbers: an hour of 29 joints and the base at 60 Hz."""
 
 NUMBER_LENGTH = 25
-"""Longest number that is written, with its comma: -1.2345678901234567e-300."""
+"""Longest written number, with its comma: -1.2345678901234567e-300."""
 
 ENDINGS = (".csv",)
 
 _SEPARATOR = re.compile(r"[,;\t ]+")
-"""Separates the columns of tables, if not of those that are read."""
+"""Column separators of other kinds of tables."""
 
 
 def recognise(source: MotionSource) -> bool:
-    """Return whether a file is text, which formats of text leave."""
+    """Return whether a file is text."""
     return source.text is not None
 
 
 def read(source: MotionSource, robot: Description) -> Motion:
-    """Read a table, whose columns without names are the robot's joints.
+    """Read a table; columns without names are the robot's joints.
 
     Raises:
-        MotionError: If it is no such table, with the line.
+        MotionError: If it is not such a table, with the line.
     """
     text = source.text
     assert text is not None
@@ -96,8 +96,8 @@ def _headless(
     number, width = first
     if width <= len(BASE):
         raise MotionError(
-            f"Line {number} has {width} columns; x y z, the quaternion x y z w and "
-            "joints are expected."
+            f"Line {number} has {width} columns; expected x y z, quaternion x y z w "
+            "and joints."
         )
     values = _numbers(rows, width)
     base, positions = values[:, : len(BASE)], values[:, len(BASE) :]
@@ -107,7 +107,7 @@ def _headless(
     trajectory, more = w_last(trajectory, robot)
     notes = (*notes, *more)
     if not rate:
-        notes = (f"The file has no times: {DEFAULT_RATE:g} Hz assumed.", *notes)
+        notes = (f"The file has no times; assuming {DEFAULT_RATE:g} Hz.", *notes)
     return Motion(trajectory, notes, has_times=False)
 
 
@@ -117,7 +117,7 @@ def _headed(
     """Read a table with a header, whose line has this number."""
     twice = [name for name in dict.fromkeys(names) if names.count(name) > 1]
     if twice:
-        raise MotionError(f"Line {number} has columns twice: {listed(twice)}.")
+        raise MotionError(f"Line {number} has duplicate columns: {listed(twice)}.")
     base = [name for name in BASE if name in names]
     joints = [
         name
@@ -132,12 +132,13 @@ def _headed(
         hint = "; columns must be separated by commas" if len(names) == 1 else ""
         is_motion = _may_be_motion(names, next(rows, (0, "0"))[1], robot)
         raise (MotionError if is_motion else NoMotionError)(
-            f"Line {number} names {listed(names)}, but not {listed(missing)}{hint}."
+            f"Line {number} has the columns {listed(names)}, but lacks "
+            f"{listed(missing)}{hint}."
         )
     strange = [n for n in names if n not in (*needed, *joints)]
     if strange:
         raise MotionError(
-            f"Line {number} has {listed(strange)}, but no column of that joint."
+            f"Line {number} has {listed(strange)}, but not the position of that joint."
         )
     values = _numbers(rows, len(names))
 
@@ -156,7 +157,7 @@ def _headed(
 
 
 def _may_be_motion(names: list[str], row: str, robot: Description) -> bool:
-    """Return whether a table with this first row is one, if in an unknown format."""
+    """Return whether a table with this first row may be a motion."""
     header = {word.strip("\"'") for name in names for word in _SEPARATOR.split(name)}
     known = {TIME, *(joint.name for joint in robot.movable_joints)}
     words = filter(None, _SEPARATOR.split(row))
@@ -166,7 +167,7 @@ def _may_be_motion(names: list[str], row: str, robot: Description) -> bool:
 def write(
     trajectory: Trajectory, robot: Description, rate: float | None
 ) -> tuple[bytes, tuple[str, ...]]:
-    """Write a motion as a table with a header, in numbers that are read as the same.
+    """Write a motion as a table with a header, without loss of precision.
 
     Returns:
         The file's content, and no messages.
@@ -189,12 +190,12 @@ def write(
 
 
 def most_samples(joints: Sequence[str], has_base: bool, size: int) -> int:
-    """Return how many rows ``write`` may write, whatever the numbers are.
+    """Return the largest number of rows of a file, whatever the numbers are.
 
     Args:
         joints: Names of the joints, which have velocities.
         has_base: Whether there is a base.
-        size: Most bytes.
+        size: Largest file size in bytes.
 
     Raises:
         MotionError: If a joint has the name of another column.
@@ -213,25 +214,25 @@ def _check_writable(joints: Sequence[str]) -> None:
     for name in joints:
         is_other = name in (TIME, *BASE) or name.endswith(VELOCITY)
         if is_other or name != name.strip() or re.search(r"[,#\r\n]|^$", name):
-            raise MotionError(f"A table can have no joint called {name!r}.")
+            raise MotionError(f"A table cannot have a joint called {name!r}.")
 
 
 def _rows(text: str, after: int = 0) -> Iterator[tuple[int, str]]:
-    """Go through the lines behind one that have something and are no comments."""
+    """Yield the lines after a line number, without empty lines and comments."""
     for number, line in _lines(text):
         if number > after and not line.startswith("#"):
             yield number, line
 
 
 def _lines(text: str) -> Iterator[tuple[int, str]]:
-    """Go through the lines that have something, with their numbers."""
+    """Yield the lines that are not empty, with their numbers."""
     if max(text.count("\n"), text.count("\r")) > MAX_LINES:
         raise MotionError(f"The file has more than {MAX_LINES} lines.")
     for number, line in enumerate(text.splitlines(), 1):
         line = line.strip()
         if len(line) > MAX_LINE:
             raise MotionError(
-                f"Line {number} has {len(line)} characters; there may be {MAX_LINE}."
+                f"Line {number} has {len(line)} characters; the limit is {MAX_LINE}."
             )
         if line:
             yield number, line
@@ -242,11 +243,11 @@ def _fields(number: int, line: str, width: int | None) -> list[str]:
     fields = line.split(",")
     if len(fields) > MAX_COLUMNS:
         raise MotionError(
-            f"Line {number} has {len(fields)} columns; there may be {MAX_COLUMNS}."
+            f"Line {number} has {len(fields)} columns; the limit is {MAX_COLUMNS}."
         )
     if width is not None and len(fields) != width:
         raise MotionError(
-            f"Line {number} has {len(fields)} columns, those before it have {width}."
+            f"Line {number} has {len(fields)} columns; the lines before have {width}."
         )
     return fields
 
@@ -264,7 +265,7 @@ def _numbers(rows: Iterator[tuple[int, str]], width: int) -> np.ndarray:
             raise _wrong(number, fields)
         if len(values) > MAX_NUMBERS:
             raise MotionError(
-                f"Line {number} has more numbers than {MAX_NUMBERS}, of all lines."
+                f"The file has more than {MAX_NUMBERS} numbers (line {number})."
             )
         numbers.append(number)
     if not values:
@@ -279,15 +280,15 @@ def _numbers(rows: Iterator[tuple[int, str]], width: int) -> np.ndarray:
 
 
 def _wrong(number: int, fields: Sequence[str]) -> MotionError:
-    """Name the field of a line that is no number."""
+    """Describe the field of a line that is not a number."""
     wrong = next(field for field in fields if not _is_number(field))
     return MotionError(
-        f"Line {number} has {wrong.strip()[:40]!r} where a number is expected."
+        f"Line {number}: expected a number (got {wrong.strip()[:40]!r})."
     )
 
 
 def _is_number(field: str) -> bool:
-    """Return whether a field can be read as a number; Python reads 1_0 as ten."""
+    """Return whether a field is a number; unlike Python, without underscores."""
     try:
         float(field)
     except ValueError:

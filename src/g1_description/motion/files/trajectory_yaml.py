@@ -1,4 +1,4 @@
-"""The YAML that ``rostopic echo`` prints of a trajectory_msgs/JointTrajectory."""
+"""A trajectory_msgs/JointTrajectory in YAML, as printed by ``rostopic echo``."""
 
 from __future__ import annotations
 
@@ -52,20 +52,20 @@ def read(source: MotionSource, robot: Description) -> Motion:
     """Read the first message of a text.
 
     Raises:
-        MotionError: If it is no such message, with the line where it is no YAML.
-        NoMotionError: If it is YAML of something else, without ``joint_names``.
+        MotionError: If it is not such a message, with the line if it is not YAML.
+        NoMotionError: If it is other YAML, without ``joint_names``.
     """
     text = source.text
     if not text or not text.strip():
         raise MotionError("The file is empty.")
     if len(text) > MAX_TEXT:
         raise MotionError(
-            f"The text has {len(text) / 1e6:.0f} million characters; there may be "
+            f"The text has {len(text) / 1e6:.0f} million characters; the limit is "
             f"{MAX_TEXT / 1e6:.0f}."
         )
     message = _message(text)
     if isinstance(message, str):
-        raise MotionError("Not a JointTrajectory: keys and values are expected.")
+        raise MotionError("Not a JointTrajectory: expected keys and values.")
     found = message if isinstance(message, dict) else {}
     missing = [repr(key) for key in ("joint_names", "points") if key not in found]
     if missing:
@@ -75,7 +75,7 @@ def read(source: MotionSource, robot: Description) -> Motion:
         )
     names = _list(message.get("joint_names"), "joint_names")
     if not all(type(name) is str for name in names) or len(names) > MAX_JOINTS:
-        raise MotionError("The trajectory has no list of names as joint_names.")
+        raise MotionError("joint_names must be a list of names.")
     points = _list(message["points"], "points")
     if not points or not all(isinstance(point, dict) for point in points):
         raise MotionError("The trajectory has no points.")
@@ -92,17 +92,17 @@ def read(source: MotionSource, robot: Description) -> Motion:
 
 
 def _refusal(text: str) -> type[MotionError]:
-    """Return the error of a text that is YAML: is it of a motion that is damaged?"""
+    """Return the error class: does the text look like a damaged motion?"""
     return MotionError if re.search(r"\bjoint_names\b", text) else NoMotionError
 
 
 def _message(text: str) -> Any:
-    """Read the first document; its scalars stay text."""
+    """Read the first document; scalars stay text."""
     try:
         return _built(iter(YAML(typ="safe").parse(text)))
     except MotionError as error:
         raise _refusal(text)(str(error)) from error
-    # Whatever damaged text makes a library of YAML raise.
+    # Any error of the YAML library on damaged text.
     except Exception as error:
         mark = getattr(error, "problem_mark", None)
         where = f"Line {mark.line + 1}" if mark else "The text"
@@ -115,11 +115,10 @@ def _message(text: str) -> Any:
 def _built(events: Iterator[Any]) -> Any:
     """Build dictionaries, lists and text from the events of a document.
 
-    Not recursive, without anchors and merges: text of any kind takes as long to read
-    as it is long.
+    Not recursive, without anchors and merges: the run time is linear in the length.
 
     Raises:
-        MotionError: If it is nested too deep, or uses what no message does.
+        MotionError: If it is nested too deeply, or uses features that messages do not.
     """
     outer: list[list] = []
     parts: list[Any] = []
@@ -141,12 +140,12 @@ def _built(events: Iterator[Any]) -> Any:
 
 
 def _check_event(event: Any, depth: int) -> None:
-    """Check that a part of the text can be one of a message."""
+    """Check that an event can be part of a message."""
     line = event.start_mark.line + 1
     if isinstance(event, AliasEvent) or getattr(event, "anchor", None):
-        raise MotionError(f"Line {line} has an anchor or an alias; a message has none.")
+        raise MotionError(f"Line {line} has an anchor or alias, which is not allowed.")
     if getattr(event, "tag", None):
-        raise MotionError(f"Line {line} has a tag; a message has none.")
+        raise MotionError(f"Line {line} has a tag, which is not allowed.")
     if depth > MAX_DEPTH:
         raise MotionError(f"Line {line} is nested {depth} levels deep.")
 
@@ -156,24 +155,28 @@ def _dictionary(parts: list[Any], event: Any) -> dict[str, Any]:
     keys = parts[::2]
     if not all(type(key) is str for key in keys):
         line = event.start_mark.line + 1
-        raise MotionError(f"Line {line} ends a mapping with a key that is no text.")
+        raise MotionError(
+            f"The mapping that ends in line {line} has a key that is not text."
+        )
     return dict(zip(keys, parts[1::2]))
 
 
 def _list(value: Any, what: str) -> list:
-    """Check that something is a list."""
+    """Check that a value is a list."""
     if not isinstance(value, list):
-        raise MotionError(f"The trajectory has no list of {what}.")
+        raise MotionError(f"{what} must be a list.")
     return value
 
 
 def _time(point: dict, number: int) -> float:
-    """Read when a point is, in [s]."""
+    """Read the time of a point, in [s]."""
     found = point.get("time_from_start")
     found = found if isinstance(found, dict) else {}
     parts: list[Any] = [found.get(part) for part in ("secs", "nsecs")]
     if not all(type(p) is str and re.fullmatch(r"-?[0-9]{1,18}", p) for p in parts):
-        raise MotionError(f"Point {number} has no time_from_start with secs and nsecs.")
+        raise MotionError(
+            f"Point {number} must have a time_from_start with secs and nsecs."
+        )
     seconds, rest = map(int, parts)
     return (seconds * 1_000_000_000 + rest) / 1e9
 
@@ -185,17 +188,18 @@ def _columns(points: list[dict], what: str, width: int) -> list[list[float]]:
         values = _list(point.get(what), what)
         if len(values) != width:
             raise MotionError(
-                f"Point {number} has {len(values)} {what}; there are {width} joints."
+                f"Point {number} must have {width} {what}, one per joint (got "
+                f"{len(values)})."
             )
         row = [_number(value) for value in values]
         if not all(abs(value) <= MAX_VALUE for value in row):
-            raise MotionError(f"Point {number} has {what} that are no numbers.")
+            raise MotionError(f"The {what} of point {number} must be finite numbers.")
         found.append(row)
     return found
 
 
 def _number(value: Any) -> float:
-    """Read a number; NaN where it is none."""
+    """Read a number; NaN if it is not one."""
     if type(value) is not str or len(value) > MAX_DIGITS or "_" in value:
         return np.nan
     try:

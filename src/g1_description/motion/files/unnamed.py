@@ -1,7 +1,7 @@
-"""What the numbers of a file show where the file itself does not say it.
+"""Conventions that a file does not state, detected from its numbers.
 
-The names of joints, the order of a quaternion, and whether angles are in radians.
-Each has conventions that differ between publishers of files of one shape.
+Names of joints, order of quaternions, and units of angles differ between publishers of
+files with the same shape.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ G1_JOINTS = {
 """Joints of the G1's versions by their number, in the order of the vendor's files."""
 
 ASAP_JOINTS = _g1_joints(WAIST, ARM)
-"""The other 23 joints in use: ASAP, PBHC and GMT lock the wrists of the 29."""
+"""The other layout of 23 joints: ASAP, PBHC and GMT lock the wrists."""
 
 _LIMITS = {
     "waist_roll_joint": 0.52,
@@ -50,27 +50,27 @@ _LIMITS = {
 """Limits in [rad] of the joints in which the two versions of 23 joints differ."""
 
 BEYOND = 0.05
-"""Files of a layout are beyond its limits by less, in [rad]."""
+"""Tolerance of the limits of a layout, in [rad]."""
 
 SOLES = ("left_ankle_roll_link", "right_ankle_roll_link")
 """Links of the feet, whose z axes are normal to the soles."""
 
 MAX_TILT = 25.0
-"""The sole of the lower foot of a robot that stands is tilted by less, in [deg]."""
+"""Largest tilt of the lower sole of a standing robot, in [deg]."""
 
 LOWEST_FOOT = -0.3
-"""The lower foot of a robot that stands is higher, in [m]."""
+"""Least height of the lower foot of a standing robot, in [m]."""
 
 SAME_TILT = 3.0
-"""Tilts this near to each other do not decide the order of a quaternion, in [deg]."""
+"""Smaller differences in tilt do not decide the quaternion order, in [deg]."""
 
 N_SAMPLES = 100
-"""Most samples that are looked at for the order of a quaternion."""
+"""Samples that are examined for the order of quaternions."""
 
 MAX_ANGLE = 10.0
-"""No revolute joint turns so far, even unwrapped by a turn, in [rad]."""
+"""Larger angles of revolute joints must be degrees, even unwrapped, in [rad]."""
 
-W_FIRST = "Base quaternions are w x y z: only then are the feet flat."
+W_FIRST = "Base quaternions are read as w x y z: only then are the feet flat."
 
 UNKNOWN_QUATERNION = (
     "Cannot tell the quaternion order of the base (the feet are not flat in either); "
@@ -81,7 +81,7 @@ UNKNOWN_QUATERNION = (
 def names_of_columns(
     positions: np.ndarray, robot: Description
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Name the joints of a file that does not.
+    """Name the joints of a file without names.
 
     23 joints of a G1 have two layouts. For another robot than one of 23 joints they are
     ASAP's if they are within ASAP's limits, else Unitree's: right for 125 of 126 files,
@@ -89,11 +89,11 @@ def names_of_columns(
 
     Args:
         positions: Positions of the joints, shape (n_samples, n_joints).
-        robot: The robot; a file of as many joints has its own, in their order.
+        robot: The robot; if the numbers of joints are equal, its names in their order.
 
     Returns:
         The names, those of a G1 if the robot has another number of joints, and a
-        message if they are a choice.
+        message on the assumption.
 
     Raises:
         MotionError: If no known robot has that number.
@@ -119,7 +119,7 @@ def names_of_columns(
 
 
 def layouts(n_joints: int, robot: Description) -> list[tuple[str, ...]]:
-    """List what the joints of a file may be, the likeliest first.
+    """List possible names of the joints of a file, the likeliest first.
 
     Raises:
         MotionError: If no known robot has that number.
@@ -134,14 +134,14 @@ def layouts(n_joints: int, robot: Description) -> list[tuple[str, ...]]:
         found += [names for names in others if set(names) != set(own)]
     if not found:
         raise MotionError(
-            f"The motion has {n_joints} joints without names; {robot.name} has "
-            f"{len(own)}."
+            f"The file has {n_joints} unnamed joints, but {robot.name} has "
+            f"{len(own)}. Name the columns, or choose another robot."
         )
     return found
 
 
 def _excess(positions: np.ndarray, names: tuple[str, ...], robot: Description) -> float:
-    """Return how far positions are beyond the limits, at most, in [rad]."""
+    """Return the largest excess of positions over the limits, in [rad]."""
     limits = {name: (-limit, limit) for name, limit in _LIMITS.items()}
     limits.update({j.name: (j.lower, j.upper) for j in robot.movable_joints})
     lower, upper = np.array([limits.get(n, (-np.inf, np.inf)) for n in names]).T
@@ -152,13 +152,13 @@ def _excess(positions: np.ndarray, names: tuple[str, ...], robot: Description) -
 def w_last(
     trajectory: Trajectory, robot: Description
 ) -> tuple[Trajectory, tuple[str, ...]]:
-    """Bring w behind x y z where a file has it before them.
+    """Convert base quaternions from w x y z to x y z w, if necessary.
 
     The sole of the lower foot decides: of 67 files, 62 x y z w and 5 w x y z, its tilt
     (the median of up to 100 samples) was smaller in the right order in all, at most 17
-    degrees, and 13 to 180 in the wrong one. It does not decide if the robot lies, and a
-    robot without ``SOLES`` is not checked. Of a robot that stands straight in both
-    orders, facing along x in one and backwards in the other, x y z w is taken.
+    degrees, and 13 to 180 in the wrong one. It does not decide for a robot that lies; a
+    robot without ``SOLES`` is not checked. If the robot stands upright in both orders,
+    x y z w is assumed.
 
     Args:
         trajectory: With a base, whose quaternions are as in the file.
@@ -199,10 +199,10 @@ def _tilt(trajectory: Trajectory, robot: Description) -> float:
 def of_robot(
     names: Sequence[str], positions: np.ndarray, robot: Description
 ) -> np.ndarray:
-    """Bring positions to the robot's joints; those that the file has not are at zero.
+    """Arrange positions in the order of the robot's joints; missing ones are at zero.
 
     Args:
-        names: Names of the file's joints; others than the robot's are ignored.
+        names: Names of the file's joints; unknown ones are ignored.
         positions: Their positions, shape (n_samples, n_joints).
         robot: The robot.
 
@@ -218,14 +218,14 @@ def of_robot(
 
 
 def check_radians(motion: Motion, robot: Description) -> None:
-    """Check that angles are not in degrees.
+    """Check that angles are in radians.
 
     Args:
         motion: Of joints of the robot.
         robot: The robot. Continuous joints may turn any number of times.
 
     Raises:
-        MotionError: If a joint turns farther than any does.
+        MotionError: If an angle is too large for radians.
     """
     revolute = {j.name: j for j in robot.movable_joints if j.kind == "revolute"}
     positions = np.abs(motion.trajectory.positions)

@@ -1,7 +1,7 @@
-"""What is in mesh files, read by ``read_meshes`` in processes of their own.
+"""Contents of mesh files, read by ``read_meshes`` in child processes.
 
-All files of a model are read by one process. Where it dies of a file, that file is
-left out, and another process goes on with the next.
+One process reads all files of a model. If it crashes on a file, that file is skipped,
+and another process continues with the next.
 """
 
 from __future__ import annotations
@@ -22,23 +22,23 @@ import numpy as np
 from g1_description.sim.meshes.read_meshes import BEGUN, LAST_WORDS
 
 READ_TIMEOUT = 60.0
-"""Longest time that reading all meshes of a model may take, in [s]."""
+"""Longest time for all meshes of a model, in [s]."""
 
 FILE_TIMEOUT = 20.0
-"""Longest time that one file may take, in [s]: it may name a pipe to read from."""
+"""Longest time for one file, in [s]; it may refer to a pipe."""
 
 FILE_PROCESSOR_TIMEOUT = 5.0
-"""Longest time of the processor that one file may take, in [s]."""
+"""Longest processor time for one file, in [s]."""
 
 FAILURE_LIFETIME = 60.0
-"""How long the death of a reader is remembered, in [s].
+"""Time for which a crash of a reader is cached, in [s].
 
-Not for ever: a busy machine or one short of memory may have caused it. But one spawn
-asks several times for the same files.
+It may be caused by a busy machine or lack of memory, but one spawn reads the same files
+several times.
 """
 
 CACHE_SIZE = 400e6
-"""Most memory of what is kept in case it is requested again, in bytes."""
+"""Largest size of the cache in bytes."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class Part:
     """At the corners, shape (n, 3, 3)."""
 
     color: tuple[float, ...] | None
-    """Red, green, blue, opacity from 0 to 1; None where the file gives none."""
+    """Red, green, blue, opacity from 0 to 1; None if not given."""
 
 
 @dataclass(frozen=True)
@@ -70,11 +70,11 @@ Content = Union[Tuple[Part, ...], str]
 
 _known: dict[_File, Content] = {}
 _deaths: dict[_File, float] = {}
-"""Files that readers died of: when, by the monotonic clock in [s]."""
+"""Files on which readers crashed, with the monotonic time in [s]."""
 
 
 def mesh_contents(paths: Iterable[Path]) -> dict[Path, Content]:
-    """Return what is in mesh files; what was read before is remembered.
+    """Return the contents of mesh files, with a cache.
 
     Args:
         paths: Existing files.
@@ -88,7 +88,7 @@ def mesh_contents(paths: Iterable[Path]) -> dict[Path, Content]:
             del _deaths[file], _known[file]
     contents: dict[_File, Content] = {}
     for file in files.values():
-        if file in _known:  # what is requested now comes last
+        if file in _known:  # the most recently used come last
             contents[file] = _known[file] = _known.pop(file)
     contents.update(_read_all([f for f in files.values() if f not in contents]))
     _forget_oldest()
@@ -96,7 +96,7 @@ def mesh_contents(paths: Iterable[Path]) -> dict[Path, Content]:
 
 
 def _forget_oldest() -> None:
-    """Forget the files that were not requested for longest, if all are too large."""
+    """Remove the least recently used files from a cache that is too large."""
     sizes = {
         file: sum(part.corners.nbytes + part.normals.nbytes for part in content)
         for file, content in _known.items()
@@ -110,7 +110,7 @@ def _forget_oldest() -> None:
 
 
 def _read_all(files: list[_File]) -> dict[_File, Content]:
-    """Read files, and remember what is in them."""
+    """Read files, and cache their contents."""
     late = f"reading all meshes took more than {READ_TIMEOUT:g} s"
     contents: dict[_File, Content] = dict.fromkeys(files, late)
     end = time.monotonic() + READ_TIMEOUT
@@ -133,11 +133,11 @@ def _read_all(files: list[_File]) -> dict[_File, Content]:
 
 
 def _read(paths: list[Path], timeout: float) -> tuple[list[Content], str, bool]:
-    """Read files in a process of its own, up to the first that ends it.
+    """Read files in a child process, until one crashes it.
 
     Returns:
-        What is in the first files, or why they cannot be read; why the process ended,
-        empty if the time was over; whether it began to read.
+        Contents or errors of the first files; why the process ended, empty after a
+        timeout; whether it began to read.
     """
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -161,10 +161,10 @@ def _read(paths: list[Path], timeout: float) -> tuple[list[Content], str, bool]:
 
 
 def _run(folder: Path, paths: list[Path], timeout: float) -> int | None:
-    """Run ``read_meshes``; give its exit code, None if it had to be stopped.
+    """Run ``read_meshes``; return its exit code, None after a timeout.
 
-    It runs in the folder of its results: of the folder that we run in Python would
-    take modules first.
+    It runs in the folder of its results: Python would import modules from the current
+    folder first.
     """
     program = [sys.executable, "-m", f"{__package__}.read_meshes"]
     limits = [str(FILE_PROCESSOR_TIMEOUT), str(FILE_TIMEOUT)]
@@ -189,18 +189,18 @@ def _run(folder: Path, paths: list[Path], timeout: float) -> int | None:
 
 
 def _death(code: int) -> str:
-    """Say in a message what ended a reader, by its exit code."""
+    """Describe the exit code of a reader."""
     if code == -signal.SIGPROF:
-        return f"it took more than {FILE_PROCESSOR_TIMEOUT:g} s of the processor"
+        return f"it took more than {FILE_PROCESSOR_TIMEOUT:g} s of processor time"
     if code == -signal.SIGALRM:
         return f"it took more than {FILE_TIMEOUT:g} s"
     if code < 0:
-        return f"its reader died of signal {-code} ({signal.strsignal(-code)})"
-    return f"its reader ended with code {code}"
+        return f"its reader was killed by signal {-code} ({signal.strsignal(-code)})"
+    return f"its reader exited with code {code}"
 
 
 def _parts(content: Path) -> tuple[Part, ...]:
-    """Take over what ``read_meshes`` read."""
+    """Load the results of ``read_meshes``."""
     with np.load(content) as arrays:
         ends = np.cumsum(arrays["counts"])[:-1]
         return tuple(

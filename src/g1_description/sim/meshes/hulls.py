@@ -1,4 +1,4 @@
-"""Convex hulls: of shapes that move, and their vertices as a tolerance asks for."""
+"""Convex hulls of shapes, and thinning of their vertices."""
 
 from __future__ import annotations
 
@@ -18,49 +18,49 @@ if TYPE_CHECKING:
     from scipy.spatial import ConvexHull
 
 MAX_HULLS = 100
-"""A mesh of more parts becomes one convex hull, instead of one for each."""
+"""Meshes with more parts become one convex hull, instead of one per part."""
 
 MAX_SHARE = 0.02
-"""Largest distance of a thinned hull from its mesh, per shortest side of its box: a
-ball keeps nine tenths of its volume."""
+"""Largest distance of a thinned hull from its mesh, relative to the shortest side of
+its box: a ball keeps 90 % of its volume."""
 
 MAX_FILES_KEPT = 64
-"""Files whose points are remembered: a robot is loaded more than once."""
+"""Files whose points are cached: a robot is loaded more than once."""
 
 KEY_FACTORS = np.array(
     [0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np.uint64
 )
-"""Odd and far apart, so that keys of neighbouring points spread."""
+"""Factors of a hash of points."""
 
 CORNERS = np.array(np.meshgrid(*[(-0.5, 0.5)] * 3)).reshape(3, 8).T
 """Of a box of size one, shape (8, 3)."""
 
 SIDES = 32
-"""Sides of the prism that stands for a cylinder: PyBullet's number."""
+"""Sides of the prism of a cylinder, as in PyBullet."""
 
 MAX_WHOLE = 128
-"""Most points that are not thinned: PyBullet's time grows with them."""
+"""Largest number of points that are not thinned: PyBullet's run time grows with it."""
 
 ROUNDING = 1e-12
 """Largest error of a height above a face, per size of the hull."""
 
 MAX_ROUNDS = 20
-"""Most times that points are put back; two or three are usual, and rounding errors that
-are larger than the tolerance would never end."""
+"""Largest number of iterations; two or three are usual, but rounding errors larger than
+the tolerance would never end."""
 
 MAX_HEIGHTS = 2_000_000
-"""Heights of points above faces that are computed at once: 16 MB."""
+"""Heights of points above faces per chunk: 16 MB."""
 
 TINY = 1e-300
-"""Instead of zero, to divide by."""
+"""Avoids division by zero."""
 
 HULL_ERRORS = (RuntimeError, ValueError)
-"""What ConvexHull raises for flat or few points. Its own error is a RuntimeError, whose
-name is not public in scipy 1.3."""
+"""Errors of ConvexHull for flat or few points. QhullError is a RuntimeError, and not
+public in scipy 1.3."""
 
 
 def hull_points(mesh: Mesh) -> list[np.ndarray]:
-    """Return the points whose convex hulls stand for a mesh.
+    """Return the points of the convex hulls of a mesh.
 
     Args:
         mesh: The mesh.
@@ -79,16 +79,16 @@ def hull_points(mesh: Mesh) -> list[np.ndarray]:
 
 
 def thinned_hulls(mesh: Mesh, tolerance: float) -> list[tuple[np.ndarray, float]]:
-    """Return fewer points whose convex hulls stand for a mesh.
+    """Return thinned points of the convex hulls of a mesh.
 
     Args:
         mesh: The mesh.
-        tolerance: How far other points of the mesh may be from them, in its unit; less
-            for small meshes, which would not keep their form.
+        tolerance: Largest distance of removed points from the hull, in the unit of the
+            mesh; smaller for small meshes, to preserve their shape.
 
     Returns:
-        Points as `hull_points` has them, and how far the other points are from their
-        hull at most.
+        Points as by ``hull_points``, and the largest distance of removed points from
+        their hull.
     """
     if mesh.parts:
         return [_thinned(points, tolerance) for points in hull_points(mesh)]
@@ -105,7 +105,7 @@ def _thinned_stl(
 
 
 def _thinned(points: np.ndarray, tolerance: float) -> tuple[np.ndarray, float]:
-    """Thin a hull with a tolerance that is small beside its size."""
+    """Thin a hull with a tolerance that is small relative to its size."""
     tolerance = min(tolerance, MAX_SHARE * float(np.ptp(points, axis=0).min()))
     return thinned(points, tolerance)
 
@@ -117,22 +117,22 @@ def _stl_points(path: Path, size: int, changed: int) -> np.ndarray:
 
 
 def _distinct(points: np.ndarray) -> np.ndarray:
-    """Leave out repetitions of points, shape (n, 3) in single precision.
+    """Remove duplicate points, shape (n, 3) in single precision.
 
-    Five of six corners of a usual mesh are; PyBullet then takes half the time.
+    In a usual mesh, five of six corners are; without them PyBullet takes half the time.
     """
-    # A key of 64 bits per point, since sorting whole rows takes seven times as long.
-    # Two of a million points share one by accident with a probability of 3e-8.
+    # A 64-bit hash per point, since sorting rows takes seven times as long. The
+    # probability of a collision among a million points is 3e-8.
     bits = np.ascontiguousarray(points).view(np.uint32).astype(np.uint64)
     _, first = np.unique(bits @ KEY_FACTORS, return_index=True)
     return points[first]
 
 
 def cylinder_points(radius: float, length: float) -> np.ndarray:
-    """Return the corners of a prism that stands for a cylinder about the z axis.
+    """Return the corners of a prism that approximates a cylinder about the z axis.
 
-    PyBullet makes the same of a cylinder in URDF: the flat end of its exact one is
-    round, and has fewer points of contact.
+    PyBullet does the same for cylinders in URDF: the end of an exact cylinder has fewer
+    contact points.
 
     Args:
         radius: In [m].
@@ -148,11 +148,11 @@ def cylinder_points(radius: float, length: float) -> np.ndarray:
 
 
 def outline(shape: Shape, meshes: Mapping[str, Mesh]) -> tuple[np.ndarray, float]:
-    """Return points, and a radius about them, whose convex hull is that of a shape.
+    """Return points, and a radius around them, with the convex hull of a shape.
 
     Args:
-        shape: No plane: that has no outline.
-        meshes: The meshes by the names of their files, the shape's among them.
+        shape: Any shape but a plane.
+        meshes: Meshes by file name, including the shape's.
 
     Returns:
         Points in the frame of the shape, in [m], shape (n, 3), and a radius in [m].
@@ -174,7 +174,7 @@ def hull_vertices(points: np.ndarray) -> np.ndarray:
         points: In any frame, in [m], shape (n, 3).
 
     Returns:
-        The vertices, shape (m, 3); every point once if they lie in a plane.
+        The vertices, shape (m, 3); all distinct points if they lie in a plane.
     """
     points = np.unique(np.asarray(points, float), axis=0)
     convex_hull = _qhull()
@@ -185,13 +185,13 @@ def hull_vertices(points: np.ndarray) -> np.ndarray:
 
 
 def hull_normals(points: np.ndarray) -> np.ndarray:
-    """Give the directions that the faces of a convex hull have outwards.
+    """Compute the outward normals of the faces of a convex hull.
 
     Args:
         points: In any frame, shape (n, 3).
 
     Returns:
-        Unit vectors, shape (m, 3); none where there is no volume.
+        Unit vectors, shape (m, 3); empty without volume.
     """
     convex_hull = _qhull()
     try:
@@ -201,22 +201,22 @@ def hull_normals(points: np.ndarray) -> np.ndarray:
 
 
 def thinned(points: np.ndarray, tolerance: float) -> tuple[np.ndarray, float]:
-    """Leave out points that hardly stick out of the convex hull of the others.
+    """Remove points that hardly stick out of the convex hull of the others.
 
     Args:
         points: In any frame, in [m], shape (n, 3).
-        tolerance: How far a point that is left out may be from the new hull, in [m].
+        tolerance: Largest distance of a removed point from the new hull, in [m].
 
     Returns:
-        Some of the points, or all where they are few, lie in a plane or have rounding
-        errors larger than the tolerance, shape (m, 3); and how far the others are from
-        their hull at most, in [m].
+        Some of the points, or all if they are few, lie in a plane or have rounding
+        errors larger than the tolerance, shape (m, 3); and the largest distance of the
+        others from their hull, in [m].
     """
     if len(points) <= MAX_WHOLE:
         return points, 0.0
     convex_hull = _qhull()
     try:
-        # Qhull leaves out, and lists as coplanar, what is not W outside of a face.
+        # Qhull lists points less than W outside of a face as coplanar.
         hull = convex_hull(points, f"Qt Qc W{tolerance:.9g}")
         chosen, near = points[hull.vertices], points[hull.coplanar[:, 0]]
         for _ in range(MAX_ROUNDS):
@@ -224,7 +224,7 @@ def thinned(points: np.ndarray, tolerance: float) -> tuple[np.ndarray, float]:
             deviation = float(distance.max(initial=0.0))
             if deviation <= tolerance:
                 return chosen, deviation
-            # Beyond a sharp edge, points are farther from the hull than from planes.
+            # Near a sharp edge, points are farther from the hull than from its planes.
             chosen = np.concatenate([chosen, near[distance > tolerance]])
     except HULL_ERRORS:
         pass
@@ -232,9 +232,9 @@ def thinned(points: np.ndarray, tolerance: float) -> tuple[np.ndarray, float]:
 
 
 def _qhull() -> Callable[..., ConvexHull]:
-    """Import what computes hulls: that takes a tenth of a second, and few need it.
+    """Import ConvexHull, which takes 0.1 s and is seldom needed.
 
-    scipy loses an interrupt in its import, and dies of one where it begins a hull.
+    scipy loses an interrupt during its import, and crashes on one during a hull.
     """
     with uninterrupted():
         from scipy.spatial import ConvexHull
@@ -247,14 +247,14 @@ def _qhull() -> Callable[..., ConvexHull]:
 
 
 def _distances(points: np.ndarray, hull: ConvexHull) -> np.ndarray:
-    """Find how far points are from a convex hull, in [m], shape (n,)."""
+    """Compute the distances of points from a convex hull, in [m], shape (n,)."""
     if len(points) * len(hull.equations) > MAX_HEIGHTS and len(points) > 1:
         halves = np.array_split(points, 2)
         return np.concatenate([_distances(half, hull) for half in halves])
     heights = points @ hull.equations[:, :3].T
     heights += hull.equations[:, 3]
     rounding = ROUNDING * np.abs(hull.points).max()
-    number, face = np.nonzero(heights > rounding)  # the faces that a point sees
+    number, face = np.nonzero(heights > rounding)  # the faces visible from a point
     beside = _distances_beside(
         points[number], hull.points[hull.simplices[face]], hull.equations[face, :3]
     )
@@ -266,7 +266,7 @@ def _distances(points: np.ndarray, hull: ConvexHull) -> np.ndarray:
 def _distances_beside(
     points: np.ndarray, corners: np.ndarray, normals: np.ndarray
 ) -> np.ndarray:
-    """Find the distances of points from triangles, one each, along their planes.
+    """Compute the distances of points from triangles, pairwise, along their planes.
 
     In [m], shape (n,); zero above and below a triangle.
     """

@@ -1,13 +1,12 @@
-"""A program that reads meshes with assimp, as RViz does, in a process of its own.
+"""A program that reads meshes with assimp, as RViz does, in a child process.
 
-A mesh that assimp crashes on ends this process and not the simulator. The arguments
-are a folder, the most seconds of the processor and of the clock that a file may take,
-and files. In the folder it writes for the n-th file ``n.npz``, or ``n.txt`` with the
-reason why not. It dies of the first file that takes too long; whoever started it goes
-on with the next.
+A mesh that crashes assimp ends this process, not the simulator. The arguments are a
+folder, the limits of processor time and time per file in seconds, and files. For the
+n-th file it writes ``n.npz``, or ``n.txt`` with an error, to the folder. The first file
+that takes too long kills it; its parent continues with the next.
 
-assimp is set to read as RViz and Gazebo do: a COLLADA file's unit counts, its up axis
-does not.
+assimp is configured as in RViz and Gazebo: the unit of a COLLADA file is applied, its
+up axis is ignored.
 """
 
 from __future__ import annotations
@@ -37,15 +36,15 @@ from g1_description.sim.meshes.stl import (
 )
 
 BEGUN, LAST_WORDS = "begun", "last_words"
-"""Files that it leaves when it begins to read, and when it ends by its own mistake."""
+"""Files that it writes when it begins, and on an internal error."""
 
 MEMORY = 4 * 2**30
-"""Most memory that it may take, in bytes."""
+"""Limit of memory in bytes."""
 
 MAX_TRIANGLES = 3_000_000
 
 STEPS = 0x8 | 0x20 | 0x100 | 0x8000
-"""What assimp does: triangulate, generate normals, pre-transform vertices, sort by
+"""Steps of assimp: triangulate, generate normals, pre-transform vertices, sort by
 primitive type."""
 
 PROPERTIES = {
@@ -57,7 +56,7 @@ PROPERTIES = {
 DIFFUSE_TEXTURE = 1
 SUCCESS = 0
 OUT_OF_MEMORY = "std::bad_alloc"
-"""What the library says last where memory is at an end."""
+"""End of the library's message if it is out of memory."""
 
 
 class _String(ctypes.Structure):
@@ -109,16 +108,16 @@ _FACE = np.dtype([("n_indices", np.uint32), ("indices", np.uintp)], align=True)
 
 
 class CannotReadError(Exception):
-    """A mesh cannot be read; the text says why."""
+    """A mesh cannot be read."""
 
 
 _Part = Tuple[np.ndarray, np.ndarray, Tuple[float, ...]]
-"""Of one material: corners of triangles and normals there, shape (n, 3, 3), and red,
-green, blue, opacity, NaN where the file has no material."""
+"""A part with one material: corners and normals of triangles, shape (n, 3, 3), and red,
+green, blue, opacity, NaN without a material."""
 
 
 class _Assimp:
-    """The library, ready to read."""
+    """The configured library."""
 
     def __init__(self) -> None:
         name = ctypes.util.find_library("assimp")
@@ -133,7 +132,7 @@ class _Assimp:
             self._library.aiSetImportPropertyInteger(self._properties, key, value)
 
     def parts(self, path: Path) -> Iterator[_Part]:
-        """Read the parts of a mesh, placed as the file's nodes place them."""
+        """Read the parts of a mesh, transformed by the nodes of the file."""
         found = self._library.aiImportFileExWithProperties(
             os.fsencode(path), STEPS, None, self._properties
         )
@@ -156,7 +155,7 @@ class _Assimp:
         self._library.aiReleaseImport(found)
 
     def _color(self, material: ctypes.c_void_p, folder: Path) -> tuple[float, ...]:
-        """Return the colour of a material; of a picture the mean."""
+        """Return the colour of a material, or the mean of its texture."""
         name, texture = _String(), _String()
         color, opacity = (ctypes.c_float * 4)(), ctypes.c_float(1.0)
         self._library.aiGetMaterialString(
@@ -208,7 +207,7 @@ def main() -> None:
             for timer, limit in zip((signal.ITIMER_PROF, signal.ITIMER_REAL), limits):
                 signal.setitimer(timer, float(limit))
             _read_to(folder, number, Path(file))
-    except Exception as error:  # raised again; the parent learns of any mistake
+    except Exception as error:  # raised again; reported to the parent
         words = f"{type(error).__name__}: {error}"
         (folder / LAST_WORDS).write_text(words, encoding="utf-8")
         raise
@@ -223,14 +222,14 @@ def _read_to(folder: Path, number: int, file: Path) -> None:
         why_not = full if isinstance(error, MemoryError) else str(error)
         (folder / f"{number}.txt").write_text(why_not, encoding="utf-8")
         return
-    # A file that is there is whole.
+    # Renamed, so that an existing file is complete.
     np.savez(folder / "unfinished.npz", **arrays)
     (folder / "unfinished.npz").rename(folder / f"{number}.npz")
 
 
 def _read(path: Path) -> dict[str, np.ndarray]:
     """Read a mesh: all parts' ``corners`` and ``normals``, ``counts``, ``colors``."""
-    # Before the library: version 5.0 aborts at a binary STL that ends too early.
+    # Before the library: version 5.0 aborts on a truncated binary STL.
     _check_stl(path)
     parts = list(_Assimp().parts(path))
     if not parts:
@@ -238,17 +237,17 @@ def _read(path: Path) -> dict[str, np.ndarray]:
     counts = [len(corners) for corners, _, _ in parts]
     if sum(counts) > MAX_TRIANGLES:
         raise CannotReadError(
-            f"it has {sum(counts)} triangles; there is room for {MAX_TRIANGLES}"
+            f"it has {sum(counts)} triangles; the limit is {MAX_TRIANGLES}"
         )
     corners, normals = (np.concatenate([part[n] for part in parts]) for n in (0, 1))
     with np.errstate(invalid="ignore"):
         if not (np.abs(corners) <= MAX_VALUE).all():
             raise CannotReadError(
-                f"it has corners that are not finite, or beyond {MAX_VALUE:g} m"
+                f"it has vertices that are not finite, or beyond {MAX_VALUE:g} m"
             )
     if not np.ptp(corners.reshape(-1, 3), axis=0).any():
-        raise CannotReadError("all its corners are in one place")
-    # A normal without a direction becomes that of its triangle.
+        raise CannotReadError("all its vertices are at one point")
+    # A zero normal is replaced by that of its triangle.
     own = triangle_normals(corners)[:, np.newaxis]
     normals = np.where(has_direction(normals)[..., np.newaxis], normals, own)
     return {
@@ -260,7 +259,7 @@ def _read(path: Path) -> dict[str, np.ndarray]:
 
 
 def _check_stl(path: Path) -> None:
-    """Check that an STL is text, or as long as its number of triangles says."""
+    """Check that an STL is text, or its size matches its number of triangles."""
     if path.suffix.lower() != ".stl":
         return
     try:
@@ -270,7 +269,7 @@ def _check_stl(path: Path) -> None:
     except OSError as error:
         raise CannotReadError(str(error.strerror)) from error
     needed = binary_size(head)
-    # The number of triangles has a zero byte, which text has not.
+    # The number of triangles contains a zero byte, unlike text.
     begin = head.lstrip(b"\xef\xbb\xbf \t\r\n")
     is_text = b"\0" not in head and (not begin or begin.startswith(b"solid"))
     if size != needed and not is_text:
@@ -283,7 +282,7 @@ def _check_stl(path: Path) -> None:
 def _mean_color(folder: Path, name: str) -> tuple[float, ...] | None:
     """Return the mean colour of a picture, from 0 to 1; None if it cannot be read."""
     paths = [folder / written for written in (name, unquote(name)) if written]
-    # A name may be too long for a file: then a path's own is_file() raises.
+    # os.path.isfile: Path.is_file() raises on names that are too long.
     picture = next(filter(os.path.isfile, paths), None)
     if picture is None:
         return None
@@ -291,10 +290,10 @@ def _mean_color(folder: Path, name: str) -> tuple[float, ...] | None:
 
     try:
         with warnings.catch_warnings(), Image.open(picture) as image:
-            warnings.simplefilter("error")  # of one that is larger than memory
+            warnings.simplefilter("error")  # on very large images
             small = image.convert("RGB").resize((1, 1), Image.Resampling.BOX)
             return tuple(value / 255.0 for value in small.getpixel((0, 0)))
-    except Exception:  # what Pillow raises depends on the format
+    except Exception:  # the errors of Pillow depend on the format
         return None
 
 

@@ -1,8 +1,7 @@
-"""Meshes as PyBullet can be given them: its own readers trust the numbers in a file.
+"""Finding and validating meshes for PyBullet, whose own readers trust any file.
 
-A binary STL it may read itself, once its length and numbers were checked. All else is
-read by the library that RViz reads with, in a process of its own for all files of a
-model.
+PyBullet may read a binary STL itself, after its length and numbers were checked. Other
+files are read with assimp, as in RViz, in a child process.
 """
 
 from __future__ import annotations
@@ -33,21 +32,22 @@ KINDS = (".dae", ".obj", ".stl")
 
 @dataclass(frozen=True)
 class Mesh:
-    """A mesh that was found."""
+    """A mesh file."""
 
     path: Path
     parts: tuple[Part, ...] = ()
-    """Empty where PyBullet reads the file itself."""
+    """Empty if PyBullet reads the file itself."""
 
 
 def find_meshes(shapes: Iterable[Shape]) -> tuple[dict[str, Mesh], tuple[str, ...]]:
-    """Find the meshes of a model; nothing before this asks where a mesh lies.
+    """Find and read the meshes of a model.
 
     Args:
         shapes: Its shapes; those that are not meshes are ignored.
 
     Returns:
-        The meshes by their names as written, and a message for each that is left out.
+        The meshes by their names in the file, and a message for each that cannot be
+        used.
     """
     names = [shape.filename for shape in shapes if shape.kind == "mesh"]
     found: dict[str, Mesh] = {}
@@ -58,7 +58,7 @@ def find_meshes(shapes: Iterable[Shape]) -> tuple[dict[str, Mesh], tuple[str, ..
         if path is None:
             left_out.append(f"mesh {name} does not exist")
         elif path.suffix.lower() not in KINDS:
-            left_out.append(f"mesh {name} is none of {', '.join(KINDS)}")
+            left_out.append(f"mesh {name} must be one of {', '.join(KINDS)}")
         else:
             paths[name] = path
     meshes = open_meshes(paths.values())
@@ -72,18 +72,18 @@ def find_meshes(shapes: Iterable[Shape]) -> tuple[dict[str, Mesh], tuple[str, ..
 
 
 def is_there(shape: Shape, meshes: Mapping[str, Mesh]) -> bool:
-    """Return whether a shape is no mesh, or one that ``find_meshes`` found."""
+    """Return whether a shape is not a mesh, or one that was found."""
     return shape.kind != "mesh" or shape.filename in meshes
 
 
 def open_meshes(paths: Iterable[Path]) -> dict[Path, Mesh | str]:
-    """Open mesh files; this decides for the whole package what can be read.
+    """Open mesh files.
 
     Args:
         paths: Existing files of these ``KINDS``.
 
     Returns:
-        By file: a mesh, or a message that says why it cannot be read.
+        By file: a mesh, or a message on why it cannot be read.
     """
     found: dict[Path, Mesh | str] = {}
     unread = []
@@ -98,10 +98,10 @@ def open_meshes(paths: Iterable[Path]) -> dict[Path, Mesh | str]:
 
 
 def is_sound_stl(path: Path) -> bool:
-    """Return whether a file is a binary STL that PyBullet can be given.
+    """Return whether a file is a binary STL that PyBullet can read safely.
 
-    Such a file is as long as its number of triangles says; PyBullet computes that in
-    32 bits and reads beyond the end. And it has normals: what has none is black.
+    Its size must match its number of triangles, as PyBullet computes it in 32 bits and
+    reads beyond the end. It must have normals, without which it is black.
 
     Args:
         path: An existing file.
@@ -122,5 +122,5 @@ def is_sound_stl(path: Path) -> bool:
         if not (np.abs(records["corners"]) <= MAX_VALUE).all():
             return False
     mute = records["corners"][~has_direction(records["normal"])]
-    # What has no area is not seen: it needs no normal.
+    # Triangles without area are invisible and need no normal.
     return not triangle_normals(mute).any()

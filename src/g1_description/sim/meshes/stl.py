@@ -1,4 +1,4 @@
-"""STL: triangles in a binary file."""
+"""Triangles: binary STL files, and surfaces of spheres and cylinders."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 
 AROUND = 48
-"""Pieces of a full circle: the outline is 0.3 % too small."""
+"""Segments of a full circle: the outline is 0.3 % too small."""
 
 
 LEAST_NORMAL = 0.001
-"""Square of the length that a normal has at least, if it has a direction."""
+"""Least squared length of a valid normal."""
 
 
 @dataclass(frozen=True)
 class Surface:
-    """Triangles with a direction for the light at each corner."""
+    """Triangles with normals at their corners."""
 
     vertices: np.ndarray
     """In [m], shape (n, 3)."""
@@ -30,7 +30,7 @@ class Surface:
 
 
 def triangle_normals(corners: np.ndarray) -> np.ndarray:
-    """Find where triangles face.
+    """Compute the normals of triangles.
 
     Args:
         corners: Anticlockwise seen from outside, shape (n, 3, 3).
@@ -59,7 +59,7 @@ def sphere(radius: float) -> Surface:
 
 
 def cylinder(radius: float, length: float) -> Surface:
-    """Make a cylinder about the z axis, its middle in the origin."""
+    """Make a cylinder about the z axis, centred at the origin."""
     top = length / 2
     outline = [[0, -top], [radius, -top], [radius, -top], [radius, top]]
     outline += [[radius, top], [0, top]]
@@ -98,22 +98,22 @@ _HEADER = HEAD - 4
 
 
 def triangle_count(head: bytes) -> int:
-    """Return how many triangles a binary file has by its beginning."""
+    """Return the number of triangles in the header of a binary file."""
     return int(np.frombuffer(head.ljust(HEAD, b"\0"), "<u4", 1, _HEADER)[0])
 
 
 def binary_size(head: bytes) -> int:
-    """Return how many bytes a binary file has by its beginning."""
+    """Return the size in bytes according to the header of a binary file."""
     return HEAD + RECORD.itemsize * triangle_count(head)
 
 
 def is_binary(data: bytes) -> bool:
-    """Return whether a file is as long as its number of triangles says."""
+    """Return whether the size of a file matches its number of triangles."""
     return len(data) == binary_size(data)
 
 
 def clean_header(data: bytes) -> tuple[bytes, tuple[str, ...]]:
-    """Write a binary STL so that no reader takes it for text.
+    """Change the header of a binary STL that looks like text.
 
     Readers distinguish the two kinds by the word "solid" at the beginning, by the
     length, or by both.
@@ -122,7 +122,7 @@ def clean_header(data: bytes) -> tuple[bytes, tuple[str, ...]]:
         data: Content of the file.
 
     Returns:
-        The same with another header, and what was changed.
+        The new content, and messages on the change.
     """
     header = data[:_HEADER]
     if not header.lstrip().lower().startswith(b"solid"):
