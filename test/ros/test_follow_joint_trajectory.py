@@ -349,7 +349,7 @@ class TestFollowJointTrajectory(unittest.TestCase):
         client.wait_until_active()
         self.call("delete_model", "two")
         found = client.end()
-        self.check(found, "ABORTED", Result.INVALID_GOAL, "does not tell of", ELBOW)
+        self.check(found, "ABORTED", Result.INVALID_GOAL, "no longer publishes", ELBOW)
         self.spawn_other()
 
     def test_a_simulator_that_goes_ends_its_goal_and_the_next_one_serves(self):
