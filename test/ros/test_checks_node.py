@@ -113,8 +113,8 @@ class TestChecks(unittest.TestCase):
         for names, positions, where, only, words in (
             (["left_nee_joint"], [0.0], None, [], "left_knee_joint"),
             ([KNEE], [math.nan], None, [], "nan"),
-            ([KNEE], [], None, [], "1 names, and its position 0"),
-            ([KNEE, KNEE], [0.0, 0.0], None, [], "twice"),
+            ([KNEE], [], None, [], "got 0 for 1 names"),
+            ([KNEE, KNEE], [0.0, 0.0], None, [], "must not repeat"),
             ([], [], far, [], "inf"),
             ([], [], turned, [], "quaternion"),
             ([], [], None, ["balance"], "no check balance"),

@@ -137,7 +137,7 @@ class TestWorldFile(unittest.TestCase):
             timeout=DEADLINE,
         )
         self.assertEqual(done.returncode, 1)
-        words = "~initial/gravity_z is 'down', it must be a float like -9.8."
+        words = "~initial/gravity_z must be a float like -9.8 (got 'down')."
         self.assertIn(words, done.stderr)
 
 

@@ -117,9 +117,17 @@ def test_robots_that_make_no_sense_are_refused_by_their_number(robots, words):
     ("kind", "values", "words"),
     [
         (BridgeParameters, {"frame_prefix": "/a/"}, "end with a slash and not begin"),
-        (BridgeParameters, {"max_interval": -1.0}, "~max_interval is -1.0"),
+        (
+            BridgeParameters,
+            {"max_interval": -1.0},
+            "~max_interval must be .* .got -1.0",
+        ),
         (BridgeParameters, {"position_threshold": -0.1}, "must be from 0.0"),
-        (GazeboParameters, {"link_states_rate": -1.0}, "~link_states_rate is -1.0"),
+        (
+            GazeboParameters,
+            {"link_states_rate": -1.0},
+            "~link_states_rate must be .* .got -1.0",
+        ),
         (PhysicsProperties, {"time_step": -1.0}, "time_step is -1.0"),
         (PhysicsProperties, {"max_update_rate": -1.0}, "max_update_rate"),
     ],
