@@ -336,7 +336,7 @@ class TestMotion(unittest.TestCase):
         for topic, message, text in (
             ("joint_trajectory", elbow((0.0, nan)), "position nan"),
             ("joint_trajectory", elbow((0.1, 0.1), (0.1, 0.2)), "do not rise"),
-            ("joint_trajectory", elbow((0.0,)), "has 0 positions"),
+            ("joint_trajectory", elbow((0.0,)), "must have 1 positions (got 0)"),
             ("joint_trajectory", ear, "names left_ear"),
             ("motion", two_bases, "The base must be a single joint"),
             ("motion", apart, "must have the same times"),
