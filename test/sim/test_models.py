@@ -331,12 +331,12 @@ BAD_HAS_NO_LINKS = "Model 'bad' has no links."
         ),
         (
             '<world name="w"><include><uri>lamp</uri></include></world>',
-            "It has no model and no light (include of lamp is left out: Models are "
-            "found by model://NAME, file://FOLDER and a folder's absolute path).",
+            "The file has no model and no light (include of lamp is left out: Models "
+            "are found by model://NAME, file://FOLDER and a folder's absolute path).",
         ),
         (
             f'<world name="w">{GOOD}{GOOD.replace("good", "fine")}{WRONG}</world>',
-            "It has 2 models and 0 lights; one model or light can be spawned at a time "
+            "The file must have one model or light (got 2 models and 0 lights) "
             "(model bad is left out: Model 'bad' has no links).",
         ),
     ],

@@ -128,7 +128,7 @@ def test_robots_that_make_no_sense_are_refused_by_their_number(robots, words):
             {"link_states_rate": -1.0},
             "~link_states_rate must be .* .got -1.0",
         ),
-        (PhysicsProperties, {"time_step": -1.0}, "time_step is -1.0"),
+        (PhysicsProperties, {"time_step": -1.0}, "time_step must be .* .got -1"),
         (PhysicsProperties, {"max_update_rate": -1.0}, "max_update_rate"),
     ],
 )

@@ -121,7 +121,7 @@ class Calls:
         return self._queue.qsize()
 
     def answer(self, wait: float) -> bool:
-        """Wait for a call up to ``wait`` [s], and answer it; return whether one came."""
+        """Wait for a call up to ``wait`` [s], answer it; return whether one came."""
         try:
             call, answer, request = self._queue.get(wait > 0.0, wait)
         except queue.Empty:
@@ -206,7 +206,7 @@ class GazeboNode:
         except RefusalError:  # logged as Gazebo does
             pass
         except G1DescriptionError as error:
-            warning = f"{topic[1:]}: refused: {error}"
+            warning = f"{topic[1:]}: refused, {error}"
             self._simulation.log.warn(topic, warning, SHORT_PERIOD)
 
     def _reconfigure(self, numbers: dict) -> dict:
@@ -214,7 +214,7 @@ class GazeboNode:
         try:
             worlds.change_physics(self._simulation, numbers)
         except G1DescriptionError as error:
-            rospy.logerr("set_parameters: refused: %s", error)
+            rospy.logerr("set_parameters: refused, %s", error)
             properties, kept = self._world.properties, {*worlds.UNSETTABLE}
             return {n: getattr(properties, n) for n in numbers if n not in kept}
         rospy.loginfo("physics dynamics reconfigure update complete")
