@@ -222,7 +222,7 @@ class TestAbsent(unittest.TestCase):
         return str(found.exception)
 
     def test_what_is_not_there_is_told_in_time(self):
-        self.assertIn("there is no /nowhere;", self.refusal(gazebo="/nowhere"))
+        self.assertIn("/nowhere is not running;", self.refusal(gazebo="/nowhere"))
         self.assertIn("No robot within", self.refusal(model="g2_robot"))
         service = rospy.Service("/other/pause_physics", Empty, lambda _: None)
         self.addCleanup(service.shutdown)

@@ -311,7 +311,7 @@ class TestSpawnModel(unittest.TestCase):
 
     def test_what_is_no_model_is_told_in_one_sentence_and_not_spawned(self):
         cases = (
-            (("-file", "/nowhere.urdf"), "", "The file /nowhere.urdf cannot be read"),
+            (("-file", "/nowhere.urdf"), "", "Cannot read the file /nowhere.urdf"),
             (("-param", "/nowhere"), "", "The parameter /nowhere is empty or missing."),
             (("-param", "/empty"), "", "The parameter /empty is empty or missing."),
             (("-stdin",), "", "The input is empty or missing."),
