@@ -1,9 +1,9 @@
-"""The stand-in under a program's control: it steps when the program says so.
+"""A client that controls the simulator and its time, step by step.
 
 Calls: step_model (g1_description/StepModel), set_model_trajectory
     (g1_description/SetModelTrajectory), get_physics_properties
     (gazebo_msgs/GetPhysicsProperties), pause_physics, unpause_physics and
-    reset_simulation (std_srvs/Empty) of the stand-in
+    reset_simulation (std_srvs/Empty) of the simulator
 """
 
 from __future__ import annotations
@@ -38,31 +38,27 @@ from g1_description.ros.waiting import (
 from g1_description.srv import SetModelTrajectory, StepModel
 
 MOST = (1 << 32) - 1
-"""The largest count that a message holds."""
+"""Largest uint32."""
 
 
 def named_positions(
     positions: JointValues | None, joints: Sequence[str]
 ) -> tuple[tuple[str, ...], list[float]]:
-    """Name the joints of positions; those that are not given are not named.
+    """Convert positions to names and numbers.
 
     Args:
         positions: Of all joints as an array, or of some as a dictionary; None: of none.
         joints: Names of the robot's joints.
 
-    Returns:
-        Names and positions.
-
     Raises:
-        G1DescriptionError: If they are none of one configuration of this robot.
+        G1DescriptionError: If they are not a configuration of this robot.
     """
     if positions is None:
         return (), []
     array = as_array(positions, joints, np.zeros(len(joints)))
     if array.ndim != 1:
         raise InvalidValueError(
-            f"Positions of shape {array.shape} are many configurations; the simulator "
-            "takes one at a time."
+            f"Positions must be a single configuration (got shape {array.shape})."
         )
     names = tuple(positions) if isinstance(positions, Mapping) else tuple(joints)
     return names, [float(array[joints.index(name)]) for name in names]
@@ -77,8 +73,7 @@ def one_pose(base: Any) -> np.ndarray:
     pose = as_poses(base)
     if pose.ndim != 1:
         raise InvalidValueError(
-            f"A base of shape {pose.shape} is many poses; the simulator takes one at a "
-            "time."
+            f"The base must be a single pose (got shape {pose.shape})."
         )
     return pose
 
@@ -87,7 +82,7 @@ def count(what: str, number: Any, least: int) -> int:
     """Check a count.
 
     Raises:
-        InvalidValueError: If it is not.
+        InvalidValueError: If it is not a whole number of at least ``least``.
     """
     try:
         found = operator.index(number)
@@ -95,23 +90,23 @@ def count(what: str, number: Any, least: int) -> int:
         found = -1
     if not least <= found <= MOST:
         raise InvalidValueError(
-            f"{what} is {number!r}; it is a whole number from {least} on."
+            f"{what} must be a whole number of at least {least} (got {number!r})."
         )
     return found
 
 
 @dataclass(frozen=True, eq=False)
 class SteppedState(RobotState):
-    """The state of a robot after steps, and what was not done before them.
+    """The state of a robot after steps, and deviations from the request.
 
     Joints are in the order of the client's ``joint_names``. The base is the root link.
     """
 
     note: str = ""
-    """What was not done as requested, such as positions that were clamped."""
+    """Deviations from the request, such as clamped positions."""
 
     clamped: tuple[str, ...] = ()
-    """The joints whose positions were clamped to their limits."""
+    """Joints whose positions were clamped to their limits."""
 
     @property
     def time_ns(self) -> int:
@@ -125,48 +120,48 @@ class SteppedState(RobotState):
 
 
 TIMEOUT = 10.0
-"""Longest wait for master, stand-in and robot, in [s]: they may be starting."""
+"""Longest wait for master, simulator and robot, in [s]: they may be starting."""
 
 
 class Client:
-    """A robot in the stand-in, and its simulated time.
+    """A robot in the simulator, and control of simulated time.
 
-    Time stands still but for the steps that are requested here, so the same calls after
-    a reset give the same states to the last bit. The program need not be a node.
+    Time advances only by the steps requested here, so the same calls after a reset give
+    bit-identical states. The program need not be a node.
     """
 
     def __init__(
         self, model: str = "g1_robot", gazebo: str = "/gazebo", timeout: float = TIMEOUT
     ) -> None:
-        """Connect, and let time stand still.
+        """Connect, and pause time.
 
         Args:
             model: Name of the robot in the simulated world.
-            gazebo: Namespace of the stand-in.
-            timeout: Longest wait for master, stand-in and robot, in [s].
+            gazebo: Namespace of the simulator.
+            timeout: Longest wait for master, simulator and robot, in [s].
 
         Raises:
-            NoAnswerError: If one of them is not there in time.
+            NoAnswerError: If one of them does not answer in time.
         """
         self._model = model
         self._services = Connection(gazebo, timeout)
         self._services.wait_for("step_model")
         first = self._wait_for_robot(timeout)
         self.joint_names: tuple[str, ...] = tuple(first.joint_states.name)
-        """The movable joints, in the order of all arrays; that of the URDF."""
+        """The movable joints in the order of the URDF, as in all arrays."""
         self._was_running = not self._physics().pause
         self._services.call("pause_physics", Empty)
 
     def __enter__(self) -> Client:
-        """Be used in a with statement."""
+        """Return this client, for a with statement."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """End."""
+        """Close the client."""
         self.close()
 
     def close(self) -> None:
-        """Disconnect; time runs again if it did before."""
+        """Disconnect; resume time if it ran before."""
         try:
             if self._was_running:
                 self._was_running = False
@@ -176,51 +171,51 @@ class Client:
 
     @property
     def time_step(self) -> float:
-        """Simulated time of a step, in [s]."""
+        """Length of a step in simulated time, in [s]."""
         return self._physics().time_step
 
     def state(self) -> SteppedState:
-        """Return where the robot is.
+        """Return the robot's current state.
 
         Raises:
-            NoAnswerError: If the stand-in does not answer.
+            NoAnswerError: If the simulator does not answer.
         """
         return self.step(0)
 
     def set(
         self, positions: JointValues | None = None, base: Any = None
     ) -> SteppedState:
-        """Set joints and base at once; no time passes.
+        """Set joints and base immediately; no time passes.
 
         Args:
             positions: Of all joints as an array, or of some as a dictionary, in [rad]
-                or [m]; other joints stay. Motors hold what was set.
+                or [m]; other joints stay. Motors hold these positions.
             base: Pose of the root link in the world, shape (7,), then at rest; by
                 default it stays.
 
         Returns:
-            The state after that.
+            The new state.
 
         Raises:
-            G1DescriptionError: If that cannot be done, and then nothing is changed.
+            G1DescriptionError: If the request is invalid; nothing is changed then.
         """
         return self.step(0, positions, base)
 
     def step(
         self, n: int = 1, positions: JointValues | None = None, base: Any = None
     ) -> SteppedState:
-        """Let physics steps pass.
+        """Advance simulated time by physics steps.
 
         Args:
-            n: How many.
-            positions: Set first, as by ``set``.
-            base: Set first, too.
+            n: Number of steps.
+            positions: Set before the first step, as by ``set``.
+            base: Set before the first step, too.
 
         Returns:
-            The state after them.
+            The state after the last step.
 
         Raises:
-            G1DescriptionError: If that cannot be done, and then nothing is changed.
+            G1DescriptionError: If the request is invalid; nothing is changed then.
         """
         names, numbers = named_positions(positions, self.joint_names)
         fields: dict[str, Any] = {"set_base": base is not None}
@@ -248,36 +243,34 @@ class Client:
         )
 
     def command(self, positions: JointValues) -> str:
-        """Give joints new positions from the next step on.
+        """Command joint positions from the next step on.
 
-        In ``hold`` their motors go there, in other physics the joints are there at
-        once.
+        In ``hold`` they are the motors' targets; in other physics joints are set.
 
         Args:
             positions: Of all joints as an array, or of some as a dictionary, in [rad]
                 or [m].
 
         Returns:
-            What is not done as requested; may be empty.
+            Deviations from the request; may be empty.
 
         Raises:
-            G1DescriptionError: If that cannot be done.
+            G1DescriptionError: If the request is invalid.
         """
         names, numbers = named_positions(positions, self.joint_names)
         return self.follow(Trajectory(np.zeros(1), names, np.array([numbers])))
 
     def follow(self, trajectory: Trajectory) -> str:
-        """Begin a motion now; it goes on with the steps that follow.
+        """Start a motion now; it advances with the following steps.
 
         Args:
-            trajectory: Its times count from now. Its base counts only where physics
-                does not move the robot.
+            trajectory: The motion. Its base is used only in ``kinematic`` physics.
 
         Returns:
-            What is not done as requested; may be empty.
+            Deviations from the request; may be empty.
 
         Raises:
-            G1DescriptionError: If that cannot be done.
+            G1DescriptionError: If the request is invalid.
         """
         check_names(trajectory.joint_names, self.joint_names)
         message = model_trajectory(self._model, trajectory)
@@ -287,17 +280,17 @@ class Client:
         return answer.status_message
 
     def play(self, trajectory: Trajectory, every: int = 1) -> Trajectory:
-        """Let the robot go through a motion.
+        """Play a motion to its end.
 
         Args:
-            trajectory: As for ``follow``.
-            every: Steps between two samples of what is returned.
+            trajectory: The motion, as for ``follow``.
+            every: Steps between two returned samples.
 
         Returns:
-            What the robot did from now until the motion's end.
+            The measured motion of the robot.
 
         Raises:
-            G1DescriptionError: If that cannot be done.
+            G1DescriptionError: If the request is invalid.
         """
         count("every", every, 1)
         self.follow(trajectory)
@@ -306,17 +299,17 @@ class Client:
         return self.record(max(steps, 1), every)
 
     def record(self, n: int, every: int = 1) -> Trajectory:
-        """Let physics steps pass, and keep the states.
+        """Advance simulated time, and record the states.
 
         Args:
-            n: How many steps.
-            every: Steps between two states; the last one is kept in any case.
+            n: Number of steps.
+            every: Steps between two states; the last one is always recorded.
 
         Returns:
-            The states as a motion, the present one first, whose times count from now.
+            The states as a motion that starts with the current one, at time 0.
 
         Raises:
-            G1DescriptionError: If steps cannot be done.
+            G1DescriptionError: If the request is invalid.
         """
         left = count("steps", n, 1)
         count("every", every, 1)
@@ -333,19 +326,19 @@ class Client:
         )
 
     def reset(self) -> SteppedState:
-        """Begin again: time zero, models as they were spawned.
+        """Reset the simulation: time zero, models as spawned.
 
         Returns:
-            The state then.
+            The state after the reset.
 
         Raises:
-            G1DescriptionError: If the stand-in does not answer.
+            G1DescriptionError: If the simulator does not answer.
         """
         self._services.call("reset_simulation", Empty)
         return self.state()
 
     def _wait_for_robot(self, timeout: float) -> Any:
-        """Wait until the robot is in the world; return its state."""
+        """Wait until the robot is spawned; return its state."""
         why = ""
 
         def ask() -> Any:
@@ -360,9 +353,8 @@ class Client:
 
         answer = wait_until(ask, timeout, None, MASTER_PERIOD)
         if answer is None:
-            raise NoAnswerError(f"After {timeout:g} s there is no robot: {why}")
+            raise NoAnswerError(f"No robot within {timeout:g} s: {why}")
         return answer
 
     def _physics(self) -> Any:
-        """Return the physics' numbers."""
         return self._services.call("get_physics_properties", GetPhysicsProperties)

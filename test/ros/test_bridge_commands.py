@@ -92,13 +92,13 @@ class TestBridgeCommands(unittest.TestCase):
         begin = time.monotonic()
         self.stream(200, 1000.0)
         self.log.wait(
-            lambda m: "waits for the simulator" in m.msg, "a line about the service"
+            lambda m: "Cannot send a command" in m.msg, "a line about the service"
         )
         self.wait_until_all_came()
         self.serve()
         self.wait_for_newest()
         self.assertEqual(len(self.simulator.requests), 1)
-        told = len(self.warnings("waits for the simulator"))
+        told = len(self.warnings("Cannot send a command"))
         self.assertLessEqual(told, 1 + (time.monotonic() - begin) / LOG_PERIOD)
 
     def test_a_slow_simulator_gets_the_newest_in_few_calls(self):
@@ -131,8 +131,7 @@ class TestBridgeCommands(unittest.TestCase):
         self.simulator.wait_for_request(left_knee_joint=0.5)
         wait_for(
             lambda: (
-                self.stream(200, 1000.0)
-                or self.warnings("waits for the simulator's answer")
+                self.stream(200, 1000.0) or self.warnings("has not answered a command")
             ),
             "a line about the answer",
         )
@@ -169,7 +168,7 @@ class TestBridgeCommands(unittest.TestCase):
         # Nobody is there for a while.
         self.stream(100, 1000.0)
         self.log.wait(
-            lambda m: "waits for the simulator" in m.msg, "a line about the service"
+            lambda m: "Cannot send a command" in m.msg, "a line about the service"
         )
         self.serve()
         self.wait_for_newest()

@@ -98,9 +98,9 @@ class TestBridgeHealth(unittest.TestCase):
 
     def test_1_a_bridge_that_works_says_so(self):
         self.watch()
-        self.wait_for(LINK_STATES, OK, "link states come")
-        self.wait_for(COMMANDS, OK, "commands are obeyed")
-        self.wait_for(JOINTS, OK, "3 joints are measured")
+        self.wait_for(LINK_STATES, OK, "link states arrive")
+        self.wait_for(COMMANDS, OK, "commands are applied")
+        self.wait_for(JOINTS, OK, "3 joints are published")
 
     def test_2_refused_commands_are_a_warning_until_one_is_obeyed(self):
         self.watch()
@@ -109,7 +109,7 @@ class TestBridgeHealth(unittest.TestCase):
         self.wait_for(COMMANDS, WARN, "arm", "not today")
         self.simulator.answers = lambda model: SUCCESS
         self.command(elbow=0.2)
-        self.wait_for(COMMANDS, OK, "commands are obeyed")
+        self.wait_for(COMMANDS, OK, "commands are applied")
 
     def test_3_a_service_that_hangs_is_an_error_until_it_answers(self):
         self.watch()
@@ -117,7 +117,7 @@ class TestBridgeHealth(unittest.TestCase):
         self.command(elbow=0.1)
         self.wait_for(COMMANDS, ERROR, "has not answered for")
         gate.open()
-        self.wait_for(COMMANDS, OK, "commands are obeyed")
+        self.wait_for(COMMANDS, OK, "commands are applied")
 
     def test_4_a_service_that_is_not_there_is_an_error_until_it_is(self):
         self.watch()
@@ -126,14 +126,14 @@ class TestBridgeHealth(unittest.TestCase):
         self.wait_for(COMMANDS, ERROR, "has not answered for")
         self.simulator = Simulator(self.simulator.name)
         self.addCleanup(self.simulator.close)
-        self.wait_for(COMMANDS, OK, "commands are obeyed")
+        self.wait_for(COMMANDS, OK, "commands are applied")
 
     def test_5_link_states_that_stay_away_are_a_warning_until_they_come(self):
         self.watch()
         shown, self.shown = self.shown, []
-        self.wait_for(LINK_STATES, WARN, "nothing on", self.watched.topic)
+        self.wait_for(LINK_STATES, WARN, "no message on", self.watched.topic)
         self.shown = shown
-        self.wait_for(LINK_STATES, OK, "link states come")
+        self.wait_for(LINK_STATES, OK, "link states arrive")
 
     def test_6_missing_links_are_an_error_until_they_are_there(self):
         self.watch()
@@ -144,13 +144,13 @@ class TestBridgeHealth(unittest.TestCase):
         broken.pose[3].position.x = math.nan
         for message in (without_fore, broken):
             self.shown = [message]
-            self.wait_for(JOINTS, ERROR, "links are missing", "fore")
+            self.wait_for(JOINTS, ERROR, "missing links", "fore")
             self.shown = [arm_states()]
-            self.wait_for(JOINTS, OK, "3 joints are measured")
+            self.wait_for(JOINTS, OK, "3 joints are published")
         self.shown = [arm_states(model="leg")]
         self.wait_for(JOINTS, ERROR, "no link of arm")
         self.shown = [arm_states()]
-        self.wait_for(JOINTS, OK, "3 joints are measured")
+        self.wait_for(JOINTS, OK, "3 joints are published")
 
     def test_7_a_link_off_its_axis_is_a_warning_until_it_is_back(self):
         self.watch()
@@ -163,15 +163,17 @@ class TestBridgeHealth(unittest.TestCase):
         line = self.watched.log.wait(lambda m: "off their axes" in m.msg)
         self.assertIn("elbow by 0.2 rad", line.msg)
         self.shown = [arm_states()]
-        self.wait_for(JOINTS, OK, "3 joints are measured")
+        self.wait_for(JOINTS, OK, "3 joints are published")
 
     def test_8_another_publisher_of_joint_states_is_a_warning_while_it_is_there(self):
         self.watch()
         topic = self.watched.states.topic
         other = rospy.Publisher(topic, JointState, queue_size=1)
-        self.wait_for(JOINTS, WARN, "joint_states also come from", rospy.get_name())
+        self.wait_for(
+            JOINTS, WARN, "joint_states are also published by", rospy.get_name()
+        )
         other.unregister()
-        self.wait_for(JOINTS, OK, "3 joints are measured")
+        self.wait_for(JOINTS, OK, "3 joints are published")
 
     def test_8_a_bag_beside_it_is_told_once_with_what_to_do(self):
         """The test publishes the time too, as rosbag play --clock does."""
@@ -227,7 +229,9 @@ class TestBridgeHealth(unittest.TestCase):
         for _ in range(3):
             self.command(wing=0.0, elbow=math.nan)
         self.watched.commands.publish(JointState(name=["slide"], position=[]))
-        self.wait_for(COMMANDS, WARN, "ignored in one to arm: no position for slide")
+        self.wait_for(
+            COMMANDS, WARN, "ignored part of a command to arm: no position for slide"
+        )
         values = self.values()
         self.assertEqual(values["ignored wing"], "3")
         self.assertEqual(values["ignored elbow"], "3")
@@ -258,7 +262,7 @@ class TestBridgeHealth(unittest.TestCase):
         motion = self.publisher("motion", RobotTrajectory)
         base = self.publisher("base_command", PoseStamped)
         self.shown = []
-        self.wait_for(LINK_STATES, WARN, "nothing on")
+        self.wait_for(LINK_STATES, WARN, "no message on")
         for n in range(1, 6):
             point = JointTrajectoryPoint(positions=[0.1 * n])
             sample = JointTrajectory(joint_names=["elbow"], points=[point])

@@ -39,8 +39,8 @@ NONSENSE = {
     "[{name: ''}]": "name",
     "[{name: a, colour: red}]": "colour",
     "[{name: a, frame_prefix: 1}]": "frame_prefix",
-    "[{name: a}, {name: a, namespace: b}]": "the name 'a' twice",
-    "[{name: a}, {name: b, namespace: /a/}]": "the namespace 'a' twice",
+    "[{name: a}, {name: a, namespace: b}]": "repeat a name",
+    "[{name: a}, {name: b, namespace: /a/}]": "repeat a namespace",
     "[{name: a}, {name: b, frame_prefix: a/}]": "frame_prefix",
     "[{name: a, namespace: a b}]": "a b",
     "[{name: a, description: /not_a_robot}]": "description",
@@ -188,7 +188,7 @@ class TestBridgeRobots(unittest.TestCase):
             statuses.clear()
             statuses.wait(has_it, words)
 
-        wait_for_status(DiagnosticStatus.OK, "29 joints are measured")
+        wait_for_status(DiagnosticStatus.OK, "29 joints are published")
         self.log.clear()
         rospy.ServiceProxy("/gazebo/delete_model", DeleteModel)("a")
         self.log.wait(lambda m: "no link of it" in m.msg, "a line of the bridge")
@@ -205,7 +205,7 @@ class TestBridgeRobots(unittest.TestCase):
         self.a.command(**{ELBOW: 0.375})
         self.a.wait_for(**{ELBOW: 0.375})
         self.b.wait_for(**{ELBOW: 0.125})
-        wait_for_status(DiagnosticStatus.OK, "29 joints are measured")
+        wait_for_status(DiagnosticStatus.OK, "29 joints are published")
 
     def test_5_a_bridge_in_each_namespace_finds_its_robot_upward(self):
         rospy.set_param("/left/robot_description", URDF)
@@ -253,9 +253,9 @@ class TestBridgeRobots(unittest.TestCase):
         self.addCleanup(bridge.terminate)
         for listener in (self.log, statuses):
             listener.clear()
-        self.log.wait(lambda m: "nothing is left" in m.msg, "a line of the bridge")
+        self.log.wait(lambda m: "links without mass" in m.msg, "a line of the bridge")
         statuses.wait(
-            lambda m: any("nothing is left of hollow" in s.message for s in m.status),
+            lambda m: any("drops every link of hollow" in s.message for s in m.status),
             "a status",
         )
 

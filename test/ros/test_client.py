@@ -179,8 +179,10 @@ class TestKinematic(unittest.TestCase):
         text = self.refusal(client.set, {"left_elbow": 0.1})
         self.assertIn("there are left_elbow_joint", text)
         self.assertIn("(28,)", self.refusal(client.set, np.zeros(28)))
-        self.assertIn("one at a time", self.refusal(client.set, np.zeros((2, 29))))
-        self.assertIn("one at a time", self.refusal(client.set, None, [HERE, HERE]))
+        self.assertIn(
+            "single configuration", self.refusal(client.set, np.zeros((2, 29)))
+        )
+        self.assertIn("single pose", self.refusal(client.set, None, [HERE, HERE]))
         self.assertIn("is nan", self.refusal(client.command, {ELBOW: np.nan}))
         self.assertIn("whole number", self.refusal(client.step, -1))
         self.assertIn("whole number", self.refusal(client.step, 1.5))
@@ -220,8 +222,8 @@ class TestAbsent(unittest.TestCase):
         return str(found.exception)
 
     def test_what_is_not_there_is_told_in_time(self):
-        self.assertIn("there is no /nowhere;", self.refusal(gazebo="/nowhere"))
-        self.assertIn("there is no robot", self.refusal(model="g2_robot"))
+        self.assertIn("/nowhere is not running;", self.refusal(gazebo="/nowhere"))
+        self.assertIn("No robot within", self.refusal(model="g2_robot"))
         service = rospy.Service("/other/pause_physics", Empty, lambda _: None)
         self.addCleanup(service.shutdown)
         self.assertIn("another simulator", self.refusal(gazebo="/other"))

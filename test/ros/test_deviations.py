@@ -166,7 +166,7 @@ class TestDeviations(unittest.TestCase):
             (0.0, ""),
             (
                 5.0,
-                "; hinge brings arm::upper no nearer than 5 m and 0 rad to that pose",
+                "; with hinge, arm::upper is still 5 m and 0 rad from that pose",
             ),
         ):
             pose = pose_fields([0, 0, height, *turned])

@@ -58,7 +58,9 @@ class TestDisplay(unittest.TestCase):
                 timeout=DEADLINE,
             )
             self.assertEqual(second.returncode, 1, second.stdout)
-            told = f"A node /{node} runs at {os.environ['ROS_MASTER_URI']} already."
+            told = (
+                f"A node /{node} is already running at {os.environ['ROS_MASTER_URI']}."
+            )
             self.assertIn(told, second.stdout)
         self.assertEqual([master.lookupNode(node) for node in nodes], before)
         self.assertTrue(all(rosnode.rosnode_ping(node, 1) for node in nodes))

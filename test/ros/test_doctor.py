@@ -157,7 +157,7 @@ class TestDoctor(unittest.TestCase):
 
     def test_a_whole_chain_is_whole_and_the_bridge_says_the_same(self):
         self.assertIsNone(walk())
-        self.wait_for_report(False, "link states come", "29 joints are measured")
+        self.wait_for_report(False, "link states come", "29 joints are published")
 
     def test_the_command_says_so_as_lines_and_as_json(self):
         begin = time.monotonic()
@@ -402,7 +402,7 @@ class TestDoctor(unittest.TestCase):
         second = start_bridge("/second_bridge")
         self.addCleanup(second.end)
         found = self.assert_fault("two_bridges", "/link_states_bridge, /second_bridge")
-        self.wait_for_report(True, "joint_states also come from /second_bridge")
+        self.wait_for_report(True, "joint_states are also published by /second_bridge")
         self.cure(found)
         second.process.wait(DEADLINE)
         wait_slowly(lambda: walk("tf") is None, "one bridge alone")

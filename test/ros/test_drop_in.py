@@ -361,7 +361,7 @@ class TestDropIn(unittest.TestCase):
         self.assertTrue(command[2].endswith("/rviz/g1.rviz"), command[2])
         rospy.wait_for_service("/gazebo/get_world_properties", DEADLINE)
         self.check_that_it_ends()
-        told = "Without meaning for the stand-in: -r, --headless, --seed."
+        told = "Ignored gzserver options: -r, --headless, --seed."
         self.assertEqual(self.log.read_text().count(told), 1)
 
 

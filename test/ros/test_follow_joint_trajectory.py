@@ -251,7 +251,7 @@ class TestFollowJointTrajectory(unittest.TestCase):
         self.check(found, "REJECTED", Result.INVALID_JOINTS, "left_elbo_joint", ELBOW)
         nameless = goal_of({0.1: {}})
         found = self.second.run(nameless)
-        self.check(found, "REJECTED", Result.INVALID_JOINTS, "names no joints")
+        self.check(found, "REJECTED", Result.INVALID_JOINTS, "has no joint names")
         self.check_done(self.client.end())
 
     def test_numbers_that_make_no_motion_are_told(self):
@@ -349,7 +349,7 @@ class TestFollowJointTrajectory(unittest.TestCase):
         client.wait_until_active()
         self.call("delete_model", "two")
         found = client.end()
-        self.check(found, "ABORTED", Result.INVALID_GOAL, "does not tell of", ELBOW)
+        self.check(found, "ABORTED", Result.INVALID_GOAL, "no longer publishes", ELBOW)
         self.spawn_other()
 
     def test_a_simulator_that_goes_ends_its_goal_and_the_next_one_serves(self):
@@ -383,7 +383,7 @@ class TestFollowJointTrajectory(unittest.TestCase):
     def test_controllers_that_make_no_sense_end_the_bridge(self):
         for value, words in (
             ("3", "must be a list"),
-            ("[3]", "not a dictionary"),
+            ("[3]", "must be a dictionary"),
             ("[{name: arm, joints: [nose]}]", "'nose'"),
             (f"[{{name: a, joints: [{ELBOW}]}}, {{name: b}}]", f"have {ELBOW}"),
         ):

@@ -176,7 +176,7 @@ class TestLifecycle(unittest.TestCase):
         second = subprocess.Popen(command, stderr=subprocess.DEVNULL)
         self.addCleanup(second.kill)
         _, said = first.communicate(timeout=DEADLINE)
-        self.assertIn("Another node called /other/second has started", said)
+        self.assertIn("another node named /other/second has started", said)
         self.assertNotIn("Traceback", said)
         wait_for(lambda: process_of("/other/second") == second.pid, "the second")
         second.terminate()

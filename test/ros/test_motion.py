@@ -279,7 +279,7 @@ class TestMotion(unittest.TestCase):
         self.publish(
             "joint_trajectory", elbow((0.0, 0.4), (0.001, 0.5), stamp=Time(0, 1))
         )
-        self.wait_for_warning("joint_trajectory of g1_robot: refused, it was over")
+        self.wait_for_warning("joint_trajectory of g1_robot: refused: the motion ended")
         self.publish(
             "joint_trajectory", elbow((0.0, -1.0), (0.001, 0.1), (30.0, 0.2), stamp=now)
         )
@@ -289,7 +289,7 @@ class TestMotion(unittest.TestCase):
     def test_what_another_clock_has_stamped_is_told(self):
         message = elbow((0.0, 0.4), stamp=Time(1_700_000_000, 0))
         self.publish("joint_trajectory", message)
-        self.wait_for_warning("is it stamped by another clock?")
+        self.wait_for_warning("is its stamp from another clock?")
 
     def test_a_base_command_takes_the_base_from_a_motion(self):
         poses = [[x, 0.0, 0.8, 0.0, 0.0, 0.0, 1.0] for x in (0.0, 1.0)]
@@ -336,10 +336,10 @@ class TestMotion(unittest.TestCase):
         for topic, message, text in (
             ("joint_trajectory", elbow((0.0, nan)), "position nan"),
             ("joint_trajectory", elbow((0.1, 0.1), (0.1, 0.2)), "must increase"),
-            ("joint_trajectory", elbow((0.0,)), "has 0 positions"),
+            ("joint_trajectory", elbow((0.0,)), "must have 1 positions (got 0)"),
             ("joint_trajectory", ear, "names left_ear"),
-            ("motion", two_bases, "The base is one joint"),
-            ("motion", apart, "not at the times"),
+            ("motion", two_bases, "The base must be a single joint"),
+            ("motion", apart, "must have the same times"),
             ("motion", bent, "length 1 (got 2)"),
             ("motion", lost, "no frame 'nowhere'"),
             ("base_command", flat, "base pose nan"),

@@ -107,7 +107,7 @@ class TestPhysics(unittest.TestCase):
         if not self.stands:
             code, _, errors = run("squat", "--seconds", 3)
             self.assertEqual(code, 1)
-            self.assertIn(f"The motion is refused: {wanted}", errors)
+            self.assertIn(f"The motion was refused: {wanted}", errors)
 
     def test_5_it_squats_and_stands_again_on_its_motors(self):
         """It is not thrown, and the simulator tells how well the motors followed."""

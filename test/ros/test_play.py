@@ -242,7 +242,7 @@ class TestPlay(unittest.TestCase):
             ((self.file, "--fps", 1e12), "must be greater than 0 and at most 1e+06"),
             (
                 (self.file, "--start-here", "--base-frame", "right/base_link"),
-                "there is no frame 'right/base_link'",
+                "no transform from frame 'right/base_link'",
             ),
             ((arms, "--on-floor"), "arms.csv does not move the base"),
         ):

@@ -81,7 +81,7 @@ class TestPlaySlow(unittest.TestCase):
         playing.wait("sample 1 of 2")
         for _ in range(2):
             self.bridge.send_signal(signal.SIGSTOP)
-            playing.wait("waiting: nothing comes on /slow/joint_states after")
+            playing.wait("waiting: no messages on /slow/joint_states after")
             shown = re.findall(r"([\d.]+) of 60", playing.text)[-1]
             playing.text = ""
             self.bridge.send_signal(signal.SIGCONT)
@@ -99,7 +99,7 @@ class TestPlaySlow(unittest.TestCase):
         playing.wait("sample 1 of 2")
         self.bridge.kill()
         self.assertEqual(playing.end(), 1)
-        self.assertIn("play: Nobody publishes /slow/joint_states any", playing.text)
+        self.assertIn("play: /slow/joint_states has no publisher any", playing.text)
 
 
 if __name__ == "__main__":

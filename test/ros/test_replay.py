@@ -157,7 +157,7 @@ class TestReplay(unittest.TestCase):
             ("Two motions are given", (f"_motion:={MOTION}", f"_bag:={MOTION}")),
             ("elbow.csv: Not a bag", (f"_bag:={MOTION}", "_topic:=motion")),
             (
-                "'nothing.csv' is not an absolute path; $PWD/nothing.csv is one.",
+                "must be an absolute path (got 'nothing.csv'); try $PWD/nothing.csv.",
                 ("_motion:=nothing.csv",),
             ),
             ("~speed is 0.0", (f"_motion:={MOTION}", "_speed:=0")),

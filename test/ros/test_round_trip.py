@@ -81,7 +81,7 @@ class TestRoundTrip(unittest.TestCase):
             (
                 ["left_knee_joint", "wing"],
                 [0.3, 1.0],
-                "no movable joint is called wing",
+                "unknown joint wing",
             ),
             (
                 ["left_knee_joint", "waist_yaw_joint"],

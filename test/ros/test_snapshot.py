@@ -172,7 +172,7 @@ class TestSnapshot(unittest.TestCase):
         self.assertEqual(len(told), 1)
         self.assertIn("right_knee_joint", told[0])
         self.assertNotIn("left_knee_joint", told[0])
-        self.assertIn("nor TF says where half/pelvis is in map", err)
+        self.assertIn("nor TF has the pose of half/pelvis in map", err)
 
     def test_joints_that_never_come_are_told(self):
         _, err = self.run_snapshot("a.png", "--namespace", "half", expected=1)

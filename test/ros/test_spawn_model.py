@@ -207,7 +207,7 @@ class TestSpawnModel(unittest.TestCase):
         self.assertEqual((code, recorder.requests[0][1].model_xml), (0, BOX), output)
         code, output = run(*wanted, "ball", env=environment)
         self.assertEqual((code, len(recorder.requests)), (1, 1))
-        self.assertIn("There is no ball/model.sdf below GAZEBO_MODEL_PATH", output)
+        self.assertIn("No ball/model.sdf below GAZEBO_MODEL_PATH", output)
 
     def elbow(self, model):
         """Give how a model's elbow is turned against its pelvis."""
@@ -311,10 +311,10 @@ class TestSpawnModel(unittest.TestCase):
 
     def test_what_is_no_model_is_told_in_one_sentence_and_not_spawned(self):
         cases = (
-            (("-file", "/nowhere.urdf"), "", "The file /nowhere.urdf cannot be read"),
-            (("-param", "/nowhere"), "", "There is no text on the parameter /nowhere."),
-            (("-param", "/empty"), "", "There is no text on the parameter /empty."),
-            (("-stdin",), "", "There is no text on the input."),
+            (("-file", "/nowhere.urdf"), "", "Cannot read the file /nowhere.urdf"),
+            (("-param", "/nowhere"), "", "The parameter /nowhere is empty or missing."),
+            (("-param", "/empty"), "", "The parameter /empty is empty or missing."),
+            (("-stdin",), "", "The input is empty or missing."),
             (("-stdin",), "hello", "The text of the input is not XML: Start tag"),
             (("-stdin",), "<robot/>", "SpawnModel: Failure - "),
         )

@@ -257,7 +257,7 @@ class TestStatesAtTheRate(States):
         for words, request in (
             ("model 'ghost'", ("ghost", [], [], False, Pose(), 1)),
             ("no movable joint wing", ("g1_robot", ["wing"], [0.0], False, Pose(), 1)),
-            ("1 joint_names and 0", ("g1_robot", [ELBOW], [], False, Pose(), 1)),
+            ("got 1 and 0", ("g1_robot", [ELBOW], [], False, Pose(), 1)),
             ("nan", ("g1_robot", [ELBOW], [float("nan")], False, Pose(), 1)),
             ("nan", ("g1_robot", [ELBOW], [1.0], True, pose, 1)),
         ):

@@ -102,7 +102,7 @@ class TestStillPoses(unittest.TestCase):
         done = [process.communicate(timeout=DEADLINE) for process in running]
         self.assertEqual([process.returncode for process in running], [1] * 5)
         for (_, space), (output, errors) in zip(asked, done):
-            quiet = f"nothing comes on /{space}/joint_states; does a simulator run"
+            quiet = f"no messages on /{space}/joint_states; is a simulator running"
             stands = "simulated time stands still at 7 s"
             waiting = f"pose: waiting: {stands if space == 'deaf' else quiet}"
             self.assertTrue(output.startswith(waiting), output)

@@ -80,7 +80,7 @@ class TestWorldFile(unittest.TestCase):
     def test_a_wrong_world_file_ends_the_node_with_a_sentence(self):
         command = ["rosrun", "g1_description", "gazebo_stand_in.py", "__ns:=/other"]
         for path, words in (
-            ("/nowhere/w.world", "There is no world file /nowhere/w.world."),
+            ("/nowhere/w.world", "World file /nowhere/w.world does not exist."),
             (__file__, f"World file {__file__}: The SDF is not XML"),
         ):
             done = subprocess.run(
@@ -137,7 +137,7 @@ class TestWorldFile(unittest.TestCase):
             timeout=DEADLINE,
         )
         self.assertEqual(done.returncode, 1)
-        words = "~initial/gravity_z is 'down', it must be a float like -9.8."
+        words = "~initial/gravity_z must be a float like -9.8 (got 'down')."
         self.assertIn(words, done.stderr)
 
 

@@ -332,12 +332,12 @@ BAD_HAS_NO_LINKS = "Model 'bad' has no links."
         ),
         (
             '<world name="w"><include><uri>lamp</uri></include></world>',
-            "It has no model and no light (include of lamp is ignored: A model must "
+            "The file has no model and no light (include of lamp is ignored: A model must "
             "be given as model://NAME, file://FOLDER or an absolute path).",
         ),
         (
             f'<world name="w">{GOOD}{GOOD.replace("good", "fine")}{WRONG}</world>',
-            "It has 2 models and 0 lights; one model or light can be spawned at a time "
+            "The file must have one model or light (got 2 models and 0 lights) "
             "(model bad is ignored: Model 'bad' has no links).",
         ),
     ],

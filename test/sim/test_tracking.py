@@ -188,8 +188,9 @@ def test_motors_of_the_g1_drive_no_other_robot(name):
     else:
         np.testing.assert_array_equal(limit, 300.0)
         assert notes == (
-            "config/motors.yaml is not applied: 'g1' is not a word of the robot's name "
-            f"'{name}'. Effort limits are those of its URDF; motors:=FILE sets others."
+            f"config/motors.yaml is not applied: the name of the robot, '{name}', does "
+            "not have the word 'g1'. Effort limits are those of its URDF; set others "
+            "with motors:=FILE."
         )
     world.close()
 

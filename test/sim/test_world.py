@@ -392,7 +392,7 @@ def test_names_that_do_not_exist_are_told_with_those_that_do(make_world):
     with pytest.raises(UnknownNameError, match="no model 'g2'; there are ground_plane"):
         world.delete("g2")
     with pytest.raises(
-        UnknownNameError, match="no physics 'magic'; there are kinematic"
+        UnknownNameError, match="physics 'magic'; must be one of kinematic"
     ):
         Bench("magic")
 

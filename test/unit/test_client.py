@@ -37,7 +37,7 @@ def test_without_a_master_it_does_not_wait(monkeypatch):
     uri = f"http://127.0.0.1:{free_port()}"
     monkeypatch.setenv("ROS_MASTER_URI", uri)
     text, duration = refused()
-    assert text.startswith(f"No ROS master answers at {uri}: ")
+    assert text.startswith(f"No ROS master at {uri}: ")
     assert duration < 0.5 * DEADLINE
 
 

@@ -37,13 +37,13 @@ def tally(*commands):
         (["knee"], [0.5], {"knee": 0.5}, None),
         (["knee", "knee"], [0.5, 0.7], {"knee": 0.7}, None),
         (["knee"], [4.0], {"knee": 4.0}, None),
-        (["knee", "tail"], [0.5, 1.0], {"knee": 0.5}, "is called tail"),
+        (["knee", "tail"], [0.5, 1.0], {"knee": 0.5}, "unknown joint tail"),
         (["knee", "wheel"], [0.5], {"knee": 0.5}, "no position for wheel"),
         (["knee"], [0.5, 0.6], {"knee": 0.5}, "2 positions for 1 names"),
         (["knee", "wheel"], [math.nan, 1.0], {"wheel": 1.0}, "knee = nan"),
         (["knee", "wheel"], [0.1, -INF], {"knee": 0.1}, "wheel = -inf"),
-        ([], [], {}, "names no joint"),
-        ([""], [1.0], {}, "is called ''"),
+        ([], [], {}, "has no joint names"),
+        ([""], [1.0], {}, "unknown joint ''"),
     ],
 )
 def test_each_fault_is_named_and_the_rest_obeyed(names, positions, accepted, problem):

@@ -85,7 +85,7 @@ def test_a_world_is_found_here_before_the_resource_path(tmp_path, monkeypatch):
 
 def test_the_sentence_names_the_resource_path(monkeypatch, capsys):
     monkeypatch.setenv("GAZEBO_RESOURCE_PATH", "/nowhere")
-    assert "nor below GAZEBO_RESOURCE_PATH (/nowhere)" in refusal("b.world", capsys)
+    assert "below GAZEBO_RESOURCE_PATH (/nowhere)" in refusal("b.world", capsys)
 
 
 def test_the_client_takes_gzclients_arguments():

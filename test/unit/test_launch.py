@@ -175,7 +175,7 @@ def test_what_is_on_the_command_line_alone_is_checked_too(argument, words):
     [
         (["base:=a b c d e f"], "base must be 'X Y Z YAW PITCH ROLL' in [m] and [rad]"),
         (["base:=1,2"], "base must be 'X Y Z YAW PITCH ROLL' in [m] and [rad]"),
-        (["base:=0 0 1 0 0 0", "root:=pelvs"], "root is 'pelvs', but the links are p"),
+        (["base:=0 0 1 0 0 0", "root:=pelvs"], "(got 'pelvs'); links are p"),
     ],
 )
 def test_a_wrong_base_of_a_view_is_refused(arguments, words):
@@ -285,7 +285,7 @@ def test_a_page_beside_a_page_is_refused(master):
     for file in ("web.launch", "view.launch"):
         words = ("g1_description", file, "web:=true", "rviz:=false")
         run = roslaunch_itself(*words)
-        assert f"A node /web runs at {master} already." in run.stderr
+        assert f"A node /web is already running at {master}." in run.stderr
 
 
 def assert_refused(run, words):

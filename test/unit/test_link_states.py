@@ -134,7 +134,7 @@ def test_garbage_raises_or_is_a_whole_message(data):
     [
         (b"", "ends after 0 bytes"),
         (struct.pack("<II", 1, 1000), "A name of 1000 bytes"),
-        (struct.pack("<II", 0, 1), "0 names come with 1 rows"),
+        (struct.pack("<II", 0, 1), "0 names, but 1 rows"),
         (struct.pack("<III", 0, 0, 0) + b"x", "1 bytes follow"),
     ],
 )

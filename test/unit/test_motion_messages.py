@@ -61,15 +61,23 @@ TWO = [(0.0, 1.0), (2.0, 3.0)]
     ("message", "kind", "words"),
     [
         (message_of(TWO, names=("knee", "nose")), UnknownNameError, "nose"),
-        (message_of(TWO, names=()), UnknownNameError, "names no joints"),
+        (message_of(TWO, names=()), UnknownNameError, "has no joint names"),
         (message_of([]), MotionError, "no points"),
         (
             message_of(TWO, names=("knee", "knee")),
             MotionError,
             "duplicate joints: knee",
         ),
-        (message_of([TWO[0], (1.0,)]), MotionError, "Point 2 has 1 positions"),
-        (message_of(TWO, [(1.0,), (1.0,)]), MotionError, "Point 1 has 1 velocities"),
+        (
+            message_of([TWO[0], (1.0,)]),
+            MotionError,
+            "Point 2 must have 2 positions .got 1",
+        ),
+        (
+            message_of(TWO, [(1.0,), (1.0,)]),
+            MotionError,
+            "Point 1 must have 2 velocities .got 1",
+        ),
         (message_of(TWO, [(1.0, 1.0), ()]), MotionError, "Point 2 has no velocities"),
         (message_of([(0.0, np.nan)]), MotionError, "position of .*nan"),
         (message_of([(0.0, np.inf)]), MotionError, "position of .*inf"),

@@ -75,7 +75,7 @@ def test_a_file_in_another_encoding_is_sent_without_its_declaration(tmp_path):
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (b"", "There is no text on the file /"),
+        (b"", "is empty or missing"),
         (b"hello", "is not XML: Start tag expected"),
         (b"\xff", "is not text"),
     ],

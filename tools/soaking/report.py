@@ -16,7 +16,7 @@ INTRODUCTION = """# Reliability
 
 <!-- {command} writes this page. -->
 
-What becomes of the display when it runs for long and is disturbed:
+Soak test with fault injection:
 display.launch with{rviz} the browser view, a browser, and the checks, while a
 motion is played in a loop. {kills} times the simulator is killed, and roslaunch
 starts it again; {masters} times the master is killed, and another one takes its

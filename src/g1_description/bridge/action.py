@@ -50,11 +50,10 @@ STATUS_PERIOD = 0.2
 
 
 class SteadyActionServer(actionlib.ActionServer):
-    """An action server that gets along with time that stands still or goes back.
+    """An action server for simulated time that may stop or go back.
 
-    actionlib's own publishes its status from a timer in simulated time: the timer is
-    woken by every message on /clock, waits while time stands still, and ends for good
-    when time goes back.
+    actionlib publishes the status from a timer in simulated time, which wakes up with
+    every message on /clock, blocks while time stands still, and dies when it goes back.
     """
 
     _last_status = 0.0
@@ -66,14 +65,14 @@ class SteadyActionServer(actionlib.ActionServer):
             self.status_timer.shutdown()
 
     def keep_up(self) -> None:
-        """Publish the status where it is due; to be called several times a second."""
+        """Publish the status if it is due; to be called several times a second."""
         now = time.monotonic()
         if now - self._last_status >= STATUS_PERIOD:
             self._last_status = now
             self.publish_status()
 
     def reset(self) -> None:
-        """Forget times that are still to come, as time went back."""
+        """Forget times in the future, as time went back."""
         with self.lock:
             self.last_cancel = rospy.Time()
             now = rospy.Time.now()
@@ -88,13 +87,13 @@ FEEDBACK_PERIOD = 50_000_000
 
 
 class ActiveGoal:
-    """A goal that the robot is going to, and how far it is."""
+    """The goal being executed."""
 
     next_feedback = 0
     """When feedback is due, in [ns]."""
 
     is_seen = False
-    """Whether a state came since it began."""
+    """Whether a state arrived since it began."""
 
     def __init__(
         self, handle: ServerGoalHandle, following: Following, playback: Playback
@@ -106,7 +105,7 @@ class ActiveGoal:
 
     @property
     def is_replaced(self) -> bool:
-        """Whether another command has taken joints of it."""
+        """Whether another command has replaced it for some joints."""
         return len(self._playback.rows) < len(self.following.joint_names)
 
     def actual(self, state: RobotState) -> np.ndarray:
@@ -116,18 +115,18 @@ class ActiveGoal:
             UnknownNameError: If the state does not have all of them.
         """
         if state.names is not self._names:
-            wanted = self.following.joint_names
-            missing = [name for name in wanted if name not in state.names]
+            needed = self.following.joint_names
+            missing = [name for name in needed if name not in state.names]
             if missing:
                 raise UnknownNameError(
-                    f"The simulator does not tell of {listed(missing)} any longer."
+                    f"The simulator no longer publishes {listed(missing)}."
                 )
-            self._columns = [state.names.index(name) for name in wanted]
+            self._columns = [state.names.index(name) for name in needed]
             self._names = state.names
         return np.stack([state.positions, state.velocities])[:, self._columns]
 
     def publish_feedback(self, stamp: int, progress: Progress) -> None:
-        """Publish desired and actual joints, if that is due at a time in [ns]."""
+        """Publish desired and actual joints, if feedback is due at a time in [ns]."""
         if stamp < self.next_feedback:
             return
         self.next_feedback = stamp + FEEDBACK_PERIOD
@@ -152,7 +151,7 @@ class OldTrajectoryError(MotionError):
 def trajectory_of_goal(
     goal: FollowJointTrajectoryGoal, controller: Controller, now_ns: int
 ) -> Trajectory:
-    """Read what of a goal's trajectory is still to come.
+    """Read the part of a goal's trajectory that is in the future.
 
     Args:
         goal: The goal, with at least one point.
@@ -161,8 +160,8 @@ def trajectory_of_goal(
 
     Raises:
         UnknownNameError: If it has joints that the controller does not have.
-        OldTrajectoryError: If nothing of it is to come.
-        MotionError: If it is no trajectory.
+        OldTrajectoryError: If all of it is in the past.
+        MotionError: If it is not a valid trajectory.
     """
     message = goal.trajectory
     trajectory = trajectory_from_message(message, controller.joints)
@@ -182,14 +181,14 @@ def trajectory_of_goal(
 def tolerances_in_goal(
     goal: FollowJointTrajectoryGoal, controller: Controller
 ) -> Tolerances:
-    """Read what tolerances a goal asks for.
+    """Read the tolerances of a goal; the controller has the defaults.
 
     Raises:
         InvalidValueError: If one is NaN.
     """
     path, end = (
-        [JointTolerance(one.name, one.position, one.velocity) for one in asked]
-        for asked in (goal.path_tolerance, goal.goal_tolerance)
+        [JointTolerance(one.name, one.position, one.velocity) for one in requested]
+        for requested in (goal.path_tolerance, goal.goal_tolerance)
     )
     return tolerances_of_goal(
         goal.trajectory.joint_names,
@@ -202,18 +201,18 @@ def tolerances_in_goal(
 
 ACTION = "follow_joint_trajectory"
 
-TIME_WENT_BACK = "Simulated time went back, which ends all motions."
+TIME_WENT_BACK = "Simulated time went back; all motions are aborted."
 
 Result = FollowJointTrajectoryResult
 
 
 class FollowJointTrajectory:
-    """Lets a robot's joints follow the trajectories of goals, one after the other.
+    """Executes goals of follow_joint_trajectory, one at a time.
 
-    actionlib's SimpleActionServer accepts each goal before anyone looks at it. Here, as
-    in joint_trajectory_controller, a wrong goal is rejected and the present one goes
-    on. Goals and cancellations are handled in a thread of their own, because the
-    simulator may take long to answer while actionlib holds its lock.
+    actionlib's SimpleActionServer accepts each goal before it is checked. Here, as in
+    joint_trajectory_controller, an invalid goal is rejected and the current one
+    continues. Goals and cancellations have a thread of their own, because the simulator
+    may take long to answer while actionlib holds its lock.
     """
 
     def __init__(
@@ -246,14 +245,14 @@ class FollowJointTrajectory:
 
     @staticmethod
     def _handle(requests: queue.SimpleQueue) -> None:
-        """Handle goals and cancellations as they come."""
+        """Handle goals and cancellations in their order."""
         while True:
             handler, handle = requests.get()
             try:
                 with quiet_when_closing():
                     handler(handle)
-            except Exception as error:  # the next goal is none the worse for it
-                rospy.logerr("A goal could not be handled: %r", error)
+            except Exception as error:  # the next goal must not suffer
+                rospy.logerr("Internal error while handling a goal: %r", error)
 
     def on_state(self) -> None:
         """Compare the robot's new state with the goal, if there is one."""
@@ -280,10 +279,9 @@ class FollowJointTrajectory:
             goal.publish_feedback(stamp, progress)
 
     def reset(self, stamp: int) -> None:
-        """Give the goal up, as simulated time went back.
+        """Abort the goal, as simulated time went back.
 
-        The simulator is silent for a while after it was reset. A goal that came in the
-        meantime is of the new time, and stays.
+        A goal that arrived after the reset, before the first state, stays.
 
         Args:
             stamp: The new time in [ns].
@@ -296,17 +294,16 @@ class FollowJointTrajectory:
             self._abort(TIME_WENT_BACK)
 
     def keep_up(self, is_connected: bool) -> None:
-        """Do what no message triggers; to be called several times a second.
+        """Publish the status; abort the goal if there is no simulator.
 
-        Args:
-            is_connected: Whether there is a simulator.
+        To be called several times a second.
         """
         if not is_connected:
             self._abort("The simulator is gone.")
         self._server.keep_up()
 
     def _on_goal(self, handle: ServerGoalHandle) -> None:
-        """Go to a new goal instead of the present one, or reject it."""
+        """Replace the current goal by a new one, or reject that."""
         goal = handle.get_goal()
         try:
             if not goal.trajectory.points:
@@ -326,7 +323,7 @@ class FollowJointTrajectory:
             self._start(handle, trajectory, start, tolerances)
 
     def _on_cancel(self, handle: ServerGoalHandle) -> None:
-        """Stop the joints, if the goal is the present one and still moves them."""
+        """Stop the joints, if the goal is the current one and still moves them."""
         goal = self._active
         if goal is not None and goal.handle == handle and goal.is_replaced:
             self._preempt()
@@ -353,7 +350,7 @@ class FollowJointTrajectory:
         start: int | None,
         tolerances: Tolerances,
     ) -> None:
-        """Play a trajectory from a time in [ns] on; None: now."""
+        """Play a trajectory; ``start`` in [ns], None: now."""
         n_resets = len(self._resets)
         played = self._player.play(trajectory, start)
         if not played.success:
@@ -374,19 +371,19 @@ class FollowJointTrajectory:
             self._abort(TIME_WENT_BACK)
 
     def _preempt(self) -> None:
-        """End the present goal, as another motion takes its place."""
+        """Cancel the current goal, as another motion replaces it."""
         goal = self._active
         if goal is not None and self._take(goal):
-            goal.handle.set_canceled(Result(), "Another motion took its place.")
+            goal.handle.set_canceled(Result(), "Replaced by another motion.")
 
     def _abort(self, message: str) -> None:
-        """Give the present goal up, if there is one."""
+        """Abort the current goal, if there is one."""
         goal = self._active
         if goal is not None and self._take(goal):
             goal.handle.set_aborted(Result(Result.INVALID_GOAL, message), message)
 
     def _end(self, goal: ActiveGoal, stamp: int, progress: Progress) -> None:
-        """End a goal that is reached, or that a tolerance forbids."""
+        """End a goal that is reached, or that violates a tolerance."""
         if not self._take(goal):
             return
         if progress.outcome is Outcome.REACHED:
@@ -403,25 +400,24 @@ class FollowJointTrajectory:
         goal.handle.set_aborted(Result(code, message), message)
 
     def _warn(self, played: Played) -> None:
-        """Log what the simulator does not do exactly as requested."""
+        """Log the simulator's remarks."""
         if played.message:
             text = f"{self._action}: {played.message}."
             self._log.warn(self._action, text, SHORT_PERIOD)
 
     def _take(self, goal: ActiveGoal) -> bool:
-        """Make a goal end; return False where another thread has done so."""
+        """Claim the end of a goal; False if another thread has done so."""
         with self._lock:
-            is_present = self._active is goal
-            if is_present:
+            is_current = self._active is goal
+            if is_current:
                 self._active = None
-        return is_present
+        return is_current
 
 
 def _reject(handle: ServerGoalHandle, code: int, message: str) -> None:
-    """Reject a goal with a sentence."""
     handle.set_rejected(Result(code, message), message)
 
 
 def _refuse(handle: ServerGoalHandle, played: Played) -> None:
-    """Reject a goal that the simulator refuses."""
-    _reject(handle, Result.INVALID_GOAL, f"The motion is refused: {played.message}.")
+    message = f"The simulator refused the motion: {played.message}."
+    _reject(handle, Result.INVALID_GOAL, message)

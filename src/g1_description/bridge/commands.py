@@ -1,7 +1,7 @@
-"""Joint commands on their way to the simulator: checked, merged, sent, never lost.
+"""Joint commands to the simulator: checked, merged, sent, and sent again on failure.
 
-Any simulator takes them by the services of gazebo_ros, whose answers are sentences. So
-what is unknown or clamped is found here, by the robot's description, in one place.
+The services of gazebo_ros answer with sentences. So unknown joints and positions beyond
+the limits are found here, from the robot's description.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ OTHERS = "(other names)"
 
 
 class CommandTally:
-    """Finds what of one robot's commands can be obeyed, and counts the rest."""
+    """Checks the commands of one robot, and counts clamped and ignored positions."""
 
     def __init__(self, joints: Iterable[Joint]) -> None:
         self._joints = {joint.name: joint for joint in joints}
         self.received = 0
-        """Commands of which something can be obeyed."""
+        """Commands with at least one valid position."""
         self.answered = 0
         """How many of them the simulator has answered, alone or merged with others."""
         self.sent = 0
@@ -60,7 +60,7 @@ class CommandTally:
     def take(
         self, names: Sequence[str], positions: Sequence[float], now: float
     ) -> tuple[dict[str, float], str, str]:
-        """Split a command into what can be obeyed and what cannot.
+        """Split a command into valid and ignored positions.
 
         Args:
             names: Joint names in the command.
@@ -68,9 +68,9 @@ class CommandTally:
             now: Time of the command in [s] on the monotonic clock.
 
         Returns:
-            The positions to set by joint name, where the last of equal names wins; why
-            the rest is ignored; and which of them the simulator will clamp. Both are
-            parts of a sentence, empty where there is nothing to say.
+            The valid positions by joint name, where the last of equal names wins; why
+            the rest is ignored; and which will be clamped. The last two are parts of a
+            sentence, or empty.
         """
         accepted: dict[str, float] = {}
         clamped: dict[str, tuple[float, float]] = {}
@@ -88,15 +88,15 @@ class CommandTally:
             known = name in self.ignored or len(self.ignored) < MAX_NAMES
             self.ignored[(name or "") if known else OTHERS] += 1
             if name is None or position is None:
-                continue  # told by the lengths
+                continue  # reported by _unpaired
             if joint:
                 not_finite.append(f"{name} = {position}")
             else:
                 unknown.append(name)
         problems = [
             *_unpaired(names, positions),
-            unknown and f"no movable joint is called {listed(unknown)}",
-            not_finite and f"not a finite position: {listed(not_finite)}",
+            unknown and f"unknown joint {listed(unknown)}",
+            not_finite and f"positions must be finite: {listed(not_finite)}",
         ]
         ignored = "; ".join(filter(None, problems))
         if ignored:
@@ -111,7 +111,7 @@ class CommandTally:
 
     @property
     def is_empty(self) -> bool:
-        """Whether every position so far was obeyed."""
+        """Whether no position was clamped or ignored so far."""
         return not (self.clamped or self.ignored)
 
     @property
@@ -122,14 +122,13 @@ class CommandTally:
 
 
 def _unpaired(names: Sequence[str], positions: Sequence[float]) -> Iterator[str]:
-    """Say which names and positions of a command have no counterpart."""
+    """Describe the names and positions of a command that do not pair up."""
     if not names:
-        yield "it names no joint"
+        yield "it has no joint names"
     if len(names) > len(positions):
         yield f"no position for {listed(names[len(positions) :])}"
     if len(positions) > len(names):
-        numbers = f"{len(positions)} positions for {len(names)} names"
-        yield f"{numbers}, the rest is ignored"
+        yield f"{len(positions)} positions for {len(names)} names"
 
 
 RETRY_PERIOD = 0.2
@@ -143,8 +142,8 @@ class JointCommands:
     """Sends one robot's commands to the simulator, one request at a time.
 
     Commands that arrive during a request are merged joint by joint; the newest position
-    of each wins. After a request that failed its positions are sent again, unless newer
-    ones have arrived. Motions that the simulator cannot play go the same way.
+    of each wins. The positions of a failed request are sent again, unless newer ones
+    have arrived. Samples of motions that the bridge plays are sent here, too.
 
     Subscribes: joint_commands (sensor_msgs/JointState)
     Calls: <gazebo>/set_model_configuration (gazebo_msgs/SetModelConfiguration),
@@ -166,7 +165,7 @@ class JointCommands:
         self._stopped = threading.Event()
 
     def _connect(self) -> None:
-        """Prepare connections; rospy's proxies are of no use once they broke."""
+        """Create proxies; rospy's cannot be reused after an error."""
         self._set_base = rospy.ServiceProxy(
             f"{self._gazebo}/set_model_state", SetModelState, persistent=True
         )
@@ -183,8 +182,7 @@ class JointCommands:
 
         Args:
             topic: Its name.
-            note: Called with the positions that can be obeyed, by joint name, before
-                they are sent.
+            note: Called with the valid positions by joint name before they are sent.
         """
         self._note = note
         # Messages may name different joints, so none of them may be lost.
@@ -193,7 +191,7 @@ class JointCommands:
         )
 
     def _on_command(self, message: JointState) -> None:
-        """Queue a command, and log what of it is ignored or clamped."""
+        """Queue a command, and log ignored and clamped positions."""
         with self._changed:
             now = time.monotonic()
             accepted, ignored, clamped = self._tally.take(
@@ -214,7 +212,7 @@ class JointCommands:
     def put(
         self, positions: Mapping[str, float], base: np.ndarray | None = None
     ) -> None:
-        """Queue a request; it is sent as soon as the one under way is answered.
+        """Queue a request, to be sent when the current one is answered.
 
         Args:
             positions: Finite positions in [rad] or [m] by joint name.
@@ -232,10 +230,9 @@ class JointCommands:
                 self._thread.start()
 
     def release(self, joints: Collection[str], base: bool) -> None:
-        """Forget what is queued for joints, and perhaps the base.
+        """Drop queued positions of joints, and optionally the base.
 
-        The request under way ends first, so that it does not come after another
-        command.
+        Waits for the current request, so that it cannot overtake a later command.
         """
         with self._changed:
             self._changed.wait_for(lambda: not self._is_calling, CALL_TIMEOUT)
@@ -248,7 +245,7 @@ class JointCommands:
 
     @property
     def _is_pending(self) -> bool:
-        """Whether something is to be sent."""
+        """Whether a request is queued."""
         return bool(self._positions) or self._base is not None
 
     def _stop(self) -> None:
@@ -290,7 +287,7 @@ class JointCommands:
     def _send(
         self, positions: Mapping[str, float], base: np.ndarray | None
     ) -> Exception | None:
-        """Set the base, then the joints; return why there is no answer."""
+        """Set the base, then the joints; return the error if there is no answer."""
         answers = []
         names, values = list(positions), list(positions.values())
         try:
@@ -299,7 +296,7 @@ class JointCommands:
                 answers.append(self._set_base(state))
             if positions:
                 answers.append(self._set_joints(self._model, "", names, values))
-        # rospy raises AttributeError where it closes the connection meanwhile.
+        # rospy raises AttributeError if it closes the connection meanwhile.
         except (*SERVICE_ERRORS, AttributeError) as error:
             return error
         reasons = [one.status_message for one in answers if not one.success]
@@ -317,8 +314,10 @@ class JointCommands:
         return None
 
     def _reconnect(self, error: Exception) -> None:
-        """Log why there is no answer, and connect again after a while."""
-        self._log.warn("service", f"A command waits for the simulator: {error}.")
+        """Log the error, and connect again after a while."""
+        self._log.warn(
+            "service", f"A joint command cannot be sent yet, trying again: {error}."
+        )
         self._set_base.close()
         self._set_joints.close()
         self._connect()

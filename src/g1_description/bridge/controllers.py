@@ -27,7 +27,7 @@ class Controller:
     joints: tuple[str, ...]
 
     constraints: Constraints = field(default_factory=Constraints)
-    """Tolerances of goals that ask for no other ones."""
+    """Tolerances of goals without their own."""
 
 
 def read_controllers(
@@ -36,14 +36,12 @@ def read_controllers(
     """Read the controllers of a robot.
 
     Args:
-        entries: The list; if it is empty, one controller has all joints, if the robot
-            has any.
+        entries: The list; if it is empty, one controller has all joints.
         joints: Names of the robot's movable joints.
-        owner: What the list is called in messages, in the plural.
+        owner: Name of the list in messages, in the plural.
 
     Raises:
-        InvalidValueError: If an entry is no controller, or two have the same name or
-            the same joint.
+        InvalidValueError: If an entry is invalid, or two have the same name or joint.
     """
     found: list[Controller] = []
     for number, entry in enumerate(entries):
@@ -64,35 +62,39 @@ def read_controllers(
 def _controller(entry: Any, joints: Sequence[str]) -> Controller:
     """Read one entry."""
     if not isinstance(entry, dict) or not {*entry} <= {*KEYS}:
-        raise InvalidValueError(f"{entry!r} is not a dictionary of {listed(KEYS)}")
+        raise InvalidValueError(
+            f"must be a dictionary with {listed(KEYS)} (got {entry!r})"
+        )
     name = entry.get("name")
     if not isinstance(name, str) or not NAME.fullmatch(name):
-        raise InvalidValueError(f"the name {name!r} is no ROS name")
+        raise InvalidValueError(f"name must be a ROS name (got {name!r})")
     own = _joints(entry.get("joints", joints), joints)
     constraints = read_constraints(entry.get("constraints", {}), own)
     return Controller(name, own, constraints)
 
 
 def _joints(found: Any, joints: Sequence[str]) -> tuple[str, ...]:
-    """Check that something is a list of joints."""
+    """Check a list of joints."""
     if not isinstance(found, (list, tuple)) or not found:
-        raise InvalidValueError(f"joints are {found!r}, not a list of names")
+        raise InvalidValueError(f"joints must be a list of names (got {found!r})")
     unknown = [name for name in found if name not in joints]
     if unknown:
         near = listed(similar_first(str(unknown[0]), joints))
-        raise InvalidValueError(f"no movable joint {unknown[0]!r}; there are {near}")
+        raise InvalidValueError(
+            f"unknown joint {unknown[0]!r}; did you mean one of {near}?"
+        )
     if len({*found}) < len(found):
-        raise InvalidValueError("a joint is listed twice")
+        raise InvalidValueError("joints must not repeat a name")
     return tuple(found)
 
 
 def _check_apart(one: Controller, other: Controller, owner: str) -> None:
-    """Check that two controllers differ in name and joints, as ros_control demands."""
+    """Check that two controllers differ in name and joints, as in ros_control."""
     if one.name == other.name:
         raise InvalidValueError(f"Two of the {owner} have the name '{one.name}'.")
     shared = [joint for joint in other.joints if joint in one.joints]
     if shared:
         raise InvalidValueError(
-            f"Two of the {owner}, {one.name} and {other.name}, have {listed(shared)}; "
-            "a joint has one controller."
+            f"Two of the {owner}, {one.name} and {other.name}, both have "
+            f"{listed(shared)}; a joint can have only one controller."
         )

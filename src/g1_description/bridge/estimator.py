@@ -26,7 +26,7 @@ and go with every message, and finding the joints of a humanoid takes millisecon
 
 
 class LinkProblems(NamedTuple):
-    """What is wrong with the links of one robot; the same object until that changes."""
+    """Problems of the links of one robot; the same object until they change."""
 
     is_present: bool
     """Whether the message has any link of the robot."""
@@ -35,11 +35,11 @@ class LinkProblems(NamedTuple):
     """Links that are unknown, so that their joints are ignored."""
 
     invalid: tuple[str, ...]
-    """Links without usable numbers, which count as missing."""
+    """Links with invalid poses or twists; they count as missing."""
 
     axis_residual: Mapping[str, float] = {}
-    """Rotation in [rad] off a joint's axis, by joint name, the largest first, where it
-    is larger than ``MAX_RESIDUAL``."""
+    """Rotations off a joint's axis above ``MAX_RESIDUAL``, in [rad], by joint name, the
+    largest first."""
 
     @property
     def are_any(self) -> bool:
@@ -48,10 +48,10 @@ class LinkProblems(NamedTuple):
 
 
 MAX_RESIDUAL = 0.1
-"""Largest rotation in [rad] off a joint's axis that is not reported. Gazebo's engine
-lets the joints of a robot that lies on the floor come 0.01 to 0.02 rad off their axes,
-and those of one that has just fallen 0.056 rad. With the robot_description of another
-robot a bent joint is off by about its angle."""
+"""Largest rotation in [rad] off a joint's axis that is not reported. In Gazebo, joints
+of a robot on the floor are 0.01 to 0.02 rad off their axes, and those of one that has
+just fallen 0.056 rad. With the robot_description of another robot a bent joint is off
+by about its angle."""
 
 _MAX_SINE = np.sin(0.5 * MAX_RESIDUAL) ** 2
 
@@ -62,8 +62,8 @@ DEFAULT_INTERVAL = 0.001
 """Time between two messages in [s] while it is unknown."""
 
 MAX_LATE = 20
-"""Largest number of intervals between two messages that a slow clock may explain.
-After a longer gap the messages did stop."""
+"""Largest gap between two messages, in mean intervals, that a slow clock explains.
+After a longer one the messages had stopped."""
 
 
 _Structure = Tuple[MeasuredJoints, Optional[Tuple[int, np.ndarray]]]
@@ -79,11 +79,9 @@ class _Layout:
     """Its joints; they index its own valid links."""
 
     links: tuple[str, ...]
-    """Names of its valid links."""
+    """Its valid links."""
 
     problems: LinkProblems
-    """What is wrong with them."""
-
     first_link: int
     """Row of its first link among the valid links of all robots."""
 
@@ -91,9 +89,8 @@ class _Layout:
     """Rows of its joints among those of all robots."""
 
     base: tuple[int, np.ndarray] | None
-    """Row of the reference link of its root, or of what floats in the world, among the
-    valid links of all robots, and the root's pose in the frame of that link, shape
-    (7,). None if it is unknown."""
+    """Row of the base's reference link among the valid links of all robots, and the
+    base's pose in the frame of that link, shape (7,). None if it is unknown."""
 
     def base_of(
         self, poses: np.ndarray, twists: np.ndarray
@@ -111,10 +108,9 @@ class _Layout:
 
 
 class JointStateEstimator:
-    """Measures the joints of robots from one message after the other.
+    """Measures the joints of several robots in consecutive messages.
 
-    The robots are as in their files, by the names of their models in the simulated
-    world. The name of a model inside another begins with the other's name and ``::``.
+    Robots are given by the scoped names of their models in the simulated world.
     """
 
     def __init__(self, robots: Mapping[str, Description]) -> None:
@@ -136,7 +132,7 @@ class JointStateEstimator:
         self.duplicates: tuple[str, ...] = ()
         """Scoped names of the robots' links that the last message had repeatedly."""
         self.problems: list[LinkProblems] = []
-        """What was wrong with the links of each robot in the last message."""
+        """Problems of the links of each robot in the last message."""
         self.reset()
 
     def reset(self) -> None:
@@ -153,10 +149,10 @@ class JointStateEstimator:
 
         Args:
             names: Scoped names of the links. They are compared by identity with those
-                of the previous message. Of equal names the first counts.
+                of the previous message. The first of equal names is used.
             poses: Poses in the world, shape (n, 7). A link with a quaternion that is
-                not of unit length within 1e-3, or with a number beyond what a robot can
-                have, counts as missing.
+                not of unit length within 1e-3, or with an implausible number, counts
+                as missing.
             twists: Twists along the world's axes, shape (n, 6).
             stamp: Time of the message in [ns].
 
@@ -202,7 +198,7 @@ class JointStateEstimator:
         ]
 
     def _find_rotated_joints(self, residual: np.ndarray) -> None:
-        """Note the joints of each robot that do not keep to their axes."""
+        """Find the joints of each robot that are rotated off their axes."""
         is_off = len(residual) > 0 and not residual.max() <= _MAX_SINE
         for number, layout in enumerate(self._layouts):
             if is_off or self.problems[number].axis_residual:
@@ -254,8 +250,8 @@ class JointStateEstimator:
         """Lay out the links with usable numbers, and the joints between them.
 
         Args:
-            valid: True for each link found that has such, shape (n_found,); None where
-                all have.
+            valid: True for each link found whose numbers are usable, shape (n_found,);
+                None if all are.
         """
         layouts: list[_Layout] = []
         row = first_link = first_joint = 0
@@ -296,15 +292,15 @@ class JointStateEstimator:
             for (model, _), new in zip(self._robots, layouts)
             if not new.problems.is_present
         }
-        if absent:  # what comes under such a name later is another robot
+        if absent:  # a later model of the same name is another robot
             gone = [n for (model, _), n in self._number.items() if model in absent]
             self._last[0, gone] = np.nan
 
     def _previous(self, time: float) -> np.ndarray:
         """Return the previous measurement of the joints in the message.
 
-        Where the clock is slower than the messages, several have the same time and the
-        next one's is late. The mean interval of messages is then nearer to the truth.
+        If the clock is slower than the messages, several have the same time and the
+        next one is late. The mean interval is then the better estimate.
 
         Returns:
             Position, velocity and estimated time since then in [s], shape

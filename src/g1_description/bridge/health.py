@@ -1,4 +1,4 @@
-"""The bridge's /diagnostics, and warnings when states or answers stay away."""
+"""The bridge's /diagnostics, and warnings when states or answers do not arrive."""
 
 from __future__ import annotations
 
@@ -30,23 +30,20 @@ PAUSE_PERIOD = 0.4
 again after this time, in [s] of wall time."""
 
 MAX_AGE = 1.0
-"""Oldest link states in [s] of wall time that are no reason for a warning."""
+"""Age of link states in [s] of wall time above which a warning is logged."""
 
 MAX_ANSWER_TIME = 2.0
-"""Longest time in [s] that the simulator may take for an answer without a warning."""
+"""Time in [s] without an answer of the simulator after which a warning is logged."""
 
 RECENT = 10.0
 """Time in [s] for which a clamped or ignored command stays a warning."""
 
 NAMELESS = "(no name)"
-"""In place of names that are empty."""
+"""Shown instead of an empty name."""
 
 
 class BridgeHealth:
-    """Reads the state of the bridge and reports it, from two threads.
-
-    They use wall time, as simulated time may stand still.
-    """
+    """Reports the state of the bridge, from two threads, in wall time."""
 
     def __init__(
         self,
@@ -62,7 +59,7 @@ class BridgeHealth:
             f"{gazebo}/get_physics_properties", GetPhysicsProperties
         )
         self._is_paused = False
-        """What the simulator last answered; False while states come."""
+        """The simulator's last answer; False while states arrive."""
         self._was_asked = False
         """Whether it was asked since the last state."""
         self._updater = Updater()
@@ -88,7 +85,7 @@ class BridgeHealth:
                 self._updater.force_update()
 
     def _watch_pause(self) -> None:
-        """Find out whether the simulator is paused, when it is silent."""
+        """Ask a silent simulator whether it is paused."""
         while not self._stopped.wait(PAUSE_PERIOD):
             age = self._source.age
             is_silent, paused = age is None or age >= PAUSE_PERIOD, False
@@ -99,60 +96,59 @@ class BridgeHealth:
 
     @property
     def _is_stale(self) -> bool:
-        """Whether states stay away though the simulator is not paused."""
+        """Whether no states arrive although the simulator is not paused."""
         age = self._source.age
         return age is None or (age > MAX_AGE and not self._is_paused)
 
     def _warn_of_silence(self) -> None:
-        """Warn that link states, or the answer to a command, stay away."""
+        """Warn that link states, or the answer to a command, do not arrive."""
         source, age = self._source, self._source.age
         is_early = time.monotonic() - self._start <= SPAWN_GRACE
         if age is None and not is_early and not self._is_paused:
-            text = f"Nothing usable has arrived on {source.topic} yet."
+            text = f"No valid message on {source.topic} yet; is a simulator running?"
             if source.timeless:
-                text = f"Nothing is published: {source.topic} has no time on /clock."
+                text = "Waiting for /clock; nothing is published until then."
             self._log.warn("silence", text)
         is_known = self._was_asked or (age or 0.0) > MAX_ANSWER_TIME
         if age is not None and self._is_stale and is_known:
-            text = f"Nothing usable on {source.topic} for {age:.0f} s"
+            text = f"No valid message on {source.topic} for {age:.0f} s"
             self._log.warn("silence", f"{text}: {self._reason}.")
         waiting = max(robot.commands.waiting for robot in self._robots)
         if waiting > MAX_ANSWER_TIME:
-            text = "A command still waits for the simulator's answer after"
-            self._log.warn("hanging", f"{text} {waiting:.0f} s.")
+            text = f"The simulator has not answered a command for {waiting:.0f} s."
+            self._log.warn("hanging", text)
 
     @property
     def _reason(self) -> str:
-        """Why states stay away, as far as it is known."""
-        if self._source.is_connected:
-            return "the simulator is silent"
-        return "there is no simulator"
+        """Why no states arrive."""
+        is_silent = self._source.is_connected
+        return "the simulator is silent" if is_silent else "there is no simulator"
 
     def _report_link_states(self, status):
         """Report whether states arrive."""
         source, age = self._source, self._source.age
         status.add("malformed messages", source.malformed)
-        status.add("messages passed over for newer ones", source.skipped)
+        status.add("messages skipped for newer ones", source.skipped)
         if age is not None:
             status.add("age in s", f"{age:.3f}")
         elif not self._is_paused:
-            status.summary(WARN, f"nothing usable on {source.topic}")
+            status.summary(WARN, f"no valid message on {source.topic}")
             return status
         if self._is_stale:
-            text = f"nothing on {source.topic} for {age:.0f} s: {self._reason}"
+            text = f"no message on {source.topic} for {age:.0f} s: {self._reason}"
             status.summary(WARN, text)
         elif self._is_paused:
             status.summary(OK, "paused")
         else:
-            status.summary(OK, "link states come")
+            status.summary(OK, "link states arrive")
         return status
 
     def _report_commands(self, status):
-        """Report what became of the commands."""
+        """Report sent, refused, clamped and ignored commands."""
         tallies = [robot.commands for robot in self._robots]
         status.add("sent", sum(tally.sent for tally in tallies))
         status.add("refused", sum(tally.refused for tally in tallies))
-        status.summary(OK, "commands are obeyed")
+        status.summary(OK, "commands are applied")
         if not all(tally.is_empty for tally in tallies):
             text = f"nothing was clamped or ignored in the last {RECENT:g} s"
             status.summary(OK, text)
@@ -160,7 +156,7 @@ class BridgeHealth:
         if refused:
             names = listed(robot.name for robot in refused)
             reason = refused[0].commands.reason
-            status.summary(WARN, f"{names} was refused: {reason}")
+            status.summary(WARN, f"command to {names} refused: {reason}")
         for robot in self._robots:
             _report_recent(status, robot)
             scope = f"{robot.name}::" if len(self._robots) > 1 else ""
@@ -175,33 +171,35 @@ class BridgeHealth:
         state, problems = robot.state, robot.problems
         status.add("listeners to tf_joint_states", robot.tf_listeners)
         if state is None or problems is None or self._is_stale:
-            status.summary(WARN, "no link states come")
+            status.summary(WARN, "no link states arrive")
             return status
         if not problems.is_present:
             reason = f"the simulator has no link of {robot.name}"
             if robot.vanishes:
-                reason = f"nothing is left of {robot.name} without links of no mass"
+                reason = (
+                    f"the simulator dropped every link of {robot.name}: none has mass"
+                )
             status.summary(ERROR, reason)
             return status
-        status.summary(OK, f"{len(state.names)} joints are measured")
+        status.summary(OK, f"{len(state.names)} joints are published")
         if robot.other_publishers:
             others = listed(robot.other_publishers)
-            status.mergeSummary(WARN, f"joint_states also come from {others}")
+            status.mergeSummary(WARN, f"joint_states are also published by {others}")
         if problems.axis_residual:
             off_axis = listed(problems.axis_residual)
-            status.mergeSummary(WARN, f"off their axes: {off_axis}")
+            status.mergeSummary(WARN, f"joints off their axes: {off_axis}")
         missing = listed(problems.missing + problems.invalid)
         if missing:
-            status.mergeSummary(ERROR, f"links are missing: {missing}")
+            status.mergeSummary(ERROR, f"missing links: {missing}")
         return status
 
 
 def _report_recent(status, robot: RobotStatus) -> None:
-    """Warn of commands that were clamped or ignored lately."""
+    """Warn of recently clamped or ignored commands."""
     recent = time.monotonic() - RECENT
     ignored = robot.commands.last_ignored
     if ignored and ignored[0] > recent:
-        text = f"ignored in one to {robot.name}: {ignored[1]}"
+        text = f"ignored part of a command to {robot.name}: {ignored[1]}"
         status.mergeSummary(WARN, text)
     clamped = robot.commands.clamped_since(recent)
     if clamped:
@@ -210,7 +208,7 @@ def _report_recent(status, robot: RobotStatus) -> None:
 
 
 def _add_counts(status, robot: RobotStatus, scope: str) -> None:
-    """Report what became of motions, and of positions by joint."""
+    """Report counts of motions, and of clamped and ignored positions by joint."""
     # Copies: other threads count commands meanwhile.
     for what, count in robot.motions.copy().items():
         status.add(f"{scope}{what}", count)

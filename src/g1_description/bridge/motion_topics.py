@@ -1,4 +1,4 @@
-"""The topics on which a robot takes motions."""
+"""The topics and the service for motions of a robot."""
 
 from __future__ import annotations
 
@@ -27,25 +27,24 @@ from g1_description.ros.motion_messages import (
 from g1_description.srv import PlayMotion, PlayMotionRequest, PlayMotionResponse
 
 STREAM_QUEUE_SIZE = 10
-"""Samples of a stream that may wait for the bridge; of more, the newest count: what a
-planner streams is of no use later."""
+"""Queued samples of a stream; of more, only the newest are used."""
 
 MAX_LEAD = 60_000_000_000
-"""Longest time from now to the beginning of a motion, in [ns]: what would wait for
-longer was stamped by another clock than the simulator's."""
+"""Longest time from now to the start of a motion, in [ns]; a later stamp is from
+another clock than the simulator's."""
 
 NEAR_FLOOR = 0.1
-"""Height of a base in [m] from which on it does not come below the floor bit by bit."""
+"""Height of a base in [m] from which no small step leads below the floor."""
 
 FLOOR_TOLERANCE = 0.01
-"""Depth of a base below the floor in [m] that looks like no mistake."""
+"""Depth of a base below the floor in [m] above which a warning is logged."""
 
 BUFFER_SIZE = 1 << 20
-"""Bytes of a stream that are read at once: what piled up does not come later."""
+"""Bytes of a stream that are read at once, so that a backlog is dropped."""
 
 
 class MotionTopics:
-    """Hands the motions of one robot to its player.
+    """Passes the motions of one robot to its player.
 
     Subscribes: joint_trajectory (trajectory_msgs/JointTrajectory), base_command
         (geometry_msgs/PoseStamped), motion (g1_description/RobotTrajectory)
@@ -73,7 +72,7 @@ class MotionTopics:
             rospy.Subscriber(
                 topic_of(robot, name),
                 kind,
-                partial(self._obey, name, act),
+                partial(self._on_message, name, act),
                 queue_size=queue_size,
                 buff_size=BUFFER_SIZE,
                 tcp_nodelay=True,
@@ -90,8 +89,8 @@ class MotionTopics:
             played.success, played.message, stamp_from_ns(played.start_ns)
         )
 
-    def _obey(self, topic: str, act, message) -> None:
-        """Do what a message wants, or log why not."""
+    def _on_message(self, topic: str, act, message) -> None:
+        """Apply a message, or log why it was refused."""
         self._status.count(f"{topic} received")
         try:
             played = act(message)
@@ -101,7 +100,7 @@ class MotionTopics:
             self._status.count(f"{topic} refused")
         if played.message:
             key = f"{topic} {self._status.name}"
-            outcome = "" if played.success else "refused, "
+            outcome = "" if played.success else "refused: "
             text = f"{topic} of {self._status.name}: {outcome}{played.message}"
             self._log.warn(key, text, SHORT_PERIOD)
 
@@ -135,24 +134,23 @@ class MotionTopics:
 
         Args:
             trajectory: The motion.
-            stamp: When it begins; zero: at once.
-            stream: Whether not to wait where it is a configuration.
+            stamp: When it begins; zero: immediately.
+            stream: Whether to play a single configuration without waiting.
         """
         start, now = stamp.to_nsec(), rospy.Time.now().to_nsec()
         late = 1e-9 * (now - start) - trajectory.duration
         is_single = len(trajectory.times) == 1
         is_configuration = trajectory.duration == 0.0
         if start and late > 0.0 and not is_configuration:
-            raise MotionError(f"it was over {late:.3f} s ago")
+            raise MotionError(f"the motion ended {late:.3f} s ago")
         if start - now > MAX_LEAD:
             lead = 1e-9 * (start - now)
             raise MotionError(
-                f"it begins {lead:.0f} s from now; is it stamped by another clock?"
+                f"the motion starts in {lead:.0f} s; is its stamp from another clock?"
             )
         if is_configuration and start <= now:
             start = 0
         act = self._player.stream if stream and is_single else self._player.play
-        # A base that turns over in small steps is intended.
         remark = ""
         if trajectory.base_poses is not None:
             remark = _remark(
@@ -161,7 +159,7 @@ class MotionTopics:
         return _with(remark, act(trajectory, start or None))
 
     def _on_base_command(self, message: PoseStamped) -> Played:
-        """Put the robot somewhere by its root link."""
+        """Place the robot by its root link."""
         pose = pose_from_numbers(pose_to_array(message.pose))
         header = message.header
         pose = self._map.pose_in_map(pose, header.frame_id, header.stamp)
@@ -176,11 +174,11 @@ class MotionTopics:
 
 
 def _remark(pose: np.ndarray, now: np.ndarray | None) -> str:
-    """Say what of a base's pose looks like a mistake; empty if nothing does.
+    """Describe a base pose that looks like a mistake; otherwise return "".
 
     Args:
         pose: The pose in the map, shape (7,).
-        now: Where the base is, shape (7,): what it comes to bit by bit is meant.
+        now: The current pose, shape (7,); small steps from it are intended.
     """
     remarks = []
     if _up(pose) < -0.5 and (now is None or _up(now) > 0.0):
@@ -196,7 +194,7 @@ def _up(pose: np.ndarray) -> float:
 
 
 def _with(remark: str, played: Played) -> Played:
-    """Add a remark to the answer to what was obeyed."""
+    """Add a remark to the message of a success."""
     if not remark or not played.success:
         return played
     message = "; ".join(filter(None, (played.message, remark)))

@@ -65,7 +65,7 @@ HOUSEKEEPING_PERIOD = 0.02
 """Time between two rounds of housekeeping, in [s] of wall time."""
 
 STANDSTILL = 0.03
-"""Age of the last state in [s] of wall time after which time stands still."""
+"""Age of the last state in [s] of wall time from which time counts as stopped."""
 
 CLOCK_STANDSTILL = 1.0
 """Age of the last state in [s] of wall time after which nodes that wait for the clock
@@ -77,7 +77,7 @@ stands still: it may connect to the bridge before it does to robot_state_publish
 
 
 class BridgeNode:
-    """The callbacks, and the housekeeping that no message triggers."""
+    """The callbacks, and the periodic housekeeping."""
 
     def __init__(
         self,
@@ -142,13 +142,13 @@ class BridgeNode:
                 what = f"/clock and {robot.topic}" if node in clocks else robot.topic
                 self._log.warn(
                     f"publisher {node} {robot.topic}",
-                    f"{node} also publishes {what}: readers get both. To look at a "
-                    "bag, end this launch and use "
+                    f"{node} also publishes {what}: subscribers get both. To view a "
+                    "bag, stop this launch and use "
                     "roslaunch g1_description view.launch.",
                 )
 
     def _on_states(self, stamp: int, states: LinkStatesArrays) -> None:
-        """Turn one state into joint states and, now and then, TF."""
+        """Publish one state as joint states and, throttled, on TF."""
         rising = self._stamps.next(stamp, rospy.Time.now().to_nsec())
         if rising is None:
             return
@@ -158,7 +158,7 @@ class BridgeNode:
         found = self._estimator.update(*states, stamp)
         if self._estimator.duplicates:
             names = listed(self._estimator.duplicates)
-            text = f"Links are listed more than once, the first one counts: {names}."
+            text = f"Duplicate links in a message, the first one is used: {names}."
             self._log.warn("duplicates", text)
         self._broadcast(
             robot.publish(state, problems)
@@ -177,7 +177,7 @@ class BridgeNode:
 
     def _reset(self, stamp: int) -> None:
         """Start again, as simulated time did, at a time in [ns]."""
-        text = "Time went back: starting over."
+        text = "Time went back: the bridge starts over."
         self._log.warn("time", text, SHORT_PERIOD, rospy.loginfo)
         self._estimator.reset()
         for robot in self._robots:
@@ -186,7 +186,7 @@ class BridgeNode:
             action.reset(stamp)
 
     def _keep_house(self) -> None:
-        """Do what no message triggers, until the node is shut down."""
+        """Run the periodic work until the node is shut down."""
         while not self._stopped.wait(HOUSEKEEPING_PERIOD):
             with quiet_when_closing():
                 self._source.keep_up()
@@ -195,16 +195,16 @@ class BridgeNode:
                     robot.flush()
                 for action in self._actions:
                     action.keep_up(self._source.is_connected)
-                is_wanted = self._is_wanted_again()
+                is_repeat_due = self._is_repeat_due()
                 with self._source.lock:
                     if self._stands_still:
-                        self._settle(is_wanted)
+                        self._settle(is_repeat_due)
 
-    def _settle(self, is_wanted: bool) -> None:
+    def _settle(self, is_repeat_due: bool) -> None:
         """Show the last state on TF while time stands still."""
         if not self._has_clock or self._source.age > CLOCK_STANDSTILL:
             self._static_frames.send_fixed_joints()
-        if is_wanted:
+        if is_repeat_due:
             stamp = self._stamps.again()
             for robot in self._robots:
                 robot.publish_again(stamp)
@@ -212,13 +212,13 @@ class BridgeNode:
 
     @property
     def _stands_still(self) -> bool:
-        """Whether there was a state, and none follows, of this time or another."""
+        """Whether states have stopped, other than by a reset."""
         age, now = self._source.age, rospy.Time.now().to_nsec()
         self._has_clock = self._has_clock or now > 0
         was_reset = self._has_clock and self._stamps.is_ahead_of(now)
         return age is not None and age > STANDSTILL and not was_reset
 
-    def _is_wanted_again(self) -> bool:
+    def _is_repeat_due(self) -> bool:
         """Whether a new listener may have missed the last state."""
         now = time.monotonic()
         if self._newcomer.is_set():
@@ -241,7 +241,7 @@ def main() -> None:
     except G1DescriptionError as error:
         rospy.logfatal("%s", error)
         sys.exit(1)
-    except rospy.ROSInterruptException:  # before the robots were there
+    except rospy.ROSInterruptException:  # shut down while waiting
         return
     BridgeNode(parameters, robots, controllers)
     rospy.spin()

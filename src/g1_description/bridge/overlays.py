@@ -1,4 +1,4 @@
-"""What RViz shows of a robot beside the robot itself."""
+"""The ghost and the trails that RViz shows next to a robot."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from g1_description.robot.state import RobotState
 from g1_description.ros.conversions import stamp_from_ns, transform
 
 PREFIX = "ghost/"
-"""What the names of its frames begin with."""
+"""Prefix of the names of its frames."""
 
 PERIOD = 20_000_000
 """Least time between two messages, in [ns]."""
 
 
 class Ghost:
-    """Shows what one robot is commanded."""
+    """Publishes the commanded configuration of one robot as a second robot."""
 
     def __init__(self, topic: str, root: str, frame: str) -> None:
         self._states = rospy.Publisher(topic, JointState, queue_size=10, latch=True)
@@ -36,11 +36,11 @@ class Ghost:
         self.reset()
 
     def reset(self) -> None:
-        """Begin again, as time did."""
+        """Start over, as time did."""
         self._shown = -PERIOD
 
     def show(self, state: RobotState) -> None:
-        """Publish what is commanded, if a message is due; what is not, as measured."""
+        """Publish the commanded state, if due; measured where nothing is commanded."""
         if state.stamp - self._shown < PERIOD or state.base_pose is None:
             return
         self._shown = state.stamp
@@ -64,7 +64,7 @@ MAX_POINTS = 500
 """Points kept of a path: ten seconds."""
 
 WIDTH = 0.008
-"""Of the lines, in [m]."""
+"""Width of the lines, in [m]."""
 
 COLORS = (
     (0.90, 0.35, 0.10),
@@ -73,11 +73,11 @@ COLORS = (
     (0.60, 0.30, 0.70),
     (0.75, 0.60, 0.10),
 )
-"""Red, green, blue of the paths, one after the other."""
+"""Red, green, blue of consecutive paths."""
 
 
 class TrailMarkers:
-    """Where links of one robot have been; links that it does not have are ignored."""
+    """Publishes the paths of links of one robot; unknown links are ignored."""
 
     def __init__(
         self, topic: str, links: Sequence[str], robot: Description, frame: str
@@ -98,7 +98,7 @@ class TrailMarkers:
         self._added = self._published = -PUBLISH_PERIOD
 
     def show(self, state: RobotState) -> None:
-        """Add a point to each path where one is due.
+        """Add a point to each path, if due.
 
         A state without a base or with missing joints adds nothing.
         """
@@ -135,13 +135,7 @@ class TrailMarkers:
 def overlays_of(
     robot: RobotParameters, parameters: BridgeParameters, description: Description
 ) -> list[Ghost | TrailMarkers]:
-    """Make what the parameters ask for; nothing by default.
-
-    Args:
-        robot: The robot's names.
-        parameters: Of the node.
-        description: The robot.
-    """
+    """Create the overlays that the parameters enable; none by default."""
     p = parameters
     found: list[Ghost | TrailMarkers] = []
     links = p.trails.split()

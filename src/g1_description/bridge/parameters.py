@@ -26,7 +26,7 @@ _KINDS = {"controllers": (list, tuple)}
 
 @dataclass(frozen=True)
 class BridgeParameters:
-    """Parameters of the bridge."""
+    """Parameters of link_states_bridge."""
 
     gazebo: str = "/gazebo"
     """Namespace of the simulator."""
@@ -35,7 +35,7 @@ class BridgeParameters:
     """Name of the robot in the simulated world."""
 
     robot_description: str = "robot_description"
-    """Parameter that holds the robot's URDF; searched for upward from the
+    """Name of the parameter with the URDF; searched for upward from the
     namespace."""
 
     frame_prefix: str = ""
@@ -45,45 +45,45 @@ class BridgeParameters:
     """Several robots instead of one; see [below](#several-robots)."""
 
     controllers: tuple[dict, ...] = ()
-    """Which joints each ``follow_joint_trajectory`` moves; see
+    """Joints of each ``follow_joint_trajectory``; see
     [motions](motions.md#controllers)."""
 
     position_threshold: float = 0.005
-    """Publish ``map -> base_link`` after moving this far, in [m]."""
+    """Publish ``map -> base_link`` after it moved this far, in [m]."""
 
     rotation_threshold: float = 0.01
-    """Or after turning this far, in [rad]."""
+    """Or after it turned this far, in [rad]."""
 
     max_interval: float = 0.05
     """Or after this time; the launch files set 0.02 with ``web:=true``, in [s]."""
 
     min_interval: float = 0.0
-    """But never more often than this, in [s]."""
+    """Minimum time between two transforms ``map -> base_link``, in [s]."""
 
     max_rate: float = 0.0
-    """States used per second of ``/clock`` from a simulator without world_state,
-    such as Gazebo; 0: all, in [Hz]."""
+    """Maximum rate, in simulated time, of states from a simulator without
+    world_state, such as Gazebo; 0: no limit, in [Hz]."""
 
     world_frame: str = "world"
-    """Topmost frame."""
+    """Root of the TF tree."""
 
     map_frame: str = "map"
-    """Frame below it."""
+    """Child of ``~world_frame``, at the same pose."""
 
     base_frame: str = "base_link"
     """Frame of the robot's base."""
 
     trails: str = ""
-    """Links whose paths are published, separated by spaces."""
+    """Links whose paths are published as markers, separated by spaces."""
 
     ghost: bool = False
     """Publish the commanded configuration as a second robot."""
 
     imu_link: str = "imu_in_torso"
-    """Link that gets a second frame."""
+    """Link with a second frame, for the IMU."""
 
     imu_frame: str = "body_imu"
-    """Name of that frame."""
+    """Name of the second frame."""
 
     def __post_init__(self) -> None:
         """Check ranges."""
@@ -97,7 +97,9 @@ class BridgeParameters:
             values = [getattr(robot, key) for robot in self.each_robot]
             twice = sorted({value for value in values if values.count(value) > 1})
             if twice:
-                raise InvalidValueError(f"~robots has the {key} '{twice[0]}' twice.")
+                raise InvalidValueError(
+                    f"~robots must not repeat a {key} (got '{twice[0]}' twice)."
+                )
 
     @property
     def each_robot(self) -> tuple[RobotParameters, ...]:
@@ -125,17 +127,16 @@ class RobotParameters:
     """Name of its model in the simulated world."""
 
     namespace: str
-    """Where its joint_states and joint_commands are; by default its name."""
+    """Namespace of its topics; by default its name."""
 
     description: str = "robot_description"
-    """Parameter that holds its URDF; searched for upward from the namespace."""
+    """Name of the parameter with its URDF; searched for upward from the namespace."""
 
     frame_prefix: str = ""
-    """What stands before the names of its frames; by default the namespace and a
-    slash."""
+    """Prefix of the names of its frames; by default the namespace and a slash."""
 
     controllers: tuple[dict, ...] = ()
-    """What each of its actions moves; by default ``~controllers``."""
+    """Joints of each of its actions; by default ``~controllers``."""
 
 
 def _robot(number: int, entry, controllers: tuple[dict, ...]) -> RobotParameters:
@@ -144,19 +145,19 @@ def _robot(number: int, entry, controllers: tuple[dict, ...]) -> RobotParameters
     name = entry.get("name") if isinstance(entry, dict) else None
     if not isinstance(name, str) or not name:
         raise InvalidValueError(
-            f"~robots[{number}] is {entry!r}, it must be a dictionary with a name."
+            f"~robots[{number}] must be a dictionary with a name (got {entry!r})."
         )
     for key, value in entry.items():
         if key not in known or not isinstance(value, _KINDS.get(key, str)):
             raise InvalidValueError(
-                f"~robots[{number}] has {key}: {value!r}; it may have strings for "
-                f"{', '.join(known[:-1])}, and a list for {known[-1]}."
+                f"~robots[{number}] may have strings for {', '.join(known[:-1])} and a "
+                f"list for {known[-1]} (got {key}: {value!r})."
             )
     default = re.sub(r"\W", "_", name, flags=re.ASCII)
     namespace = entry.get("namespace", default).strip("/")
     if namespace and not re.fullmatch(r"[A-Za-z][\w/]*", namespace, re.ASCII):
         raise InvalidValueError(
-            f"~robots[{number}] has the namespace '{namespace}', which is no ROS name."
+            f"namespace of ~robots[{number}] must be a ROS name (got '{namespace}')."
         )
     prefix = entry.get("frame_prefix", namespace and f"{namespace}/")
     _check_prefix(f"frame_prefix of ~robots[{number}]", prefix)
@@ -170,10 +171,10 @@ def _robot(number: int, entry, controllers: tuple[dict, ...]) -> RobotParameters
 
 
 def _check_prefix(what: str, prefix: str) -> None:
-    """Check that robot_state_publisher's tf_prefix can be the same."""
+    """Check that a prefix is also a valid tf_prefix of robot_state_publisher."""
     if prefix and (prefix.startswith("/") or not prefix.endswith("/")):
         raise InvalidValueError(
-            f"The {what} is '{prefix}', it must end with a slash, not begin with one."
+            f"The {what} must end with a slash and not begin with one (got '{prefix}')."
         )
 
 
@@ -189,7 +190,7 @@ def wait_for_descriptions(
         The robots with their descriptions; equal texts share one description.
 
     Raises:
-        DescriptionError: If a parameter holds no robot.
+        DescriptionError: If a parameter is not a robot.
         ROSInterruptException: If the node is shut down.
     """
     found = []
@@ -213,7 +214,7 @@ def controllers_of(
     """Read a robot's controllers.
 
     Raises:
-        InvalidValueError: If the parameter holds anything else.
+        InvalidValueError: If an entry is invalid.
     """
     joints = [joint.name for joint in description.movable_joints]
     return read_controllers(robot.controllers, joints, f"controllers of {robot.name}")
@@ -225,16 +226,11 @@ def topic_of(robot: RobotParameters, name: str) -> str:
 
 
 def base_child(parameters: BridgeParameters, description: Description) -> str | None:
-    """Find the frame of a robot that moves in the map.
-
-    Args:
-        parameters: Names of the frames above.
-        description: The robot, which names its own frames.
+    """Return the robot's frame that the map is the parent of.
 
     Returns:
-        base_link; the root, or what floats in the world, where base_link is a link
-        below it, which has a parent already; None where the root itself is the world
-        or the map and nothing floats in it.
+        base_link; the floating base, where base_link is a link below it, which has a
+        parent already; None where the robot is fixed to the world or the map.
     """
     p = parameters
     root, _ = base_of(description)
@@ -247,17 +243,12 @@ def base_child(parameters: BridgeParameters, description: Description) -> str | 
 def static_edges(
     parameters: BridgeParameters, description: Description, prefix: str = ""
 ) -> list[tuple[str, str]]:
-    """List the static edges around a robot, all of them identities.
-
-    Args:
-        parameters: Names of the frames above.
-        description: The robot.
-        prefix: Prefix of the names of the robot's own frames.
+    """List the static transforms around a robot, all of them identities.
 
     Returns:
-        Parent and child of world -> map, base_link -> root where base_link is no
-        link of the robot, world -> its own world where that has a prefix, and
-        imu_in_torso -> body_imu where the robot has one.
+        Parent and child of world -> map, base_link -> root if base_link is not a link
+        of the robot, world -> its own world if that has a prefix, and
+        imu_in_torso -> body_imu if the robot has one.
     """
     p = parameters
     edges = [(p.world_frame, p.map_frame)]
@@ -272,7 +263,7 @@ def static_edges(
 
 
 class StaticFrames:
-    """Sends the edges of all robots that do not move."""
+    """Broadcasts the static transforms of all robots."""
 
     def __init__(
         self,
@@ -298,17 +289,17 @@ class StaticFrames:
         self._send(self._static_edges)
 
     def send_fixed_joints(self) -> None:
-        """Send the robots' fixed joints once, in place of robot_state_publisher.
+        """Send the robots' fixed joints, once.
 
-        It sends them by a timer, which waits for the clock: while that stands still
-        nobody else does.
+        robot_state_publisher sends them from a timer, which waits while the clock
+        stands still.
         """
         if self._fixed_edges:
             self._send({**self._static_edges, **self._fixed_edges})
             self._fixed_edges = {}
 
     def _send(self, edges: dict[tuple[str, str], np.ndarray]) -> None:
-        """Send edges in one message, as listeners keep only a node's last one."""
+        """Send transforms in one message: a latched topic has only the last one."""
         now = rospy.Time.now()
         self._broadcaster.sendTransform(
             [transform(now, *edge, pose.tolist()) for edge, pose in edges.items()]

@@ -1,4 +1,4 @@
-"""The motions of one robot, on the stand-in and on the real Gazebo."""
+"""The motions of one robot, on our simulator and on the real Gazebo."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ from g1_description.ros.publisher import DirectPublisher
 from g1_description.srv import SetModelTrajectory
 
 QUEUE_SIZE = 100
-"""Samples kept for a busy simulator: a tenth of a second of them at 1 kHz."""
+"""Samples queued for a busy simulator: a tenth of a second at 1 kHz."""
 
 ASK_PERIOD = 1.0
-"""Time after which a stream asks again which simulator there is, in [s]."""
+"""Time after which a stream checks again which simulator is running, in [s]."""
 
 ANSWER_TIMEOUT = 0.4
 """Longest wait in [s] of wall time of a state for the answer to a motion that it may
-show: shorter than the stand-in, while it steps, waits for the bridge to read."""
+show: shorter than our simulator, while it steps, waits for the bridge to read."""
 
 
 class Played(NamedTuple):
@@ -43,22 +43,22 @@ class Played(NamedTuple):
     success: bool
 
     message: str
-    """What was not done exactly as requested, or why nothing was; may be empty."""
+    """Deviations from the request, or why it was refused; may be empty."""
 
     start_ns: int = 0
-    """When its times count from, in [ns]."""
+    """Start of its times, in [ns]."""
 
     playback: Playback | None = None
-    """What is left of the motion: newer commands may replace some of it."""
+    """The motion as it plays: newer commands may replace joints of it."""
 
 
 class MotionPlayer:
-    """Lets a robot go through motions.
+    """Plays motions of a robot.
 
-    The stand-in samples a motion itself, at the time of each step. On the real Gazebo
-    each state that it publishes is answered with the sample of that time.
+    Our simulator samples a motion itself, at the time of each step. On the real Gazebo
+    the bridge answers each published state with the sample of that time.
 
-    What motions and commands want is kept where that is asked for, for the ghost.
+    With ``keeps_commands`` the commanded joints and base are recorded, for the ghost.
     """
 
     def __init__(
@@ -70,7 +70,7 @@ class MotionPlayer:
     ) -> None:
         self._status = status
         self._name = f"{gazebo}/set_model_trajectory"
-        self._was_stand_in, self._asked = False, -math.inf
+        self._plays_itself, self._asked = False, -math.inf
         self._service = rospy.ServiceProxy(self._name, SetModelTrajectory)
         self._topic = DirectPublisher(self._name, ModelTrajectory, QUEUE_SIZE)
         self._states = DirectPublisher(
@@ -78,9 +78,9 @@ class MotionPlayer:
         )
         self._commands = commands
         self._plays_here = False
-        # Held while the simulator is told something and it is noted here, so that both
-        # know it in the same order. No state waits for it.
-        self._telling = threading.Lock()
+        # Locked while a request is sent and recorded, so that the order is the same in
+        # the simulator and here. No state waits for it.
+        self._sending = threading.Lock()
         self._lock = threading.Condition()
         self._is_awaited = False
         self._before_base: RobotState | None = None
@@ -99,20 +99,20 @@ class MotionPlayer:
             self._commanded_base: np.ndarray | None = None
             self._plays_here = False
             self.is_idle = True
-            """Whether no motion was sent since then; then nothing is to be observed."""
+            """Whether no motion was sent since the reset."""
 
     def play(self, trajectory: Trajectory, start_ns: int | None = None) -> Played:
-        """Let the robot go through a motion; wait for the simulator's answer.
+        """Play a motion; wait for the simulator's answer.
 
         Args:
             trajectory: The motion.
-            start_ns: When its times count from, in [ns]; None: at once.
+            start_ns: Start of its times, in [ns]; None: now.
         """
-        if not self._is_stand_in():
+        if not self._finds_service():
             return self._play_here(trajectory, start_ns)
         message = model_trajectory(self._status.name, trajectory, start_ns)
         played = Played(False, "")
-        with self._telling:
+        with self._sending:
             self.is_idle = self._plays_here = False
             with self._lock:
                 self._is_awaited = True
@@ -128,31 +128,33 @@ class MotionPlayer:
         return played
 
     def stream(self, trajectory: Trajectory, start_ns: int | None = None) -> Played:
-        """Do the same without waiting: for configurations that follow each other."""
+        """Like ``play``, without waiting: for a stream of configurations."""
         if time.monotonic() > self._asked + ASK_PERIOD:
-            self._is_stand_in()
-        if not self._was_stand_in:
+            self._finds_service()
+        if not self._plays_itself:
             return self._play_here(trajectory, start_ns)
         if not self._topic.get_num_connections():
             return self.play(trajectory, start_ns)
         message = model_trajectory(self._status.name, trajectory, start_ns)
-        with self._telling:
+        with self._sending:
             self._plays_here = False
-            # Known before it shows, so that the first state that shows it finds it.
+            # Recorded first, so that the first state that shows it finds it.
             self._add(trajectory, start_ns or self._status.stamp)
             self._topic.publish(message)
         return Played(True, "")
 
     def place_base(self, pose: np.ndarray) -> Played:
-        """Put the robot somewhere by its root link, which ends the base's motion.
+        """Place the root link, which ends the base's motion.
 
         Args:
-            pose: Of the root link in the map, shape (7,).
+            pose: Pose in the map, shape (7,).
         """
         if not self._states.get_num_connections():
-            return Played(False, f"nobody listens to {self._states.name}")
+            return Played(
+                False, f"{self._states.name} has no subscriber; is a simulator running?"
+            )
         message = ModelState(model_name=self._status.name, pose=pose_from_array(pose))
-        with self._telling:
+        with self._sending:
             if self._keeps_commands:
                 self.is_idle = False
             self._release((), base=True)
@@ -169,7 +171,7 @@ class MotionPlayer:
         return Played(True, "")
 
     def flush(self) -> None:
-        """Send the simulator what is kept for it."""
+        """Send the queued messages."""
         self._topic.flush()
         self._states.flush()
 
@@ -177,9 +179,9 @@ class MotionPlayer:
         """Stop joints where they are; by default all, and the base."""
         if joints is not None and not joints:
             return Played(True, "")
-        is_stand_in = self._is_stand_in()
-        with self._telling:
-            if is_stand_in:
+        plays_itself = self._finds_service()
+        with self._sending:
+            if plays_itself:
                 message = ModelTrajectory(model_name=self._status.name)
                 message.joint_names = list(joints or ())
                 played = self._call(message)
@@ -193,21 +195,21 @@ class MotionPlayer:
         return played
 
     def command(self, positions: Mapping[str, float]) -> None:
-        """Note a command for joints, which takes them from any motion.
+        """Record a command for joints, which ends their motions.
 
         Args:
             positions: In [rad] or [m] by joint name.
         """
-        with self._telling:
+        with self._sending:
             if self._keeps_commands:
                 self.is_idle = False
-            self._release(positions)  # the command replaces what is queued of them
+            self._release(positions)
             if self._keeps_commands:
                 with self._lock:
                     self._commanded.update(positions)
 
     def _release(self, joints: Collection[str], base: bool = False) -> None:
-        """Leave joints, and perhaps the base, to another command."""
+        """End the motions of joints, and optionally of the base."""
         if self.is_idle:
             return
         with self._lock:
@@ -217,16 +219,16 @@ class MotionPlayer:
                 self._commanded_base = None
 
     def observe(self, state: RobotState) -> bool:
-        """Go on with the motions; return whether they reach a sample."""
+        """Advance the motions to a state; return whether one reaches a sample."""
         with self._lock:
-            # The first states of a motion come before the answer.
+            # The first states of a motion arrive before the answer.
             if self._is_awaited:
                 self._lock.wait_for(lambda: not self._is_awaited, ANSWER_TIMEOUT)
                 self._is_awaited = False
             return bool(self._playlist) and self._advance(state)
 
     def with_commands(self, state: RobotState) -> RobotState:
-        """Return a state with what motions and commands want, if that is kept."""
+        """Return a state with the commanded joints and base."""
         with self._lock:
             return replace(
                 state,
@@ -235,7 +237,6 @@ class MotionPlayer:
             )
 
     def _advance(self, state: RobotState) -> bool:
-        """Go on with the motions; return whether they reach a sample."""
         stamp = state.stamp
         if self._playlist.is_waiting:
             self._playlist.begin(stamp, self._present(state))
@@ -243,12 +244,12 @@ class MotionPlayer:
         for playback in self._playlist.moving():
             is_sample = playback.reaches_sample(stamp) or is_sample
             if self._keeps_commands or self._plays_here:
-                self._obey(playback.setpoint(stamp))
+                self._apply(playback.setpoint(stamp))
         self._playlist.drop_over(stamp)
         return is_sample
 
-    def _obey(self, setpoint: Setpoint) -> None:
-        """Keep a sample, or send it to a simulator that cannot play."""
+    def _apply(self, setpoint: Setpoint) -> None:
+        """Record a sample, or send it to a simulator that cannot play."""
         names = [self._joints[row] for row in setpoint.rows]
         positions = dict(zip(names, setpoint.positions.tolist()))
         if self._keeps_commands:
@@ -259,7 +260,7 @@ class MotionPlayer:
             self._commands.put(positions, setpoint.base_pose)
 
     def _present(self, state: RobotState) -> Setpoint:
-        """Return where the robot is; joints that are not measured are at zero."""
+        """Return the robot's state as a setpoint; joints not measured are at zero."""
         n = len(self._joints)
         position, velocity = np.zeros(n), np.zeros(n)
         own = [self._joints.index(name) for name in state.names]
@@ -267,40 +268,41 @@ class MotionPlayer:
         return Setpoint(np.arange(n), position, velocity, state.base_pose)
 
     def _play_here(self, trajectory: Trajectory, start_ns: int | None) -> Played:
-        """Play a motion on a simulator that cannot do so itself."""
+        """Play a motion on a simulator that cannot play motions."""
         now = self._status.stamp
         if not now:
-            return Played(False, "the simulator has published no state of the robot")
+            return Played(
+                False, "the simulator has not published a state of the robot yet"
+            )
         state = self._status.state
         if trajectory.base_poses is not None and (
             state is None or state.base_pose is None
         ):
-            return Played(False, f"{self._status.name} has no base that moves")
+            return Played(False, f"{self._status.name} has no floating base")
         self._plays_here = True
         playback = self._add(trajectory, start_ns or now)
         return Played(True, "", start_ns or now, playback)
 
     def _add(self, trajectory: Trajectory, start_ns: int) -> Playback:
-        """Note a motion that was begun."""
+        """Record a started motion."""
         with self._lock:
             self.is_idle = False
             return self._playlist.add(trajectory, start_ns)
 
-    def _is_stand_in(self) -> bool:
-        """Ask the master whether the simulator plays motions by itself.
+    def _finds_service(self) -> bool:
+        """Ask the master whether the simulator plays motions itself.
 
-        Listeners to its topic tell nothing: that may be a recorder.
+        A subscriber to the topic is not enough: it may be a recorder.
         """
         try:
             rosgraph.Master(rospy.get_name()).lookupService(self._service.resolved_name)
-            self._was_stand_in = True
+            self._plays_itself = True
         except (rosgraph.MasterException, *SLAVE_API_ERRORS):
-            self._was_stand_in = False
+            self._plays_itself = False
         self._asked = time.monotonic()
-        return self._was_stand_in
+        return self._plays_itself
 
     def _call(self, message: ModelTrajectory) -> Played:
-        """Call the stand-in's service."""
         try:
             answer = self._service(message)
         except SERVICE_ERRORS as error:

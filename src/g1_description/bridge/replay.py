@@ -1,4 +1,4 @@
-"""A motion from a file, shown without a simulator.
+"""The node ``replay``: shows a motion from a file without a simulator.
 
 Publishes: joint_states (sensor_msgs/JointState), /tf (tf2_msgs/TFMessage):
     map -> base_link, /tf_static: base_link -> root link
@@ -30,7 +30,7 @@ from g1_description.ros.master import stay_registered
 from g1_description.ros.parameters import check_range, read_parameters
 
 REST = 1.0
-"""Time between the end of a motion and its next beginning, in [s]."""
+"""Pause before a motion starts again, in [s]."""
 
 
 @dataclass(frozen=True)
@@ -38,37 +38,37 @@ class ReplayParameters:
     """Parameters of the node that shows a motion."""
 
     motion: str = ""
-    """The file."""
+    """Motion file."""
 
     bag: str = ""
-    """The same, of a rosbag."""
+    """Rosbag with the motion."""
 
     topic: str = ""
-    """Topic of the bag with the joints; empty: the usual one."""
+    """Topic of the bag with the joints; empty: chosen automatically."""
 
     fps: float = 0.0
-    """Samples per second of a file without times, in [Hz]; 0: it is not known."""
+    """Samples per second of a file without times, in [Hz]; 0: unknown."""
 
     speed: float = 1.0
-    """Seconds of the motion in a second."""
+    """Playback speed: seconds of the motion per second."""
 
     loop: bool = True
-    """Whether it begins again at its end, rather than staying there."""
+    """Repeat the motion; otherwise hold its last pose."""
 
     publish_rate: float = 60.0
-    """States per second, in [Hz]."""
+    """Rate of joint_states and TF, in [Hz]."""
 
     def __post_init__(self) -> None:
         """Check ranges."""
         if not self.file:
-            raise InvalidValueError(
-                "No motion is given; motion:=FILE or bag:=FILE names one."
-            )
+            raise InvalidValueError("No motion file; give motion:=FILE or bag:=FILE.")
         if self.motion and self.bag:
-            raise InvalidValueError("Two motions are given, motion:= and bag:=.")
+            raise InvalidValueError("motion:= and bag:= cannot be combined.")
         if not Path(self.file).is_absolute():
-            hint = "" if self.file.startswith("~") else f"; $PWD/{self.file} is one"
-            raise InvalidValueError(f"'{self.file}' is not an absolute path{hint}.")
+            hint = "" if self.file.startswith("~") else f"; try $PWD/{self.file}"
+            raise InvalidValueError(
+                f"The motion file must be an absolute path (got '{self.file}'){hint}."
+            )
         check_range(self, "fps", 0.0, 1e6)
         check_range(self, "speed", 1e-3, 1e3)
         check_range(self, "publish_rate", 0.1, 1e3)
@@ -80,7 +80,7 @@ class ReplayParameters:
 
 
 class Replay:
-    """Shows a motion again and again."""
+    """Publishes a motion, in a loop by default."""
 
     def __init__(
         self, motion: Motion, robot: Description, parameters: ReplayParameters
@@ -111,7 +111,7 @@ class Replay:
                 rate.sleep()
 
     def _time(self, elapsed: float) -> float:
-        """Find the time of the motion to show, in [s]."""
+        """Return the time of the motion to show, in [s]."""
         begin, speed = self._trajectory.times[0], self._parameters.speed
         time = elapsed * speed
         if self._parameters.loop:
@@ -128,7 +128,7 @@ class Replay:
             self._tf.sendTransform(edge)
 
     def _message(self, stamp: rospy.Time, found: Sample) -> JointState:
-        """Make joint states; joints that the motion does not move are at zero."""
+        """Return joint states; joints without a motion are at zero."""
         message = JointState(name=self._names)
         message.header.stamp = stamp
         position, velocity = np.zeros(len(self._names)), np.zeros(len(self._names))
@@ -141,7 +141,7 @@ class Replay:
 
 
 def report(motion: Motion) -> None:
-    """Log what is shown, and what is not as the file says."""
+    """Log the motion's size and the notes of its reader."""
     trajectory = motion.trajectory
     for note in motion.notes:
         rospy.logwarn("%s", note)

@@ -44,7 +44,7 @@ class BridgedRobot:
     """Publishes the states of one robot."""
 
     _unsent: RobotState | None = None
-    """Last state that TF has not got, of a robot without a base."""
+    """Last state that was not sent to TF, of a robot without a base."""
 
     def __init__(
         self,
@@ -56,9 +56,7 @@ class BridgedRobot:
         p = parameters
         self.status = status
         self.commands = JointCommands(p.gazebo, status.name, status.commands, log)
-        """What sends its commands."""
         self.player = MotionPlayer(p.gazebo, status, self.commands, p.ghost)
-        """What plays its motions."""
         self._warnings = RobotWarnings(status, log)
         self._map_frame, self._keeps_commands = p.map_frame, p.ghost
         base = base_child(p, status.description)
@@ -94,15 +92,15 @@ class BridgedRobot:
 
         Args:
             state: The state.
-            problems: What is wrong with the robot's links.
+            problems: Problems of the robot's links.
 
         Returns:
-            The base in the map in the state before this one, if that is worth sending.
+            The base in the map in the previous state, if it is due on TF.
         """
         is_sample = not self.player.is_idle and self.player.observe(state)
-        is_news = problems is not self.status.problems
+        has_changed = problems is not self.status.problems
         self.status.state, self.status.problems = state, problems
-        if is_news or problems.are_any:
+        if has_changed or problems.are_any:
             self._warnings.check(state, problems)
         if not problems.is_present:
             self._tf_filter.drop()
@@ -127,7 +125,7 @@ class BridgedRobot:
         """Send the last state to TF once more, for a new listener.
 
         Args:
-            stamp: What it is sent under, in [ns].
+            stamp: The stamp to send it with, in [ns].
         """
         self.reset()
         state, problems = self.status.state, self.status.problems
@@ -137,7 +135,7 @@ class BridgedRobot:
     def _send_to_tf(
         self, state: RobotState, is_sample: bool = False
     ) -> TransformStamped | None:
-        """Send joints to TF where they are due; return the base as ``publish`` does."""
+        """Send joints to TF if they are due; return the base like ``publish``."""
         if self._base is None or state.base_pose is None:
             self._unsent = state
             if self._tf_filter.passes_without_base(state.stamp):
@@ -153,15 +151,15 @@ class BridgedRobot:
         )
 
     def _send_unsent(self) -> None:
-        """Send the joints that were kept to TF."""
+        """Send the pending joints to TF."""
         joints, self._unsent = self._unsent, None
         self._show(joints, None)
 
     def settle(self) -> TransformStamped | None:
-        """Show the last state on TF, if no other follows and it is not there.
+        """Send the last state to TF if it was not sent yet.
 
         Returns:
-            Its base in the map, if that was not sent.
+            Its base in the map, if that was not sent yet.
         """
         if self._unsent is not None:
             self._send_unsent()
@@ -179,7 +177,7 @@ class BridgedRobot:
         return transform(stamp, self._map_frame, self._base, pose)
 
     def flush(self) -> None:
-        """Send slow subscribers the messages that are kept for them."""
+        """Send the queued messages of slow subscribers."""
         self.player.flush()
         for topic in self._topics:
             topic.flush()
@@ -199,7 +197,7 @@ class BridgedRobot:
 
 
 class RobotWarnings:
-    """Logs what is wrong with the links of one robot."""
+    """Logs problems of the links of one robot."""
 
     def __init__(self, status: RobotStatus, log: ThrottledLog) -> None:
         self._status, self._log = status, log
@@ -208,17 +206,18 @@ class RobotWarnings:
         found = [f"{j.name} ({j.kind})" for j in joints if j.kind in FREE]
         if found:
             rospy.logwarn(
-                "Joints of %s are left out, they have no single position: %s.",
+                "Joints of %s are ignored, they have more than one degree of freedom: "
+                "%s.",
                 status.name,
                 ", ".join(found),
             )
 
     def check(self, state: RobotState, problems: LinkProblems) -> None:
-        """Log what is new or wrong in a state."""
+        """Log that the robot appeared, and problems of its links."""
         if problems.is_present and not self._was_present:
             name = self._status.name
-            text = f"{name} is there, {len(state.names)} joints are measured."
-            self._log.warn(f"came {name}", text, SHORT_PERIOD, rospy.loginfo)
+            text = f"Found model {name}; publishing {len(state.names)} joints."
+            self._log.warn(f"found {name}", text, SHORT_PERIOD, rospy.loginfo)
         if problems.missing or problems.invalid or not problems.is_present:
             self._warn_of_missing_links(problems)
         if problems.axis_residual:
@@ -227,33 +226,30 @@ class RobotWarnings:
         self._came = self._came or problems.is_present
 
     def _warn_of_missing_links(self, problems: LinkProblems) -> None:
-        """Warn that joints are left out as their links are unknown."""
+        """Warn that joints are ignored, as their links are unknown."""
         if self._status.is_in_grace and not self._came:
             return
         if problems.invalid:
-            reason = f"no usable numbers for {listed(problems.invalid)}"
+            reason = f"invalid poses for {listed(problems.invalid)}"
         elif problems.is_present:
             reason = f"no link {listed(problems.missing)}"
         elif self._status.vanishes:
-            reason = (
-                "no link of it: it drops links without mass, and all that hangs on "
-                "them, and nothing is left"
-            )
+            reason = "no link of it: links without mass and their children are dropped"
         else:
-            reason = "no link of it (is it spawned under this name?)"
+            reason = "no link of it (is it spawned with this name?)"
         name = self._status.name
         self._log.warn(
             f"missing {name}",
-            f"Joints of {name} are left out, the simulator has {reason}.",
+            f"Joints of {name} are ignored: the simulator has {reason}.",
             lasts=True,
         )
 
     def _warn_of_rotated_joints(self, problems: LinkProblems) -> None:
-        """Warn that joints do not keep to their axes."""
+        """Warn that joints are rotated off their axes."""
         name, residual = self._status.name, problems.axis_residual
         angles = (f"{joint} by {angle:.3g} rad" for joint, angle in residual.items())
         self._log.warn(
             f"off axis {name}",
-            f"Joints of {name} are turned off their axes: {listed(angles)}. Is its "
+            f"Joints of {name} are rotated off their axes: {listed(angles)}. Is its "
             "robot_description the one that was spawned?",
         )

@@ -17,7 +17,7 @@ from g1_description.ros.master import SLAVE_API_ERRORS
 from g1_description.ros.wire import LinkStatesArrays, LinkStatesDecoder
 
 MAX_IN_A_ROW = 100
-"""Messages without stamps that may arrive at once; of more, only the newest counts."""
+"""Messages without stamps that may arrive at once; of more, only the newest is used."""
 
 BUFFER_SIZE = 1 << 16
 """Bytes read at once: a dozen messages of a humanoid."""
@@ -26,9 +26,8 @@ MAX_KEEP_TIME = 0.1
 """Longest wait in [s] of wall time of a kept state for a later time on /clock."""
 
 BACKLOG_DECAY = 0.005
-"""Pause in [s] that leaves a third of the count of messages in a row. rospy hands
-messages on in batches with a millisecond between them, so a single pause does not mean
-that a backlog has ended."""
+"""Time constant in [s] with which the count of messages in a row decays. rospy delivers
+messages in batches a millisecond apart, so one pause does not end a backlog."""
 
 
 class StateSource:
@@ -37,8 +36,7 @@ class StateSource:
     Each message of world_state has a stamp and is used. A message of link_states gets
     the newest time of /clock; of several with the same time, or sooner than
     ``max_rate`` allows, the first is used, and the newest is kept for a later time.
-    Messages that piled up while the bridge stood still are skipped, as the time at
-    which they were true is unknown.
+    A backlog, after the bridge was suspended, is skipped, as its times are unknown.
 
     Subscribes: <gazebo>/world_state (gazebo_msgs/WorldState), <gazebo>/link_states
         (gazebo_msgs/LinkStates)
@@ -58,7 +56,7 @@ class StateSource:
             max_rate: States without stamps used per second of /clock; 0: all.
             on_states: Called with the time of a state in [ns] and the state, from one
                 thread at a time.
-            log: Where to log what cannot be read.
+            log: Where to log malformed messages.
         """
         self._unstamped_topic = rospy.resolve_name(f"{gazebo}/link_states")
         self._stamped_topic = rospy.resolve_name(f"{gazebo}/world_state")
@@ -141,7 +139,7 @@ class StateSource:
             return
         with self.lock:
             stamp = rospy.Time.now().to_nsec()
-            if not stamp:  # simulated time has not come yet, and is not invented
+            if not stamp:  # no simulated time yet
                 self.timeless += 1
             elif self._is_old() or 0 <= stamp - self._stamp < self._min_interval:
                 since = self._kept[1] if self._kept else time.monotonic()
@@ -151,11 +149,10 @@ class StateSource:
             self._handled = time.monotonic()
 
     def _is_old(self) -> bool:
-        """Whether the message that has just arrived is one of many that piled up.
+        """Whether the message that has just arrived is part of a backlog.
 
-        A node that stood still finds seconds of messages in the system's buffers. Taken
-        one by one they would make old states look new, and at the rate at which new
-        ones arrive the backlog might never shrink.
+        A node that was suspended finds seconds of messages in the socket's buffer. One
+        by one, old states would look new, and the backlog might never shrink.
         """
         waited = time.monotonic() - self._handled
         self._in_a_row = 1.0 + self._in_a_row * math.exp(-waited / BACKLOG_DECAY)
@@ -173,7 +170,7 @@ class StateSource:
         return self._has_stamps.get(node, False)
 
     def _decode(self, data: bytes, stamp: int | None) -> None:
-        """Decode a message and hand it on; without a stamp it contains one."""
+        """Decode a message and pass it on; without a stamp it contains one."""
         try:
             if stamp is None:
                 stamp, states = self._decoder.decode_stamped(data)
@@ -182,7 +179,7 @@ class StateSource:
         except WireFormatError as error:
             self.malformed += 1
             self._log.warn(
-                "malformed", f"A message of the simulator cannot be read: {error}"
+                "malformed", f"Cannot decode a message of the simulator: {error}"
             )
             return
         self._kept, self._stamp = None, stamp
@@ -190,9 +187,9 @@ class StateSource:
         self._on_states(stamp, states)
 
     def keep_up(self) -> None:
-        """Do what no message triggers; to be called every few hundredths of a second.
+        """Use a kept state, and subscribe to link_states if they are needed.
 
-        Use a state that was kept, and subscribe to link_states where they are needed.
+        To be called every few hundredths of a second.
         """
         with self.lock:
             self._use_kept()
@@ -220,8 +217,7 @@ class StateSource:
 
 MAX_STEP_BACK = 100_000
 """A stamp less than this far behind the last one, in [ns], is of the same instant.
-A reset goes back by at least a time step, and no simulator publishes so many states of
-one instant that their stamps reach this far."""
+A reset goes back by at least a time step, which is longer."""
 
 MAX_CLOCK_LAG = 100_000_000
 """A clock further behind the last state, in [ns], was reset; the bridge may have the

@@ -1,4 +1,4 @@
-"""How the bridge is doing, as its parts write it and its diagnostics read it."""
+"""State of each robot of the bridge, for its diagnostics."""
 
 from __future__ import annotations
 
@@ -21,37 +21,32 @@ SPAWN_GRACE = 5.0
 
 @dataclass
 class RobotStatus:
-    """One robot, its commands and what the last message says about it."""
+    """One robot, its commands and its last state."""
 
     name: str
     """Name of its model in the simulated world."""
 
     description: Description
-    """The robot as in its file."""
-
     commands: CommandTally = field(init=False)
-    """What became of its commands."""
-
     motions: Counter[str] = field(default_factory=Counter)
-    """What became of its motions and base commands, by the keys of /diagnostics."""
+    """Counts of its motions and base commands, by the keys of /diagnostics."""
 
     state: RobotState | None = None
-    """Its last state, without joints and base where the simulator does not have it."""
+    """Its last state; without joints and base if the simulator does not have it."""
 
     problems: LinkProblems | None = None
-    """What was wrong with its links then."""
+    """Problems of its links in that state."""
 
     other_publishers: tuple[str, ...] = ()
     """Other nodes that publish its joint states."""
 
     tf_listeners: int = 0
-    """How many nodes hear the joint states that go to TF."""
+    """Number of subscribers to tf_joint_states."""
 
     start: float = field(default_factory=time.monotonic)
-    """When the bridge began, on the monotonic clock in [s]."""
+    """When the bridge started, on the monotonic clock in [s]."""
 
     def __post_init__(self) -> None:
-        """Begin to count its commands."""
         self._counting = threading.Lock()
         self.commands = CommandTally(self.description.movable_joints)
 
@@ -61,18 +56,18 @@ class RobotStatus:
         return 0 if self.state is None else self.state.stamp
 
     def count(self, what: str) -> None:
-        """Count one more of its motions or base commands, in whichever thread."""
+        """Count one of its motions or base commands; thread-safe."""
         with self._counting:
             self.motions[what] += 1
 
     @property
     def is_in_grace(self) -> bool:
-        """Whether the bridge began just now, and the robot may still be spawned."""
+        """Whether the bridge has just started, and the robot may still be spawned."""
         return time.monotonic() - self.start < SPAWN_GRACE
 
     @cached_property
     def vanishes(self) -> bool:
-        """Whether Gazebo drops all its links, as none has mass."""
+        """Whether Gazebo drops all of its links, as none has mass."""
         try:
             return not lump_fixed_joints(self.description).link_names
         except DescriptionError:

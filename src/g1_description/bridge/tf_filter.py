@@ -1,4 +1,4 @@
-"""Which states of a robot go to TF: whole ones, and no more than listeners need."""
+"""Which states of a robot go to TF: complete ones, at the rate that listeners need."""
 
 from __future__ import annotations
 
@@ -12,12 +12,10 @@ import numpy as np
 from g1_description.robot.state import RobotState
 
 MIN_MOTION = 1e-9
-"""Smallest change that is a motion, in [m], [rad] or parts of a quaternion; less is
-rounding."""
+"""Smallest change that counts as a motion, in [m], [rad] or parts of a quaternion."""
 
 ANSWER_DELAY = 0.02
-"""Longest time in [s] of wall time from the answer to a command until states show what
-it moved."""
+"""Longest time in [s] of wall time from the answer to a command to a state with it."""
 
 MAX_HOLD = 0.05
 """Longest time in [s] of wall time without a state on TF: commands may come without a
@@ -61,7 +59,7 @@ class PoseThrottle:
             stamp: Time of the pose in [s]. A stamp that is not newer than the
                 last one sent never passes.
             pose: Position and unit quaternion (x, y, z, w), seven numbers.
-            is_due: Whether it passes wherever it is, but for ``min_interval``.
+            is_due: Whether it passes without having moved; ``min_interval`` applies.
 
         Returns:
             Whether to send the pose.
@@ -78,7 +76,7 @@ class PoseThrottle:
         return True
 
     def settles(self, stamp: float, pose: Sequence[float]) -> bool:
-        """Decide on a pose that no other follows, and remember it as sent if it passes.
+        """Decide on the last pose, and remember it as sent if it passes.
 
         Returns:
             Whether its stamp is newer than that of the last one sent.
@@ -93,16 +91,16 @@ class PoseThrottle:
         return self._pose is not None and not self._moved(self._pose, pose, 0.1)
 
     def _moved(
-        self, before: Sequence[float], pose: Sequence[float], share: float = 1.0
+        self, before: Sequence[float], pose: Sequence[float], fraction: float = 1.0
     ) -> bool:
-        """Decide whether a pose is a share of a threshold away from another."""
-        if math.dist(pose[:3], before[:3]) >= share * self.position_threshold:
+        """Whether a pose differs by at least a fraction of a threshold."""
+        if math.dist(pose[:3], before[:3]) >= fraction * self.position_threshold:
             return True
         # The chord between unit quaternions; q and -q are the same rotation.
         opposite = [-part for part in before[3:]]
         chord = min(math.dist(pose[3:], before[3:]), math.dist(pose[3:], opposite))
         angle = 4.0 * math.asin(min(1.0, 0.5 * chord))
-        return angle >= share * self.rotation_threshold
+        return angle >= fraction * self.rotation_threshold
 
     def reset(self) -> None:
         """Forget what was sent: the next pose passes."""
@@ -110,24 +108,24 @@ class PoseThrottle:
 
 
 class WholeStates:
-    """Holds each state until the next one, when it is known whether it was whole.
+    """Delays each state by one, until it is known to be complete.
 
     A planner that moves base and joints sends two messages at a time, and the one for
     the joints takes longer: through the bridge. A state between the two has a new base
-    and old joints, and a foot that should stand still is off by a step of the motion.
-    So a state whose base has moved does not pass while a command for the joints is on
-    its way. States that move by themselves, and samples of a motion, are whole.
+    and old joints, and a stance foot slides by a step of the motion. So a state whose
+    base has moved does not pass while a command for the joints is pending. States that
+    move by themselves, and samples of a motion, are complete.
     """
 
     def __init__(self) -> None:
         self.reset()
 
     def reset(self) -> None:
-        """Forget the state that is held."""
+        """Forget the delayed state."""
         self.held: RobotState | None = None
         """The last state."""
         self.is_sample = False
-        """Whether a sample of a motion came with it: TF gets each of them."""
+        """Whether it reached a sample of a motion: all of them are sent to TF."""
         self._is_torn = False
         self._base_moved = False
         self._shown: np.ndarray | None = None
@@ -142,17 +140,17 @@ class WholeStates:
         is_under_way: bool = False,
         is_sample: bool = False,
     ) -> RobotState | None:
-        """Hold a state.
+        """Take a state.
 
         Args:
             state: The state, which has a base.
             now: Wall time, from any beginning, in [s].
             commands: Number of commands for the joints until now.
             is_under_way: Whether one of them has not been answered.
-            is_sample: Whether a sample of a motion came with the state.
+            is_sample: Whether the state reached a sample of a motion.
 
         Returns:
-            The state before, if that was whole or was held for too long.
+            The previous state, if it was complete or was delayed for too long.
         """
         held, self.held = self.held, state
         was_sample, self.is_sample = self.is_sample, is_sample
@@ -178,18 +176,17 @@ class WholeStates:
 
 
 Shown = Tuple[Optional[RobotState], Optional[RobotState]]
-"""A state whose joints go to TF, and one whose base does; None: nothing does."""
+"""The states whose joints and whose base go to TF; None: not sent."""
 
 
 class TfFilter:
     """Decides whether a state's base and joints go to TF.
 
-    Where TF has the base and the joints of one state it interpolates neither. So the
-    joints go there with each base, and by themselves, where they are due, as long as
-    the base stands still. Before it moves again it is sent where it stood: otherwise
-    TF would show it on its way at the stamps of those joints. Joints are due less
-    often while none of them moves; the last state before one moves is sent, so that TF
-    does not show its motion too early.
+    TF interpolates neither if both are sent with one stamp. So the joints are sent with
+    each base, and alone, if they are due, while the base stands still. The last pose of
+    a standing base is sent before it moves: otherwise TF would interpolate its motion
+    at the stamps of those joints. Joints are sent less often while none of them moves,
+    and the last state before one moves is sent, too.
     """
 
     def __init__(self, throttle: PoseThrottle) -> None:
@@ -209,7 +206,7 @@ class TfFilter:
         """Take a state; the arguments are those of ``WholeStates.next``.
 
         Returns:
-            What to send of the state before it.
+            The parts of the previous state to send.
         """
         was_sample = self._whole_states.is_sample
         whole = self._whole_states.next(state, now, commands, is_under_way, is_sample)
@@ -226,10 +223,10 @@ class TfFilter:
         return self._shown(whole, with_base or (is_due and not leaves), with_base)
 
     def settle(self) -> Shown:
-        """Decide on the last state, which no other follows.
+        """Decide on the last state while time stands still.
 
         Returns:
-            What to send of it that was not sent.
+            The parts of it to send that were not sent yet.
         """
         held = self._whole_states.held
         if held is None:
@@ -238,7 +235,7 @@ class TfFilter:
         return self._shown(held, True, with_base)
 
     def _shown(self, state: RobotState, wants_joints: bool, with_base: bool) -> Shown:
-        """Note what is sent of a state; joints go out once."""
+        """Record the parts of a state that are sent; joints are sent once."""
         with_joints = wants_joints and state.stamp > self._joints_stamp
         if with_joints:
             self._joints_stamp, self._joints = state.stamp, state.positions
@@ -246,7 +243,7 @@ class TfFilter:
         return state if with_joints else None, state if with_base else None
 
     def _is_due(self, state: RobotState, newer: RobotState) -> bool:
-        """Decide whether a state's joints are due by themselves."""
+        """Whether a state's joints are due without the base."""
         age = state.stamp - self._joints_stamp
         if age < JOINTS_PERIOD:
             return False
@@ -261,7 +258,7 @@ class TfFilter:
         return is_due
 
     def drop(self) -> None:
-        """Forget the state that is held: the robot is gone."""
+        """Forget the delayed state: the robot is gone."""
         self._whole_states.reset()
 
     def reset(self) -> None:

@@ -1,7 +1,6 @@
-"""The node checker: services, and the robot as it is now."""
+"""The node checker: services, and checks of the current state."""
 
 from g1_description.threads import one_thread
 
-# Before anything imports numpy, which reads this once: for arrays of a robot's size,
-# threads would spend their time waiting for each other.
+# Before numpy is imported, which reads this once: threads slow down small arrays.
 one_thread()

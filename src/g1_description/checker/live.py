@@ -1,4 +1,4 @@
-"""Checks the robot as it is now, again and again."""
+"""Periodic checks of the robot's current state."""
 
 from __future__ import annotations
 
@@ -24,18 +24,17 @@ OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.E
 LEVELS = {FAILED: ERROR, WARNING: WARN}
 
 MAX_AGE = 2.0
-"""Age of the last state in [s] of wall time from which on only that is reported:
-older findings may no longer be true."""
+"""Age of the last state in [s] of wall time above which its findings are outdated."""
 
 SHOWN_IF_SKIPPED = ("self_collision", "penetration", "center_of_mass")
-"""Checks whose reason for being skipped is reported."""
+"""Checks that are reported if they are skipped."""
 
 MAX_TEXTS = 3
-"""Most findings whose sentences are in the summary; the values list all."""
+"""Largest number of findings in the summary; the values list all."""
 
 
 class CheckHealth:
-    """Gathers the findings since the last report, so that nothing short is missed."""
+    """Collects the findings between two reports and publishes them."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -49,7 +48,7 @@ class CheckHealth:
         self._updater.add("checks", self._report)
 
     def add(self, verdict: Verdict) -> None:
-        """Add what was found of a state."""
+        """Add the findings of a state."""
         with self._lock:
             if self._count == 0:
                 self._found = {}
@@ -63,7 +62,7 @@ class CheckHealth:
                     self._found[key] = finding
 
     def refuse(self, problem: str) -> None:
-        """Take note that a state cannot be checked."""
+        """Record that a state cannot be checked."""
         with self._lock:
             self._problem, self._time = problem, time.monotonic()
 
@@ -77,9 +76,9 @@ class CheckHealth:
             now = time.monotonic()
             age, rate = now - self._time, self._count / (now - self._reported)
             if self._verdict is None and not self._problem:
-                status.summary(WARN, "no joint_states come")
+                status.summary(WARN, "no joint_states")
             elif age > MAX_AGE:
-                status.summary(WARN, f"no joint_states have come for {age:.0f} s")
+                status.summary(WARN, f"no joint_states for {age:.0f} s")
                 status.add("age of the last state in s", f"{age:.1f}")
             else:
                 self._summarize(status)
@@ -90,12 +89,12 @@ class CheckHealth:
         return status
 
     def _summarize(self, status) -> None:
-        """Say what is wrong in few words."""
+        """Summarize the findings."""
         if self._problem:
-            status.summary(ERROR, f"joint_states cannot be checked: {self._problem}")
+            status.summary(ERROR, f"cannot check joint_states: {self._problem}")
             return
         found = sorted(self._found.values(), key=lambda f: f.severity != FAILED)
-        status.summary(OK, "nothing is wrong")
+        status.summary(OK, "no findings")
         if found:
             texts = "; ".join(finding.text for finding in found[:MAX_TEXTS])
             more = len(found) - MAX_TEXTS
@@ -126,7 +125,7 @@ REPORT_PERIOD = 1.0
 
 
 class LiveChecks:
-    """A thread that checks at a limited rate, and one that reports."""
+    """Threads that check at a limited rate and report."""
 
     def __init__(
         self,
@@ -136,14 +135,14 @@ class LiveChecks:
         markers: LiveMarkers,
         rate: float,
     ) -> None:
-        """Begin.
+        """Start the threads.
 
         Args:
-            checker: Checks states.
-            lock: Held while it does.
-            states: Where the robot is.
-            markers: Shows what was found.
-            rate: Most checks per second of wall time, in [Hz].
+            checker: The checks.
+            lock: Locked while the checker is used.
+            states: Source of states.
+            markers: Shows findings in RViz.
+            rate: Maximum rate of checks in wall time, in [Hz].
         """
         self._lock = lock
         self._states, self._markers = states, markers
@@ -156,7 +155,7 @@ class LiveChecks:
             threading.Thread(target=target, daemon=True).start()
 
     def _check_forever(self) -> None:
-        """Check what is new, until the node is shut down."""
+        """Check new states until the node is shut down."""
         due = time.monotonic()
         try:
             while not self._stopped.wait(max(0.0, due - time.monotonic())):
@@ -166,17 +165,17 @@ class LiveChecks:
                 with quiet_when_closing():
                     self._check_newest()
                     self._markers.keep_up()
-        finally:  # after an error the node ends: its report is no longer true
-            rospy.signal_shutdown("no state is checked any more")
+        finally:  # after an error the node ends, as its reports would be outdated
+            rospy.signal_shutdown("the checks have ended")
 
     def _report_forever(self) -> None:
-        """Report, until the node is shut down."""
+        """Report until the node is shut down."""
         while not self._stopped.wait(REPORT_PERIOD):
             with quiet_when_closing():
                 self._health.publish()
 
     def _check_newest(self) -> None:
-        """Check the newest state if there is a new one, and show what was found."""
+        """Check the newest state, if there is one, and show the findings."""
         try:
             state = self._states.newest()
             if state is None:

@@ -1,6 +1,6 @@
-"""Shows in RViz what was found of the robot as it is now.
+"""Shows the findings of the current state in RViz.
 
-Publishes: ~markers (visualization_msgs/MarkerArray), while somebody subscribes
+Publishes: ~markers (visualization_msgs/MarkerArray), while there are subscribers
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ KINDS = {
 """Types of markers by kinds of shapes."""
 
 DARK = 0.7
-"""Brightness of texts as a share of that of surfaces: RViz does not shade them."""
+"""Brightness of texts relative to surfaces, as RViz does not shade them."""
 
 
 class MarkerMaker:
@@ -56,11 +56,11 @@ class MarkerMaker:
         """Add a marker at the origin.
 
         Args:
-            namespace: What RViz lists it under.
-            kind: Its type.
+            namespace: Its namespace in RViz.
+            kind: Its type, a constant of ``Marker``.
             color: Red, green, blue, from 0 to 1.
             scale: Along x, y, z, in [m].
-            alpha: 1 hides what is behind.
+            alpha: Opacity, from 0 to 1.
         """
         marker = Marker(ns=namespace, type=kind, action=Marker.ADD)
         marker.id = self._counts.get(namespace, 0)
@@ -115,7 +115,7 @@ class MarkerMaker:
     def text(
         self, namespace: str, place: np.ndarray, text: str, size: float, color
     ) -> None:
-        """Add a text of a height in [m] that faces whoever looks."""
+        """Add a text of a height in [m] that faces the viewer."""
         dark = [DARK * part for part in color]
         kind = Marker.TEXT_VIEW_FACING
         marker = self.add(namespace, kind, dark, (0.0, 0.0, size))
@@ -132,15 +132,15 @@ LINKS = "colliding links"
 """Namespace in RViz."""
 
 REFRESH_PERIOD = 1.0
-"""All is sent again after this time in [s] of wall time: RViz forgets what is switched
-off there."""
+"""Time in [s] of wall time after which all markers are sent again: RViz drops those of
+namespaces that are switched off."""
 
 QUEUE_SIZE = 2
-"""Messages that wait for a slow RViz; older ones would be of no use."""
+"""Messages queued for a slow RViz."""
 
 
 class LiveMarkers:
-    """Makes markers of what is new, and sends them while somebody subscribes."""
+    """Publishes markers of new findings while there are subscribers."""
 
     def __init__(self, checker: Checker, parameters: CheckerParameters) -> None:
         robot = checker.description
@@ -162,11 +162,11 @@ class LiveMarkers:
         rospy.on_shutdown(self._clear)
 
     def show(self, state: RobotState, verdict: Verdict) -> None:
-        """Show what was found of a state."""
+        """Show the findings of a state."""
         self._newest = state, verdict
 
     def keep_up(self) -> None:
-        """Send what is new, and all again to newcomers or where that is due."""
+        """Send new markers, and all of them to new subscribers and periodically."""
         if self._newest is None or not self._topic.get_num_connections():
             self._content, self._shown = None, {}
             return
@@ -192,7 +192,7 @@ class LiveMarkers:
                 self._topic.publish(MarkerArray([*self._shown.values()]))
 
     def _send(self, fixed: Sequence[Marker], moving: Sequence[Marker]) -> None:
-        """Show these markers and no others; fixed ones stay with a frame."""
+        """Replace the shown markers; fixed ones are locked to a frame."""
         shown = {_key(marker): marker for marker in (*fixed, *moving)}
         last, self._shown = self._shown, shown
         gone = [_removed(marker) for key, marker in last.items() if key not in shown]
@@ -201,7 +201,7 @@ class LiveMarkers:
             self._topic.publish(MarkerArray([*gone, *new, *moving]))
 
     def _link_markers(self, links: Collection[str]) -> list[Marker]:
-        """Make the markers of links that collide; each stays with its link's frame."""
+        """Make the markers of colliding links, locked to the links' frames."""
         markers, number = [], 0
         for name, shapes in self._shapes.items():
             canvas = MarkerMaker(self._prefix + name, genpy.Time())
@@ -215,17 +215,15 @@ class LiveMarkers:
         return markers
 
     def _clear(self) -> None:
-        """Show nothing any more."""
+        """Delete all markers."""
         self._topic.publish(MarkerArray([Marker(action=Marker.DELETEALL)]))
 
 
 def _key(marker: Marker) -> tuple[str, int]:
-    """Return what identifies a marker."""
     return marker.ns, marker.id
 
 
 def _removed(marker: Marker) -> Marker:
-    """Make what removes a marker."""
     removal = Marker(ns=marker.ns, id=marker.id, action=Marker.DELETE)
     removal.header = marker.header
     return removal

@@ -1,10 +1,9 @@
-"""The node that checks configurations and motions, and the robot as it is now.
+"""The node ``checker``: checks configurations, motions and the current state.
 
 Services: ~check_state (g1_description/CheckState), ~check_trajectory
     (g1_description/CheckTrajectory)
-Subscribes, with a ~rate: robot_state (g1_description/RobotState); while nobody
-    publishes that, joint_states (sensor_msgs/JointState), /tf, /tf_static
-    (tf2_msgs/TFMessage)
+Subscribes, with a ~rate: robot_state (g1_description/RobotState); without a publisher
+    of that, joint_states (sensor_msgs/JointState), /tf, /tf_static (tf2_msgs/TFMessage)
 Publishes, with a ~rate: /diagnostics (diagnostic_msgs/DiagnosticArray), ~markers
     (visualization_msgs/MarkerArray)
 Parameters: those of parameters.CheckerParameters
@@ -41,7 +40,7 @@ from g1_description.ros.tcpros import serve_as_roscpp
 
 
 def make_checker(robot: Description, parameters: CheckerParameters) -> Checker:
-    """Prepare the checks of the robot.
+    """Create the checks of the robot.
 
     Raises:
         G1DescriptionError: If a file cannot be read.
@@ -80,7 +79,7 @@ def main() -> None:
     except G1DescriptionError as error:
         rospy.logfatal("%s", error)
         sys.exit(1)
-    except rospy.ROSInterruptException:  # before the robot was there
+    except rospy.ROSInterruptException:  # shut down while waiting
         return
     stay_registered()
     rospy.spin()

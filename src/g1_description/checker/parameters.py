@@ -1,4 +1,4 @@
-"""Parameters of the node that checks configurations: names, defaults, ranges."""
+"""Parameters of the node ``checker``: names, defaults, ranges."""
 
 from __future__ import annotations
 
@@ -21,33 +21,31 @@ class CheckerParameters:
     """Parameters of the node ``checker``."""
 
     robot_description: str = "robot_description"
-    """Parameter that holds the robot's URDF; searched for upward from the
+    """Name of the parameter with the URDF; searched for upward from the
     namespace."""
 
     frame_prefix: str = ""
     """Prefix of the robot's frame names."""
 
     map_frame: str = "map"
-    """Frame whose floor the robot stands on."""
+    """Frame of the floor, which is at z = 0."""
 
     thresholds: str = ""
-    """File of thresholds; empty: ``config/checks.yaml``."""
+    """YAML file of thresholds; empty: ``config/checks.yaml``."""
 
     pairs: str = ""
-    """File of the [pairs of links that may touch](checks.md#allowed-pairs); empty:
-    that of the G1, and for a robot with other links pairs that are found at the
-    start."""
+    """YAML file of [allowed pairs](checks.md#allowed-pairs) of links; empty: those of
+    the G1, or for another robot pairs that are computed at the start."""
 
     visual_hulls: bool = True
-    """Links without collision shapes have the convex hulls of their visual ones."""
+    """Use the convex hulls of visual shapes for links without collision shapes."""
 
     rate: float = 30.0
-    """Most checks of the robot per second of wall time; 0: services only, in
-    [Hz]."""
+    """Maximum check rate in wall time; 0: services only, in [Hz]."""
 
     limit_margin: float = 0.05
-    """Mark joints this near to a limit; of a joint with a small range a tenth of
-    the range, in [rad, m]."""
+    """Distance to a limit below which a joint is marked in RViz, but at most a tenth
+    of its range, in [rad, m]."""
 
     def __post_init__(self) -> None:
         """Check ranges."""
@@ -56,27 +54,27 @@ class CheckerParameters:
         prefix = self.frame_prefix
         if prefix and (prefix.startswith("/") or not prefix.endswith("/")):
             raise InvalidValueError(
-                f"~frame_prefix is '{prefix}', it must end with a slash, not begin "
-                "with one."
+                f"~frame_prefix must end with a slash and not begin with one (got "
+                f"'{prefix}')."
             )
         for name in ("thresholds", "pairs"):
             file = getattr(self, name)
             if file and not Path(file).is_absolute():
                 raise InvalidValueError(
-                    f"~{name} is '{file}', which is not an absolute path."
+                    f"~{name} must be an absolute path (got '{file}')."
                 )
 
     def read_thresholds(self) -> Thresholds:
         """Read the thresholds.
 
         Raises:
-            ThresholdError: If a file cannot be read.
+            ThresholdError: If the file cannot be read.
         """
         return read_thresholds(Path(self.thresholds) if self.thresholds else None)
 
 
 def base_frame(robot: Description, parameters: CheckerParameters) -> str:
-    """Name the frame of the robot's base; one that is the world is the map."""
+    """Return the frame of the robot's base; the map if it is fixed to the world."""
     base = base_of(robot)[0]
     return parameters.map_frame if base == WORLD else parameters.frame_prefix + base
 
@@ -85,7 +83,7 @@ def wait_for_robot(parameters: CheckerParameters) -> Description:
     """Wait until the robot's description is on the parameter server.
 
     Raises:
-        DescriptionError: If the parameter holds no robot.
+        DescriptionError: If the parameter is not a robot.
         ROSInterruptException: If the node is shut down.
     """
     name = parameters.robot_description

@@ -34,7 +34,7 @@ from g1_description.srv import (
 
 
 def finding_message(finding: Finding) -> FindingMessage:
-    """Convert what was found."""
+    """Convert a finding."""
     return FindingMessage(
         finding.check,
         finding.severity,
@@ -51,12 +51,12 @@ def finding_message(finding: Finding) -> FindingMessage:
 
 
 def skipped_lines(verdict: Verdict) -> list[str]:
-    """List the checks that were not made, each with the reason."""
+    """List the skipped checks, each with the reason."""
     return [f"{name}: {reason}" for name, reason in verdict.skipped.items()]
 
 
 class CheckServices:
-    """Answers the services, each in a thread of its caller's connection."""
+    """The services; each connection has its own thread."""
 
     def __init__(
         self,
@@ -69,9 +69,8 @@ class CheckServices:
 
         Args:
             checker: Checks single configurations.
-            lock: Held while it does.
-            make_checker: Makes another one: a motion may take seconds, in which
-                configurations are checked as before.
+            lock: Locked while it is used.
+            make_checker: Creates a second checker for motions, which may take seconds.
             frame: Transforms bases to the map.
         """
         self._checker, self._lock = checker, lock
@@ -124,7 +123,7 @@ class CheckServices:
 
 
 def _answer(kind, verdict: Verdict):
-    """Put a verdict into the response of either service."""
+    """Convert a verdict to the response of either service."""
     if verdict.nothing_made:
         return kind(status_message=verdict.nothing_made, skipped=skipped_lines(verdict))
     return kind(

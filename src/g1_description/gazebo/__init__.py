@@ -1,7 +1,7 @@
-"""The node /gazebo, the simulator in place of Gazebo."""
+"""The node /gazebo, the simulator."""
 
 from g1_description.threads import one_thread
 
-# Before anything imports numpy: the same motion then falls the same way, whatever the
-# number of cores, and as in the command check.
+# Before numpy is imported: results then do not depend on the number of cores, and equal
+# those of the command check.
 one_thread()

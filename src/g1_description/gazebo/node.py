@@ -48,33 +48,33 @@ MAX_PENDING = 100
 
 
 class Calls:
-    """Callbacks of rospy, which run in its threads, and the calls that they queue.
+    """Callbacks, which run in rospy's threads, and the queue of calls for the loop.
 
-    Only the loop changes the world. Others read it while they hold its lock: they do
-    not wait for the step under way, but for a command that is being executed.
+    Only the loop changes the world. Other threads read it under its lock: they wait for
+    a command that is being executed, but not for the current step.
     """
 
     def __init__(self, lock: threading.Lock) -> None:
-        self._lock = lock  # held while the world changes
-        # Not a SimpleQueue: a signal during its get() can make it wait for ever.
+        self._lock = lock
+        # Not a SimpleQueue: a signal during its get() can block it for ever.
         self._queue: queue.Queue = queue.Queue()
         self._is_over = False
 
     def serve(self, name: str, answer, *prepare):
-        """Make the callback of a service: one that reads does not need the loop.
+        """Make the callback of a service; ``get_*`` is answered outside of the loop.
 
         Args:
-            name: The service's; those that read begin with ``get_``.
+            name: Name of the service.
             answer: The function that answers.
-            prepare: A function that prepares the request, while time runs on.
+            prepare: A function that parses the request in the caller's thread.
         """
-        make = self._beside_the_loop if name.startswith("get_") else self.in_the_loop
+        make = self._outside_the_loop if name.startswith("get_") else self.in_the_loop
         return make(answer, *prepare)
 
-    def _beside_the_loop(self, answer):
+    def _outside_the_loop(self, answer):
         """Make a callback that answers at once, from the state after the last step.
 
-        A robot that lies keeps the loop busy all the time.
+        The loop may be busy all the time, such as with a robot lying on the floor.
         """
 
         def handler(request):
@@ -84,10 +84,7 @@ class Calls:
         return handler
 
     def in_the_loop(self, answer, prepare=None):
-        """Make a callback that lets the loop answer, and waits for the answer.
-
-        The loop may answer with a future: the caller waits for that, too.
-        """
+        """Make a callback that waits for the loop's answer, which may be a future."""
 
         def handler(request):
             if prepare:
@@ -105,10 +102,9 @@ class Calls:
         return handler
 
     def later_in_the_loop(self, act):
-        """Make a callback that lets the loop act, and waits behind a long queue only.
+        """Make a callback that queues a message, and blocks only if the queue is long.
 
-        To wait each time would let messages pile up on a busy machine, where it takes
-        the loop long to get its turn.
+        If it always blocked, messages would pile up in sockets on a busy machine.
         """
 
         def callback(message):
@@ -125,7 +121,7 @@ class Calls:
         return self._queue.qsize()
 
     def answer(self, wait: float) -> bool:
-        """Wait for a call, at most so many [s]; answer it, and return if one came."""
+        """Wait for a call up to ``wait`` [s], answer it; return whether one came."""
         try:
             call, answer, request = self._queue.get(wait > 0.0, wait)
         except queue.Empty:
@@ -133,14 +129,14 @@ class Calls:
         try:
             with self._lock:
                 result = answer(request)
-        except BaseException as error:  # the caller's thread raises it again
+        except BaseException as error:  # raised in the caller's thread
             call.set_exception(error)
         else:
             call.set_result(result)
         return True
 
     def cancel(self) -> None:
-        """Cancel all calls, also those to come."""
+        """Cancel all current and future calls."""
         self._is_over = True
         with contextlib.suppress(queue.Empty):
             while True:
@@ -149,22 +145,22 @@ class Calls:
 
 def _log_failure(call: Future) -> None:
     if not call.cancelled() and call.exception() is not None:
-        rospy.logerr("A message could not be obeyed: %r", call.exception())
+        rospy.logerr("Internal error while handling a message: %r", call.exception())
 
 
 MAX_WAIT = 0.1
-"""Longest wait before looking whether to shut down, in [s]. Time lost to a busy
-machine beyond this is not caught up."""
+"""Longest wait between two checks for a shutdown, and longest delay that the loop
+catches up, in [s]."""
 
 SWITCH_INTERVAL = 5e-5
-"""Longest in [s] that the loop's Python keeps a caller's thread from running."""
+"""Python's switch interval in [s], short so that callers' threads get their turn."""
 
-HUSH_POLL = 0.01
-"""Wait before checking again whether states may be published, in [s]."""
+SILENCE_POLL = 0.01
+"""Time between two checks whether states may be published again, in [s]."""
 
 
 class GazeboNode:
-    """The loop, which alone changes the world."""
+    """The loop: the only thread that changes the world."""
 
     def __init__(self, world: World, parameters: GazeboParameters) -> None:
         self._world = world
@@ -187,11 +183,11 @@ class GazeboNode:
             ("~set_link_state", LinkState, links.put_link),
             ("~set_model_trajectory", ModelTrajectory, joints.play),
         ):
-            # Each message counts: they may be of different models.
+            # No message may be lost: they may be of different models.
             rospy.Subscriber(
                 topic,
                 kind,
-                self._calls.later_in_the_loop(partial(self._obey, topic, act)),
+                self._calls.later_in_the_loop(partial(self._on_message, topic, act)),
                 queue_size=None,
                 tcp_nodelay=True,
             )
@@ -203,18 +199,18 @@ class GazeboNode:
                 rospy.Service(f"~{name}", kind, handler)
         offer_physics(world.properties, self._calls.in_the_loop(self._reconfigure))
 
-    def _obey(self, topic: str, act, message) -> None:
-        """Act on a message, and log why it is refused, unless that was done."""
+    def _on_message(self, topic: str, act, message) -> None:
+        """Apply a message, or log why it is refused."""
         try:
             act(self._simulation, message)
-        except RefusalError:
+        except RefusalError:  # logged as Gazebo does
             pass
         except G1DescriptionError as error:
             warning = f"{topic[1:]}: refused, {error}"
             self._simulation.log.warn(topic, warning, SHORT_PERIOD)
 
     def _reconfigure(self, numbers: dict) -> dict:
-        """Change the physics' numbers; return them as they are if that is refused."""
+        """Change physics properties; return the current ones if that is refused."""
         try:
             worlds.change_physics(self._simulation, numbers)
         except G1DescriptionError as error:
@@ -230,11 +226,10 @@ class GazeboNode:
         due = time.monotonic()
         while not rospy.is_shutdown():
             now = time.monotonic()
-            if self._is_hushed or not self._is_running:
+            if self._is_silent or not self._is_running:
                 self._answer_one(self._stand_still())
                 due = time.monotonic()
                 continue
-            # The period may have become shorter since the last step.
             due = min(due, now + self._world.properties.period)
             if now < due and not self._stepper.is_stepping:
                 self._answer_one(min(due - now, MAX_WAIT))
@@ -250,38 +245,38 @@ class GazeboNode:
         """Publish changes while time stands still.
 
         Returns:
-            How long to wait for a call until the next look, in [s].
+            How long to wait for a call, in [s].
         """
-        wait = HUSH_POLL
-        if not self._is_hushed:
+        wait = SILENCE_POLL
+        if not self._is_silent:
             with quiet_when_closing():
                 wait = min(self._topics.settle(), MAX_WAIT)
         return wait
 
     @property
-    def _is_hushed(self) -> bool:
-        """Whether nothing may be published yet, because time has gone back."""
-        hushed = True
+    def _is_silent(self) -> bool:
+        """Whether nothing may be published yet, because time went back."""
+        is_silent = True
         with quiet_when_closing():
-            hushed = self._topics.is_hushed(self._stepper.paused)
-        return hushed
+            is_silent = self._topics.is_silent(self._stepper.paused)
+        return is_silent
 
     @property
     def _is_running(self) -> bool:
-        """Whether steps are to be done."""
+        """Whether time runs or steps are requested."""
         stepper = self._stepper
         return (
             not stepper.paused or stepper.is_stepping
         ) and self._world.properties.step_ns > 0
 
     def _answer_one(self, wait: float) -> None:
-        """Wait for a call, at most so many [s], and answer it if one comes."""
+        """Wait for a call up to ``wait`` [s], and answer it."""
         if self._calls.answer(wait):
             self._topics.change()
 
     def _step(self) -> None:
-        """Let a time step pass and publish the states after it."""
-        if self._is_hushed or not self._is_running:
+        """Compute a time step and publish the states after it."""
+        if self._is_silent or not self._is_running:
             return
         if self._stepper.is_stepping:
             self._topics.wait_for_room()
@@ -302,9 +297,9 @@ def main(given=None, on_start=lambda: None) -> None:
     """Run the node ``gazebo``.
 
     Args:
-        given: Parameters by name that win over the defaults, not over those on the
+        given: Parameters by name that override the defaults, not those on the
             parameter server.
-        on_start: Called when the node can log.
+        on_start: Called once the node can log.
     """
     sys.setswitchinterval(SWITCH_INTERVAL)
     serve_as_roscpp()

@@ -1,4 +1,4 @@
-"""Parameters of the simulator's node, and where its robot is spawned."""
+"""Parameters of the node ``gazebo``, and the pose of its robot."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ INITIAL = "initial/"
 
 @dataclass(frozen=True)
 class SpawnParameters:
-    """A robot to spawn, where, and in which pose."""
+    """A robot to spawn, its pose and its configuration."""
 
     robot_description: str = ""
-    """Parameter with the URDF of the robot; empty: none is spawned."""
+    """Name of the parameter with the robot's URDF; empty: no robot is spawned."""
 
     model_name: str = "g1_robot"
     """Name of the robot."""
@@ -53,7 +53,7 @@ class SpawnParameters:
     yaw: float = 0.0
 
     initial_pose: str = "zero"
-    """Named pose at the start; the simulator takes it after a reset, too."""
+    """Named pose at the start and after a reset."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class SpawnerParameters(SpawnParameters):
 
 @dataclass(frozen=True)
 class GazeboParameters:
-    """Parameters of the stand-in."""
+    """Parameters of the node ``gazebo``."""
 
     spawn: SpawnParameters = field(default_factory=SpawnParameters)
     """The robot to spawn at start."""
@@ -75,7 +75,7 @@ class GazeboParameters:
     properties: PhysicsProperties = field(
         default_factory=PhysicsProperties, metadata={NAMESPACE: INITIAL}
     )
-    """The physics' initial numbers, in Gazebo's words. They win over a world file."""
+    """Initial physics properties, which override those of a world file."""
 
     physics: str = "kinematic"
     """``kinematic``, ``hold`` or ``limp``; see [physics](launch.md#physics)."""
@@ -95,18 +95,17 @@ class GazeboParameters:
     """False: publish ``/clock`` only, without services and states."""
 
     link_states_rate: float = 0.0
-    """Rate of link_states, model_states and world_state in simulated time: the
-    steps at multiples of its period, and the last one of each ``~step``; 0: every
-    step, in [Hz]."""
+    """Rate of link_states, model_states and world_state in simulated time; the last
+    step of each ``~step`` is published, too; 0: every step, in [Hz]."""
 
     pub_clock_frequency: float = 0.0
-    """The same for ``/clock``, in [Hz]."""
+    """The same for ``/clock``; 0: every step, in [Hz]."""
 
     paused: bool = False
     """Start with simulated time paused."""
 
     strict_messages: bool = False
-    """Use Gazebo's exact status messages, without additions."""
+    """Use exactly Gazebo's status messages, without additional details."""
 
     def __post_init__(self) -> None:
         """Check ranges."""
@@ -117,16 +116,16 @@ class GazeboParameters:
 def place_robot(
     parameters: SpawnParameters, hangs: bool = False, is_dynamic: bool = True
 ) -> tuple[Assembly, np.ndarray]:
-    """Read a robot and find where it begins.
+    """Read a robot and compute its initial state.
 
     Args:
-        parameters: Which robot, where and in which pose.
-        hangs: Whether it is put clear of the floor where it would be put on it.
-        is_dynamic: Whether things move by themselves where it is put.
+        parameters: The robot, its pose and its configuration.
+        hangs: Whether ``on_floor`` means hanging clear of the floor.
+        is_dynamic: Whether physics moves it.
 
     Returns:
-        The robot, its joints where the pose has them, and the pose of its model
-        frame in the world, shape (7,).
+        The robot with its initial joint positions, and the pose of its model frame in
+        the world, shape (7,).
 
     Raises:
         G1DescriptionError: If there is no such robot or pose, or they don't match.
@@ -134,9 +133,7 @@ def place_robot(
     p = parameters
     urdf = rospy.get_param(p.robot_description, None)
     if not isinstance(urdf, str):
-        raise DescriptionError(
-            f"There is no robot on the parameter {p.robot_description}."
-        )
+        raise DescriptionError(f"The parameter {p.robot_description} has no URDF.")
     description = parse_urdf(urdf)
     assembly = lump_fixed_joints(description, is_dynamic)
     if p.initial_pose != ZERO:

@@ -1,4 +1,4 @@
-"""The physics' numbers through dynamic_reconfigure, as gazebo_ros offers them."""
+"""Physics properties through dynamic_reconfigure, as in gazebo_ros."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ RANGES = {
     "contact_max_correcting_vel": (0.0, 1e7),
     "max_contacts": (0, 10_000_000),
 }
-"""Least and largest value of each number, in Gazebo's order."""
+"""Range of each property, in Gazebo's order."""
 
 DEFAULTS = {
     "time_step": 0.001,
@@ -45,20 +45,20 @@ DEFAULTS = {
     "contact_max_correcting_vel": 100.0,
     "max_contacts": 100,
 }
-"""Defaults that gazebo_ros reports. Nothing starts with them: Gazebo has its own."""
+"""Defaults that gazebo_ros reports. They are not Gazebo's initial values."""
 
 GROUP = {"name": "Default", "state": True, "id": 0, "parent": 0}
-"""The one group, which holds all numbers."""
+"""The only group, with all properties."""
 
 _KINDS = {float: "double", int: "int", bool: "bool"}
 _MEANINGS = {
     "time_step": "Length of a physics step in [s]",
-    "max_update_rate": "Steps per second of wall time, 0: as fast as can be",
+    "max_update_rate": "Steps per second of wall time, 0: as fast as possible",
 }
 
 
 def _configuration() -> SimpleNamespace:
-    """Make the content of a generated module, for dynamic_reconfigure's server."""
+    """Return the equivalent of a generated module, for dynamic_reconfigure's server."""
     groups = {"groups": {**GROUP, "groups": {}}}
     kinds = {name: _KINDS[type(low)] for name, (low, _) in RANGES.items()}
     parameters = [
@@ -89,10 +89,10 @@ def _configuration() -> SimpleNamespace:
 
 
 class _PhysicsServer(Server):
-    """A server that reads numbers; the library's own stumbles over odd groups."""
+    """A server that ignores groups; the library fails on unknown ones."""
 
     def _set_callback(self, request):
-        """Change the numbers that are known and of their type; ignore the rest."""
+        """Change known properties of the right type; ignore the rest."""
         config = request.config
         kinds = (("bool", config.bools), ("int", config.ints))
         given = {
@@ -105,18 +105,18 @@ class _PhysicsServer(Server):
 
 
 def offer_physics(properties: PhysicsProperties, change) -> Server:
-    """Offer the numbers under the node's own name.
+    """Start the server under the node's own name.
 
     Args:
-        properties: The numbers to begin with.
-        change: Called with a dict of all numbers when some were changed; gives
-            those that differ from it.
+        properties: Initial properties.
+        change: Called with a dict of all properties after a change; returns those with
+            other values.
     """
     current = {name: getattr(properties, name) for name in RANGES}
     server = None
 
     def changed(values, _):
-        # The server calls this while it is made, with defaults that are not so.
+        # The server's constructor calls this with defaults that do not apply.
         if server is None:
             values.update(current)
             return values

@@ -26,19 +26,19 @@ from g1_description.sim.engine import GRAVITY
 from g1_description.sim.world import World
 
 LAUNCH_TIME = 1.0
-"""A node that was started at most this long before the simulator, in [s], is of the
-same launch and knows no time."""
+"""A node that was started at most this long before the simulator, in [s], belongs to
+the same launch and has not seen an older clock."""
 
 ANSWER_TIMEOUT = 0.5
-"""Longest time in [s] that a node may take to answer a question."""
+"""Longest time in [s] for an answer of a node."""
 
 
 def find_listeners() -> frozenset[str]:
-    """Find the subscribers of /clock, if one may know an older time.
+    """Find the subscribers of /clock, if one may have seen an older clock.
 
     Returns:
-        Names of the nodes that answer; none if all were started with this node, or
-        after it. Nodes on other hosts count as older.
+        Names of the nodes that answer; none if all were started with or after this
+        node. Nodes on other hosts count as older.
     """
     name, starts = rospy.get_name(), {}
     with suppress(*SLAVE_API_ERRORS, rosgraph.MasterException):
@@ -55,7 +55,7 @@ def find_listeners() -> frozenset[str]:
 
 
 def _start_of_node(address: str) -> float:
-    """Return when a node was started, as ``_start_of``; 0 if it is on another host."""
+    """Return the start of a node, as ``_start_of``; 0 if it is on another host."""
     _, _, process = slave_api_of(address, ANSWER_TIMEOUT).getPid(rospy.get_name())
     if not rosgraph.network.is_local_address(urlparse(address).hostname):
         return 0.0
@@ -63,10 +63,7 @@ def _start_of_node(address: str) -> float:
 
 
 def _start_of(process: int) -> float:
-    """Return when a process was started, in [s] since the system's start.
-
-    It is 0 for one that is not visible, as in another container.
-    """
+    """Return the start of a process in [s] since boot; 0 if it is not visible."""
     try:
         line = Path(f"/proc/{process}/stat").read_bytes()
     except OSError:
@@ -77,15 +74,12 @@ def _start_of(process: int) -> float:
 def make_world(parameters: GazeboParameters) -> tuple[World, GazeboParameters]:
     """Make the world of the file ``~world``.
 
-    Args:
-        parameters: The node's parameters.
-
     Returns:
-        The world, and the parameters with the physics of the file; initial
-        numbers on the parameter server win over the file.
+        The world, and the parameters with the physics of the file; the parameter server
+        overrides the file.
 
     Raises:
-        G1DescriptionError: If the file cannot be read or a model not be loaded.
+        G1DescriptionError: If the file cannot be read or a model cannot be loaded.
     """
     content = _content(parameters.world)
     physics, notes = _physics(content, parameters)
@@ -113,7 +107,7 @@ def _content(path: str) -> Sdf:
         return read_sdf(EMPTY_WORLD)
     file = Path(path)
     if not file.is_file():
-        raise DescriptionError(f"There is no world file {path}.")
+        raise DescriptionError(f"World file {path} does not exist.")
     try:
         return read_sdf(decoded(file.read_bytes(), "replace"), find_model)
     except DescriptionError as error:
@@ -123,7 +117,7 @@ def _content(path: str) -> Sdf:
 def _physics(
     content: Sdf, parameters: GazeboParameters
 ) -> tuple[dict[str, float], list[str]]:
-    """Collect the physics of a world file that no parameter overrides."""
+    """Collect the physics of a world file that is not overridden by parameters."""
     given = {**content.physics, **dict(zip(GRAVITY, content.gravity or ()))}
     found, notes = {}, []
     for name, value in given.items():
@@ -133,14 +127,14 @@ def _physics(
         if rospy.has_param(parameter):
             if parameters.world and initial != number:
                 notes.append(
-                    f"{name} is {initial:g}, from {parameter}, instead of the file's "
-                    f"{number:g}"
+                    f"{name} is {initial:g} ({parameter} overrides the file's "
+                    f"{number:g})"
                 )
             continue
         try:
             replace(parameters.properties, **{name: number})
         except InvalidValueError as error:
-            notes.append(f"{error}: it is left out")
+            notes.append(f"ignored: {error}")
         else:
             found[name] = number
     return found, notes
@@ -164,7 +158,7 @@ def spawn_robot(world: World, parameters: GazeboParameters) -> None:
 
 
 def figures(assembly: Assembly, physics: str) -> str:
-    """Summarize a robot in a line; its mass is left out where its file has none."""
+    """Summarize a robot in a line, with its mass if that is known."""
     robot = assembly.description
     mass = "" if robot.mass is None else f" {robot.mass:.3f} kg,"
     joints, links = len(robot.movable_joints), len(assembly.link_names)

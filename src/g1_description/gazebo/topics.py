@@ -19,30 +19,30 @@ from g1_description.sim.motions import MotionTracker
 from g1_description.sim.world import World
 
 QUEUE_SIZE = 100
-"""Messages kept for a slow subscriber; a tenth of a second of steps."""
+"""Messages queued for a slow subscriber: a tenth of a second of steps."""
 
 RESET_SILENCE = 0.15
-"""When time went back nothing is sent for so long, then /clock alone, and nothing for
-so long again, in [s] of wall time. A transform of the old time that arrives
-after the new clock, or one of the new time before it, spoils a listener's buffer."""
+"""Silence before and after the first /clock when time went back, in [s] of wall time. A
+transform of the old time that arrives after the new clock, or one of the new time
+before it, corrupts a TF buffer."""
 
 SETTLE_TIME = 0.1
-"""While time stands still a change is shown this long after it, in [s] of wall time: a
+"""Delay of a state after a change while time stands still, in [s] of wall time: a
 script that sets and then steps has stepped by then."""
 
 INTRODUCTION = 1.0
-"""Longest time in [s] of wall time in which listeners of an earlier simulator must have
-connected to the new /clock. Those of roscpp take up to a quarter of a second."""
+"""Longest wait in [s] of wall time for listeners of an earlier simulator to connect to
+the new /clock. roscpp takes up to a quarter of a second."""
 
 CLOCK_PERIOD = 0.01
-"""Time between two messages of /clock meanwhile, in [s]."""
+"""Time between two messages of /clock during that wait, in [s]."""
 
 STALL_TIMEOUT = 0.5
-"""A subscriber that takes nothing for this long is not waited for, in [s]."""
+"""Time without progress after which a subscriber is no longer waited for, in [s]."""
 
 
 class StateTopics:
-    """First the time, then the states of that time, where there are subscribers."""
+    """Publishes /clock, then the states of that time."""
 
     def __init__(
         self,
@@ -54,9 +54,9 @@ class StateTopics:
 
         Args:
             world: Source of the states.
-            parameters: Which steps are published, and whether more than /clock is.
-            listeners: Nodes that must listen to /clock before there is more, as one of
-                them may know the time of an earlier simulator.
+            parameters: Rates, and whether only /clock is published.
+            listeners: Nodes that must have connected to /clock before states are
+                published, as one may have seen the time of an earlier simulator.
         """
         self._world = world
         self._parameters = parameters
@@ -64,7 +64,7 @@ class StateTopics:
         self._clock_ns = self._sent_ns = world.time_ns
         self._sent = self._changed = time.monotonic()
         self._awaited, self._awaited_until = listeners, math.inf
-        self._hushed_until = math.inf if listeners else self._sent
+        self._silent_until = math.inf if listeners else self._sent
         self._introduced = self._sent
         self._is_settled = False
         self._shown: tuple[int, bytes] | None = None
@@ -92,8 +92,8 @@ class StateTopics:
         """Publish the time, then the states of that time.
 
         Args:
-            is_last: Whether it is the last step for now, which none of the rates
-                leaves out.
+            is_last: Whether it is the last requested step, which is published at any
+                rate.
         """
         if is_last or self._is_due(self._parameters.pub_clock_frequency):
             self._publish_clock()
@@ -107,24 +107,23 @@ class StateTopics:
         self._is_settled, self._changed = False, -math.inf
 
     def _publish_clock(self) -> None:
-        """Publish the time."""
         self._clock_ns = self._world.time_ns
         self._clock.publish(Clock(stamp_from_ns(self._clock_ns)))
 
     def wait_for_room(self) -> None:
-        """Wait until slow subscribers have taken their kept messages."""
+        """Wait until slow subscribers have read their queued messages."""
         for topic, _ in self._topics:
             topic.wait_for_room(STALL_TIMEOUT)
 
-    def is_hushed(self, paused: bool) -> bool:
-        """Return whether nothing may be published yet, because time has gone back.
+    def is_silent(self, paused: bool) -> bool:
+        """Return whether states may not be published yet, because time went back.
 
-        It has, too, for subscribers of an earlier simulator. /clock is published
-        here when it is its turn.
+        It also went back for subscribers of an earlier simulator. /clock is published
+        here when it is due.
 
         Args:
-            paused: Whether time stands still: then /clock shows it at once, since it is
-                silent while a client looks, and hardly anything is on its way.
+            paused: Whether time stands still: then /clock is published at once, as
+                hardly any message is in transit.
         """
         now = time.monotonic()
         if self._world.time_ns < max(self._clock_ns, self._sent_ns):
@@ -135,42 +134,38 @@ class StateTopics:
                 return True
             self._publish_clock()
             self._sent_ns = self._world.time_ns
-            self._hushed_until = now + RESET_SILENCE if is_heard else now
+            self._silent_until = now + RESET_SILENCE if is_heard else now
         if self._awaited:
             self._introduce(now)
-        return now < self._hushed_until
+        return now < self._silent_until
 
     def _introduce(self, now: float) -> None:
-        """Publish the time until all subscribers of an earlier simulator have it.
-
-        Args:
-            now: Wall time in [s].
-        """
-        is_first = self._hushed_until == math.inf
-        if is_first:  # before, the node had services to advertise
+        """Publish /clock until all listeners of an earlier simulator have connected."""
+        is_first = self._silent_until == math.inf
+        if is_first:  # until now the node advertised services
             self._awaited_until = now + INTRODUCTION
         is_complete = all(self._clock.is_heard_by(node) for node in self._awaited)
         if is_first or (not is_complete and now < self._awaited_until):
-            self._hushed_until = now + RESET_SILENCE
-        if now >= self._hushed_until:
+            self._silent_until = now + RESET_SILENCE
+        if now >= self._silent_until:
             self._awaited = ()
         elif is_first or now >= self._introduced + CLOCK_PERIOD:
             self._introduced = now
             self._publish_clock()
 
     def change(self) -> None:
-        """Note that the world may have changed while time stands still."""
+        """Record that the world may have changed while time stands still."""
         if self._is_settled:
             self._is_settled, self._changed = False, time.monotonic()
 
     def settle(self) -> float:
-        """Publish a change while time stands still, as soon as it is due.
+        """Publish a change while time stands still, when it is due.
 
-        Only world_state and, where rates left it out, /clock: Gazebo's own topics are
+        Only world_state and, if a rate skipped it, /clock: Gazebo's own topics are
         silent then.
 
         Returns:
-            How long until it is due, in [s]; infinite where nothing is.
+            Time until a change is due, in [s]; infinite if there is none.
         """
         for topic in (self._clock, *(topic for topic, _ in self._topics)):
             topic.flush()
@@ -190,11 +185,7 @@ class StateTopics:
         return math.inf
 
     def _is_due(self, rate: float) -> bool:
-        """Return whether this step is one that a rate publishes; 0: all are.
-
-        The states of a rate come at multiples of its period, whatever pauses, resets
-        and single steps lie between.
-        """
+        """Return whether a rate publishes this step; 0: all are published."""
         if not rate:
             return True
         properties = self._world.properties
@@ -203,16 +194,14 @@ class StateTopics:
         return self._world.time_ns % period_ns < properties.step_ns
 
     def _link_states(self) -> Prepared:
-        """Make a message of the states of all links."""
         return ready(self._encoded_links())
 
     def _model_states(self) -> Prepared:
-        """Make a message of the states of all models."""
         names = self._world.model_names
         return ready(self._models.encode(names, *self._world.model_states()))
 
     def _world_state(self) -> Prepared:
-        """Make a message of all links' states and their time; forces are unknown."""
+        """Return stamped states of all links, without wrenches."""
         self._seq += 1
         time_ns, frame = self._world.time_ns, b"world"
         stamp = divmod(time_ns, 1_000_000_000)
@@ -222,13 +211,12 @@ class StateTopics:
         return ready(header + content)
 
     def _encoded_links(self) -> bytes:
-        """Write the states of all links."""
         names = self._world.link_names
         return self._links.encode(names, *self._world.link_states())
 
 
 def tracking_message(tracker: MotionTracker) -> TrackingReport:
-    """Write how well motors followed a motion as a message."""
+    """Convert a report on a tracked motion."""
     report = tracker.report
     return TrackingReport(
         model_name=tracker.model.name,

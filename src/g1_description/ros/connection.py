@@ -1,6 +1,6 @@
-"""Calls of the stand-in's services, by programs that need not be nodes.
+"""Calls of the simulator's services, by programs that need not be nodes.
 
-A connection is kept for each service: one per call would take 2 ms each.
+Connections are persistent: a new one takes 2 ms.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from g1_description.ros.waiting import (
 
 
 class Connection:
-    """The services of a simulator."""
+    """The services of a simulator, with persistent connections."""
 
     def __init__(self, gazebo: str, timeout: float) -> None:
-        """Prepare; nothing is called yet.
+        """Create a connection; nothing is called yet.
 
         Args:
             gazebo: Namespace of the simulator.
@@ -38,7 +38,7 @@ class Connection:
         self._proxies: dict[str, rospy.ServiceProxy] = {}
 
     def wait_for(self, service: str) -> None:
-        """Wait until a service is there.
+        """Wait for a service.
 
         Raises:
             NoAnswerError: If there is no master, or no such service in time.
@@ -47,10 +47,10 @@ class Connection:
         if wait_until(lambda: self._is_there(name), self._timeout, None, MASTER_PERIOD):
             return
         if self._is_there(f"{self._gazebo}/pause_physics"):
-            why = f"{self._gazebo} is another simulator than this package's stand-in"
+            why = f"{self._gazebo} is not the simulator of this package"
         else:
-            why = f"there is no {self._gazebo}; is the stand-in launched?"
-        raise NoAnswerError(f"After {self._timeout:g} s there is no {name}: {why}")
+            why = f"{self._gazebo} is not running; is the simulator launched?"
+        raise NoAnswerError(f"No service {name} within {self._timeout:g} s: {why}")
 
     def _is_there(self, service: str) -> bool:
         """Return whether the master knows a service.
@@ -67,8 +67,8 @@ class Connection:
             return False
         except (*SLAVE_API_ERRORS, rosgraph.MasterException, ValueError) as error:
             raise NoAnswerError(
-                f"No ROS master answers at {uri}: {error}. Is it running, and is "
-                "ROS_MASTER_URI right?"
+                f"No ROS master at {uri}: {error}. Is it running, and is "
+                "ROS_MASTER_URI correct?"
             ) from error
         return True
 
@@ -78,10 +78,7 @@ class Connection:
         Args:
             service: Its name below the simulator's.
             kind: Its class.
-            fields: Of the request.
-
-        Returns:
-            The response.
+            fields: Fields of the request.
 
         Raises:
             NoAnswerError: If it does not answer.
@@ -94,9 +91,9 @@ class Connection:
         except (rospy.ServiceException, *SLAVE_API_ERRORS) as error:
             self._drop(service)
             raise NoAnswerError(
-                f"{name} does not answer, has the stand-in ended? {error}"
+                f"{name} does not answer; is the simulator still running? {error}"
             ) from error
-        except BaseException:  # the answer may come yet, to the next request
+        except BaseException:  # a late answer would be read by the next request
             self._drop(service)
             raise
 
@@ -124,7 +121,7 @@ class Connection:
 
 @contextlib.contextmanager
 def _default_timeout(seconds: float) -> Iterator[None]:
-    """Let nobody who opens a connection meanwhile wait longer for it."""
+    """Set the default timeout of sockets meanwhile."""
     before = socket.getdefaulttimeout()
     socket.setdefaulttimeout(seconds)
     try:
@@ -134,15 +131,15 @@ def _default_timeout(seconds: float) -> Iterator[None]:
 
 
 def _check_address(uri: str) -> None:
-    """Check that a URI can be one of a master.
+    """Check the form of the master's URI.
 
     Raises:
-        ValueError: If it cannot.
+        ValueError: If it is malformed.
     """
     parts = urlparse(uri)
     try:
-        is_one = parts.scheme == "http" and parts.hostname and parts.port
-    except ValueError:  # a port that is no number
-        is_one = False
-    if not is_one:
-        raise ValueError("that is not of the form http://HOST:PORT")
+        is_valid = parts.scheme == "http" and parts.hostname and parts.port
+    except ValueError:  # the port is not a number
+        is_valid = False
+    if not is_valid:
+        raise ValueError("it must be like http://HOST:PORT")

@@ -31,18 +31,18 @@ def stamp_from_ns(time_ns: int) -> genpy.Time:
 
 
 def vector_to_array(vector: Vector3 | Point) -> np.ndarray:
-    """Give the coordinates, shape (3,)."""
+    """Convert a vector or point, shape (3,)."""
     return np.array([vector.x, vector.y, vector.z])
 
 
 def wrench_to_array(wrench: Wrench) -> np.ndarray:
-    """Give force and torque, shape (6,)."""
+    """Convert a wrench, force then torque, shape (6,)."""
     parts = (vector_to_array(part) for part in (wrench.force, wrench.torque))
     return np.concatenate([*parts])
 
 
 def pose_to_array(pose: Pose) -> np.ndarray:
-    """Give position and quaternion (x, y, z, w) as they came, shape (7,)."""
+    """Convert a pose, position and quaternion (x, y, z, w) unchecked, shape (7,)."""
     p, q = pose.position, pose.orientation
     return np.array([p.x, p.y, p.z, q.x, q.y, q.z, q.w])
 
@@ -57,7 +57,7 @@ def pose_from_array(array: np.ndarray) -> Pose:
 
 
 def twist_to_array(twist: Twist) -> np.ndarray:
-    """Give linear and angular velocity, shape (6,)."""
+    """Convert a twist, linear then angular, shape (6,)."""
     v, w = twist.linear, twist.angular
     return np.array([v.x, v.y, v.z, w.x, w.y, w.z])
 
@@ -82,7 +82,7 @@ def to_transform(T_parent_child: Sequence[float]) -> Transform:
 def transform(
     stamp: genpy.Time, parent: str, child: str, T_parent_child: Sequence[float]
 ) -> TransformStamped:
-    """Make an edge of the TF tree from a pose, seven numbers."""
+    """Make a transform message from a pose, seven numbers."""
     message = TransformStamped(
         child_frame_id=child, transform=to_transform(T_parent_child)
     )
@@ -99,7 +99,7 @@ def model_trajectory(
     Args:
         model: Name of the model in the simulator.
         trajectory: The motion.
-        start_ns: When its times count from, in [ns]; None: from the next step on.
+        start_ns: Start of its times, in [ns]; None: the next step.
     """
     velocities, bases = trajectory.velocities, trajectory.base_poses
     return ModelTrajectory(
@@ -116,10 +116,10 @@ def model_trajectory(
 def joint_states_to_arrays(
     message: JointState,
 ) -> tuple[tuple[str, ...], np.ndarray, np.ndarray | None]:
-    """Give the names of joint states, their positions, and velocities if there are any.
+    """Return names, positions, and velocities if present, of joint states.
 
     Raises:
-        InvalidValueError: If there is not one for each name, or a name comes twice.
+        InvalidValueError: If lengths differ, or a name is repeated.
     """
     names = tuple(message.name)
     for what, numbers in (
@@ -128,18 +128,18 @@ def joint_states_to_arrays(
     ):
         if len(names) != len(numbers):
             raise InvalidValueError(
-                f"joint_state has {len(names)} names, and its {what} {len(numbers)} "
-                "numbers; there must be as many."
+                f"joint_state must have one {what} per name (got {len(numbers)} for "
+                f"{len(names)} names)."
             )
     if len({*names}) != len(names):
         twice = listed(dict.fromkeys(n for n in names if names.count(n) > 1))
-        raise InvalidValueError(f"joint_state names joints twice: {twice}.")
+        raise InvalidValueError(f"joint_state must not repeat a name (got {twice}).")
     velocities = np.array(message.velocity) if message.velocity else None
     return names, np.array(message.position), velocities
 
 
 def robot_state_to_message(state: RobotState, frame: str) -> RobotStateMessage:
-    """Convert a state; the frame is that of its poses, the map."""
+    """Convert a state with poses in a frame, the map."""
     message = RobotStateMessage(
         name=state.names,
         position=state.positions.tolist(),
@@ -164,15 +164,15 @@ def robot_state_from_message(message: RobotStateMessage) -> RobotState:
     """Convert a state.
 
     Raises:
-        InvalidValueError: If names and numbers are not as many.
+        InvalidValueError: If lengths differ.
     """
     counts = len(message.position), len(message.velocity) or len(message.name)
     pairs = len(message.commanded_name), len(message.commanded_position)
     if {*counts} != {len(message.name)} or pairs[0] != pairs[1]:
         raise InvalidValueError(
-            f"The robot state has {len(message.name)} names, {counts[0]} positions and "
-            f"{counts[1]} velocities, {pairs[0]} names and {pairs[1]} positions "
-            "that are commanded; there must be as many."
+            f"The lengths of a robot state must be equal (got {len(message.name)} "
+            f"names, {counts[0]} positions, {counts[1]} velocities, and {pairs[0]} "
+            f"commanded names with {pairs[1]} positions)."
         )
     return RobotState(
         message.header.stamp.to_nsec(),

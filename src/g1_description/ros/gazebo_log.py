@@ -1,6 +1,6 @@
-"""/rosout as roscpp has it: not latched.
+"""/rosout as in roscpp: not latched.
 
-rospy latches its own, so each subscriber that comes gets the last line again.
+rospy latches it, so each new subscriber gets the last line again.
 Used with ``rospy.init_node(..., disable_rosout=True)``.
 """
 
@@ -30,7 +30,7 @@ class RosoutHandler(logging.Handler):
         self._topic = rospy.Publisher("/rosout", Log, queue_size=100)
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Publish a line; while the node ends there is nowhere to publish it."""
+        """Publish a line, unless the node is shutting down."""
         message = Log(
             level=ROSOUT_LEVELS.get(record.levelno, Log.INFO),
             name=rospy.get_name(),
@@ -48,7 +48,7 @@ class RosoutHandler(logging.Handler):
 
 
 def publish_log() -> None:
-    """Publish what rospy.loginfo and the others log from now on."""
+    """Publish rospy's log on /rosout from now on."""
     logging.getLogger("rosout").addHandler(RosoutHandler())
 
 
@@ -64,7 +64,7 @@ LEVELS = {
 def answer_as_roscpp() -> None:
     """Replace rospy's answers; to be called before ``rospy.init_node``.
 
-    rospy names levels in upper case, and says nothing of a level that it does not know.
+    rospy returns levels in upper case, and ignores an unknown level silently.
     """
     rospy.client._get_loggers = _get_loggers
     rospy.client._set_logger_level = _set_logger_level
@@ -94,7 +94,7 @@ def _set_logger_level(request) -> SetLoggerLevelResponse:
     level = LEVELS.get(request.level.lower())
     if level is None:
         raise rospy.ServiceException(
-            f"there is no level '{request.level}'; there are {', '.join(LEVELS)}"
+            f"unknown level '{request.level}'; levels are {', '.join(LEVELS)}"
         )
     logging.getLogger(request.logger).setLevel(level)
     return SetLoggerLevelResponse()

@@ -1,4 +1,4 @@
-"""Starting a node so that a signal always ends it, at once and quietly."""
+"""Start of a node that any signal shuts down."""
 
 from __future__ import annotations
 
@@ -23,17 +23,15 @@ SHUTDOWN_TIMEOUT = 1.8
 def start_node(name: str, **options) -> None:
     """Start the node; a signal ends it from a thread of its own.
 
-    rospy handles signals in the main thread. Where one meets that thread inside a
-    call of rospy, such as publish(), rospy's handler waits for ever for a lock that
-    the interrupted call holds. Here the system writes the signal's number into a
-    socket, and a thread that reads it shuts the node down.
+    rospy handles signals in the main thread. If the signal interrupts a call such as
+    publish(), its handler deadlocks on a lock of that call. Here the system writes the
+    signal's number into a socket, and a thread that reads it shuts the node down.
 
-    What the node logs is in a file or a pipe at once: Python would keep it back there
-    until there is more.
+    Output to a file or pipe is line-buffered.
 
     Args:
         name: The node's name.
-        options: More for ``rospy.init_node``.
+        options: Further arguments of ``rospy.init_node``.
     """
     for stream in sys.stdout, sys.stderr:  # Python 3.8 holds back errors, too
         stream.reconfigure(line_buffering=True)
@@ -47,7 +45,7 @@ def start_node(name: str, **options) -> None:
     def end():
         for number in reader.recv(1):  # none if the program has ended by itself
             codes.append(128 + number)
-            # rospy may wait for ever for a master that is not there.
+            # rospy may block on a missing master.
             last = threading.Timer(SHUTDOWN_TIMEOUT, os._exit, codes)
             last.daemon = True
             last.start()
@@ -55,32 +53,31 @@ def start_node(name: str, **options) -> None:
 
     thread = threading.Thread(target=end, daemon=True)
     thread.start()
-    # Keeps both sockets, as a second signal is written, too; and lets the node be
-    # unregistered before the program ends.
+    # Keeps both sockets open for a second signal, and waits for unregistration.
     sockets = reader, writer
     atexit.register(lambda: codes and sockets and thread.join(SHUTDOWN_TIMEOUT))
     try:
         rospy.init_node(name, disable_signals=True, **options)
     except rospy.ROSInitException as error:
         master = rosgraph.get_master_uri()
-        message = f"{name}: rospy cannot start, is there a master at {master}? {error}"
+        message = f"{name}: cannot start; is a master running at {master}? {error}"
         sys.exit(codes[0] if codes else message)
-    rospy.core.add_preshutdown_hook(_tell_of_namesake)
+    rospy.core.add_preshutdown_hook(_log_namesake)
 
 
-def _tell_of_namesake(reason: str) -> None:
-    """Log why the node ends where another one of its name has started."""
+def _log_namesake(reason: str) -> None:
+    """Log that another node of the same name replaces this one."""
     if "same name" in reason:
         rospy.logwarn(
-            "Another node called %s has started; the master ends this one.",
+            "Shut down by the master: another node named %s has started.",
             rospy.get_name(),
         )
 
 
 def handle_signals(handler: Callable) -> None:
-    """Let a handler get the signals that end a node.
+    """Install a handler of the signals that end a node.
 
-    ``nohup`` has its program ignore that the terminal is closed; that stays so.
+    SIGHUP stays ignored if it was, as with ``nohup``.
     """
     for number in ENDING_SIGNALS:
         is_ignored = signal.getsignal(number) == signal.SIG_IGN
@@ -91,9 +88,8 @@ def handle_signals(handler: Callable) -> None:
 def at_shutdown(action: Callable[[], object]) -> None:
     """Call an action when the node is shut down, or now if it already is.
 
-    Args:
-        action: What to do; once or twice. ``rospy.on_shutdown`` alone forgets what
-            comes while the shutdown has begun and is not over.
+    It may be called twice: ``rospy.on_shutdown`` alone loses actions that are added
+    during the shutdown.
     """
     rospy.on_shutdown(action)
     if rospy.core.is_shutdown_requested():
@@ -102,9 +98,9 @@ def at_shutdown(action: Callable[[], object]) -> None:
 
 @contextmanager
 def quiet_when_closing():
-    """Ignore what publishing raises while rospy closes the topics.
+    """Ignore errors of publishing while rospy closes the topics.
 
-    rospy does so before ``is_shutdown`` turns true.
+    rospy closes them before ``is_shutdown`` turns true.
     """
     try:
         yield

@@ -1,4 +1,4 @@
-"""A log of faults that come again and again: few lines for each."""
+"""A throttled log of recurring faults."""
 
 from __future__ import annotations
 
@@ -11,20 +11,19 @@ from dataclasses import dataclass
 import rospy
 
 LOG_PERIOD = 10.0
-"""Time between two lines on one fault, in [s] of wall time."""
+"""Minimum time between two lines on one fault, in [s] of wall time."""
 
 SHORT_PERIOD = 1.0
-"""The same for single events that each say something else, in [s]."""
+"""The same for events whose messages differ, in [s]."""
 
 EXPIRY = 2.5
-"""Time in [s] after which a fault that was not repeated is over."""
+"""Time in [s] without a repetition after which a fault is over."""
 
 CHECK_PERIOD = 0.5
-"""Longest time until a message that was held back is looked at again, in [s]."""
+"""Longest time between two checks of delayed messages, in [s]."""
 
 MIN_CHECK_PERIOD = 0.02
-"""Shortest time between two looks, in [s]: a fault may come a thousand times a
-second."""
+"""Shortest time between two checks, in [s]: a fault may recur at 1 kHz."""
 
 
 @dataclass
@@ -34,7 +33,7 @@ class _Repeated:
     period: float
     log: Callable
     lasts: bool
-    """Whether it is a lasting state, rather than events to be counted."""
+    """Whether it is a state rather than a series of events to count."""
 
     time_logged: float = -math.inf
     """When its last line was logged."""
@@ -66,10 +65,10 @@ class _Repeated:
 
 
 class ThrottledLog:
-    """Logs the first message on a fault at once, the next ones later and counted.
+    """Logs the first message on a fault at once, later ones throttled and counted.
 
-    rospy's own throttles use simulated time, which may stand still or go back. A thread
-    of its own logs, because rospy asks the master each time, which may hang.
+    rospy's throttles use simulated time, which may stand still or go back. The log has
+    its own thread, because rospy calls the master for each line, which may hang.
     """
 
     def __init__(self) -> None:
@@ -86,15 +85,15 @@ class ThrottledLog:
         log: Callable = rospy.logwarn,
         lasts: bool = False,
     ) -> None:
-        """Log a message, or hold it back if its fault was logged within the period.
+        """Log a message, or delay it if its fault was logged within the period.
 
         Args:
-            key: Identifies the fault, and who has it.
-            message: What is wrong, with names.
+            key: Identifies the fault and its subject.
+            message: The sentence to log.
             period: Time between two lines on this fault, in [s].
-            log: Takes a format and its argument.
-            lasts: Whether the fault is a state that is reported again and again: its
-                line is not repeated before it has changed or was over.
+            log: Function of a format and its argument.
+            lasts: Whether the fault is a state: its line is not repeated until it
+                changes or is over.
         """
         now = time.monotonic()
         with self._lock:
@@ -110,7 +109,7 @@ class ThrottledLog:
         self._changed.set()
 
     def _run(self) -> None:
-        """Log new messages at once, and those that were held back when they are due."""
+        """Log new messages at once, and delayed ones when they are due."""
         while True:
             self._changed.wait(CHECK_PERIOD)
             self._changed.clear()

@@ -1,4 +1,4 @@
-"""Poses in any frame that TF knows, as seen from the map."""
+"""Transforms poses from any TF frame to the map."""
 
 from __future__ import annotations
 
@@ -16,26 +16,26 @@ from g1_description.ros.conversions import vector_to_array
 from g1_description.ros.waiting import BUFFER
 
 FIRST_TIMEOUT = 2.0
-"""Longest wait for a frame by a listener that has just begun, in [s] of wall time."""
+"""Longest wait for a frame by a new listener, in [s] of wall time."""
 
 TIMEOUT = 0.2
 """Longest wait for a frame later on, in [s] of wall time."""
 
 POLL_PERIOD = 0.005
-"""Wait before TF is asked again, in [s]."""
+"""Time between two lookups while waiting, in [s]."""
 
 
 class MapFrame:
-    """Listens to TF as soon as somebody needs it: a listener costs processor time.
+    """Transforms poses to the map; listens to TF from the first use on.
 
     Subscribes: /tf, /tf_static (tf2_msgs/TFMessage)
     """
 
     def __init__(self, names: Sequence[str] = ("map", "world")) -> None:
-        """Begin without listening.
+        """Create it without a listener.
 
         Args:
-            names: Names of the map and of frames that are the same, the map first.
+            names: Names of the map and of frames equal to it, the map first.
         """
         self._names = names
         self._lock = threading.Lock()
@@ -47,13 +47,12 @@ class MapFrame:
         """Transform poses to the map.
 
         Args:
-            poses: As seen from the frame, shape (..., 7).
+            poses: Poses in the frame, shape (..., 7).
             frame: The frame; empty: the map.
-            stamp: When the frame is looked at; zero, or later than what is known: the
-                newest time known.
+            stamp: Time of the transform; zero or in the future: the newest one.
 
         Raises:
-            MotionError: If TF does not know the frame then.
+            MotionError: If TF has no transform at that time.
         """
         frame = frame.lstrip("/")
         if not frame or frame in self._names:
@@ -75,15 +74,17 @@ class MapFrame:
                 return self._look_up(frame, stamp)
             except tf2_ros.TransformException as error:
                 if time.monotonic() > deadline:
-                    raise MotionError(f"there is no frame {frame!r}: {error}") from None
-                # tf2's own wait is by simulated time, which may stand still.
+                    raise MotionError(
+                        f"no transform from frame {frame!r}: {error}"
+                    ) from None
+                # tf2 itself waits in simulated time, which may stand still.
                 threading.Event().wait(POLL_PERIOD)
 
     def _look_up(self, frame: str, stamp: rospy.Time) -> np.ndarray:
-        """Return a frame's pose in the map, shape (7,); the newest if none is newer.
+        """Return a frame's pose in the map, shape (7,); the newest for a future stamp.
 
         Raises:
-            TransformException: If the frame is unknown, or was not there then.
+            TransformException: If there is none at that time.
         """
         assert self._buffer is not None
         map_frame = self._names[0]

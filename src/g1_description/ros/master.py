@@ -21,7 +21,7 @@ from g1_description.ros.lifecycle import at_shutdown
 SLAVE_API_ERRORS = (OSError, Error, ExpatError, HTTPException)
 """Exceptions that a call to a slave API may raise."""
 
-# A connection or a master that breaks in the middle raises outside rospy's family.
+# A broken connection raises exceptions that are not rospy's.
 SERVICE_ERRORS = (
     rospy.ServiceException,
     rospy.ROSException,
@@ -42,14 +42,13 @@ def slave_api() -> ServerProxy:
 
 
 class _TimedTransport(Transport):
-    """HTTP with a deadline; Python's own waits for ever."""
+    """HTTP with a timeout."""
 
     def __init__(self, timeout: float) -> None:
         super().__init__()
         self._timeout = timeout
 
     def make_connection(self, host: Any) -> HTTPConnection:
-        """Connect, and answer, within the deadline."""
         connection = super().make_connection(host)
         connection.timeout = self._timeout
         return connection
@@ -60,15 +59,14 @@ def slave_api_of(address: str, timeout: float) -> ServerProxy:
 
     Args:
         address: The node's URI, as the master knows it.
-        timeout: Longest time in [s] to connect, and for each answer; whoever calls gets
-            an OSError after it.
+        timeout: Longest time in [s] to connect, and for each answer; after it a call
+            raises an OSError.
     """
     return ServerProxy(address, transport=_TimedTransport(timeout))
 
 
 PERIOD = 2.0
-"""Time between two calls of the master in [s] of wall time; each costs some
-milliseconds of processor time."""
+"""Time between two calls of the master in [s] of wall time; each takes some ms."""
 
 
 def stay_registered(
@@ -78,7 +76,7 @@ def stay_registered(
     """Keep this node registered, from a thread, until it is shut down.
 
     Args:
-        on_publishers: Called with the nodes that publish each topic, again and again.
+        on_publishers: Called with the publishers of each topic, once per period.
         period: Time between two calls of the master in [s] of wall time.
     """
     stopped = threading.Event()
@@ -94,25 +92,24 @@ def stay_registered(
 def _ask_master(
     on_publishers: Callable[[Mapping[str, list[str]]], None],
 ) -> None:
-    """Restore what the master does not know, and hand on what it knows."""
-    # Without a master, or with one that is starting, the next time will do.
+    """Restore missing registrations, and report the publishers."""
+    # If the master is down or starting, the next call will do.
     with contextlib.suppress(*SLAVE_API_ERRORS, rosgraph.MasterException):
         state = rosgraph.Master(rospy.get_name()).getSystemState()
         if rospy.core.is_shutdown_requested():
             return
         if restore_registrations(state):
-            rospy.loginfo("The master did not know this node; it does now.")
+            rospy.loginfo("The master had lost this node; registered again.")
         on_publishers(dict(state[0]))
 
 
 def restore_registrations(state: list) -> bool:
-    """Register the topics and services of this node that the master does not know.
+    """Register the topics and services of this node that the master has lost.
 
-    rospy registers once: a master that died and came back knows nothing of the nodes
-    that ran on.
+    rospy registers once; a restarted master does not know running nodes.
 
     Args:
-        state: What the master's ``getSystemState`` returns.
+        state: Result of the master's ``getSystemState``.
 
     Returns:
         Whether anything had to be registered.
@@ -134,17 +131,13 @@ def restore_registrations(state: list) -> bool:
             if name not in subscribers.get(topic, ()):
                 addresses = master.registerSubscriber(topic, kind, uri)
                 registered = True
-                # rospy connects to those it is not connected to.
                 node.publisherUpdate("/master", topic, addresses)
     return _register_services(master, dict(state[2])) or registered
 
 
 def _register_services(master: rosgraph.Master, known: dict[str, list[str]]) -> bool:
-    """Register the services of this node that nobody is known to offer, if any.
-
-    Among them are those of rospy itself, such as ``~get_loggers``.
-    """
-    # The slave API does not tell of services.
+    """Register the services of this node, rospy's own too, that have no provider."""
+    # The slave API does not list services.
     services = get_service_manager().get_services()
     missing = [(name, uri) for name, uri in services if not known.get(name)]
     for name, uri in missing:

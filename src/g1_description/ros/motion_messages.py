@@ -1,4 +1,4 @@
-"""Messages of trajectories to trajectories."""
+"""Conversion of trajectory messages to trajectories and back."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ def trajectory_from_message(
         joints: Names of the joints that it may move.
 
     Returns:
-        The same, with times since the stamp of the message's header.
+        The trajectory, with times since the stamp of the message's header.
 
     Raises:
-        UnknownNameError: If it names other joints, or none.
-        MotionError: If it has no points, a point has not a number per joint, only some
-            points have velocities, or numbers do not make a motion.
+        UnknownNameError: If it has other joints, or none.
+        MotionError: If it has no points, lengths differ, only some points have
+            velocities, or numbers are invalid.
     """
     names, points = message.joint_names, message.points
     check_joint_names(names, joints)
@@ -52,7 +52,7 @@ def trajectory_from_message(
 
 
 def message_of_joints(trajectory: Trajectory) -> JointTrajectory:
-    """Convert the joints of a trajectory, to begin at once; times to whole [ns]."""
+    """Convert the joints of a trajectory that starts now; times to whole [ns]."""
     speeds = trajectory.velocities
     rates = [[]] * len(trajectory.times) if speeds is None else speeds.tolist()
     message = JointTrajectory(joint_names=list(trajectory.joint_names))
@@ -72,28 +72,27 @@ def durations_of(trajectory: Trajectory) -> list[genpy.Duration]:
 
 
 def check_joint_names(names: Sequence[str], joints: Collection[str]) -> None:
-    """Check that names are those of joints.
+    """Check the joint names of a trajectory.
 
     Raises:
-        UnknownNameError: If one is not, or there are none.
+        UnknownNameError: If one is unknown, or there are none.
     """
     if not names:
-        raise UnknownNameError("The trajectory names no joints.")
+        raise UnknownNameError("The trajectory has no joint names.")
     unknown = [name for name in names if name not in joints]
     if unknown:
         raise UnknownNameError(
-            f"The trajectory names {listed(unknown)}; the joints are "
+            f"The trajectory has unknown joints: {listed(unknown)}; the joints are "
             f"{listed(similar_first(unknown[0], joints))}."
         )
 
 
 def _check_all_have_velocities(points: Sequence[JointTrajectoryPoint]) -> None:
-    """Check that no point is without velocities."""
+    """Check that all points have velocities."""
     without = [n for n, point in enumerate(points, 1) if not point.velocities]
     if without:
         raise MotionError(
-            f"Point {without[0]} has no velocities, others have; give them for all "
-            "points or for none."
+            f"Point {without[0]} has no velocities; all points or none must have them."
         )
 
 
@@ -105,7 +104,7 @@ def _rows(
     for number, row in enumerate(rows, 1):
         if len(row) != n_joints:
             raise MotionError(
-                f"Point {number} has {len(row)} {what}; there are {n_joints} joints."
+                f"Point {number} must have {n_joints} {what} (got {len(row)})."
             )
     return np.array(rows, dtype=float)
 
@@ -123,19 +122,19 @@ def whole_body_from_message(
         frame: Transforms the base's poses to the map.
 
     Returns:
-        The motion; None where it has no points at all.
+        The motion; None if it has no points.
 
     Raises:
-        UnknownNameError: If it names other joints.
-        MotionError: If joints and base are not at the same times, the base's frame is
-            unknown, or numbers do not make a motion.
+        UnknownNameError: If it has other joints.
+        MotionError: If the times of joints and base differ, the base's frame is
+            unknown, or numbers are invalid.
     """
     arms, base = message.joint_trajectory, message.multi_dof_joint_trajectory
     if not base.points:
         return trajectory_from_message(arms, joints) if arms.points else None
     if len(base.joint_names) > 1:
         raise MotionError(
-            f"The base is one joint; the message has {listed(base.joint_names)}."
+            f"The base must be a single joint (got {listed(base.joint_names)})."
         )
     poses = np.array([_base_pose(n, point) for n, point in enumerate(base.points, 1)])
     poses = frame.pose_in_map(poses, base.header.frame_id, base.header.stamp)
@@ -144,22 +143,20 @@ def whole_body_from_message(
         return Trajectory(times, (), np.zeros((len(times), 0)), base_poses=poses)
     trajectory = trajectory_from_message(arms, joints)
     if not np.array_equal(trajectory.times, times):
-        raise MotionError(
-            "The points of the base are not at the times of those of the joints."
-        )
+        raise MotionError("The points of base and joints must have the same times.")
     return replace(trajectory, base_poses=poses)
 
 
 def pose_from_numbers(pose: np.ndarray) -> np.ndarray:
-    """Check one pose and make its quaternion a unit one.
+    """Check a pose and normalize its quaternion.
 
     Args:
         pose: Position and quaternion (x, y, z, w), shape (7,); a zero quaternion is
             the identity, as in Gazebo.
 
     Raises:
-        MotionError: If a number is not finite, or the quaternion is far from a unit
-            one.
+        MotionError: If a number is not finite, or the quaternion is far from unit
+            length.
     """
     if not pose[3:].any():
         pose = np.append(pose[:6], 1.0)
@@ -171,7 +168,8 @@ def _base_pose(number: int, point: MultiDOFJointTrajectoryPoint) -> list[float]:
     """Return the pose of the base in a point, seven numbers."""
     if len(point.transforms) != 1:
         raise MotionError(
-            f"Point {number} of the base has {len(point.transforms)} transforms, not 1."
+            f"Point {number} of the base must have 1 transform (got "
+            f"{len(point.transforms)})."
         )
     t, q = point.transforms[0].translation, point.transforms[0].rotation
     return [t.x, t.y, t.z, q.x, q.y, q.z, q.w]

@@ -1,4 +1,4 @@
-"""Private parameters of a node, read once at start into a dataclass."""
+"""Private parameters of a node, read at start into a dataclass."""
 
 from __future__ import annotations
 
@@ -18,30 +18,24 @@ NAMESPACE = "namespace"
 
 
 def check_range(parameters, name, low, high):
-    """Check that one number is within its range.
-
-    Args:
-        parameters: What has it as an attribute.
-        name: Name of the parameter.
-        low: Least value.
-        high: Largest value.
+    """Check that a parameter is within its range.
 
     Raises:
-        InvalidValueError: If it is not; NaN never is.
+        InvalidValueError: If it is not, or is NaN.
     """
     value = getattr(parameters, name)
     if not low <= value <= high:
-        raise InvalidValueError(f"~{name} is {value}, it must be from {low} to {high}.")
+        raise InvalidValueError(f"~{name} must be from {low} to {high} (got {value}).")
 
 
 def read_parameters(kind, given=None):
     """Read a node's private parameters.
 
     Args:
-        kind: A dataclass: a parameter for each field, of the type of its default.
-            Where a dataclass makes the default, its fields are parameters as well, in
-            the namespace that the field's metadata name.
-        given: Values by name that win over the defaults, not over the server's.
+        kind: A dataclass with a parameter for each field, of the type of its default.
+            The fields of a nested dataclass are parameters in the namespace of its
+            field's metadata.
+        given: Values by name that override the defaults, not the server's.
 
     Returns:
         The parameters, checked.
@@ -59,13 +53,13 @@ def read_parameters(kind, given=None):
 
 
 def private_parameters() -> dict:
-    """Return what the server has in the node's own namespace, by one call."""
+    """Return all parameters in the node's own namespace, by one call."""
     own = rospy.get_param(rospy.get_name(), {})
     return own if isinstance(own, dict) else {}
 
 
 def _flat(values, namespace=""):
-    """Give values by name, those in a namespace by NAMESPACE/NAME."""
+    """Flatten namespaces to NAMESPACE/NAME."""
     found = {}
     for name, value in values.items():
         found[namespace + name] = value
@@ -75,7 +69,7 @@ def _flat(values, namespace=""):
 
 
 def _filled(kind, found, namespace=""):
-    """Make a dataclass of values by name; what is not among them has its default."""
+    """Make a dataclass of values by name, or their defaults."""
     values = {}
     for field in fields(kind):
         if is_dataclass(field.default_factory):
@@ -101,7 +95,7 @@ def default_parameters(kind, namespace="") -> dict:
 
 
 def _converted(name, value, default):
-    """Check that a value has the type of its default; a whole number is a float too."""
+    """Check that a value has the type of its default; an int is a float, too."""
     if isinstance(default, float) and type(value) in (int, float):
         if math.isfinite(value):
             return float(value)
@@ -111,23 +105,23 @@ def _converted(name, value, default):
         return value
     kind = "list" if isinstance(default, tuple) else type(default).__name__
     example = "" if isinstance(default, tuple) else f" like {default!r}"
-    raise InvalidValueError(f"~{name} is {value!r}, it must be a {kind}{example}.")
+    raise InvalidValueError(f"~{name} must be a {kind}{example} (got {value!r}).")
 
 
 def find_parameter(name: str, namespace: str = "") -> str | None:
     """Find a parameter in a namespace or one above it.
 
     Args:
-        name: The parameter. A full name is only looked up, not searched for.
-        namespace: Namespace to begin in; by default the node's.
+        name: The parameter. A name with / or ~ is not searched for upward.
+        namespace: Namespace to start in; by default the node's.
 
     Returns:
         Its full name; None if there is none.
     """
     if name.startswith(("/", "~")):
         return rospy.resolve_name(name) if rospy.has_param(name) else None
-    # The master begins in the caller's namespace. With the node's own name that would
-    # be the one of its private parameters.
+    # The master starts in the caller's namespace; for the node's own name that would be
+    # its private one.
     begin = f"/{namespace}/" if namespace else rospy.get_namespace()
     try:
         return rosgraph.Master(f"{begin}anyone").searchParam(name)
@@ -145,17 +139,16 @@ def wait_for_parameter(
 
     Args:
         name: The parameter.
-        namespace: Namespace to begin in.
-        on_wait: Called once if it is not there yet.
-        timeout: Longest wait in [s]; None: no limit, also where the master is gone:
-            another one may take its place.
+        namespace: Namespace to start in.
+        on_wait: Called once if it is not set yet.
+        timeout: Longest wait in [s]; None: no limit, also while the master is down.
 
     Returns:
         Its full name; None after the timeout.
 
     Raises:
         ROSInterruptException: If the node is shut down.
-        OSError: If the master is gone, where the wait has a limit.
+        OSError: If the master is down and there is a timeout.
     """
     ignored = (OSError,) if timeout is None else ()
 

@@ -1,4 +1,4 @@
-"""Motions of a robot that runs: asked of its bridge, paused and stepped by a person.
+"""Playback of motions on a running robot, through its bridge.
 
 Calls: play_motion (g1_description/PlayMotion)
 """
@@ -23,28 +23,28 @@ from g1_description.ros.waiting import NoAnswerError, RefusedError
 
 
 class MotionClient:
-    """Asks a robot's bridge for motions, and stops what it has asked for."""
+    """Requests motions of a robot's bridge, and stops them."""
 
     def __init__(self, service: rospy.ServiceProxy) -> None:
         self._service = service
         self._lock = threading.Lock()
         self.is_left = False
-        """Whether no motion may begin any more."""
+        """Whether no motion may start any more."""
         self.may_move = False
-        """Whether the robot may be on its way."""
+        """Whether the robot may be moving."""
 
     def play(self, trajectory: Trajectory) -> tuple[int, str]:
-        """Let the robot go through a motion, at once.
+        """Play a motion now.
 
         Returns:
-            When its times count from, in [ns], and what was not done as requested.
+            Start of its times, in [ns], and deviations from the request.
 
         Raises:
-            G1DescriptionError: If that is refused, or nobody answers.
-            ROSInterruptException: If the robot was left.
+            G1DescriptionError: If it is refused, or the bridge does not answer.
+            ROSInterruptException: After ``leave``.
         """
         with self._lock:
-            # Before the question: who leaves sets is_left before it looks at may_move.
+            # Set before is_left is read: leave() sets is_left before it reads may_move.
             self.may_move = len(trajectory.times) > 1 or trajectory.times[0] > 0.0
             if self.is_left:
                 self.may_move = False
@@ -56,26 +56,25 @@ class MotionClient:
                 raise
 
     def stop(self) -> None:
-        """Stop the robot where it is.
+        """Stop the robot at its current state.
 
         Raises:
-            G1DescriptionError: If that is refused, or nobody answers.
+            G1DescriptionError: If it is refused, or the bridge does not answer.
         """
         with self._lock:
             self._call(RobotTrajectory())
             self.may_move = False
 
     def leave(self) -> bool:
-        """Begin no motion any more, and stop the robot if it may be on its way.
+        """Start no further motion, and stop the robot if it may be moving.
 
-        It may be called from any thread. A motion that the bridge has been asked for is
-        stopped as soon as it has answered.
+        Thread-safe. A motion being requested is stopped when the bridge has answered.
 
         Returns:
             Whether the robot was stopped.
 
         Raises:
-            G1DescriptionError: If that is refused, or nobody answers.
+            G1DescriptionError: If it is refused, or the bridge does not answer.
         """
         self.is_left = True
         if not self.may_move:
@@ -84,16 +83,15 @@ class MotionClient:
         return True
 
     def _call(self, message: RobotTrajectory) -> tuple[int, str]:
-        """Call the bridge."""
         try:
             answer = self._service(message)
         except (rospy.ServiceException, OSError) as error:
             name = self._service.resolved_name
             raise NoAnswerError(
-                f"{name} does not answer, is the bridge running? {error}"
+                f"{name} does not answer; is the bridge running? {error}"
             ) from error
         if not answer.success:
-            raise RefusedError(f"The motion is refused: {answer.status_message}")
+            raise RefusedError(f"The motion was refused: {answer.status_message}")
         return answer.start.to_nsec(), answer.status_message
 
 
@@ -117,7 +115,7 @@ def _message(trajectory: Trajectory) -> RobotTrajectory:
 
 
 class PlayedRobot(Protocol):
-    """A robot whose bridge plays motions: a ``RobotView``, or one of the page."""
+    """A robot whose bridge plays motions: a ``RobotView``, or a robot of the page."""
 
     motions: MotionClient
 
@@ -126,19 +124,19 @@ class PlayedRobot(Protocol):
         """Time of its newest state, in [ns]."""
 
     def look_after_time(self) -> None:
-        """Report what keeps its time from going on.
+        """Report why its time stands still, if it does.
 
         Raises:
-            NoAnswerError: If nobody publishes its state any more.
+            NoAnswerError: If its state is no longer published.
         """
 
 
 REST = 1.0
-"""Time between the end of a motion and its next beginning, in [s]."""
+"""Pause before a motion starts again, in [s]."""
 
 
 class Session:
-    """Where a motion is, and whether it runs."""
+    """The playback of a motion: its position, and whether it runs."""
 
     def __init__(
         self,
@@ -148,25 +146,24 @@ class Session:
         notify: Callable[[str], None],
         lead_in: float = 0.0,
     ) -> None:
-        """Prepare; the robot does nothing yet.
+        """Create a playback; nothing moves yet.
 
         Args:
-            robot: Who goes through the motion.
+            robot: The robot that plays the motion.
             trajectory: The motion.
-            speed: Seconds of the motion in a second.
-            notify: Takes messages about what was not done as requested.
-            lead_in: Time in which the robot goes to the beginning, in [s].
+            speed: Seconds of the motion per second.
+            notify: Called with messages about deviations from the request.
+            lead_in: Time to go to the start of the motion, in [s].
         """
         self._robot, self._notify = robot, notify
         self.speed = speed
-        """Seconds of the motion in a second; what is chosen counts from ``start`` on.
-        """
+        """Seconds of the motion per second; takes effect with ``start``."""
         self._lead_in = lead_in
         self.trajectory = trajectory
         self.is_running = False
-        self._told, self._rate = "", speed
+        self._reported, self._rate = "", speed
         self._begin_ns: int | None = None
-        """When what is played begins, after the lead-in, in [ns]."""
+        """Start of the playback, after the lead-in, in [ns]."""
         self._seen_ns = 0
         self._from = self._time = self.begin
         self._ended: float | None = None
@@ -186,14 +183,16 @@ class Session:
         """Time of the motion that the robot shows, in [s].
 
         Raises:
-            NoAnswerError: If the robot was reset on the way, or is gone.
+            NoAnswerError: If the robot was reset meanwhile, or is gone.
         """
         if self.is_running:
             self._robot.look_after_time()
             now_ns = self._robot.now_ns
             if now_ns < self._seen_ns:
                 self.is_running = self._robot.motions.may_move = False
-                raise NoAnswerError("Time went back on the way; the robot was reset.")
+                raise NoAnswerError(
+                    "Time went back during the motion; the simulator was reset."
+                )
             self._seen_ns = now_ns
             begin_ns = now_ns if self._begin_ns is None else self._begin_ns
             elapsed = 1e-9 * (now_ns - begin_ns)
@@ -207,20 +206,20 @@ class Session:
         return int(np.searchsorted(self.trajectory.times, until, side="right"))
 
     @property
-    def _is_there(self) -> bool:
-        """Whether the robot has come to the beginning of what is played."""
+    def _has_begun(self) -> bool:
+        """Whether the lead-in is over."""
         return self._begin_ns is not None and self._robot.now_ns >= self._begin_ns
 
     @property
     def is_over(self) -> bool:
-        """Whether it has come to its end."""
-        is_over = self.is_running and self.time >= self.end and self._is_there
+        """Whether the motion has ended."""
+        is_over = self.is_running and self.time >= self.end and self._has_begun
         if is_over:
             self._robot.motions.may_move = False
         return is_over
 
     def start(self, time: float | None = None) -> None:
-        """Play from a time of the motion in [s]; by default from where it is."""
+        """Play from a time of the motion in [s]; by default from the current one."""
         self._from = self.time if time is None else time
         if self._from >= self.end:
             self._from = self.begin
@@ -232,42 +231,42 @@ class Session:
         self.is_running = True
 
     def rest(self) -> None:
-        """Stay at the end, which is reached: nothing is stopped."""
+        """Stay at the end, which is reached."""
         self._time, self.is_running = self.end, False
         self._robot.motions.may_move = False
 
     def pause(self) -> None:
-        """Stop the robot where it is."""
+        """Stop the robot at its current state."""
         if self.is_running:
             self._robot.motions.stop()
             self._time, self.is_running = self.time, False
-            if not self._is_there:
+            if not self._has_begun:
                 self._begin_ns = None
 
     def step(self, n: int) -> None:
-        """Pause, and show the sample ``n`` after the present one."""
+        """Pause, and show the sample ``n`` after the current one."""
         last = len(self.trajectory.times) - 1
         row = min(max(self.frame - 1 + n, 0), last)
         self.show(float(self.trajectory.times[row]))
 
     def show(self, time: float) -> None:
-        """Pause, and show the configuration of a time of the motion, in [s]."""
+        """Pause, and show the configuration at a time of the motion, in [s]."""
         self.pause()
         self._time = time
         part = at_speed(cut(self.trajectory, time, time), 1.0, time)
         begin_ns = self._play(part)
-        if not self._is_there:
+        if not self._has_begun:
             self._begin_ns = begin_ns
 
     def toggle(self) -> None:
-        """Pause, or go on."""
+        """Pause or resume."""
         if self.is_running:
             self.pause()
         else:
             self.start()
 
     def restart_when_rested(self) -> None:
-        """Begin again some time after the end."""
+        """Start again some time after the end."""
         now = time.monotonic()
         self._ended = self._ended or now
         if now >= self._ended + REST:
@@ -275,10 +274,10 @@ class Session:
             self.start(self.begin)
 
     def _play(self, part: Trajectory) -> int:
-        """Let the robot play a part; return when it begins, in [ns]."""
-        lead_in = 0.0 if self._is_there else self._lead_in
+        """Play a part of the motion; return its start in [ns]."""
+        lead_in = 0.0 if self._has_begun else self._lead_in
         start_ns, message = self._robot.motions.play(later(part, lead_in))
-        if message != self._told:
-            self._told = message
+        if message != self._reported:
+            self._reported = message
             self._notify(f"{message}.")
         return start_ns + round(1e9 * lead_in)

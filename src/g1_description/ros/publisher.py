@@ -1,14 +1,12 @@
-"""A publisher that writes to its subscribers at once, and waits for none of them.
+"""A publisher that sends from the caller's thread and never waits for a subscriber.
 
-rospy's queue has a thread for each subscriber; waking them costs several times as much
-as the sending, and they wait for the interpreter while it computes. Without a queue
-rospy sends from the caller's thread, but then a subscriber that does not read stops
-the caller. Here each subscriber gets a message at once where its socket has room, and
-the newest few messages wait for those that have none.
+rospy's queue has a thread per subscriber; waking it costs several times as much as the
+sending. Without a queue rospy sends from the caller's thread, but a subscriber that
+does not read blocks it. Here a message is sent at once if the socket has room;
+otherwise the newest few are queued.
 
-Room is what the system reports, some hundred kilobytes: a message of megabytes to a
-slow reader still blocks the caller, for half a second at most. This works with the
-subscribers' sockets, which rospy does not give away: see subscribers.py.
+A message of megabytes to a slow reader still blocks, for half a second at most.
+rospy does not expose the subscribers' sockets: ``Subscribers`` finds them.
 """
 
 from __future__ import annotations
@@ -34,19 +32,19 @@ from g1_description.ros.master import SLAVE_API_ERRORS, slave_api
 from g1_description.ros.tcpros import HANDSHAKE
 
 SEND_TIMEOUT = struct.pack("ll", 0, 500_000)
-"""Longest time a subscriber may leave a message half read, as a struct timeval: 0.5 s.
-After that rospy drops it."""
+"""Longest time to send one message, as a struct timeval: 0.5 s. After that rospy drops
+the subscriber."""
 
 REFRESH_PERIOD = 0.5
 """Shortest time between two calls of getBusInfo, in [s]."""
 
 PATIENCE = 10.0
-"""Longest time in [s] that a connection is known before rospy tells the listener of it.
-On a busy machine the thread of its handshake may wait for seconds for its turn."""
+"""Longest time in [s] from a connection to rospy's callback ``peer_subscribe``. On a
+busy machine the thread of the handshake may wait for seconds."""
 
 MAX_CALLS = 5
-"""Number of times a node whose connection was closed is called again. A node that has
-not noticed the end of a connection ignores the call."""
+"""Number of times a node whose connection was closed is notified again: it ignores the
+notification until it has noticed the closing."""
 
 _SOCKET = re.compile(r"on socket (\d+)")
 _OTHER, _DIRECTION, _TOPIC, _INFO = 1, 2, 4, 6  # where they are in a row of getBusInfo
@@ -57,22 +55,22 @@ class Peer:
     """One subscriber."""
 
     send: Callable
-    """Publishes one message to it."""
+    """Sends it one message."""
 
     descriptor: int
     """Its socket."""
 
     waiting: deque
-    """Messages that its socket had no room for."""
+    """Queued messages, for which the socket had no room."""
 
     is_own: bool
-    """Whether it is this node itself."""
+    """Whether it belongs to this node."""
 
     is_stuck: bool = False
-    """Whether it was waited for without success, and has read nothing since."""
+    """Whether a wait for it timed out, and it has read nothing since."""
 
     def send_waiting(self) -> None:
-        """Send the messages that wait, as far as there is room."""
+        """Send queued messages while there is room."""
         room = select.poll()
         room.register(self.descriptor, select.POLLOUT)
         while self.waiting and room.poll(0):
@@ -81,7 +79,7 @@ class Peer:
 
 
 class Subscribers(rospy.SubscribeListener):
-    """Advertises a topic and keeps a list of those who subscribe to it."""
+    """Advertises a topic and lists its subscribers with their sockets."""
 
     def __init__(
         self,
@@ -96,19 +94,19 @@ class Subscribers(rospy.SubscribeListener):
         Args:
             name: The topic.
             kind: Class of its messages.
-            queue_size: Number of messages that wait for a slow subscriber.
-            greet: Called with a subscriber, under the lock, before it is on the list.
+            queue_size: Number of messages queued for a slow subscriber.
+            greet: Called with a new subscriber, under the lock, before it is listed.
             on_newcomer: Called after that, in the thread of the handshake.
         """
         self.name = rospy.resolve_name(name)
         self.lock = threading.Lock()
-        """Held while messages are sent, so that a newcomer gets each message once."""
+        """Locked while messages are sent, so that a new one gets each message once."""
         self.peers: dict[int, Peer] = {}
-        """Subscribers by the numbers of their connections; replaced, never changed."""
+        """Subscribers by connection number; replaced, never mutated."""
         self.poll = select.poll()
         """Watches the sockets of all peers."""
         self.n_known = 0
-        """Number of connections that need no attention."""
+        """Number of connections that are listed or given up."""
         self._queue_size = queue_size
         self._greet, self._on_newcomer = greet, on_newcomer
         self._changing = threading.RLock()
@@ -117,10 +115,10 @@ class Subscribers(rospy.SubscribeListener):
         self._dismissed: dict[int, int] = {}
         self._refreshed = 0.0
         with warnings.catch_warnings():
-            # rospy warns of a publisher that has no queue.
+            # rospy warns of a publisher without a queue.
             warnings.simplefilter("ignore", SyntaxWarning)
             self.publisher = rospy.Publisher(name, kind, subscriber_listener=self)
-        # rospy takes up subscribers before it knows the listener.
+        # rospy may have accepted subscribers before it knew this listener.
         self._update()
         self._turn_away({*self._strangers})
 
@@ -129,7 +127,7 @@ class Subscribers(rospy.SubscribeListener):
         descriptor = getattr(HANDSHAKE, "descriptor", None)
         with self._changing:
             self._update()
-            # Without threads of their own, handshakes come one after the other.
+            # Without serve_as_roscpp handshakes are sequential.
             fitting = [
                 number
                 for number in sorted(self._strangers)
@@ -137,12 +135,12 @@ class Subscribers(rospy.SubscribeListener):
             ]
             if fitting:
                 del self._strangers[fitting[-1]]
-                with contextlib.suppress(OSError):  # it is gone again
+                with contextlib.suppress(OSError):  # it has disconnected
                     self._add(fitting[-1], partial(self._publish, peer_publish))
         self._on_newcomer()
 
     def _publish(self, peer_publish: Callable, message) -> None:
-        """Publish to one subscriber while no other publisher of the topic does."""
+        """Send to one subscriber, under rospy's lock of the topic."""
         shared = self.publisher.impl
         shared.acquire()
         try:
@@ -151,11 +149,11 @@ class Subscribers(rospy.SubscribeListener):
             shared.release()
 
     def peer_unsubscribe(self, topic_name, num_peers) -> None:
-        """Make the next refresh due; rospy calls this and does not say who left."""
+        """Make the next refresh due; rospy does not pass the connection."""
         self._refreshed = 0.0
 
     def refresh(self) -> None:
-        """Remove those who left; turn away those who were not added for a while."""
+        """Prune closed connections; disconnect those that were never listed."""
         now = time.monotonic()
         if now - self._refreshed < REFRESH_PERIOD:
             return
@@ -174,7 +172,9 @@ class Subscribers(rospy.SubscribeListener):
             self._connections = _connections_of(self.name)
         except SLAVE_API_ERRORS as error:
             if not rospy.core.is_shutdown_requested():
-                rospy.logwarn_once("This node cannot reach itself: %s", error)
+                rospy.logwarn_once(
+                    "This node cannot reach its own slave API: %s", error
+                )
             return
         here = set(self._connections)
         for number in set(self.peers) - here:
@@ -187,12 +187,12 @@ class Subscribers(rospy.SubscribeListener):
         self._count_known()
 
     def _count_known(self) -> None:
-        """Count the peers, and the connections that are given up."""
+        """Count listed and given up connections."""
         given_up = list(self._dismissed.values()).count(0)
         self.n_known = len(self.peers) + given_up
 
     def _add(self, number: int, send: Callable) -> None:
-        """Put a connection on the list of subscribers."""
+        """List a connection as a subscriber."""
         descriptor, is_own = self._connections[number]
         with _borrowed(descriptor) as sock:
             sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, SEND_TIMEOUT)
@@ -205,7 +205,7 @@ class Subscribers(rospy.SubscribeListener):
         self._count_known()
 
     def _turn_away(self, strangers: set[int]) -> None:
-        """Close connections, and let the master call their nodes again."""
+        """Close connections, and let the master notify their nodes again."""
         for number in strangers:
             descriptor, _ = self._connections[number]
             with contextlib.suppress(OSError), _borrowed(descriptor) as sock:
@@ -214,7 +214,7 @@ class Subscribers(rospy.SubscribeListener):
         if any(self._dismissed.values()):
             self._dismissed = {n: max(0, k - 1) for n, k in self._dismissed.items()}
             self._count_known()
-            # A master that cannot be reached may take a minute to say so.
+            # In a thread: a call of an unreachable master may take a minute.
             threading.Thread(target=self._call, daemon=True).start()
 
     def _call(self) -> None:
@@ -226,7 +226,7 @@ class Subscribers(rospy.SubscribeListener):
 
 
 def _connections_of(topic: str) -> dict[int, tuple[int, bool]]:
-    """Ask the node for the outgoing connections of a topic."""
+    """Return socket, and whether it is the node's own, of outgoing connections."""
     own = rospy.get_name()
     with slave_api() as node:
         rows = node.getBusInfo(own)[2]
@@ -240,7 +240,7 @@ def _connections_of(topic: str) -> dict[int, tuple[int, bool]]:
 
 @contextlib.contextmanager
 def _borrowed(descriptor: int) -> Iterator[socket.socket]:
-    """Open a socket by its number; it stays open, and as blocking as it was."""
+    """Open a socket by its descriptor; it stays open, and its blocking mode is kept."""
     blocking = os.get_blocking(descriptor)
     with socket.socket(fileno=os.dup(descriptor)) as sock:
         # With a default timeout, which rospy sets, Python has unblocked it.
@@ -248,16 +248,16 @@ def _borrowed(descriptor: int) -> Iterator[socket.socket]:
         yield sock
 
 
-OWN_SHARE = 10
+OWN_INTERVAL = 10
 """A node that subscribes to itself, as rospy does to /clock, gets every tenth message,
-and the last one when it flushes: it knows the time, and reading costs it time."""
+and the last one with a flush: reading costs processor time."""
 
 ROOM_TIMEOUT = 10
 """Longest wait for room in one round of ``wait_for_room``, in [ms]."""
 
 
 class DirectPublisher:
-    """Publishes from the caller's thread, and lets no subscriber stop it."""
+    """Publishes from the caller's thread; slow subscribers do not block it."""
 
     def __init__(
         self,
@@ -271,11 +271,11 @@ class DirectPublisher:
 
         Args:
             name: The topic.
-            kind: Class of its messages. rospy counts each subscriber's copy in
-                ``header.seq``; a class that counts itself has ``_has_header = False``.
-            queue_size: Number of messages that wait for a slow subscriber.
+            kind: Class of its messages. rospy sets ``header.seq`` unless a class has
+                ``_has_header = False``.
+            queue_size: Number of messages queued for a slow subscriber.
             latch: Whether a new subscriber gets the newest message.
-            on_newcomer: Called when a subscriber has come, in the thread of its
+            on_newcomer: Called after a subscriber has connected, in the thread of its
                 handshake.
         """
         self._latch, self._newest = latch, None
@@ -291,18 +291,11 @@ class DirectPublisher:
         return self._publisher.get_num_connections()
 
     def is_heard_by(self, node: str) -> bool:
-        """Return whether a node has connected.
-
-        Args:
-            node: Its full name.
-        """
+        """Return whether a node, given by its full name, has connected."""
         return self._publisher.impl.has_connection(node)
 
     def publish(self, message) -> None:
-        """Send a message to all subscribers that have room, keep it for the others.
-
-        While rospy closes the topics nothing is sent.
-        """
+        """Send a message to all subscribers with room, queue it for the others."""
         subscribers = self._subscribers
         if self._publisher.get_num_connections() != subscribers.n_known:
             subscribers.refresh()
@@ -319,11 +312,11 @@ class DirectPublisher:
                     raise
 
     def _send(self, message) -> None:
-        """Send a message to each subscriber, or keep it for it."""
+        """Send a message to each subscriber, or queue it."""
         self._count += 1
-        ready = dict(self._subscribers.poll.poll(0))  # by sockets; broken ones as well
+        ready = dict(self._subscribers.poll.poll(0))  # by socket; broken ones, too
         for peer in self._subscribers.peers.values():
-            is_skipped = peer.is_own and self._count % OWN_SHARE
+            is_skipped = peer.is_own and self._count % OWN_INTERVAL
             if peer.descriptor not in ready or is_skipped:
                 peer.waiting.append(message)
             elif peer.waiting:
@@ -338,12 +331,12 @@ class DirectPublisher:
             peer.send(self._newest)
 
     def forget(self) -> None:
-        """Send a new subscriber nothing until there is a new message."""
+        """Forget the latched message."""
         with self._subscribers.lock:
             self._newest = None
 
     def flush(self) -> None:
-        """Send the messages that wait to those who have room by now."""
+        """Send queued messages to the subscribers that have room now."""
         subscribers = self._subscribers
         if self._publisher.get_num_connections() != subscribers.n_known:
             subscribers.refresh()
@@ -355,11 +348,11 @@ class DirectPublisher:
                         peer.send_waiting()
 
     def wait_for_room(self, timeout: float) -> None:
-        """Wait until no message waits for any subscriber.
+        """Wait until no message is queued.
 
         Args:
-            timeout: Longest time in [s] in which a subscriber may read nothing. It is
-                not waited for again until it does.
+            timeout: Longest time in [s] without progress. A subscriber that has timed
+                out is not waited for until it reads again.
         """
         end = time.monotonic() + timeout
         while True:

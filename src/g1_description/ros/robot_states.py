@@ -1,7 +1,7 @@
 """The newest state of a robot: joints and base of one time.
 
 A bridge publishes both in one message, ``robot_state``. Without a bridge, as with a bag
-or a real robot, they are put together of ``joint_states`` and TF.
+or a real robot, they are joined from ``joint_states`` and TF.
 """
 
 from __future__ import annotations
@@ -34,25 +34,25 @@ from g1_description.ros.log import ThrottledLog
 from g1_description.ros.waiting import BUFFER
 
 PAUSE = 5e-4
-"""Messages with longer than this between them, in [s], did not come together."""
+"""Time between two messages, in [s], above which they are separate batches."""
 
 _ends = threading.local()
-"""When a connection's thread was last done with a message, for all who take it: two
-that gather the same messages leave their connection alone once."""
+"""Per thread of a connection: end of the last callback. Subscribers to one topic share
+the connection, which then pauses only once."""
 
 
 def gathered(act: Callable, period: float) -> Callable:
-    """Let messages gather while nobody needs them.
+    """Read messages in batches.
 
-    To wait for a message costs more than to take it, so after one that was waited for
-    its connection is left alone for a while; the system keeps what comes meanwhile.
+    Waking up for a message costs more than handling it. So after a message that was
+    waited for the connection pauses; the system buffers messages meanwhile.
 
     Args:
-        act: Takes a message.
-        period: How long the connection is left alone, in [s].
+        act: The callback.
+        period: Duration of a pause, in [s].
 
     Returns:
-        Does the same, and returns late.
+        A callback that calls ``act`` and then pauses.
     """
 
     def take(message) -> None:
@@ -66,24 +66,24 @@ def gathered(act: Callable, period: float) -> Callable:
 
 
 MAX_STATES = 300
-"""Joint states that wait for the base of their time: 0.3 s at 1000 Hz."""
+"""Joint states that are kept until the base of their time is known: 0.3 s at 1 kHz."""
 
 MAX_BASE_AGE = 1_000_000_000
-"""A base that is older than the joints by more than this is unknown, in [ns]."""
+"""Age of a base relative to the joints above which it is unknown, in [ns]."""
 
 RESET = 100_000_000
-"""Time that went back by more than this began again, in [ns]."""
+"""Step back of time above which it is a reset, in [ns]."""
 
 _STAMP = struct.Struct("<II")
 _STAMP_AT = 4
-"""Where a message with a header has its stamp."""
+"""Offset of the stamp in a message with a header, in bytes."""
 
 
 class RobotStates:
-    """The newest state of one robot, from its bridge where there is one.
+    """The newest state of one robot, from its bridge if there is one.
 
-    Subscribes: robot_state (g1_description/RobotState); those of ``JoinedStates`` while
-        nobody publishes that.
+    Subscribes: robot_state (g1_description/RobotState); without a publisher, the topics
+        of ``JoinedStates``.
     """
 
     def __init__(
@@ -98,15 +98,16 @@ class RobotStates:
         """Subscribe.
 
         Args:
-            map_frame: Frame whose floor the robot stands on.
-            base_frame: Frame of the robot's base; the map where that is the world.
-            period: How long messages may gather before they are read, in [s].
-            log: Where to log messages that cannot be read.
-            joint_states: Topic of the joint states; ``robot_state`` is next to it.
-            changed: What is set when a state has come; by default one of its own.
+            map_frame: Frame of the floor.
+            base_frame: Frame of the robot's base; the map if that is the world.
+            period: Longest delay before messages are read, in [s].
+            log: Where to log malformed messages.
+            joint_states: Topic of the joint states; ``robot_state`` is in the same
+                namespace.
+            changed: Event to set when a state has arrived; by default a new one.
         """
         self.changed = changed or threading.Event()
-        """Set when a state has come; cleared by the reader."""
+        """Set when a state has arrived; cleared by the reader."""
         self.began_again = threading.Event()
         """Set when time went back; cleared by the reader."""
         self._map, self._base_frame, self._log = map_frame, base_frame, log
@@ -122,7 +123,7 @@ class RobotStates:
             self.changed,
             self.began_again,
         )
-        # Next to joint_states, also where those are remapped.
+        # In the namespace of joint_states, also if those are remapped.
         namespace = posixpath.dirname(rospy.resolve_name(joint_states))
         self._subscriber = _subscribe(
             posixpath.join(namespace, "robot_state"),
@@ -140,7 +141,7 @@ class RobotStates:
 
     @property
     def is_published(self) -> bool:
-        """Whether anybody publishes the robot's state."""
+        """Whether the robot's state has a publisher."""
         joined = self._joined
         return bool(
             self._subscriber.get_num_connections()
@@ -149,7 +150,7 @@ class RobotStates:
 
     @property
     def stamp(self) -> int:
-        """Time of the newest state that has come, in [ns]; 0 before the first."""
+        """Time of the newest state, in [ns]; 0 before the first."""
         joined = self._joined
         return self._stamp if joined is None else joined.stamp
 
@@ -165,13 +166,13 @@ class RobotStates:
         self.changed.set()
 
     def newest(self) -> RobotState | None:
-        """Return the newest state; None where there is none that is new.
+        """Return the newest state; None if it was returned before.
 
         To be called several times a second, also when nothing has changed, and by one
         thread at a time.
 
         Raises:
-            InvalidValueError: If names and numbers of it are not as many.
+            InvalidValueError: If the lengths of its fields differ.
         """
         with self._lock:
             data, self._newest = self._newest, None
@@ -192,7 +193,7 @@ class RobotStates:
         try:
             message.deserialize(data)
         except genpy.DeserializationError as error:
-            self._log.warn("state", f"A message is not a robot state: {error}.")
+            self._log.warn("state", f"Malformed message on robot_state: {error}.")
             return None
         if message.header.frame_id != self._map:
             return None
@@ -204,16 +205,15 @@ class RobotStates:
     def no_base(self) -> str:
         """Why a state has no base."""
         return (
-            f"neither robot_state nor TF says where {self._base_frame} is in "
+            f"neither robot_state nor TF has the pose of {self._base_frame} in "
             f"{self._map}"
         )
 
 
 class JoinedStates:
-    """States of joint states and of the edges of TF between the map and the robot.
+    """States joined from joint states and TF between the map and the robot.
 
-    For a bag or a real robot. Joint states are kept as they came: only those that are
-    read are decoded.
+    For a bag or a real robot. Only joint states that are read are decoded.
 
     Subscribes: joint_states (sensor_msgs/JointState), /tf, /tf_static
         (tf2_msgs/TFMessage)
@@ -236,7 +236,7 @@ class JoinedStates:
         self._states: deque[tuple[int, bytes]] = deque(maxlen=MAX_STATES)
         """Stamps in [ns] and messages."""
         self._taken: tuple[object, bool] | None = None
-        """The last one that was returned, and whether it had a base."""
+        """The last returned one, and whether it had a base."""
         self._parents: dict[str, str] = {}
         self._newest: dict[str, int] = {}
         self._times: deque[int] = deque(maxlen=MAX_STATES)
@@ -263,7 +263,7 @@ class JoinedStates:
 
     @property
     def is_published(self) -> bool:
-        """Whether anybody publishes joint states."""
+        """Whether joint_states has a publisher."""
         return self._joint_states.get_num_connections() > 0
 
     def _on_joint_states(self, data: bytes) -> None:
@@ -276,7 +276,7 @@ class JoinedStates:
         self._changed.set()
 
     def _begin_again(self) -> None:
-        """Forget all that moves: time went back."""
+        """Forget all but static transforms: time went back."""
         self._states.clear()
         self._tf.clear()
         self._newest.clear()
@@ -285,7 +285,7 @@ class JoinedStates:
         self._began_again.set()
 
     def _on_tf(self, message: TFMessage) -> None:
-        """Keep edges between the map and the robot."""
+        """Keep transforms between the map and the robot."""
         with self._lock:
             self._learn_parents(message)
             above = self._above()
@@ -301,7 +301,7 @@ class JoinedStates:
             self._changed.set()
 
     def _on_static_tf(self, message: TFMessage) -> None:
-        """Keep edges that do not move."""
+        """Keep static transforms."""
         with self._lock:
             self._learn_parents(message)
             for edge in message.transforms:
@@ -309,12 +309,12 @@ class JoinedStates:
         self._changed.set()
 
     def _learn_parents(self, message: TFMessage) -> None:
-        """Learn which frame is above which."""
+        """Record the parents of frames."""
         for edge in message.transforms:
             self._parents[edge.child_frame_id] = edge.header.frame_id
 
     def _above(self) -> list[str]:
-        """Name the frames from the robot's base up to below the map."""
+        """List the frames from the robot's base up to below the map."""
         names = [self._base_frame]
         while self._parents.get(names[-1]) not in (None, self._map, *names):
             names.append(self._parents[names[-1]])
@@ -330,12 +330,11 @@ class JoinedStates:
         """Find the newest joint states whose base is known, too.
 
         Returns:
-            They, without a base where TF does not know one; None where there is nothing
-            that was not returned before.
+            The state, without a base if TF has none; None if it was returned before.
 
         Raises:
-            InvalidValueError: If names and numbers of the joints are not as many, or a
-                name comes twice.
+            InvalidValueError: If the lengths of the fields differ, or a name is
+                repeated.
         """
         with self._lock:
             found = self._pair()
@@ -351,14 +350,14 @@ class JoinedStates:
         try:
             message.deserialize(data)
         except genpy.DeserializationError as error:
-            self._log.warn("joints", f"A message is not joint states: {error}.")
+            self._log.warn("joints", f"Malformed message on joint_states: {error}.")
             return None
         if len(message.velocity) != len(message.name):
             message.velocity = []  # positions alone will do
         return RobotState(stamp, *joint_states_to_arrays(message), base)
 
     def _pair(self) -> tuple[tuple[int, bytes], np.ndarray | None] | None:
-        """Choose joint states, and the base of their time."""
+        """Choose joint states, and look up their base."""
         if not self._states:
             return None
         newest = self._states[-1]
@@ -366,7 +365,7 @@ class JoinedStates:
             time = self._tf.get_latest_common_time(
                 self._map, self._base_frame
             ).to_nsec()
-            if time == 0:  # nothing moves between map and robot
+            if time == 0:  # all transforms are static
                 return newest, self._base(0)
             if newest[0] - time > MAX_BASE_AGE:
                 return newest, None
@@ -378,8 +377,8 @@ class JoinedStates:
     def _chosen(self, time: int) -> tuple[int, bytes] | None:
         """Choose the newest joint states up to a time in [ns].
 
-        Between two bases is a place where a robot that jumps has never been, so the
-        newest ones are taken that have the stamp of a base, if there are any.
+        Those with the stamp of a base are preferred: TF would interpolate between two
+        bases, where a robot that jumps has never been.
         """
         times, newest = set(self._times), None
         for state in reversed(self._states):
@@ -402,7 +401,7 @@ class JoinedStates:
 def _subscribe(
     topic: str, act: Callable[[bytes], None], queue_size: int | None
 ) -> rospy.Subscriber:
-    """Take the bytes of a topic."""
+    """Subscribe to the bytes of a topic."""
     return rospy.Subscriber(
         topic,
         rospy.AnyMsg,
@@ -414,6 +413,6 @@ def _subscribe(
 
 
 def _nanoseconds(data: bytes, place: int) -> int:
-    """Read a time in [ns]."""
+    """Unpack a time in [ns]."""
     seconds, nanoseconds = _STAMP.unpack_from(data, place)
     return seconds * 1_000_000_000 + nanoseconds

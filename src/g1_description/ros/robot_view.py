@@ -1,4 +1,4 @@
-"""A robot as any other node sees it: its description, its state, and its motions."""
+"""A running robot as seen by other nodes: its description, state and motions."""
 
 from __future__ import annotations
 
@@ -26,18 +26,17 @@ MAP = "map"
 DESCRIPTION = "robot_description"
 
 DESCRIPTION_TIMEOUT = 10.0
-"""Longest wait for a description, in [s]: it may be launched at the same time."""
+"""Longest wait for a description, in [s]: the launch may have just started."""
 
 PERIOD = 0.01
-"""How long messages may gather before they are read, in [s]."""
+"""Longest delay before messages are read, in [s]."""
 
 QUIET = 2.0
-"""Time without states, or without newer stamps, after which a wait reports it, in
-[s]."""
+"""Time without states or newer stamps after which a wait reports it, in [s]."""
 
 GONE = 5.0
-"""Time without a publisher of its state after which a robot is given up, in [s]: a
-bridge that failed is started again."""
+"""Time without a publisher after which a robot is gone, in [s]: roslaunch respawns a
+bridge."""
 
 STANDS_STILL = "simulated time stands still"
 
@@ -54,12 +53,12 @@ class RobotView:
         """Read the description and subscribe.
 
         Args:
-            namespace: Of the robot's topics, without slashes around; empty: the
-                node's. The bridge prefixes the robot's frames with it.
-            notify: Takes messages about what is waited for.
+            namespace: Namespace of the robot's topics, without outer slashes; empty:
+                the node's. It is also the prefix of the robot's frames.
+            notify: Called with messages about the reason of a wait.
 
         Raises:
-            DescriptionError: If there is no description, or it is not one.
+            DescriptionError: If there is no description, or it is invalid.
             NoAnswerError: If there is no master.
             ROSInterruptException: If the node is shut down.
         """
@@ -74,20 +73,19 @@ class RobotView:
             raise NoAnswerError(f"The master is gone: {error}.") from error
         service = rospy.ServiceProxy(f"{self._prefix}play_motion", PlayMotion)
         self.motions = MotionClient(service)
-        """What lets it go through motions."""
         self._joints = {joint.name for joint in self.description.movable_joints}
         self._notify = notify
         self._state: RobotState | None = None
         self._positions: dict[str, float] = {}
         self._heard = self._advanced = 0.0
-        """When the last state, and the last with a new stamp, came: monotonic."""
+        """Arrival of the last state, and of the last with a new stamp: monotonic."""
         self._stamp = 0
         self._reported = self._refused = ""
         self._alone: float | None = None
-        """Since when nobody publishes its state, on the monotonic clock."""
+        """When its state was first found unpublished, on the monotonic clock."""
 
     def _poll(self) -> None:
-        """Take the newest state, if there is one."""
+        """Read the newest state, if there is one."""
         try:
             state = self._states.newest()
         except InvalidValueError as error:
@@ -106,7 +104,7 @@ class RobotView:
 
     @property
     def state(self) -> RobotState | None:
-        """The newest state; None: there is none yet."""
+        """The newest state; None before the first."""
         self._poll()
         return self._state
 
@@ -118,7 +116,7 @@ class RobotView:
 
     @property
     def positions(self) -> dict[str, float]:
-        """Last finite positions in [rad] or [m] of the movable joints heard of."""
+        """Last finite positions in [rad] or [m] of the movable joints, by name."""
         self._poll()
         return self._positions.copy()
 
@@ -135,11 +133,11 @@ class RobotView:
         return self._states.no_base
 
     def away(self, goal: Mapping[str, float], tolerance: float) -> list[str]:
-        """List the joints that were last not at a goal, and where they were.
+        """Describe the joints that are not at a goal.
 
         Args:
             goal: Positions in [rad] or [m] by joint name.
-            tolerance: Largest distance that does not count, in [rad] or [m].
+            tolerance: Largest allowed deviation, in [rad] or [m].
         """
         state = self.state
         shown = state.positions_by_name if state else {}
@@ -152,15 +150,15 @@ class RobotView:
         ]
 
     def forget_newest(self) -> None:
-        """Count only states that come from now on."""
+        """Use only states that arrive from now on."""
         self._poll()
         self._state = None
 
     def wait_until(self, condition: Callable, timeout: float | None):
-        """Wait until a condition on the states holds; report what delays it.
+        """Wait until a condition on the states holds; report obstacles.
 
         Returns:
-            What the condition returned last.
+            The last result of the condition.
 
         Raises:
             ROSInterruptException: If the node is shut down.
@@ -176,16 +174,16 @@ class RobotView:
         return wait_until(holds, timeout)
 
     def _report(self, obstacle: str) -> None:
-        """Report what keeps a wait from ending, once."""
+        """Report an obstacle, once."""
         if obstacle not in ("", self._reported):
             self._notify(f"waiting: {obstacle}")
         self._reported = obstacle or self._reported
 
     def look_after_time(self) -> None:
-        """Report what keeps its time from going on; to be called again and again.
+        """Report why its time stands still, if it does; to be called periodically.
 
         Raises:
-            NoAnswerError: If nobody publishes its state any more.
+            NoAnswerError: If its state is no longer published.
         """
         obstacle = self.obstacle()
         self._report(obstacle)
@@ -197,14 +195,14 @@ class RobotView:
         self._alone = self._alone or now
         if now > self._alone + GONE:
             raise NoAnswerError(
-                f"Nobody publishes {self.topic} any more; the bridge is gone."
+                f"{self.topic} has no publisher any more; has the bridge ended?"
             )
 
     def obstacle(self, begin: float = 0.0) -> str:
-        """Return what keeps a wait from ending; empty if nothing is known to.
+        """Return why a wait does not end; empty if no reason is known.
 
         Args:
-            begin: When the wait began, on the monotonic clock.
+            begin: Start of the wait, on the monotonic clock.
         """
         self._poll()
         if max(begin, self._heard) < time.monotonic() - QUIET:
@@ -220,11 +218,11 @@ class RobotView:
 
     @property
     def silence(self) -> str:
-        """A message that there are no states, and why that may be."""
+        """A message that there are no states, with a possible cause."""
         if self._heard:
             last = 1e-9 * self._stamp
-            return f"nothing comes on {self.topic} after {last:g} s; is time paused?"
-        return f"nothing comes on {self.topic}; does a simulator run, and does time?"
+            return f"no messages on {self.topic} after {last:g} s; is time paused?"
+        return f"no messages on {self.topic}; is a simulator running and unpaused?"
 
     def close(self) -> None:
         """Unsubscribe."""
@@ -235,11 +233,11 @@ def wait_for_description(namespace: str, notify: Callable[[str], None]) -> Descr
     """Wait until a robot is on the parameter server, and parse it.
 
     Args:
-        namespace: Of the robot's topics, without slashes around.
-        notify: Takes messages about what is waited for.
+        namespace: Namespace of the robot's topics, without outer slashes.
+        notify: Called with messages about the reason of the wait.
 
     Raises:
-        DescriptionError: If there is no description, or it is not one.
+        DescriptionError: If there is no description, or it is invalid.
         ROSInterruptException: If the node is shut down.
     """
     place = f"parameter {DESCRIPTION} in /{namespace} or above it"
@@ -250,5 +248,5 @@ def wait_for_description(namespace: str, notify: Callable[[str], None]) -> Descr
         DESCRIPTION_TIMEOUT,
     )
     if not parameter:
-        raise DescriptionError(f"There is no {place}; is the robot launched?")
+        raise DescriptionError(f"No {place}; is the robot launched?")
     return parse_urdf(str(rospy.get_param(parameter)))

@@ -1,15 +1,14 @@
 """Changes to rospy's TCP server that make it behave like roscpp's.
 
-rospy shakes hands with one client after the other, so a client that connects and says
-nothing blocks all that follow. Here each handshake has a thread of its own and a few
-seconds. roscpp also sends the types of a service's request and response in its
-handshake; rospy does not.
+rospy's handshakes are sequential, so a client that connects and sends nothing blocks
+all others. Here each handshake has its own thread and a timeout. As in roscpp, it also
+has the types of a service's request and response.
 
 A client with a malformed request is disconnected; rospy would let it wait for ever.
-Many clients may connect at the same time; rospy lets five wait for their turn.
+The backlog of the socket is larger than rospy's five.
 
-rospy has no option for any of this, so four private functions of its classes are
-replaced, for the process of the node that calls ``serve_as_roscpp``.
+rospy has no options for these, so four private functions of its classes are replaced in
+the process that calls ``serve_as_roscpp``.
 """
 
 from __future__ import annotations
@@ -28,15 +27,14 @@ HANDSHAKE_TIMEOUT = 5
 """Longest time of a client's handshake in [s]."""
 
 MAX_WAITING_CLIENTS = 1024
-"""Number of clients that may wait for their turn, far more than a robot's nodes."""
+"""Backlog of the server's socket."""
 
 MAX_HEADER_SIZE = 65536
-"""Longest handshake header in bytes. It holds a few names and a message definition;
-its length is the client's word, and as many bytes are waited for."""
+"""Longest handshake header in bytes: a few names and a message definition."""
 
 HANDSHAKE = threading.local()
-"""In the thread of a handshake: the number of its socket, as ``descriptor``. It tells
-``subscribers`` which socket a new subscriber has."""
+"""In the thread of a handshake: the ``descriptor`` of its socket, which ``publisher``
+needs."""
 
 _LENGTH = struct.Struct("<I")
 
@@ -86,7 +84,7 @@ def _header_has_come(sock: socket.socket) -> bool:
     """Wait until a whole handshake header can be read, and leave it unread."""
     with contextlib.suppress(OSError):
         # With a default timeout, which rospy sets, Python has unblocked the socket: the
-        # first piece of a header would be taken for all of it.
+        # first part of a header would be taken for all of it.
         sock.setblocking(True)
         _set_timeout(sock, HANDSHAKE_TIMEOUT)
         length = sock.recv(_LENGTH.size, socket.MSG_PEEK | socket.MSG_WAITALL)
@@ -102,9 +100,9 @@ def _header_has_come(sock: socket.socket) -> bool:
 
 
 def _set_timeout(sock: socket.socket, seconds: int) -> None:
-    """Set how long the system lets a read wait; 0: for ever.
+    """Set the system's timeout of reads; 0: none.
 
-    Not Python's own timeout: rospy's threads share the socket and would inherit it.
+    Not Python's timeout, which rospy's threads would inherit with the socket.
     """
     wait = struct.pack("ll", seconds, 0)
     sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, wait)

@@ -37,14 +37,14 @@ def wait_until(
     """Wait until a condition holds.
 
     Args:
-        condition: Returns something true when it holds.
+        condition: Returns a true value when it holds.
         timeout: Longest wait in [s]; None: no limit.
-        changed: Held while the condition is evaluated; notifying it evaluates the
-            condition at once.
+        changed: Locked while the condition is evaluated; a notification evaluates
+            the condition at once.
         period: Longest time between two evaluations, in [s].
 
     Returns:
-        What the condition returned last: something false after the timeout.
+        The last result of the condition; false after the timeout.
 
     Raises:
         ROSInterruptException: If the node is shut down.
@@ -64,10 +64,9 @@ def wait_until(
 BUFFER = 1 << 20
 """Bytes read from a socket at once.
 
-rospy reads at most a buffer full and keeps the newest messages of those it has read;
-what it has not read waits in the system's buffers, which hold several thousand joint
-states. With rospy's own buffer, of forty-five joint states, a reader that is slower
-than the sender falls behind by seconds.
+rospy drops old messages only within what one read returns; the rest stays in the
+system's buffers, which hold several thousand joint states. With rospy's default, of
+forty-five joint states, a slow reader falls behind by seconds.
 """
 
 NEWEST = {"queue_size": 1, "buff_size": BUFFER}

@@ -38,7 +38,7 @@ class LinkStatesArrays(NamedTuple):
 
 
 class LinkStatesEncoder:
-    """Write messages; the names are only written when they are another object."""
+    """Encodes messages; names are encoded again only if they are another object."""
 
     def __init__(self) -> None:
         self._names: tuple[str, ...] | None = None
@@ -47,16 +47,12 @@ class LinkStatesEncoder:
     def encode(
         self, names: tuple[str, ...], poses: np.ndarray, twists: np.ndarray
     ) -> bytes:
-        """Write one message.
+        """Encode one message.
 
         Args:
-            names: Scoped names; as long as they are the same object, they are not
-                written again.
+            names: Scoped names.
             poses: Poses in the world, shape (n, 7).
             twists: Twists along the world's axes, shape (n, 6).
-
-        Returns:
-            The message's bytes.
         """
         if names is not self._names:
             encoded = [name.encode("utf-8") for name in names]
@@ -69,7 +65,7 @@ class LinkStatesEncoder:
 
 
 class LinkStatesDecoder:
-    """Read messages; the names are only read when they change."""
+    """Decodes messages; names are decoded again only if they change."""
 
     def __init__(self) -> None:
         self._known: dict[bool, tuple[bytes, tuple[str, ...]]] = {}
@@ -77,13 +73,7 @@ class LinkStatesDecoder:
         names."""
 
     def decode(self, data: bytes) -> LinkStatesArrays:
-        """Read one LinkStates.
-
-        Args:
-            data: The message's bytes.
-
-        Returns:
-            Its names and numbers; the numbers are views into ``data``.
+        """Decode one LinkStates; its numbers are views into ``data``.
 
         Raises:
             WireFormatError: If the bytes are not one whole message.
@@ -94,13 +84,7 @@ class LinkStatesDecoder:
         return states
 
     def decode_stamped(self, data: bytes) -> tuple[int, LinkStatesArrays]:
-        """Read one WorldState; its wrenches are not wanted.
-
-        Args:
-            data: The message's bytes.
-
-        Returns:
-            Its stamp in [ns], and its names and numbers as ``decode`` gives them.
+        """Decode the stamp in [ns] and the links of one WorldState.
 
         Raises:
             WireFormatError: If the bytes are not one whole message.
@@ -133,14 +117,14 @@ class LinkStatesDecoder:
 
 
 def _read_count(data: bytes, offset: int) -> tuple[int, int]:
-    """Read a uint32; give it and where it ends."""
+    """Read a uint32; return it and its end."""
     if offset + _COUNT.size > len(data):
         raise WireFormatError(f"The message ends after {len(data)} bytes, in a count.")
     return _COUNT.unpack_from(data, offset)[0], offset + _COUNT.size
 
 
 def _read_string(data: bytes, offset: int) -> tuple[str, int]:
-    """Read a string; give it and where it ends."""
+    """Read a string; return it and its end."""
     length, offset = _read_count(data, offset)
     if offset + length > len(data):
         raise WireFormatError(
@@ -152,7 +136,7 @@ def _read_string(data: bytes, offset: int) -> tuple[str, int]:
 
 
 def _read_names(data: bytes, offset: int) -> tuple[tuple[str, ...], int]:
-    """Read the names; give them and where they end."""
+    """Read the names; return them and their end."""
     count, offset = _read_count(data, offset)
     names = []
     for _ in range(count):
@@ -162,22 +146,18 @@ def _read_names(data: bytes, offset: int) -> tuple[tuple[str, ...], int]:
 
 
 def _end_of_numbers(data: bytes, offset: int, width: int, n: int | None = None) -> int:
-    """Check the size of an array of rows of numbers, and find its end.
-
-    Args:
-        data: The message.
-        offset: Where the array begins, with the number of its rows.
-        width: Number of float64 in each row.
-        n: Number of names, if the array has a row for each.
+    """Return the end of an array of rows of ``width`` float64.
 
     Raises:
-        WireFormatError: If the rows are not as many as the names, or not all there.
+        WireFormatError: If it is incomplete, or does not have ``n`` rows.
     """
     if offset + _COUNT.size > len(data):
         raise WireFormatError(f"The message ends after {len(data)} bytes, in a count.")
     count = _COUNT.unpack_from(data, offset)[0]
     if n is not None and count != n:
-        raise WireFormatError(f"{n} names come with {count} rows of numbers.")
+        raise WireFormatError(
+            f"The message has {n} names, but {count} rows of numbers."
+        )
     start = offset + _COUNT.size
     end = start + count * width * _FLOAT.itemsize
     if end > len(data):
@@ -189,29 +169,28 @@ def _end_of_numbers(data: bytes, offset: int, width: int, n: int | None = None) 
 
 
 class Prepared:
-    """A message that writes itself, for ``DirectPublisher``."""
+    """A message with its own serialization, for ``DirectPublisher``."""
 
     _has_header = False  # rospy would put its own count and time into it
 
     def __init__(self, write: Callable[[BinaryIO], object]) -> None:
-        """Take what writes it, once for each subscriber."""
         self.serialize = write
 
 
 def ready(data: bytes) -> Prepared:
-    """Make a message of its bytes."""
+    """Make a message from its bytes."""
     return Prepared(lambda buff: buff.write(data))
 
 
 def write_robot_state(state: RobotState, frame: str, buff: BinaryIO) -> None:
-    """Write a robot's state whose poses are in a frame."""
+    """Serialize a robot's state with poses in a frame."""
     robot_state_to_message(state, frame).serialize(buff)
 
 
 class JointStateEncoder:
-    """Write JointState messages; the names are only written when they change.
+    """Encodes JointState messages; names are encoded again only if they change.
 
-    Effort is left empty because it is not known.
+    Effort is empty, as it is unknown.
     """
 
     def __init__(self) -> None:
@@ -219,10 +198,7 @@ class JointStateEncoder:
         self._seq = 0
 
     def encode(self, state: RobotState) -> Prepared:
-        """Write the joints of a state, whose velocities are known.
-
-        The same names as last time, as an object, cost nothing.
-        """
+        """Encode the joints of a state, which has velocities."""
         names = state.names
         if names is not self._names:
             encoded = [name.encode("utf-8") for name in names]

@@ -1,7 +1,6 @@
-"""The border between the world and an engine, which computes its physics.
+"""The interface of physics engines.
 
-Each engine lies in a folder of its own, with the library that it needs. Only this
-module knows which engines exist.
+Each engine is in its own folder; only this module knows which engines exist.
 """
 
 from __future__ import annotations
@@ -23,31 +22,31 @@ MAX_TIME_STEP = 10.0
 """Longest time step in [s]: the limit of Gazebo's dynamic_reconfigure."""
 
 GRAVITY = ("gravity_x", "gravity_y", "gravity_z")
-"""Names of gravity's numbers."""
+"""Names of the components of gravity."""
 
 MAX_EFFORT = 1e6
-"""Effort limit of a joint whose file gives none, or 0 as exporters do where they know
-none, in [N m] or [N]: PyBullet takes no infinity."""
+"""Effort limit of a joint without one, or with 0, which exporters write for an unknown
+one, in [N m] or [N]: PyBullet does not accept infinity."""
 
 _WHOLE_NUMBERS = ("sor_pgs_precon_iters", "sor_pgs_iters", "max_contacts")
 
 
 @dataclass(frozen=True)
 class PhysicsProperties:
-    """Numbers of the world and of Gazebo's engine, ODE, in Gazebo's words.
+    """Physics properties, by Gazebo's names.
 
-    Of ODE's numbers those take effect that PyBullet knows too: ``sor_pgs_iters``,
-    ``erp`` and ``cfm``. The others are kept and read back.
+    Of ODE's properties ``sor_pgs_iters``, ``erp`` and ``cfm`` take effect in PyBullet;
+    the others are stored and returned.
     """
 
     time_step: float = 0.001
     """Length of a physics step, in [s]."""
 
     max_update_rate: float = 1000.0
-    """Steps per second of wall time; 0: as fast as possible, in [Hz]."""
+    """Maximum rate of steps in wall time; 0: as fast as possible, in [Hz]."""
 
     gravity_x: float = 0.0
-    """Gravity, in [m/s^2]."""
+    """Gravity along the world's axes, in [m/s^2]."""
 
     gravity_y: float = 0.0
     gravity_z: float = -9.8
@@ -68,10 +67,10 @@ class PhysicsProperties:
     """Without effect."""
 
     cfm: float = 0.0
-    """Softness of constraints."""
+    """Constraint force mixing: softness of constraints."""
 
     erp: float = 0.2
-    """Share of a constraint error corrected per step."""
+    """Error reduction parameter: fraction of a constraint error corrected per step."""
 
     contact_surface_layer: float = 0.001
     """Without effect, in [m]."""
@@ -93,7 +92,7 @@ class PhysicsProperties:
             low, high = _RANGES.get(field.name, (0.0, MAX_VALUE))
             if not low <= value <= high:
                 raise InvalidValueError(
-                    f"{field.name} is {value}, it must be from {low:g} to {high:g}"
+                    f"{field.name} must be from {low:g} to {high:g} (got {value})"
                 )
 
     @property
@@ -108,7 +107,7 @@ class PhysicsProperties:
 
     @property
     def period(self) -> float:
-        """Wall time from one step to the next in [s]; 0: as short as can be."""
+        """Wall time from one step to the next in [s]; 0: as short as possible."""
         return 1.0 / self.max_update_rate if self.max_update_rate > 0.0 else 0.0
 
 
@@ -121,46 +120,45 @@ _RANGES = {
     "cfm": (0.0, 10.0),
     "erp": (0.0, 10.0),
 }
-"""Least and largest values; those of ODE's numbers are as wide as PyBullet allows."""
+"""Ranges; those of ODE's properties are as wide as PyBullet allows."""
 
 
 class Engine(ABC):
     """Moves the models of a world and finds their contacts.
 
-    It builds bodies from ``Model.assembly``, writes a model's state to them, and gives
-    the models new states by ``Model.set_measured_state``. In ``kinematic`` physics
-    nothing moves by itself, and bodies serve contacts only; in ``hold`` motors drive
-    all joints; in ``limp`` friction and damping alone act on them. Models without
-    links have no body.
+    It builds bodies from ``Model.assembly``, writes a model's state to them, and sets
+    new states by ``Model.set_measured_state``. In ``kinematic`` physics bodies are used
+    for contacts only; in ``hold`` motors drive all joints; in ``limp`` joints have only
+    friction and damping. Models without links have no body.
     """
 
     def __init__(self, physics: str, properties: PhysicsProperties) -> None:
         if physics not in PHYSICS:
             raise UnknownNameError(
-                f"There is no physics '{physics}'; there are {', '.join(PHYSICS)}."
+                f"Unknown physics '{physics}'; must be one of {', '.join(PHYSICS)}."
             )
         self.physics = physics
         self.properties = properties
 
     @property
     def is_dynamic(self) -> bool:
-        """Whether things move by themselves."""
+        """Whether the engine moves models."""
         return self.physics != "kinematic"
 
     @abstractmethod
     def close(self) -> None:
-        """Free the engine's memory."""
+        """Release the engine's resources."""
 
     @abstractmethod
     def set_properties(self, properties: PhysicsProperties) -> None:
-        """Compute with other numbers from now on."""
+        """Set the properties from the next step on."""
 
     @abstractmethod
     def add(self, model: Model) -> tuple[str, ...]:
-        """Build a model in its state, and note its thinned hulls in it.
+        """Build a model at its state, and set its ``hull_deviations``.
 
         Returns:
-            A message for each thing that was left out.
+            A message for each ignored part.
 
         Raises:
             DescriptionError: If that fails; nothing is changed.
@@ -172,7 +170,7 @@ class Engine(ABC):
 
     @abstractmethod
     def replace(self, model: Model) -> None:
-        """Build a model again, with the links that it has now.
+        """Build a model again, with its current links.
 
         Raises:
             DescriptionError: If that fails; the old one stays.
@@ -180,23 +178,23 @@ class Engine(ABC):
 
     @abstractmethod
     def rebuild(self, models: Iterable[Model]) -> None:
-        """Build all models again, so that nothing of the past has an influence."""
+        """Build all models again, independent of past states."""
 
     @abstractmethod
     def step(self) -> None:
-        """Compute one time step; the models keep their states until an update."""
+        """Compute one time step; ``update_models`` applies it to the models."""
 
     @abstractmethod
     def update_models(self) -> None:
-        """Give the models the states that the step has computed."""
+        """Set the models' states to those of the last step."""
 
     @abstractmethod
     def write(self, model: Model) -> None:
-        """Take over roots and joints of a model; motors keep their targets."""
+        """Write roots and joints of a model to the engine; motor targets stay."""
 
     @abstractmethod
     def write_joints(self, model: Model, rows: Iterable[int]) -> None:
-        """Take over some movable joints of a model; motors hold them there."""
+        """Write some movable joints of a model, also as motor targets."""
 
     @abstractmethod
     def follow(
@@ -211,8 +209,8 @@ class Engine(ABC):
         Args:
             model: The model.
             rows: Rows of its movable joints, shape (n,).
-            positions: In [rad] or [m], shape (n,).
-            velocities: In [rad/s] or [m/s], shape (n,).
+            positions: Target positions in [rad] or [m], shape (n,).
+            velocities: Target velocities in [rad/s] or [m/s], shape (n,).
         """
 
     @abstractmethod
@@ -246,21 +244,20 @@ class Engine(ABC):
 
     @abstractmethod
     def update_joint(self, model: Model, name: str) -> None:
-        """Take over the ``ode_joints`` of a movable joint, as far as they are known."""
+        """Apply the supported ``ode_joints`` of a movable joint."""
 
     @abstractmethod
     def update_gravity(self, model: Model) -> None:
-        """Take over which links of a model gravity pulls."""
+        """Apply which links of a model have gravity."""
 
     @abstractmethod
     def contacts(self) -> set[tuple[str, str]]:
         """Find the pairs of links that touch or overlap now.
 
-        Links of the same model do not collide, as in Gazebo; neither do things that are
-        fixed to the world.
+        As in Gazebo, links of one model do not collide, nor do fixed objects.
 
         Returns:
-            Pairs of ``model::link``, each pair once, in alphabetical order.
+            Sorted pairs of ``model::link``.
         """
 
 
@@ -271,9 +268,9 @@ def make_engine(
 
     Args:
         physics: One of ``PHYSICS``.
-        properties: The physics' numbers.
-        motors: Motors of the joints in ``hold`` physics; None: motors as strong as the
-            robots' files say.
+        properties: The physics properties.
+        motors: Motors of the joints in ``hold`` physics; None: with the effort limits
+            of the robots' files.
 
     Raises:
         UnknownNameError: If there is no such physics.

@@ -1,4 +1,4 @@
-"""Things in the world by name, as Gazebo finds them, and link poses set by a joint."""
+"""Entities of the world by name, as in Gazebo, and link poses set by a joint."""
 
 from __future__ import annotations
 
@@ -36,31 +36,31 @@ class Entity:
     """The outermost model."""
 
     name: str
-    """Its own name; of a collision, empty where the file gives none."""
+    """Its own name; empty for a collision without a name."""
 
     scoped: str
-    """Its name after those of all that hold it: model::link::collision."""
+    """Its full name with scopes: model::link::collision."""
 
     row: int = 0
-    """Of a link or a collision: the row of the link in the model."""
+    """Row of its link in the model, for a link or a collision."""
 
     shape: Shape | None = field(default=None, compare=False)
-    """Of a collision."""
+    """Shape of a collision."""
 
     @property
     def link(self) -> Link:
-        """The link in that row, as it is now."""
+        """The link in that row, in its current state."""
         return self.model.links[self.model.link_names[self.row]]
 
     @property
     def joint(self) -> Joint:
-        """The joint of that name, which may be a fixed one."""
+        """The joint of that name, possibly fixed."""
         joints = self.model.assembly.description.joints
         return next(joint for joint in joints if joint.name == self.name)
 
     @property
     def pose(self) -> np.ndarray:
-        """Pose in the world of a thing of ``FRAMES``, shape (7,)."""
+        """Pose in the world, for the kinds in ``FRAMES``, shape (7,)."""
         if self.kind == "model":
             return self.model.pose
         pose = self.model.poses[self.row]
@@ -68,10 +68,7 @@ class Entity:
 
     @property
     def twist(self) -> np.ndarray:
-        """Twist of its link's frame along the world's axes, shape (6,).
-
-        Of a model that of its canonical link.
-        """
+        """Twist of its link, or a model's canonical link, in world axes, shape (6,)."""
         if self.kind == "model":
             return self.model.twist
         return self.model.twists[self.row]
@@ -90,7 +87,7 @@ class StillFrame:
 
     @property
     def scoped(self) -> str:
-        """Its name; the world has no scope."""
+        """Its name, without a scope."""
         return self.name
 
 
@@ -117,11 +114,11 @@ def _entities_of(model: Model) -> Iterator[Entity]:
 
 
 class Entities:
-    """All things by name, found as in Gazebo; rebuilt when a model comes or goes.
+    """Index of all entities by name, rebuilt when a model is added or removed.
 
-    Gazebo walks its tree from the root, each thing before its parts, and takes
-    the first with the requested name or scoped name, ``model::link``. That one may be
-    of the wrong kind: a model hides a later link of its name.
+    Gazebo traverses its tree from the root, each entity before its parts, and takes the
+    first with the requested name or scoped name, ``model::link``. That may be of the
+    wrong kind: a model hides a later link of its name.
     """
 
     def __init__(self, models: Iterable[Model], lights: Iterable[Light]) -> None:
@@ -175,8 +172,8 @@ class Entities:
         """Find a reference frame: the world, or an entity that has a pose.
 
         Args:
-            name: Plain or scoped.
-            kinds: Kinds of entities that count.
+            name: Plain or scoped name.
+            kinds: Allowed kinds of entities.
 
         Raises:
             UnknownNameError: If there is none.
@@ -195,7 +192,7 @@ class Entities:
 
 
 def seen_from(frame: Frame, thing: Frame | Model) -> tuple[np.ndarray, np.ndarray]:
-    """Compute the pose and the twist of a thing relative to a frame.
+    """Compute the pose and the twist of an entity relative to a frame.
 
     Returns:
         Pose in the frame, shape (7,), and the difference of the two twists along
@@ -213,7 +210,7 @@ def in_world(
     """Turn a pose and a twist from a frame's axes to the world's.
 
     Args:
-        frame: The reference frame; its own twist does not count.
+        frame: The reference frame; its own twist is ignored.
         pose: Pose in the frame, shape (7,).
         twist: Along the frame's axes, shape (6,).
     """
@@ -223,7 +220,7 @@ def in_world(
 
 
 class PlacedLink(NamedTuple):
-    """How near a joint brought a link to its desired pose."""
+    """The remaining distance of a link placed by a joint from its desired pose."""
 
     joint: str
     """The joint that was set."""
@@ -236,10 +233,9 @@ class PlacedLink(NamedTuple):
 
 
 def joint_above(link: Entity) -> Joint | None:
-    """Find the joint between a link and its parent; None for one that moves its tree.
+    """Find the joint between a link and its parent; None for the root of a tree.
 
-    A link that is fixed to the world carries its tree as a root does, if it is the
-    first.
+    The first link that is fixed to the world counts as a root.
     """
     for joint in link.model.assembly.description.joints:
         if joint.child == link.name:
@@ -251,7 +247,7 @@ def joint_above(link: Entity) -> Joint | None:
 def place_link(
     link: Entity, joint: Joint, pose: np.ndarray, twist: np.ndarray
 ) -> PlacedLink:
-    """Set the joint above a link so that the link comes nearest to a pose.
+    """Set the joint above a link so that the link is nearest to a pose.
 
     A revolute joint takes the rotation about its axis from the orientation, a
     prismatic one the distance along its axis from the position. The links below move

@@ -13,7 +13,7 @@ from g1_description.sim.model import Model
 
 @dataclass(frozen=True)
 class Span:
-    """From when to when something acts, in [ns] of simulated time."""
+    """Start and end of a force, in [ns] of simulated time."""
 
     start: int
     end: int | None
@@ -24,11 +24,11 @@ class Span:
         return self.start < time_ns and (self.end is None or time_ns <= self.end)
 
     def is_over(self, time_ns: int) -> bool:
-        """Return whether it acts no more after a time."""
+        """Return whether it has ended at a time."""
         return self.end is not None and self.end <= time_ns
 
     def covers(self, other: Span, now: int) -> bool:
-        """Return whether another acts, from now on, only while this one does."""
+        """Return whether another span lies, from now on, within this one."""
         outlasts = self.end is None or (other.end is not None and other.end <= self.end)
         return outlasts and self.start <= max(other.start, now)
 
@@ -47,17 +47,16 @@ class ForceSchedule:
     def apply_wrench(
         self, link: Entity, span: Span, wrench: np.ndarray, now: int
     ) -> None:
-        """Schedule a wrench on a link. Of several on one link only the newest acts.
+        """Schedule a wrench on a link. Of several on one link the newest acts.
 
-        Gazebo sets a link's force again with each of its wrenches. Those that the new
-        one leaves no time for are removed.
+        As in Gazebo, where a wrench overwrites a link's force.
 
         Args:
             link: The link.
-            span: From when to when.
+            span: Start and end.
             wrench: Force at the center of mass in [N] and torque in [N m], along
                 the world's axes, shape (6,).
-            now: The time in [ns].
+            now: The current time in [ns].
         """
         if not self._is_dynamic:
             return
@@ -69,12 +68,12 @@ class ForceSchedule:
         self._wrenches.append((link, span, wrench))
 
     def apply_effort(self, joint: Entity, span: Span, effort: float) -> None:
-        """Schedule an effort of a joint, within its limit. Several of one add up.
+        """Schedule an effort of a joint, within its limit. Several efforts add up.
 
         Args:
-            joint: The joint; a fixed one takes no effort.
-            span: From when to when.
-            effort: In [N m] or [N].
+            joint: The joint; a fixed one is ignored.
+            span: Start and end.
+            effort: Effort in [N m] or [N].
         """
         if not self._is_dynamic or joint.model.joint_row(joint.name) is None:
             return

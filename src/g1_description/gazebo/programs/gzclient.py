@@ -1,4 +1,4 @@
-"""Gazebo's window on the simulator: RViz, where there is a screen."""
+"""Gazebo's window: opens RViz if there is a screen."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ NODE = "gazebo_gui"
 
 
 def parser() -> OneSentenceParser:
-    """Make a parser of gzclient's arguments; none means anything here."""
+    """Make a parser of gzclient's arguments, which are all ignored."""
     made = OneSentenceParser(
-        prog="gzclient", description="Open RViz where there is a screen."
+        prog="gzclient", description="Open RViz if there is a screen."
     )
     made.set_defaults(ignored=[])
     made.add_argument("--verbose", action="store_true", help="accepted")
@@ -28,7 +28,7 @@ def parser() -> OneSentenceParser:
 
 
 def rviz() -> list[str]:
-    """Give the command that opens RViz with the robot."""
+    """Return the command that opens RViz with the robot."""
     folder = rospkg.RosPack().get_path("g1_description")
     return ["rviz", "-d", os.path.join(folder, "rviz", "g1.rviz")]
 
@@ -41,22 +41,22 @@ def has_screen() -> bool:
 def open_beside() -> None:
     """Open the window next to this node, and close it with the node."""
     if not has_screen():
-        rospy.loginfo("There is no screen: no window opens.")
+        rospy.loginfo("No screen (DISPLAY is not set): RViz is not started.")
         return
     window = subprocess.Popen([*rviz(), f"__name:={NODE}"])
     at_shutdown(window.terminate)
 
 
 def main() -> None:
-    """Become RViz; where there is no screen, wait for the shutdown."""
+    """Become RViz; without a screen, wait for the shutdown."""
     ignored = parser().parse_args(own_arguments()).ignored
     if has_screen():
         remappings = [word for word in sys.argv[1:] if ":=" in word]
         try:
             os.execvp("rviz", [*rviz(), f"__name:={NODE}", *remappings])
         except OSError as error:
-            sys.exit(f"gzclient: rviz cannot be started: {error.strerror}.")
+            sys.exit(f"gzclient: cannot start rviz: {error.strerror}.")
     start_node(NODE)
-    note = f" Without meaning here: {', '.join(ignored)}." if ignored else ""
-    rospy.loginfo("There is no screen: no window opens.%s", note)
+    note = f" Ignored options: {', '.join(ignored)}." if ignored else ""
+    rospy.loginfo("No screen (DISPLAY is not set): RViz is not started.%s", note)
     rospy.spin()

@@ -19,19 +19,19 @@ PHYSICS = {
     **dict.fromkeys(("ode", "bullet", "dart", "simbody"), "limp"),
     **{name: name for name in ("kinematic", "hold", "limp")},
 }
-"""Physics by engine. Whichever engine Gazebo has, its robots have no motors."""
+"""Physics by engine: with all of Gazebo's engines robots have no motors."""
 
 EMPTY_WORLD = "worlds/empty.world"
-"""Name of the world that Gazebo brings, and we have without a file."""
+"""Name of Gazebo's default world, which needs no file here."""
 
-WITHOUT_MEANING = (
+IGNORED_FLAGS = (
     ("--lockstep",),
     ("-r", "--record"),
     ("--record_resources",),
     ("--minimal_comms",),
-    ("--headless",),  # said by our empty_world.launch
+    ("--headless",),  # passed by our empty_world.launch
 )
-WITHOUT_MEANING_WITH_VALUE = (
+IGNORED_OPTIONS = (
     ("-p", "--play"),
     ("--record_encoding",),
     ("--record_path",),
@@ -51,8 +51,8 @@ def parser() -> OneSentenceParser:
     """Make a parser of gzserver's arguments."""
     made = OneSentenceParser(
         prog="gzserver",
-        description="Run the stand-in for Gazebo. Arguments without help are those "
-        "of gzserver that mean nothing to it: they are named in the log.",
+        description="Run the simulator in place of Gazebo. Options of gzserver without "
+        "help are ignored, with a log message.",
     )
     made.set_defaults(ignored=[])
     made.add_argument("world", nargs="*", help="world file (SDF)")
@@ -64,11 +64,11 @@ def parser() -> OneSentenceParser:
         "--physics",
         choices=PHYSICS,
         default="ode",
-        help="Gazebo's engines are all limp: robots without motors",
+        help="all engines of Gazebo mean limp: robots without motors",
     )
-    for names in WITHOUT_MEANING:
+    for names in IGNORED_FLAGS:
         made.add_argument(*names, dest="ignored", action=Ignored, nargs=0)
-    for names in WITHOUT_MEANING_WITH_VALUE:
+    for names in IGNORED_OPTIONS:
         made.add_argument(*names, dest="ignored", action=Ignored, metavar="VALUE")
     return made
 
@@ -94,7 +94,7 @@ def find_world(name: str) -> str:
     """
     if not name:
         return ""
-    # Others have files of that name, too; Gazebo's own folder comes before them.
+    # Other packages have such a file, too; Gazebo's own folder has precedence.
     folders = () if name == EMPTY_WORLD else resource_folders()
     for folder in ["", *folders]:
         path = Path(folder, name)
@@ -103,20 +103,20 @@ def find_world(name: str) -> str:
     if name == EMPTY_WORLD:
         return ""
     raise argparse.ArgumentTypeError(
-        f"there is no world file {name} in {Path.cwd()} "
-        f"nor below {RESOURCE_PATH} ({os.environ.get(RESOURCE_PATH) or 'empty'}) "
-        "and the folders that packages export"
+        f"no world file {name} in {Path.cwd()}, "
+        f"below {RESOURCE_PATH} ({os.environ.get(RESOURCE_PATH) or 'empty'}) "
+        "or in the folders that packages export"
     )
 
 
 def parse(arguments: list[str]) -> tuple[dict, list[str]]:
-    """Read a command line; end the program when it is wrong.
+    """Read a command line; exit on an error.
 
     Args:
-        arguments: Those of gzserver, without ROS' remappings.
+        arguments: Arguments of gzserver, without ROS remappings.
 
     Returns:
-        Values of parameters, and the arguments without meaning here.
+        Values of parameters, and the ignored arguments.
     """
     reader = parser()
     args = reader.parse_intermixed_args(arguments)
@@ -135,18 +135,18 @@ def main(client: bool = False, debug: bool = False) -> None:
     """Run the node ``gazebo`` with gzserver's arguments.
 
     Args:
-        client: Whether to open a window too, where there is a screen.
+        client: Whether to open a window, too, if there is a screen.
         debug: Whether to log debug messages too.
     """
     given, ignored = parse(own_arguments())
-    # Only now: PyBullet takes its time and prints a line, also before a mere --help.
+    # Imported late: PyBullet is slow to load, and --help does not need it.
     from g1_description.gazebo.node import main as run
 
     def on_start():
         if debug:
             logging.getLogger("rosout").setLevel(logging.DEBUG)
         if ignored:
-            rospy.loginfo("Without meaning for the stand-in: %s.", ", ".join(ignored))
+            rospy.loginfo("Ignored gzserver options: %s.", ", ".join(ignored))
         if client:
             gzclient.open_beside()
 

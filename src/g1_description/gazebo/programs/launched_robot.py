@@ -1,8 +1,7 @@
-"""The command that a launch file loads the robot with.
+"""The command with which a launch file loads the robot.
 
-roslaunch runs it while it reads the file, before any node: so it checks the other
-arguments too, and that none of the file's nodes runs already. Files without a robot run
-it for these checks alone.
+roslaunch runs it before any node. So it also checks the other arguments, and that none
+of the file's nodes is running. Files without a robot run it for these checks alone.
 """
 
 from __future__ import annotations
@@ -37,12 +36,12 @@ from g1_description.robot.poses import ZERO, check_pose, find_pose, read_poses
 from g1_description.text import listed, similar_first
 
 SWITCHED = (("web", "web"), ("checker", "checks"))
-"""Nodes that a launch file starts if an argument is true, and the arguments."""
+"""Nodes that an argument of a launch file enables, and the arguments."""
 
 QUESTIONS = frozenset(
     ("--nodes", "--files", "--args", "--ros-args", "--dump-params", "--find-node")
 )
-"""Options of roslaunch with which it starts nothing."""
+"""Options with which roslaunch starts no nodes."""
 
 TIMEOUT = 2.0
 """Longest wait in [s] for an answer of the master, or of a node."""
@@ -52,19 +51,21 @@ def launched_robot(model: str | None, given: dict[str, str], nodes: list[str]) -
     """Read the robot, and check the other launch arguments.
 
     Args:
-        model: The model, as for ``read_model``; None: there is none.
+        model: The model, as for ``read_model``; None: no model.
         given: Other arguments of the launch file, by name.
-        nodes: Nodes of the launch file that must not run yet.
+        nodes: Nodes of the launch file, which must not be running.
 
     Returns:
         URDF text with absolute mesh URIs; empty without a model.
 
     Raises:
-        G1DescriptionError: If there is no such robot, a value is wrong, or one of the
-            nodes runs.
+        G1DescriptionError: If the robot or a value is invalid, or one of the nodes is
+            running.
     """
     if model is not None and not model.strip():
-        raise InvalidValueError("model is empty; a URDF or xacro file is wanted.")
+        raise InvalidValueError(
+            "model must be a URDF or xacro file (got an empty name)."
+        )
     words = words_of_parent()
     check_for_empty({"model": model or "", **given}, words)
     given = {**given_to_own_file(words), **given}
@@ -86,7 +87,7 @@ def launched_robot(model: str | None, given: dict[str, str], nodes: list[str]) -
 
 
 def _check_for_node(name: str, words: list[str]) -> None:
-    """Check that a node does not run yet: it would be ended, and others with it."""
+    """Check that a node is not running: roslaunch would replace it."""
     is_launched = any(Path(word).name == "roslaunch" for word in words[:2])
     if not is_launched or QUESTIONS.intersection(words):
         return
@@ -110,8 +111,8 @@ def _check_for_node(name: str, words: list[str]) -> None:
     finally:
         socket.setdefaulttimeout(timeout)
     raise InvalidValueError(
-        f"A node {name} runs at {uri} already. End it, or take a master of your own: "
-        "roslaunch -p 11411."
+        f"A node {name} is already running at {uri}. Stop it, or use another master: "
+        "roslaunch -p 11411 ..."
     )
 
 
@@ -120,7 +121,9 @@ def _check_root(frame: str, description: Description) -> None:
     links, name = description.link_names, frame.rpartition("/")[2]
     if name not in links:
         near = listed(similar_first(name, links))
-        raise UnknownNameError(f"root is '{frame}', but the links are {near}.")
+        raise UnknownNameError(
+            f"root must be a link of the robot (got '{frame}'); links are {near}."
+        )
 
 
 def _argument(text: str) -> tuple[str, str]:
@@ -135,7 +138,7 @@ def main() -> None:
     """Print the robot, or the error."""
     parser = OneSentenceParser(
         description="Print a robot with absolute mesh URIs, for the parameter "
-        "robot_description. The file stays as it is."
+        "robot_description. The file is not changed."
     )
     parser.add_argument(
         "model",
@@ -149,14 +152,14 @@ def main() -> None:
         type=_argument,
         default=[],
         metavar="NAME=VALUE",
-        help="other arguments of a launch file, to be checked",
+        help="other arguments of a launch file to check",
     )
     parser.add_argument(
         "--alone",
         nargs="*",
         default=[],
         metavar="NODE",
-        help="nodes of a launch file that must not run yet",
+        help="nodes of a launch file that must not be running",
     )
     args = parser.parse_args()
     try:

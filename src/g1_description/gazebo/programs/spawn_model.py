@@ -1,10 +1,10 @@
-"""A client of Gazebo's services that spawns a model, from wherever its text is.
+"""gazebo_ros' spawn_model: spawns a model from a file, parameter, database or input.
 
 Calls: spawn_urdf_model or spawn_sdf_model (gazebo_msgs/SpawnModel),
     set_model_configuration (gazebo_msgs/SetModelConfiguration),
     unpause_physics (std_srvs/Empty), get_world_properties
     (gazebo_msgs/GetWorldProperties), delete_model (gazebo_msgs/DeleteModel),
-    below /gazebo. No timer of ROS runs here: time may stand still.
+    below /gazebo. Waits use wall time, as simulated time may stand still.
 """
 
 from __future__ import annotations
@@ -35,26 +35,28 @@ from g1_description.ros.lifecycle import own_arguments, start_node
 from g1_description.ros.waiting import MASTER_PERIOD, wait_until
 
 WARN_AFTER = 1.0
-"""Wait for a service without a log message, in [s]."""
+"""Wait for a service after which a message is logged, in [s]."""
 
 
 def parser() -> OneSentenceParser:
     """Make a parser of spawn_model's arguments."""
     made = OneSentenceParser(prog="spawn_model", description="Spawn a model in Gazebo.")
     kind = made.add_mutually_exclusive_group(required=True)
-    kind.add_argument("-urdf", action="store_true", help="the text is URDF")
-    kind.add_argument("-sdf", action="store_true", help="the text is SDF")
+    kind.add_argument("-urdf", action="store_true", help="the model is a URDF")
+    kind.add_argument("-sdf", action="store_true", help="the model is SDF")
     source = made.add_mutually_exclusive_group(required=True)
-    source.add_argument("-file", metavar="PATH", help="the text is in a file")
-    source.add_argument("-param", metavar="NAME", help="or on the parameter server")
-    source.add_argument("-database", metavar="NAME", help="or below a model path")
-    source.add_argument("-stdin", action="store_true", help="or on the input")
-    made.add_argument("-model", required=True, help="the model's name in the world")
+    source.add_argument("-file", metavar="PATH", help="read the model from a file")
+    source.add_argument("-param", metavar="NAME", help="or from the parameter server")
+    source.add_argument("-database", metavar="NAME", help="or from the model path")
+    source.add_argument("-stdin", action="store_true", help="or from standard input")
+    made.add_argument("-model", required=True, help="name of the model in the world")
     for name in "xyz":
         made.add_argument(f"-{name}", type=number, default=0.0, help="position [m]")
     for name in "RPY":
         made.add_argument(f"-{name}", type=number, default=0.0, help="rotation [rad]")
-    made.add_argument("-reference_frame", default="", help="frame of these; '': world")
+    made.add_argument(
+        "-reference_frame", default="", help="frame of the pose; default: world"
+    )
     made.add_argument(
         "-J",
         dest="joints",
@@ -64,17 +66,25 @@ def parser() -> OneSentenceParser:
         metavar=("JOINT", "POSITION"),
         help="set a joint; may be repeated",
     )
-    made.add_argument("-wait", metavar="MODEL", help="first wait for this model")
-    made.add_argument("-unpause", action="store_true", help="let time run at the end")
-    made.add_argument("-b", action="store_true", help="delete the model at the end")
-    made.add_argument("-package_to_model", action="store_true", help="for mesh URIs")
+    made.add_argument("-wait", metavar="MODEL", help="wait for this model first")
+    made.add_argument(
+        "-unpause", action="store_true", help="unpause physics at the end"
+    )
+    made.add_argument("-b", action="store_true", help="delete the model on shutdown")
+    made.add_argument(
+        "-package_to_model",
+        action="store_true",
+        help="turn package:// of meshes into model://",
+    )
     made.add_argument("-robot_namespace", help="ROS namespace of the model's plugins")
-    made.add_argument("-gazebo_namespace", default="/gazebo", help="of the services")
+    made.add_argument(
+        "-gazebo_namespace", default="/gazebo", help="namespace of the services"
+    )
     return made
 
 
 def parse(arguments: list[str]) -> argparse.Namespace:
-    """Read a command line; end the program when it is wrong."""
+    """Read a command line; exit on an error."""
     reader = parser()
     args = reader.parse_args([_shielded(word) for word in arguments])
     try:
@@ -93,7 +103,7 @@ def read_text(args: argparse.Namespace) -> str:
     """Read the model's text from the file, parameter, database or input.
 
     Raises:
-        DescriptionError: If there is none there, or it is not XML.
+        DescriptionError: If there is none, or it is not XML.
     """
     if args.param:
         place, text = f"parameter {args.param}", rospy.get_param(args.param, "")
@@ -103,7 +113,7 @@ def read_text(args: argparse.Namespace) -> str:
         path = find_in_database(args.database) if args.database else args.file
         place, text = f"file {path}", _read_file(path)
     if not text or not isinstance(text, str):
-        raise DescriptionError(f"There is no text on the {place}.")
+        raise DescriptionError(f"The {place} is empty or missing.")
     parse_xml(f"text of the {place}", text)
     return package_to_model(text) if args.package_to_model else text
 
@@ -114,21 +124,21 @@ def _read_file(path: str) -> str:
         return decoded(Path(path).read_bytes())
     except OSError as error:
         raise DescriptionError(
-            f"The file {path} cannot be read: {error.strerror}."
+            f"Cannot read the file {path}: {error.strerror}."
         ) from error
     except UnicodeDecodeError as error:
         raise DescriptionError(f"The file {path} is not text: {error}.") from error
 
 
 def find_in_database(model: str) -> str:
-    """Find a model's SDF file below the folders that models lie in."""
+    """Find a model's SDF file below the model paths."""
     for folder in model_folders():
         path = Path(folder, model, "model.sdf")
         if path.is_file():
             return str(path)
     raise DescriptionError(
-        f"There is no {model}/model.sdf below {searched_folders()}, and no other "
-        "database is searched."
+        f"No {model}/model.sdf below {searched_folders()}; online databases are not "
+        "searched."
     )
 
 
@@ -171,11 +181,11 @@ class GazeboServices:
         return self.call(name, kind, *arguments)
 
     def call(self, name: str, kind, *arguments):
-        """Call a service that is there.
+        """Call a service without waiting for it.
 
         Raises:
             ROSInterruptException: If the node was shut down meanwhile.
-            ServiceException: If it is not, or refuses.
+            ServiceException: If it does not exist, or refuses.
         """
         with self._lock:
             if self._is_over:
@@ -188,11 +198,10 @@ class GazeboServices:
         return response
 
     def delete_spawned(self, name: str) -> None:
-        """Delete a model if it was spawned, and call nothing any more.
+        """Delete a model if it was spawned, and refuse further calls.
 
-        Called from the thread that ends the node, perhaps while the model is spawned.
-        When everything ends at once, Gazebo may be gone first; and a model whose
-        spawning takes longer than a node has to end is not deleted.
+        Called from the shutdown thread, perhaps while the model is being spawned.
+        Gazebo may have ended already.
         """
         with self._lock:
             try:
@@ -238,7 +247,7 @@ def spawn(args: argparse.Namespace, services: GazeboServices) -> None:
     """Spawn a model.
 
     Raises:
-        DescriptionError: If there is no such text.
+        DescriptionError: If the model cannot be read.
         ROSInterruptException: If the node was shut down meanwhile.
         ServiceException: If Gazebo refuses.
     """
@@ -251,7 +260,7 @@ def spawn(args: argparse.Namespace, services: GazeboServices) -> None:
 
 
 def main() -> None:
-    """Spawn a model, or say why not."""
+    """Run ``spawn_model``."""
     args = parse(own_arguments())
     start_node("spawn_model", anonymous=True)
     services = GazeboServices(args.gazebo_namespace)

@@ -1,7 +1,7 @@
-"""The robot of the launch files, spawned in Gazebo on its feet and in its pose.
+"""Spawns the robot of the launch files in Gazebo, on its feet and in a named pose.
 
-Gazebo sets joints only after a model is there, so time stands still meanwhile:
-else the robot would begin to fall at zero, maybe with its feet in the floor.
+Gazebo sets joints only after a model was spawned, so physics is paused meanwhile:
+otherwise the robot would start to fall with its joints at zero.
 
 Calls: spawn_urdf_model (gazebo_msgs/SpawnModel), set_model_configuration
     (gazebo_msgs/SetModelConfiguration), get_physics_properties
@@ -35,7 +35,7 @@ GAZEBO = "/gazebo"
 """Name of the node, and namespace of its services."""
 
 WATCH_PERIOD = 1.0
-"""Time between two looks for a new Gazebo in [s]."""
+"""Time between two checks for a new Gazebo in [s]."""
 
 
 def spawn(parameters: SpawnParameters, gazebo: GazeboServices) -> None:
@@ -76,7 +76,7 @@ def spawn_in_each(parameters: SpawnParameters, gazebo: GazeboServices) -> None:
     """
     while True:
         gazebo.wait_for("spawn_urdf_model")
-        known = _address()  # another one may be there before an error is
+        known = _address()  # before spawning: Gazebo may be replaced meanwhile
         try:
             spawn(parameters, gazebo)
         except rospy.ServiceException as error:
@@ -89,12 +89,12 @@ def spawn_in_each(parameters: SpawnParameters, gazebo: GazeboServices) -> None:
 
 
 def _wait_for_another(known: str | None) -> None:
-    """Wait until Gazebo's node is at another address."""
+    """Wait until Gazebo's node has another address."""
     wait_until(lambda: _address() not in (None, known), period=WATCH_PERIOD)
 
 
 def _address() -> str | None:
-    """Look up the address of Gazebo's node; each process has its own."""
+    """Look up the address of Gazebo's node, unique to a process."""
     try:
         return rosgraph.Master(rospy.get_name()).lookupNode(GAZEBO)
     except (OSError, rosgraph.MasterException):
@@ -107,7 +107,7 @@ def _log(response) -> None:
 
 
 def main() -> None:
-    """Spawn the robot, or say why not."""
+    """Run the node ``spawn_urdf``."""
     try:
         start_node("spawn_urdf")
         parameters = read_parameters(SpawnerParameters)
@@ -119,4 +119,4 @@ def main() -> None:
         rospy.logerr("%s", error)
         sys.exit(1)
     except ConnectionError as error:
-        sys.exit(f"spawn_robot: The master is gone: {error}.")
+        sys.exit(f"spawn_robot: the ROS master does not answer: {error}.")

@@ -1,7 +1,7 @@
 """Common to all services: the simulation, refusals, and checks of numbers.
 
-A service is a function of the simulation and the request. It gives the response, or the
-status message of a success, and raises the reason of a failure.
+A service is a function of the simulation and the request. It returns the response, or
+the status message of a success, and raises an error for a failure.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ FRAME_NOT_FOUND = f"reference reference_frame not found, {_SCOPE}"
 
 
 class RefusalError(G1DescriptionError):
-    """Gazebo's status message of a request that fails, and details of ours."""
+    """Gazebo's status message of a failed request, and our details."""
 
 
 class Simulation:
@@ -45,8 +45,8 @@ class Simulation:
 
         Args:
             world: The world.
-            paused: Whether time stands still at first.
-            strict: Whether status messages are Gazebo's, without our details.
+            paused: Whether time is paused at the start.
+            strict: Whether status messages are exactly Gazebo's, without our details.
         """
         self.world = world
         self.stepper = Stepper(paused)
@@ -61,12 +61,12 @@ class Simulation:
         return "; ".join([*filter(None, [message]), *added])
 
     def no_effect(self, detail: str) -> str:
-        """Say that something has no effect where nothing moves by itself."""
+        """Append that physics is kinematic to a detail; empty in dynamic physics."""
         return "" if self.world.is_dynamic else f"{detail}, physics is kinematic"
 
 
 class Stepper:
-    """Requests for steps, served one after the other."""
+    """Queue of requests for steps."""
 
     def __init__(self, paused: bool) -> None:
         self.paused = paused
@@ -75,7 +75,7 @@ class Stepper:
 
     @property
     def is_stepping(self) -> bool:
-        """Whether steps were requested that have not passed yet."""
+        """Whether requested steps are pending."""
         return bool(self._waiting)
 
     @property
@@ -87,19 +87,18 @@ class Stepper:
         """Request steps.
 
         Args:
-            steps: How many, at least one.
-            respond: Makes the response when they have passed or will not: takes
-                success and a sentence.
+            steps: Number of steps, at least one.
+            respond: Makes the response from success and a sentence.
 
         Returns:
-            The response to come.
+            The future response.
         """
         answer: Future = Future()
         self._waiting.append((answer, steps, respond))
         return answer
 
     def count(self) -> None:
-        """Note that a step has passed, and answer the request that it completes."""
+        """Count a step, and answer the request that it completes."""
         if not self._waiting:
             return
         self._done += 1
@@ -110,7 +109,7 @@ class Stepper:
             answer.set_result(respond(True, f"{steps} steps done"))
 
     def end(self, reason: str) -> None:
-        """Answer all requests: their steps will not pass."""
+        """Abort all requests with an answer."""
         while self._waiting:
             answer, steps, respond = self._waiting.popleft()
             outcome = f"ended by {reason} after {self._done} of {steps} steps"
@@ -118,7 +117,7 @@ class Stepper:
             answer.set_result(respond(False, outcome))
 
     def cancel(self) -> None:
-        """Cancel all requests, without a response."""
+        """Cancel all requests without an answer."""
         while self._waiting:
             self._waiting.popleft()[0].cancel()
 
@@ -150,13 +149,13 @@ def make_callback(simulation: Simulation, kind, answer):
 
 
 def found(find: Callable, name: str, message: str, log: str = ""):
-    """Find a thing by its name.
+    """Find an entity by its name.
 
     Args:
         find: The function that finds it.
         name: The name.
-        message: Status message where there is none.
-        log: Message that is logged then.
+        message: Status message if there is none.
+        log: Message to log then.
 
     Raises:
         RefusalError: If there is none.
@@ -198,14 +197,14 @@ def checked(what: str, numbers) -> np.ndarray:
     array = np.array(numbers, dtype=float)
     if not (np.abs(array) <= MAX_VALUE).all():
         raise InvalidValueError(
-            f"the {what} {array.tolist()} has a number that is not within "
-            f"+-{MAX_VALUE:g}"
+            f"all numbers of {what} must be within +-{MAX_VALUE:g} (got "
+            f"{array.tolist()})"
         )
     return array
 
 
 def remarks(model: Model, report: Report) -> list[str]:
-    """Say which joints of a command were ignored, and which were clamped."""
+    """Describe the ignored and the clamped joints of a command."""
     details = []
     if report.unknown:
         names = listed(report.unknown)
@@ -217,12 +216,12 @@ def remarks(model: Model, report: Report) -> list[str]:
 
 
 def time_span(start_time, duration, now_ns: int) -> Span:
-    """Compute from when to when something acts, as Gazebo does.
+    """Compute start and end of an effort or wrench, as Gazebo does.
 
     Args:
-        start_time: When it begins; the past means now.
-        duration: How long it acts; negative means for ever.
-        now_ns: The time now, in [ns].
+        start_time: Its start; the past means now.
+        duration: Its duration; negative means for ever.
+        now_ns: The current time in [ns].
     """
     start = max(start_time.to_nsec(), now_ns)
     lasting = duration.to_nsec()

@@ -64,7 +64,7 @@ def set_configuration(simulation: Simulation, request):
 def _unscoped(model, names, positions):
     """Resolve joint names: ``joint`` wins over ``model::joint``.
 
-    Of equal names the last wins; a name that is neither is kept as it is.
+    The last of equal names wins; any other name is kept.
     """
     scope = model + SCOPE
     scoped, plain = {}, {}
@@ -77,7 +77,7 @@ def _unscoped(model, names, positions):
 
 
 def get_properties(simulation: Simulation, request):
-    """Return a joint's kind, damping, position and rate."""
+    """Return a joint's type, damping, position and rate."""
     entity = _joint(simulation, request, "GetJointProperties")
     model, joint = entity.model, entity.joint
     response = GetJointPropertiesResponse(
@@ -103,7 +103,7 @@ def _joint(simulation: Simulation, request, service: str):
 
 
 def set_properties(simulation: Simulation, request):
-    """Set a joint's ODE numbers; the first of each list counts."""
+    """Set a joint's ODE properties; the first of each list is used."""
     entity = _joint(simulation, request, "SetJointProperties")
     config = request.ode_joint_config
     lists = {name: getattr(config, name) for name in config.__slots__}
@@ -111,13 +111,15 @@ def set_properties(simulation: Simulation, request):
     for name, number in numbers.items():
         checked(name, [number])
     if numbers.get("damping", 0.0) < 0.0:
-        raise InvalidValueError(f"the damping {numbers['damping']} is negative")
+        raise InvalidValueError(
+            f"damping must not be negative (got {numbers['damping']})"
+        )
     simulation.world.set_joint_properties(entity, numbers)
     return "SetJointProperties: properties set"
 
 
 def apply_effort(simulation: Simulation, request):
-    """Apply an effort to a joint for some time."""
+    """Apply an effort to a joint for a duration."""
     world = simulation.world
     entity = _joint(simulation, request, "ApplyJointEffort")
     (effort,) = checked("effort", [request.effort])
@@ -128,7 +130,7 @@ def apply_effort(simulation: Simulation, request):
 
 
 def clear_efforts(simulation: Simulation, request):
-    """Clear the efforts on a joint; Gazebo knows only the plain name here."""
+    """Clear the efforts on a joint by its plain name, as in Gazebo."""
     simulation.world.forces.clear_efforts(request.joint_name)
 
 
@@ -145,10 +147,10 @@ def set_trajectory(simulation: Simulation, request):
 
 
 def play(simulation: Simulation, message: ModelTrajectory) -> None:
-    """Obey a message on the topic, and log deviations from it.
+    """Play the motion of a message on the topic, and log deviations from it.
 
     Raises:
-        G1DescriptionError: If that cannot be done; nothing is changed.
+        G1DescriptionError: If it is refused; nothing is changed.
     """
     details = _play(simulation, message).status_message
     if details:
@@ -176,7 +178,7 @@ def _play(simulation: Simulation, message: ModelTrajectory):
         world.motions.step(now)
     details = [*remarks(model, report), jump]
     if trajectory.base_poses is not None and world.is_dynamic:
-        details.append("the base is left to physics")
+        details.append("the base is ignored, physics moves it")
     response.status_message = simulation.message("", *details)
     response.start = stamp_from_ns(start)
     response.clamped, response.ignored = [*report.clamped], report.unknown
@@ -184,9 +186,9 @@ def _play(simulation: Simulation, message: ModelTrajectory):
 
 
 def _jump(model: Model, trajectory: Trajectory) -> str:
-    """Say which joint is far from the first sample; empty if none, or if intended.
+    """Describe a joint far from the first sample; empty if there is none.
 
-    A single configuration is a command; a later first sample leaves time to go there.
+    A single configuration is a command; a first sample after 0 s leaves time.
     """
     if len(trajectory.times) == 1 or trajectory.times[0] > 0.0:
         return ""
@@ -198,17 +200,14 @@ def _jump(model: Model, trajectory: Trajectory) -> str:
     name = max(jumps, key=lambda n: jumps[n], default="")
     if not name or jumps[name] <= FAR:
         return ""
-    return (
-        f"motors take joints to the first sample at once: {name} is {jumps[name]:.2f} "
-        "away from it"
-    )
+    return f"joints jump to the first sample: {name} is {jumps[name]:.2f} away from it"
 
 
 def _trajectory(message: ModelTrajectory) -> Trajectory:
     """Read a motion.
 
     Raises:
-        MotionError: If its numbers are not those of a motion.
+        MotionError: If its numbers are invalid.
     """
     n_samples, n_joints = len(message.times), len(message.joint_names)
     positions = _rows("positions", message.positions, n_samples, n_joints)
@@ -226,7 +225,7 @@ def _rows(what: str, numbers, n_samples: int, width: int) -> np.ndarray:
     """Arrange numbers in rows, shape (n_samples, width)."""
     if len(numbers) != n_samples * width:
         raise MotionError(
-            f"there are {len(numbers)} {what} for {n_samples} times and {width} columns"
+            f"{what} must have {n_samples} x {width} numbers (got {len(numbers)})"
         )
     return np.array(numbers, dtype=float).reshape(n_samples, width)
 

@@ -70,15 +70,15 @@ def get_state(simulation: Simulation, request):
 
 
 def set_state(simulation: Simulation, request):
-    """Put a link somewhere."""
+    """Set a link's pose and twist."""
     return put_link(simulation, request.link_state)
 
 
 def put_link(simulation: Simulation, state: LinkState) -> str:
-    """Put a link somewhere: a root with its model, others along their joint.
+    """Set the pose of a link: a root with its model, others along their joint.
 
-    The twist is that of the center of mass, along the world's axes whatever the
-    frame is, and the frame's own twist is subtracted, as in Gazebo.
+    As in Gazebo, the twist is that of the center of mass, always along the world's
+    axes, and the frame's own twist is subtracted.
 
     Returns:
         The status message.
@@ -112,9 +112,9 @@ def put_link(simulation: Simulation, state: LinkState) -> str:
     details = [simulation.no_effect("the twist is ignored") if twist.any() else ""]
     if placed and max(placed.distance, placed.angle) > POSE_TOLERANCE:
         details.append(
-            f"{placed.joint} brings {link.scoped} no nearer than "
+            f"with {placed.joint}, {link.scoped} is still "
             f"{round(placed.distance, 4):g} m and {round(placed.angle, 4):g} rad "
-            "to that pose"
+            "from that pose"
         )
         warning = f"SetLinkState: {details[-1]}"
         simulation.log.warn("set_link_state", warning, SHORT_PERIOD)
@@ -130,7 +130,7 @@ def get_properties(simulation: Simulation, request):
     if not entity.model.assembly.static:
         response.gravity_mode = link.has_gravity
         if link.inertial is None:
-            detail = "its mass is not known"
+            detail = "its mass is unknown"
         else:
             _write_inertial(response, link.inertial)
     message = "GetLinkProperties: got properties"
@@ -149,7 +149,7 @@ def _write_inertial(response, inertial: Inertial) -> None:
 
 
 def set_properties(simulation: Simulation, request):
-    """Give a link another mass."""
+    """Set a link's mass properties."""
     world, missing = simulation.world, f"SetLinkProperties: {LINK_NOT_FOUND}"
     link = found(world.entities.link, request.link_name, missing)
     inertial, detail = _inertial(request), ""
@@ -161,10 +161,10 @@ def set_properties(simulation: Simulation, request):
 
 
 def _inertial(request) -> Inertial:
-    """Read mass properties; the orientation of the center of mass means nothing.
+    """Read mass properties; the orientation of the center of mass is ignored.
 
     Raises:
-        InvalidValueError: If no body can have them.
+        InvalidValueError: If they are not physical.
     """
     center = checked("center of mass", vector_to_array(request.com.position))
     (mass,) = checked("mass", [request.mass])
@@ -175,14 +175,14 @@ def _inertial(request) -> Inertial:
     )
     if mass < MIN_MASS or np.linalg.eigvalsh(tensor)[0] <= 0.0:
         raise InvalidValueError(
-            f"mass {mass} and inertia {tensor.tolist()} are not those of a body, both "
-            f"must be positive and the mass at least {MIN_MASS:g}"
+            f"the mass must be at least {MIN_MASS:g} and the inertia positive definite "
+            f"(got {mass} and {tensor.tolist()})"
         )
     return Inertial(float(mass), center, tensor)
 
 
 def apply_wrench(simulation: Simulation, request):
-    """Push a link for a while."""
+    """Apply a wrench to a link for a duration."""
     world, name = simulation.world, request.body_name
     link = found(
         world.entities.link,
@@ -216,7 +216,7 @@ def apply_wrench(simulation: Simulation, request):
 
 
 def clear_wrenches(simulation: Simulation, request):
-    """Stop pushing a link; only its scoped name is known here."""
+    """Clear the wrenches on a link by its scoped name, as in Gazebo."""
     simulation.world.forces.clear_wrenches(request.body_name)
 
 

@@ -37,13 +37,13 @@ from g1_description.sim.entities import seen_from
 
 
 class _ModelStateResponse(GetModelStateResponse):
-    """A response that keeps its header; rospy would put the connection's count in."""
+    """A response that keeps its header; rospy would set ``seq``."""
 
     _has_header = False
 
 
 def delete_model(simulation: Simulation, request):
-    """Remove a model; it is gone when this answers."""
+    """Delete a model."""
     name, world = request.model_name, simulation.world
     lost = "DeleteModel: model does not exist"
     found(world.model, name, lost, f"DeleteModel: model [{name}] does not exist")
@@ -65,29 +65,23 @@ def get_properties(simulation: Simulation, request):
     outer = assembly.holder(nested).rpartition(SCOPE)[-1] or model.name
     return GetModelPropertiesResponse(
         parent_model_name=outer if nested else "",
-        body_names=_held_by(nested, model.link_names, assembly),
+        body_names=_names_in(nested, model.link_names, assembly),
         geom_names=[
             shape.name
             for link in assembly.description.links
             for shape in link.collisions
             if assembly.holder(link.name) == nested
         ],
-        joint_names=_held_by(nested, joints, assembly),
-        child_model_names=_held_by(nested, assembly.nested, assembly),
+        joint_names=_names_in(nested, joints, assembly),
+        child_model_names=_names_in(nested, assembly.nested, assembly),
         is_static=assembly.static,
         success=True,
         status_message="GetModelProperties: got properties",
     )
 
 
-def _held_by(model: str, names: Iterable[str], assembly: Assembly) -> list[str]:
-    """Return names relative to the model that holds them directly.
-
-    Args:
-        model: One of the assembly's nested models; empty for the outermost.
-        names: Of links, joints or nested models, as the assembly has them.
-        assembly: The outermost model's.
-    """
+def _names_in(model: str, names: Iterable[str], assembly: Assembly) -> list[str]:
+    """Return names directly in a nested model, relative to it; '': the outermost."""
     begin = len(model + SCOPE) if model else 0
     return [name[begin:] for name in names if assembly.holder(name) == model]
 
@@ -130,12 +124,12 @@ def get_state(simulation: Simulation, request):
 
 
 def set_state(simulation: Simulation, request):
-    """Put a model somewhere."""
+    """Set a model's pose and twist."""
     return put_model(simulation, request.model_state)
 
 
 def put_model(simulation: Simulation, state: ModelState) -> str:
-    """Put a model somewhere; return the status message.
+    """Set a model's pose and twist; return the status message.
 
     Raises:
         RefusalError: If there is no such model or frame.

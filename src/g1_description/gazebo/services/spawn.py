@@ -37,18 +37,18 @@ NOT_A_MODEL = (
 
 
 class ParsedRequest(NamedTuple):
-    """A request to spawn whose file is parsed."""
+    """A request to spawn with its parsed file."""
 
     request: object
     content: SdfModel | Light | RefusalError
-    """Of the file; else the reason why there is none."""
+    """The model or light of the file, or why there is none."""
 
     left_out: tuple[str, ...] = ()
-    """A message for each thing in the file that is ignored."""
+    """A message for each ignored part of the file."""
 
 
 def spawn(simulation: Simulation, parsed: ParsedRequest):
-    """Add a model or a light; it can be commanded when this answers."""
+    """Add a model or a light; it accepts commands when this answers."""
     request, content, left_out = parsed
     world, name = simulation.world, request.model_name
     missing = f"SpawnModel: {FRAME_NOT_FOUND}"
@@ -94,7 +94,7 @@ def _check(simulation: Simulation, name: str, content) -> None:
 
 
 def parse_urdf_request(is_dynamic: bool, request) -> ParsedRequest:
-    """Read a robot as if it had come as SDF; in the caller's thread."""
+    """Parse a URDF; in the caller's thread."""
     try:
         robot = parse_urdf(request.model_xml)
         assembly: Assembly = lump_fixed_joints(robot, is_dynamic)
@@ -105,7 +105,7 @@ def parse_urdf_request(is_dynamic: bool, request) -> ParsedRequest:
 
 
 def parse_sdf_request(is_dynamic: bool, request) -> ParsedRequest:
-    """Read a model, a light or a robot; in the caller's thread."""
+    """Parse an SDF model, an SDF light or a URDF; in the caller's thread."""
     try:
         check_size("The model", len(request.model_xml))
         try:
@@ -115,7 +115,9 @@ def parse_sdf_request(is_dynamic: bool, request) -> ParsedRequest:
         if tag == "robot":
             return parse_urdf_request(is_dynamic, request)
         if tag != "sdf":
-            return ParsedRequest(request, RefusalError(NOT_A_MODEL, f"it is a <{tag}>"))
+            return ParsedRequest(
+                request, RefusalError(NOT_A_MODEL, f"the root element is <{tag}>")
+            )
         sdf = read_sdf(request.model_xml, find_model)
         return ParsedRequest(request, _only_content(sdf), sdf.left_out)
     except DescriptionError as error:
@@ -123,10 +125,10 @@ def parse_sdf_request(is_dynamic: bool, request) -> ParsedRequest:
 
 
 def _only_content(sdf: Sdf) -> SdfModel | Light:
-    """Give the one model or light of a file.
+    """Return the only model or light of a file.
 
     Raises:
-        DescriptionError: If there is not one.
+        DescriptionError: If there is none or more than one.
     """
     things = (*sdf.models, *sdf.lights)
     if len(things) == 1:
@@ -134,19 +136,15 @@ def _only_content(sdf: Sdf) -> SdfModel | Light:
     left_out = f" ({'; '.join(sdf.left_out)})" if sdf.left_out else ""
     if not things:
         why = " ".join(sdf.refused)
-        raise DescriptionError(why or f"It has no model and no light{left_out}.")
+        raise DescriptionError(why or f"The file has no model and no light{left_out}.")
     raise DescriptionError(
-        f"It has {len(sdf.models)} models and {len(sdf.lights)} lights; one model or "
-        f"light can be spawned at a time{left_out}."
+        f"The file must have one model or light (got {len(sdf.models)} models and "
+        f"{len(sdf.lights)} lights){left_out}."
     )
 
 
 def log_hulls(model: Model) -> None:
-    """Log how far meshes of a model are from their hulls, where these are thinned.
-
-    Args:
-        model: The model, which has been loaded.
-    """
+    """Log the deviations of simplified hulls from the meshes of a loaded model."""
     found = model.hull_deviations
     if not found:
         return
@@ -154,7 +152,7 @@ def log_hulls(model: Model) -> None:
         rospy.logdebug("%s: %s: %.2f mm", model.name, name, 1000.0 * deviation)
     worst = max(found, key=found.__getitem__)
     rospy.loginfo(
-        "%s: hulls of %d meshes are thinned; they are at most %.2f mm from these (%s).",
+        "%s: simplified the hulls of %d meshes; largest deviation %.2f mm (%s).",
         model.name,
         len(found),
         1000.0 * found[worst],

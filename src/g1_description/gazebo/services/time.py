@@ -1,6 +1,6 @@
-"""Services that let time run, stand still or begin again, or some steps pass.
+"""Services that pause, resume, step and reset simulated time.
 
-Everything here runs in the simulator's loop, between two steps.
+All run in the simulator's loop, between two steps.
 """
 
 from __future__ import annotations
@@ -27,30 +27,30 @@ from g1_description.text import listed, similar_first
 
 
 def pause(simulation: Simulation, _):
-    """Pause, also where steps were requested."""
+    """Pause time; requested steps are aborted."""
     simulation.stepper.paused = True
     simulation.stepper.end("pause_physics")
 
 
 def unpause(simulation: Simulation, _):
-    """Let time run."""
+    """Resume time."""
     simulation.stepper.paused = False
 
 
 def reset_simulation(simulation: Simulation, _):
-    """Begin again: time zero, models as spawned, joints at zero."""
+    """Reset time to zero, and models and joints as spawned."""
     simulation.world.reset()
     simulation.stepper.end("reset_simulation")
 
 
 def reset_world(simulation: Simulation, _):
-    """Put the models back where they were spawned, joints as they are."""
+    """Reset the poses of models; joints keep their positions."""
     simulation.world.reset_models()
     simulation.stepper.end("reset_world")
 
 
 def step(simulation: Simulation, request):
-    """Let steps pass; answered when they have. Gazebo does not have this."""
+    """Step; answered after the last step. Not in Gazebo."""
 
     def respond(success, outcome):
         return StepResponse(success, f"Step: {outcome}")
@@ -62,7 +62,7 @@ def step(simulation: Simulation, request):
 
 
 def step_model(simulation: Simulation, request):
-    """Set a model, let steps pass, and answer with its state. Gazebo has no such."""
+    """Set a model, step, and answer with its state. Not in Gazebo."""
     if request.steps:
         _check_steps(simulation, "StepModel", request.steps)
     world = simulation.world
@@ -88,26 +88,24 @@ def _check_steps(simulation: Simulation, service: str, steps: int) -> None:
         RefusalError: If time is running, or a step has no length.
     """
     if not simulation.stepper.paused:
-        why = "time is running; pause_physics makes it stand still"
+        why = "time is running; call pause_physics first"
         raise RefusalError(f"{service}: refused, {why}")
     if steps and not simulation.world.properties.step_ns:
         raise RefusalError(f"{service}: refused, time_step is 0")
 
 
 def _set(world: World, model: Model, request) -> Report:
-    """Set a model's base and joints; nothing if one of them cannot be.
-
-    Returns:
-        The joints that were clamped.
+    """Set a model's base and joints; nothing is changed on an error.
 
     Raises:
         UnknownNameError: If it has no such joint.
-        InvalidValueError: If a number is not one that a model can have.
+        InvalidValueError: If a number is invalid.
     """
     names, positions = request.joint_names, request.joint_positions
     if len(names) != len(positions):
         raise InvalidValueError(
-            f"there are {len(names)} joint_names and {len(positions)} joint_positions"
+            "joint_names and joint_positions must have the same length (got "
+            f"{len(names)} and {len(positions)})"
         )
     unknown = [name for name in names if name not in model.joint_names]
     if unknown:

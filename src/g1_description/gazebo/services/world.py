@@ -1,4 +1,4 @@
-"""Services about the physics' numbers and lights, answered as the real Gazebo does.
+"""gazebo_ros' services about physics and lights, answered as the real Gazebo does.
 
 Services that change the world run in the simulator's loop, between two steps; the
 others (get_*) run outside of the loop, while nothing changes.
@@ -34,17 +34,17 @@ from g1_description.sim.engine import GRAVITY, PhysicsProperties
 from g1_description.srv import SetRealTimeFactor
 
 UNSETTABLE = ("auto_disable_bodies", "sor_pgs_rms_error_tol")
-"""Numbers that Gazebo reads and never sets."""
+"""Properties that Gazebo ignores when set."""
 
 ODE = tuple(ODEPhysics.__slots__)
 
 
 ATTENUATION = ("constant", "linear", "quadratic")
-"""Coefficients of how a light fades with distance."""
+"""Attenuation coefficients of a light."""
 
 
 def get_physics(simulation: Simulation, _):
-    """Return the physics' numbers."""
+    """Return the physics properties."""
     properties = simulation.world.properties
     response = GetPhysicsPropertiesResponse(
         time_step=properties.time_step,
@@ -61,7 +61,7 @@ def get_physics(simulation: Simulation, _):
 
 
 def set_physics(simulation: Simulation, request):
-    """Change the physics' numbers."""
+    """Set the physics properties."""
     gravity = vector_to_array(request.gravity).tolist()
     numbers = {
         "time_step": request.time_step,
@@ -75,7 +75,7 @@ def set_physics(simulation: Simulation, request):
 
 
 def change_physics(simulation: Simulation, numbers) -> None:
-    """Change the physics' numbers that Gazebo sets.
+    """Set the physics properties that Gazebo does not ignore.
 
     Args:
         simulation: The world and its services' state.
@@ -97,8 +97,8 @@ def set_real_time_factor(simulation: Simulation, request):
     factor, step = request.real_time_factor, simulation.world.properties.time_step
     if not (math.isfinite(factor) and factor >= 0.0 and step > 0.0):
         raise InvalidValueError(
-            f"factor {factor} at time_step {step}; the factor must be 0 (as fast as "
-            "can be) or more, the step above 0"
+            "the factor must be at least 0 (as fast as possible) and time_step greater "
+            f"than 0 (got {factor} and {step})"
         )
     rate = factor / step
     change_physics(simulation, {"max_update_rate": rate})

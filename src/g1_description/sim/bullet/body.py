@@ -1,4 +1,4 @@
-"""The PyBullet body of a tree of a model: the one place that knows its frames."""
+"""The PyBullet body of a tree of a model, with its frames and indices."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from g1_description.sim.engine import MAX_EFFORT
 from g1_description.sim.model import Model
 
 MAX_JOINT_VELOCITY = 1000.0
-"""No joint or body moves faster, in [m/s] or [rad/s]; PyBullet's own bound is 100."""
+"""Bound of speeds in [m/s] or [rad/s]; PyBullet's default is 100."""
 
 DEFAULT_FRICTION = 1.0
-"""Coefficient of friction where a file gives none: Gazebo's."""
+"""Default coefficient of friction, as in Gazebo."""
 
 MAX_FRICTION = 10.0
-"""Largest coefficient of friction: PyBullet's own bound for the product of two."""
+"""Largest coefficient of friction: PyBullet's bound for the product of two."""
 
 
 class Body:
@@ -44,15 +44,15 @@ class Body:
         tree: int = 0,
         motors: Motors | None = None,
     ) -> None:
-        """Take over a body of ``create_body``, and write the model's state to it.
+        """Wrap a body of ``create_body``, and write the model's state to it.
 
         Args:
             client: PyBullet.
             number: PyBullet's number for the body.
             links: Names by PyBullet's numbers for its links from ``ROOT`` on.
-            model: The model that it is the body, or a part, of.
+            model: The model.
             tree: Index of the tree in the model.
-            motors: Motors that hold its joints; None: there are none.
+            motors: Motors that hold its joints; None: no motors.
         """
         self._client = client
         self.number = number
@@ -63,7 +63,7 @@ class Body:
         self._link_names = dict(enumerate(links, ROOT))
         self._index: dict[str, int] = {}
         for index, name in self._link_names.items():
-            self._index.setdefault(name, index)  # the next ones only hold shapes
+            self._index.setdefault(name, index)  # later ones have only shapes
         inertial = client.getDynamicsInfo(number, ROOT)[3:5]
         self._T_root_center = np.concatenate(inertial)
         self.T_center_root = inverse(self._T_root_center)
@@ -95,9 +95,9 @@ class Body:
         self._hold_position(self.rows)
 
     def _set_contacts(self) -> None:
-        """Set friction, bounce, and no damping of the air."""
-        # ODE takes the lesser of two coefficients, PyBullet their product: with at
-        # most 1 on static models, both are the same on the ground.
+        """Set friction and restitution, and disable air damping."""
+        # ODE uses the lesser of two coefficients, PyBullet their product: with at most
+        # 1 on static models, both are equal on the ground.
         static = self.model.assembly.static
         for index, name in self._link_names.items():
             shapes = self.model.links[name].collisions
@@ -115,14 +115,14 @@ class Body:
             )
 
     def update_gravity(self) -> None:
-        """Read from the model which links gravity does not pull."""
+        """Read from the model which links have no gravity."""
         links = [(n, self.model.links[name]) for name, n in self._index.items()]
         self.weightless = [
             (index, link.inertial.mass)
             for index, link in links
             if link.inertial is not None and not link.has_gravity
         ]
-        """PyBullet's indices of these links, and their masses in [kg]."""
+        """PyBullet's indices of links without gravity, and their masses in [kg]."""
 
     @property
     def moves(self) -> bool:
@@ -141,7 +141,7 @@ class Body:
     def pass_through(self, other: Body) -> None:
         """Disable collisions with links of another tree of the same model.
 
-        As in Gazebo: those of a model inside another one are another model's.
+        As in Gazebo, a nested model counts as another model.
         """
         for index, name in self._link_names.items():
             for theirs, their_name in other._link_names.items():
@@ -185,8 +185,8 @@ class Body:
 
     def _hold_position(self, rows: Sequence[int]) -> None:
         if self._holds:
-            held = np.array(rows, dtype=int)
-            self.follow(held, self.model.target[held], np.zeros(len(held)))
+            own = np.array(rows, dtype=int)
+            self.follow(own, self.model.target[own], np.zeros(len(own)))
 
     def joint_states(self) -> Sequence[tuple]:
         """Read position, velocity, reaction and effort of each movable joint."""
@@ -216,7 +216,7 @@ class Body:
         )
 
     def unknown_limits(self) -> list[str]:
-        """Name the joints with an effort of 0 in the file and no other limit."""
+        """Return the joints with an effort of 0 in the file and no other limit."""
         names = [self.model.joint_names[row] for row in self.rows]
         joints = self.model.assembly.description.movable_joints
         unknown = {joint.name for joint in joints if joint.effort == 0.0}
@@ -226,7 +226,7 @@ class Body:
         ]
 
     def apply_effort(self, row: int, effort: float) -> None:
-        """Apply an effort to a joint of the model, if it is one of its own."""
+        """Apply an effort to a joint of the model, if it belongs to this tree."""
         if row in self._own:
             number, torque = self._joints[self._own[row]], self._client.TORQUE_CONTROL
             self._client.setJointMotorControl2(
@@ -236,12 +236,14 @@ class Body:
     def apply_damping(self) -> None:
         """Apply friction and damping of the joints in the next step.
 
-        By motors with a target of zero velocity, none stronger than these: PyBullet's
-        own damping overshoots where it is strong for the step, and it has no friction.
-        Joints that are held need neither.
+        Uses motors with a target velocity of zero and these efforts as limits:
+        PyBullet's own damping overshoots if it is large for the step, and PyBullet has
+        no joint friction.
         """
         is_damped = bool(self._damping.any() or self._friction.any())
-        if is_damped or self._was_damped:  # a motor keeps its force until the next one
+        if (
+            is_damped or self._was_damped
+        ):  # a motor keeps its force until it is set again
             speed = np.abs(self.model.velocity[self.rows])
             self._slow_down(self._friction + self._damping * speed)
         self._was_damped = is_damped
@@ -253,7 +255,7 @@ class Body:
         )
 
     def update_joint(self, name: str) -> None:
-        """Take over ``ode_joints`` of a joint: damping and stops."""
+        """Apply damping and stops of ``ode_joints``."""
         row, given = self.model.joint_row(name), self.model.ode_joints[name]
         if row not in self._own:
             return
@@ -270,7 +272,7 @@ class Body:
             )
 
     def apply_wrench(self, link: str, wrench: np.ndarray) -> None:
-        """Apply a wrench to a link, if it is its own, as ``Engine.apply_wrench``."""
+        """Apply a wrench to a link, if it belongs to this tree."""
         index, frame = self._index.get(link), self._client.WORLD_FRAME
         if index is not None:
             self._apply_force(index, wrench[:3])

@@ -1,4 +1,4 @@
-"""PyBullet, without the output of its C code: others import it from here."""
+"""PyBullet without the output of its C code."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from g1_description.interrupts import uninterrupted
 
 @contextlib.contextmanager
 def _muted() -> Iterator[None]:
-    """Print nothing meanwhile, also from C, which keeps its output back for a while."""
+    """Discard output meanwhile, also C's, which is buffered."""
     flush = ctypes.CDLL(None).fflush
     with contextlib.ExitStack() as stack:
         nowhere = os.open(os.devnull, os.O_WRONLY)
@@ -34,6 +34,6 @@ with _muted():  # it prints its build time
 
 
 def connect() -> BulletClient:
-    """Make a PyBullet of one's own."""
-    with uninterrupted(), _muted():  # half made, it complains when it is deleted
+    """Create a PyBullet client."""
+    with uninterrupted(), _muted():  # its destructor fails after an interrupt
         return BulletClient(pybullet.DIRECT)

@@ -1,4 +1,4 @@
-"""The speed at which overlapping links part."""
+"""Limit of the speed at which overlapping links separate."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ from g1_description.sim.bullet.client import BulletClient
 from g1_description.sim.engine import PhysicsProperties
 
 MAX_DEPENETRATION_SPEED = 0.3
-"""Greatest speed at which links that overlap part, in [m/s]. ODE has such a bound for
-each contact, Gazebo's ``max_vel``; its 0.01 m/s would be slow to watch, and a
-thing thrown at this speed rises by 5 mm."""
+"""Largest speed at which overlapping links separate, in [m/s]. ODE has such a bound per
+contact, Gazebo's ``max_vel`` of 0.01 m/s, which is slow to watch; an object thrown at
+this speed rises by 5 mm."""
 
 CONTACT_HARDNESS = 1e9
-"""Stiffness times the time step, plus damping, of links whose part of ``erp`` is given:
-so great that their contacts are as hard as others."""
+"""Stiffness times the time step, plus damping, of links with their own ``erp``: large
+enough that their contacts are as hard as others."""
 
 
 class DepenetrationLimiter:
     """Bounds the speed at which contacts push overlapping links apart.
 
-    In each step PyBullet takes back the part ``erp`` of an overlap, by a velocity that
-    bodies keep. It has no bound for that, but a part for each link, by its contact
-    stiffness and damping: a link that is deep in something gets less than the others.
+    In each step PyBullet corrects the fraction ``erp`` of an overlap, by a velocity
+    that bodies keep. It has no bound for it, but contact stiffness and damping set a
+    fraction per link: deep links get a smaller one.
     """
 
     def __init__(self, client: BulletClient) -> None:
@@ -32,19 +32,19 @@ class DepenetrationLimiter:
         self._may_overlap = False
 
     def expect_overlaps(self) -> None:
-        """Note that something may have been put into something else."""
+        """Record that a change may have caused an overlap."""
         self._may_overlap = True
 
     def forget(self, body: int) -> None:
-        """Note that a body is gone, by its number in PyBullet."""
-        self._given = {key: part for key, part in self._given.items() if key[0] != body}
+        """Forget a removed body, by its number in PyBullet."""
+        self._given = {key: erp for key, erp in self._given.items() if key[0] != body}
 
     def apply(self, bodies: Mapping[int, Body], properties: PhysicsProperties) -> None:
-        """Set each link's part of ``erp`` for the next step.
+        """Set each link's ``erp`` for the next step.
 
         Args:
             bodies: All bodies by their numbers in PyBullet.
-            properties: The physics' numbers.
+            properties: The physics properties.
         """
         if not (self._may_overlap and properties.step_ns):
             return
@@ -52,9 +52,9 @@ class DepenetrationLimiter:
         distance = MAX_DEPENETRATION_SPEED * time_step
         deepest = self._deep_links(bodies, properties.erp, distance)
         for key in {**self._given, **deepest}:
-            part = distance / deepest[key] if key in deepest else properties.erp
-            if self._given.get(key) != (part, time_step):
-                self._set_part(key, part, time_step)
+            erp = distance / deepest[key] if key in deepest else properties.erp
+            if self._given.get(key) != (erp, time_step):
+                self._set_erp(key, erp, time_step)
         self._may_overlap = bool(deepest)
 
     def _deep_links(
@@ -63,8 +63,8 @@ class DepenetrationLimiter:
         """Find the links that PyBullet would push by more than a distance in a step.
 
         Returns:
-            The greatest depth in [m] by PyBullet's numbers of body and link; of each
-            pair the first link that can move is the one.
+            The largest depth in [m] by PyBullet's numbers of body and link, assigned to
+            the first movable link of each pair.
         """
         self._client.performCollisionDetection()
         deepest: dict[tuple[int, int], float] = {}
@@ -78,13 +78,13 @@ class DepenetrationLimiter:
                     break
         return deepest
 
-    def _set_part(self, key: tuple[int, int], part: float, time_step: float) -> None:
-        """Set the part of their depth that a link's contacts take back in each step."""
+    def _set_erp(self, key: tuple[int, int], erp: float, time_step: float) -> None:
+        """Set the fraction of the depth that a link's contacts correct per step."""
         body, link = key
         self._client.changeDynamics(
             body,
             link,
-            contactStiffness=part * CONTACT_HARDNESS / time_step,
-            contactDamping=(1.0 - part) * CONTACT_HARDNESS,
+            contactStiffness=erp * CONTACT_HARDNESS / time_step,
+            contactDamping=(1.0 - erp) * CONTACT_HARDNESS,
         )
-        self._given[key] = part, time_step
+        self._given[key] = erp, time_step

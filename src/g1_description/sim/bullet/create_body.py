@@ -1,7 +1,7 @@
-"""A robot made in PyBullet from our arrays: the one place that knows its form there.
+"""Creates PyBullet bodies from our arrays.
 
-PyBullet's links sit on their joint's axis; a joint whose axis misses its child's
-origin moves the child's content instead. There are no visuals.
+The frame of a PyBullet link is on its joint's axis; if the axis misses the origin of
+the child link, the shapes are offset. There are no visuals.
 """
 
 from __future__ import annotations
@@ -32,23 +32,23 @@ ROOT = -1
 """PyBullet's number for a body's root link."""
 
 MAX_JOINTS = 127
-"""Links of one body in PyBullet, without its root: it leaves out more in silence."""
+"""PyBullet's limit of links per body, without the root; it drops others silently."""
 
 UNKNOWN = Inertial(1.0, np.zeros(3), np.eye(3))
-"""Mass properties of links that have none in the file. Nothing moves by itself
-where there are such links; without a mass PyBullet finds no contacts."""
+"""Mass properties of links without any, which occur only in kinematic physics: PyBullet
+finds no contacts without a mass."""
 
 NO_MASS = Inertial(0.0, np.zeros(3), np.zeros((3, 3)))
 
 MAX_TOGETHER = 16
-"""Collision shapes that PyBullet takes in one call: of one more its process dies."""
+"""Collision shapes that PyBullet accepts in one call; it crashes with one more."""
 
 TOLERANCE = 1e-3
-"""Largest distance in [m] of a mesh from the hull that stands for it: fewer points make
-steps with contacts, and loading, faster."""
+"""Largest deviation in [m] of a simplified hull from its mesh: fewer points make steps
+with contacts, and loading, faster."""
 
 Form = Dict[str, Any]
-"""A collision shape in the words of ``createCollisionShapeArray``."""
+"""A collision shape as arguments of ``createCollisionShapeArray``."""
 
 MIN_RADIUS = 1e-9
 """Smallest radius of a sphere in [m]: PyBullet refuses zero."""
@@ -70,25 +70,25 @@ JOINTS = {
 
 
 class TooManyLinksError(DescriptionError):
-    """PyBullet has no room for the links of a tree."""
+    """A tree has more links than PyBullet supports."""
 
 
 @dataclass(frozen=True)
 class _Row:
-    """A link as PyBullet has it."""
+    """A link in PyBullet."""
 
     name: str
     parent: int
     """Row of its parent."""
 
     joint: Joint | None
-    """To the parent; None for the root, and for a row with more shapes of a link."""
+    """Joint to the parent; None for the root, and for a row of additional shapes."""
 
     position: np.ndarray
-    """In the frame that PyBullet has for the parent, in [m], shape (3,)."""
+    """Position in PyBullet's frame of the parent, in [m], shape (3,)."""
 
     anchor: np.ndarray
-    """Where PyBullet has its frame, in the link frame, in [m], shape (3,)."""
+    """Origin of PyBullet's frame in the link frame, in [m], shape (3,)."""
 
     inertial: Inertial
     forms: Sequence[Form] = field(repr=False)
@@ -97,22 +97,21 @@ class _Row:
 def create_body(
     client: BulletClient, model: Model, meshes: Mapping[str, Mesh], tree: int = 0
 ) -> tuple[int, list[str]]:
-    """Make a tree of a model where it is.
+    """Create the body of a tree of a model, at its state.
 
     Args:
         client: PyBullet.
         model: The model.
-        meshes: The meshes of its collision shapes, by their names as written; shapes of
-            others are left out.
-        tree: Which of the model's trees.
+        meshes: The meshes of its collision shapes, by their names in the file; shapes
+            of other meshes are ignored.
+        tree: Index of the tree.
 
     Returns:
-        PyBullet's number for the body, and names by PyBullet's numbers for its links
-        from ``ROOT`` on. Where one has more shapes than PyBullet takes together, the
-        next ones are of the same name.
+        PyBullet's number of the body, and the names of its links from ``ROOT`` on. A
+        link with more than ``MAX_TOGETHER`` shapes is there several times.
 
     Raises:
-        TooManyLinksError: If PyBullet has no room for all links.
+        TooManyLinksError: If PyBullet does not support that many links.
         DescriptionError: If PyBullet refuses the model.
     """
     description, fixed = model.assembly.description.trees[tree], model.trees[tree].fixed
@@ -121,9 +120,9 @@ def create_body(
         rows = _rows(description, forms)
         if len(rows) > MAX_JOINTS + 1:
             raise TooManyLinksError(
-                f"Robot '{description.name}' needs {len(rows)} links, at least one for "
-                f"each {MAX_TOGETHER} collision shapes of a link; hold and limp have "
-                f"room for {MAX_JOINTS + 1}."
+                f"Robot '{description.name}' must have at most {MAX_JOINTS + 1} links "
+                f"in hold and limp (got {len(rows)}, with one for each {MAX_TOGETHER} "
+                "collision shapes of a link)."
             )
         try:
             number = _create(client, rows, model.root_poses[tree], fixed)
@@ -143,7 +142,7 @@ def create_body(
 
 
 def _temporary_folder() -> str:
-    """Return a folder for temporary files; PyBullet dies of names beyond ASCII."""
+    """Return a folder for temporary files; PyBullet crashes with non-ASCII names."""
     usual = tempfile.gettempdir()
     return usual if usual.isascii() else "/tmp"
 
@@ -151,7 +150,7 @@ def _temporary_folder() -> str:
 def _rows(description: Description, forms: _Forms) -> list[_Row]:
     """List the links of a tree as PyBullet numbers them: depth first.
 
-    A link with too many shapes is followed by others without mass that are fixed to it.
+    A link with too many shapes is followed by massless links fixed to it.
     """
     above = {joint.child: joint for joint in description.joints}
     links = {link.name: link for link in description.links}
@@ -177,13 +176,13 @@ def _rows(description: Description, forms: _Forms) -> list[_Row]:
 
 
 def _groups(forms: Sequence[Form]) -> list[Sequence[Form]]:
-    """Divide shapes into groups that PyBullet takes together; at least one."""
+    """Split shapes into groups of at most ``MAX_TOGETHER``; at least one group."""
     begins = range(0, max(len(forms), 1), MAX_TOGETHER)
     return [forms[begin : begin + MAX_TOGETHER] for begin in begins]
 
 
 def _inertial(link: Link, is_root: bool) -> Inertial:
-    """Return the mass properties that PyBullet is given for a link."""
+    """Return the mass properties of a link for PyBullet."""
     if is_root and link.name == WORLD:
         return NO_MASS
     inertial = link.inertial or UNKNOWN
@@ -233,7 +232,7 @@ def _center(row: _Row) -> np.ndarray:
 
 
 def principal_axes(inertia: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Find the axes about which a body turns freely.
+    """Compute principal moments and axes of inertia.
 
     Args:
         inertia: Tensor in [kg m^2], shape (3, 3).
@@ -248,13 +247,13 @@ def principal_axes(inertia: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _set_dynamics(client: BulletClient, number: int, rows: Sequence[_Row]) -> None:
-    """Set moments of inertia and limits, which ``createMultiBody`` does not take."""
+    """Set moments of inertia and limits, which ``createMultiBody`` does not accept."""
     for index, row in enumerate(rows, ROOT):
         moments, _ = principal_axes(row.inertial.inertia)
         client.changeDynamics(number, index, localInertiaDiagonal=moments)
         joint = row.joint
         if joint and joint.kind in ("revolute", "prismatic"):
-            # PyBullet wants both limits, or a joint has none.
+            # PyBullet ignores a single limit.
             client.changeDynamics(
                 number,
                 index,
@@ -264,10 +263,9 @@ def _set_dynamics(client: BulletClient, number: int, rows: Sequence[_Row]) -> No
 
 
 class _Forms:
-    """Writes collision shapes in PyBullet's words, and their meshes into files.
+    """Converts collision shapes for PyBullet, and writes their meshes to files.
 
-    PyBullet takes the points of a hull directly only for a link that has no other
-    shape, so they go through files.
+    PyBullet accepts the points of a hull directly only for a link without other shapes.
     """
 
     def __init__(
@@ -275,11 +273,10 @@ class _Forms:
     ) -> None:
         self._meshes = meshes
         self._folder = folder
-        self._is_static = is_static  # then its meshes are hollow where their files are
+        self._is_static = is_static  # then meshes may be concave
         self._files: dict[tuple[str, float], str] = {}
         self.deviations: dict[str, float] = {}
-        """By meshes with thinned hulls: the largest distance of an ignored point from
-        the hull in use, in [m]."""
+        """Largest deviation of a simplified hull in [m], by mesh."""
         self._n_files = 0
 
     def of(self, shapes: Sequence[Shape], anchor: np.ndarray) -> list[Form]:
@@ -287,8 +284,7 @@ class _Forms:
 
         Args:
             shapes: Collision shapes of the link.
-            anchor: Where PyBullet has the link's frame, in the link frame, in [m],
-                shape (3,).
+            anchor: Origin of PyBullet's frame in the link frame, in [m], shape (3,).
         """
         return [
             self._form(shape, anchor, self._file_of(shape))
@@ -297,7 +293,7 @@ class _Forms:
         ]
 
     def _form(self, shape: Shape, anchor: np.ndarray, file: str) -> Form:
-        """Write a shape, its mesh in a file."""
+        """Convert a shape with its mesh file."""
         form: Form = {
             "shapeTypes": KINDS[shape.kind],
             "halfExtents": [1.0, 1.0, 1.0],
@@ -322,7 +318,7 @@ class _Forms:
         return form
 
     def _file_of(self, shape: Shape) -> str:
-        """Return the file of a shape; an empty name where it needs none."""
+        """Return the file of a shape; an empty name if it needs none."""
         if shape.kind == "cylinder":
             return self._write([cylinder_points(*shape.size)])
         if shape.kind != "mesh":
@@ -362,7 +358,7 @@ class _Forms:
         return str(path)
 
     def _new_path(self, suffix: str) -> Path:
-        """Name a new file; PyBullet dies of names beyond ASCII."""
+        """Return a new file name, in ASCII."""
         self._n_files += 1
         return self._folder / f"{self._n_files}{suffix}"
 
@@ -386,7 +382,7 @@ def _obj_text(objects: Sequence[np.ndarray]) -> str:
 
 
 def _triples(points: np.ndarray) -> np.ndarray:
-    """Write points, shape (n, 3), as triangles, the last point as often as it takes."""
+    """Write points, shape (n, 3), as triangles, padded with the last point."""
     padding = np.repeat(points[-1:], -len(points) % 3, axis=0)
     return np.concatenate([points, padding]).reshape(-1, 3, 3)
 
@@ -399,7 +395,7 @@ def _create_shapes(client: BulletClient, forms: Sequence[Form]) -> int:
         forms: At most ``MAX_TOGETHER``.
 
     Returns:
-        PyBullet's number for all of them; -1 if there are none.
+        PyBullet's number of the compound; -1 if there are none.
     """
     if not forms:
         return -1

@@ -25,16 +25,16 @@ from g1_description.sim.model import Model
 from g1_description.text import listed
 
 REST_SPEED = 1e-5
-"""Greatest speed of a joint or root that counts as standing still, in [m/s] or [rad/s]:
-above the noise of the solver in a stack of boxes, far below anything visible."""
+"""Largest speed of a joint or root at rest, in [m/s] or [rad/s]: above the solver's
+noise in a stack of boxes, far below anything visible."""
 
 REST_TIME = 0.1
-"""How long everything must stand still before the world rests, in [s] of simulated
-time: a pendulum that turns round is slower than REST_SPEED for less."""
+"""Time at rest before the world sleeps, in [s] of simulated time: a pendulum at its
+turning point is slower than REST_SPEED for less."""
 
 
 class RestDetector:
-    """Counts for how long everything has stood still."""
+    """Measures for how long all models have been at rest."""
 
     def __init__(self) -> None:
         self._still_for = 0.0
@@ -46,14 +46,14 @@ class RestDetector:
         return self._still_for >= REST_TIME
 
     def wake(self) -> None:
-        """Compute again, and count from zero."""
+        """Resume steps, and count from zero."""
         self._still_for = 0.0
 
     def update(self, speed: float, time_step: float) -> None:
         """Count a step that was computed.
 
-        Something that became faster is about to move, however slow it is, such as a
-        pole that begins to topple: then the world does not rest.
+        The world does not sleep while the speed grows, such as with a pole that starts
+        to topple.
 
         Args:
             speed: Greatest speed after the step, in [m/s] or [rad/s].
@@ -72,9 +72,8 @@ class RestDetector:
 class BulletEngine(Engine):
     """PyBullet behind a world.
 
-    A world in which all stands still rests: steps change nothing and cost nothing until
-    the next write. In ``kinematic`` physics bodies follow their models only when
-    contacts are requested.
+    A world at rest sleeps: steps are skipped until the next write. In ``kinematic``
+    physics bodies follow their models only when contacts are requested.
     """
 
     def __init__(
@@ -104,7 +103,7 @@ class BulletEngine(Engine):
         self._client.disconnect()
 
     def set_properties(self, properties: PhysicsProperties) -> None:
-        """Compute with other numbers, of which PyBullet knows some."""
+        """Set the properties; PyBullet uses some of them."""
         self._rest.wake()
         self._depenetration.expect_overlaps()
         self.properties = properties
@@ -125,12 +124,12 @@ class BulletEngine(Engine):
         )
 
     def _woken(self, model: Model) -> tuple[Body, ...]:
-        """Return a model's bodies for changes to them; the world rests no longer."""
+        """Wake the world, and return a model's bodies for a change."""
         self._rest.wake()
         return self._bodies.get(model.name, ())
 
     def write(self, model: Model) -> None:
-        """Write roots and joints to the bodies, in kinematic physics later."""
+        """Write roots and joints to the bodies; deferred in kinematic physics."""
         if not self.is_dynamic:
             self._moved[model.name] = model
             return
@@ -139,7 +138,7 @@ class BulletEngine(Engine):
             body.write()
 
     def write_joints(self, model: Model, rows: Iterable[int]) -> None:
-        """Write some joints to the bodies, in kinematic physics later."""
+        """Write some joints to the bodies; deferred in kinematic physics."""
         if not self.is_dynamic:
             self._moved[model.name] = model
             return
@@ -169,7 +168,7 @@ class BulletEngine(Engine):
             body.apply_effort(row, effort)
 
     def update_joint(self, model: Model, name: str) -> None:
-        """Take over damping and stops of a joint."""
+        """Apply damping and stops of a joint."""
         for body in self._woken(model):
             body.update_joint(name)
 
@@ -177,7 +176,7 @@ class BulletEngine(Engine):
         """Make the bodies of a model; if that fails, nothing is changed.
 
         Raises:
-            DescriptionError: If PyBullet has no room for it, or refuses it.
+            DescriptionError: If it is too large for PyBullet, or refused by it.
         """
         if not model.link_names:
             return ()
@@ -185,8 +184,8 @@ class BulletEngine(Engine):
         if self.is_dynamic and joints > MAX_JOINTS:
             name = model.assembly.description.name
             raise DescriptionError(
-                f"Robot '{name}' has {joints} movable joints; only kinematic "
-                f"physics has room for more than {MAX_JOINTS}."
+                f"Robot '{name}' has {joints} movable joints; more than {MAX_JOINTS} "
+                "need kinematic physics."
             )
         before = self._client.getNumBodies()
         try:
@@ -213,7 +212,7 @@ class BulletEngine(Engine):
             except TooManyLinksError as error:
                 if self.is_dynamic:
                     raise
-                left_out += (f"its contacts are not found: {error}",)
+                left_out += (f"its contacts are not computed: {error}",)
                 continue
             bodies.append(Body(self._client, number, links, model, tree, motors))
         for first, second in combinations(bodies, 2):
@@ -221,13 +220,13 @@ class BulletEngine(Engine):
         unknown = [name for body in bodies for name in body.unknown_limits()]
         if motors and unknown:
             left_out += (
-                f"the effort limit of {listed(unknown)} is 0, which is taken as "
-                "unknown: the motors have no limit in physics",
+                f"the effort limit of {listed(unknown)} is 0, which means unknown: the "
+                "motors have no limit in physics",
             )
         return tuple(bodies), left_out + remarks
 
     def _motors_of(self, model: Model) -> tuple[Motors | None, tuple[str, ...]]:
-        """Choose a model's motors; say so where given ones would fit its names only."""
+        """Choose a model's motors, and report if the G1's are not applied."""
         robot, motors = model.assembly.description, self._motors
         if motors is None or motors.are_for(robot.name):
             return motors, ()
@@ -235,9 +234,9 @@ class BulletEngine(Engine):
         if all(motors.of(name) == Motor() for name in names):
             return Motors(), ()
         return Motors(), (
-            f"{G1_MOTORS} is not applied: 'g1' is not a word of the robot's name "
-            f"'{robot.name}'. Effort limits are those of its URDF; motors:=FILE sets "
-            "others.",
+            f"{G1_MOTORS} is not applied: the name of the robot, '{robot.name}', does "
+            "not have the word 'g1'. Effort limits are those of its URDF; set others "
+            "with motors:=FILE.",
         )
 
     def remove(self, name: str) -> None:
@@ -264,20 +263,20 @@ class BulletEngine(Engine):
         self._is_sorted = False
 
     def rebuild(self, models: Iterable[Model]) -> None:
-        """Build everything again: PyBullet's solver remembers contacts."""
+        """Build everything again, as PyBullet's solver remembers contacts."""
         self._client.resetSimulation()
         self._begin()
         for model in models:
             self.add(model)
 
     def update_gravity(self, model: Model) -> None:
-        """Read which links of a model gravity pulls."""
+        """Apply which links of a model have gravity."""
         for body in self._woken(model):
             body.update_gravity()
         self._is_sorted = False
 
     def step(self) -> None:
-        """Compute one time step, unless the world rests."""
+        """Compute one time step, unless the world sleeps."""
         if self._rest.is_resting:
             return
         self._sort()
@@ -345,7 +344,7 @@ class BulletEngine(Engine):
         return pairs
 
     def _write_moved(self) -> None:
-        """Write the models to their bodies that were moved in kinematic physics."""
+        """Write the models that were moved in kinematic physics to their bodies."""
         for model in self._moved.values():
             for body in self._woken(model):
                 body.write()

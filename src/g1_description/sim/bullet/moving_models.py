@@ -1,4 +1,4 @@
-"""All models that move, read from PyBullet together."""
+"""States of all moving models, read from PyBullet in one batch."""
 
 from __future__ import annotations
 
@@ -21,14 +21,13 @@ from g1_description.sim.model import Model, States
 
 
 class MovingModels:
-    """The models of a world that move, one after the other in the same arrays.
+    """The moving models of a world, concatenated in common arrays.
 
-    A world has dozens of small ones, and most of the time of each would be numpy's for
-    a call, whatever the length of its arrays.
+    A world has dozens of small ones, for which numpy's overhead per call dominates.
     """
 
     def __init__(self, client: BulletClient, models: Sequence[Sequence[Body]]) -> None:
-        """Prepare the arrays.
+        """Create the arrays.
 
         Args:
             client: PyBullet.
@@ -60,7 +59,7 @@ class MovingModels:
             self._kinematics = Kinematics(forest)
 
     def read(self) -> None:
-        """Read the state of all models from PyBullet; they have it after an update."""
+        """Read the state of all models from PyBullet; ``update_models`` applies it."""
         if not self._models:
             return
         roots, root_twists = self._read_roots()
@@ -72,7 +71,7 @@ class MovingModels:
         states: list[States] = []
 
         def links(rows: slice) -> States:
-            if not states:  # computed when a first model is looked at
+            if not states:  # computed on the first access
                 found = self._kinematics.link_states(
                     roots, position, root_twists, velocity
                 )
@@ -91,12 +90,12 @@ class MovingModels:
         self._speeds = np.abs(np.concatenate([root_twists.ravel(), velocity]))
 
     def update_models(self) -> None:
-        """Give all models the state that was read."""
+        """Set the last read state of all models."""
         for model, state in zip(self._models, self._measured):
             model.set_measured_state(*state)
 
     def _read_roots(self) -> tuple[np.ndarray, np.ndarray]:
-        """Find the poses and twists of all roots; those that are fixed keep theirs.
+        """Read the poses and twists of all roots; fixed ones keep theirs.
 
         Returns:
             Poses in the world, shape (n_trees, 7), twists of the root frames' origins
@@ -116,7 +115,7 @@ class MovingModels:
 
     @property
     def speed(self) -> float:
-        """The greatest speed of a joint or a root when read, in [m/s] or [rad/s]."""
+        """Largest last read speed of a joint or a root, in [m/s] or [rad/s]."""
         return float(self._speeds.max())
 
     def stop(self) -> None:
@@ -126,10 +125,10 @@ class MovingModels:
 
 
 def _joined(models: Sequence[Model]) -> tuple[Description, np.ndarray]:
-    """Make one robot of many models, their trees one behind the other.
+    """Join the trees of many models to one robot.
 
     Returns:
-        The robot, and which of its links are those of the models, shape (n_links,).
+        The robot, and the rows of the models' links in it, shape (n_links,).
     """
     links: list[Link] = []
     joints: list[Joint] = []
@@ -155,6 +154,6 @@ def _joined(models: Sequence[Model]) -> tuple[Description, np.ndarray]:
 
 
 def _slices(lengths: Sequence[int]) -> list[slice]:
-    """Return where parts of these lengths are that follow each other."""
+    """Return the slices of consecutive parts of given lengths."""
     ends = np.cumsum([0, *lengths]).tolist()
     return [slice(begin, end) for begin, end in zip(ends, ends[1:])]

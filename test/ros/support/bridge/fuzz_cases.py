@@ -17,8 +17,8 @@ from tcpros import packed as text
 
 MANY = 2**32 - 1
 SHOWN = {"shoulder": 0.25, "elbow": -0.5, "slide": 0.125}
-MALFORMED, MISSING, TWICE = "cannot be read", "are left out", "more than once"
-OFF_AXIS, SILENCE, COMMAND = "off their axes", "Nothing usable", "is ignored"
+MALFORMED, MISSING, TWICE = "Cannot decode", "are ignored", "Duplicate links"
+OFF_AXIS, SILENCE, COMMAND = "off their axes", "No valid message", "is ignored"
 TILT = [0.2, 0.0, 0.0]
 KINDS = (MALFORMED, MISSING, TWICE, OFF_AXIS, SILENCE, COMMAND)
 """Words that tell a kind of line from the others."""
