@@ -332,8 +332,8 @@ BAD_HAS_NO_LINKS = "Model 'bad' has no links."
         ),
         (
             '<world name="w"><include><uri>lamp</uri></include></world>',
-            "The file has no model and no light (include of lamp is ignored: A model must "
-            "be given as model://NAME, file://FOLDER or an absolute path).",
+            "The file has no model and no light (include of lamp is ignored: A model "
+            "must be given as model://NAME, file://FOLDER or an absolute path).",
         ),
         (
             f'<world name="w">{GOOD}{GOOD.replace("good", "fine")}{WRONG}</world>',
