@@ -123,8 +123,8 @@ def in_colors(picture: np.ndarray, palette: Image.Image) -> Image.Image:
 def _nearest(codes: np.ndarray, palette: Image.Image) -> np.ndarray:
     """Find colours, packed into integers, in a palette: indices, shape (n,)."""
     known = np.array(palette.getpalette()[: 3 * COLORS], dtype=int).reshape(-1, 3)
-    wanted = codes[:, np.newaxis].astype(int) >> [16, 8, 0] & 255
-    squares = ((wanted[:, np.newaxis] - known) ** 2).sum(axis=-1)
+    colors = codes[:, np.newaxis].astype(int) >> [16, 8, 0] & 255
+    squares = ((colors[:, np.newaxis] - known) ** 2).sum(axis=-1)
     return squares.argmin(axis=1).astype(np.uint8)
 
 

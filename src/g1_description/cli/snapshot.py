@@ -225,7 +225,7 @@ def notify(sentence: str) -> None:
     print(f"snapshot: {sentence}", file=sys.stderr, flush=True)
 
 
-def check_joints(wanted: dict[str, float], description: Description) -> None:
+def check_joints(requested: dict[str, float], description: Description) -> None:
     """Check that a robot has joints, and that positions are within their limits.
 
     Raises:
@@ -233,13 +233,13 @@ def check_joints(wanted: dict[str, float], description: Description) -> None:
         InvalidValueError: If a position is outside the limits.
     """
     joints = {joint.name: joint for joint in description.movable_joints}
-    unknown = [name for name in wanted if name not in joints]
+    unknown = [name for name in requested if name not in joints]
     if unknown:
         raise UnknownNameError(
             f"Robot '{description.name}' has no joint {listed(unknown)}. Its joints: "
             f"{listed(similar_first(unknown[0], joints)) or 'none'}."
         )
-    for name, position in wanted.items():
+    for name, position in requested.items():
         check_limits("--joints", joints[name], position)
 
 
@@ -452,10 +452,10 @@ def has_base(view: RobotView) -> bool:
     return state is not None and state.base_pose is not None
 
 
-def report_unknown(view: RobotView, wanted: dict[str, float]) -> None:
+def report_unknown(view: RobotView, requested: dict[str, float]) -> None:
     """Report joints and poses that are unknown."""
     name = view.description.name
-    missing = [joint for joint in view.missing if joint not in wanted]
+    missing = [joint for joint in view.missing if joint not in requested]
     if missing:
         notify(f"unknown positions of '{name}', drawn at 0: {', '.join(missing)}.")
     if not has_base(view):
