@@ -23,10 +23,11 @@ from g1_description.cli.film import (
     PlacedRobot,
     check_length,
     check_place,
+    count,
     drawn,
-    drawn_motion,
     film,
     now,
+    placed,
     record,
     side_by_side,
     write_film,
@@ -40,6 +41,9 @@ from g1_description.errors import (
     InvalidValueError,
     UnknownNameError,
 )
+from g1_description.motion.files.formats import read_motion
+from g1_description.motion.motion import Motion
+from g1_description.motion.trajectory import sample
 from g1_description.render.camera import VIEWS, Camera, framing
 from g1_description.render.picture import draw
 from g1_description.render.scene import Scene
@@ -355,6 +359,61 @@ def columns_of(n: int, ratio: float) -> int:
         return abs(math.log(columns / ideal)) + n_empty / n
 
     return min(range(1, n + 1), key=loss)
+
+
+SHEET = 6
+"""Default number of pictures of a contact sheet."""
+
+
+def drawn_motion(
+    args: SnapshotOptions, description: Description
+) -> tuple[list[list[PlacedRobot]], tuple[str, ...]]:
+    """Read a motion to draw.
+
+    Args:
+        args: The options.
+        description: The robot.
+
+    Returns:
+        The robot in each picture, and messages on the motion.
+
+    Raises:
+        MotionError: If the file cannot be read, or its motion does not fit the robot.
+        InvalidValueError: If a time is outside the motion, or the animation is too
+            long.
+    """
+    motion = read_motion(
+        Path(args.motion), description, args.motion_fps, args.motion_topic
+    )
+    begin = float(motion.trajectory.times[0])
+    found = sample(motion.trajectory, _times(args, begin, motion))
+    bases = found.base_poses
+    rows = [
+        dict(zip(motion.trajectory.joint_names, row))
+        for row in found.positions.tolist()
+    ]
+    return [
+        [placed(description, None if bases is None else bases[number], row)]
+        for number, row in enumerate(rows)
+    ], motion.notes
+
+
+def _times(args: SnapshotOptions, begin: float, motion: Motion) -> np.ndarray:
+    """Choose the times to draw, in [s]."""
+    end = motion.trajectory.duration
+    if args.is_film:
+        whole = max(end - begin, 1.0 / args.fps)
+        seconds = whole if args.seconds is None else min(args.seconds, whole)
+        check_length(seconds, args.fps, args.size)
+        return begin + np.arange(count(seconds, args.fps)) / args.fps
+    if args.times is None:
+        return np.linspace(begin, end, SHEET if end > begin else 1)
+    wrong = [time for time in args.times if not begin <= time <= end]
+    if wrong:
+        raise InvalidValueError(
+            f"--times {wrong[0]:g} is outside the motion ({begin:g}-{end:g} s)."
+        )
+    return np.array(args.times)
 
 
 def draw_file(args: SnapshotOptions) -> None:
