@@ -282,7 +282,7 @@ def test_a_model_that_cannot_be_loaded_is_left_out_of_the_world(make_world):
     world = make_world("limp", content=read_sdf(text))
     assert list(world.models) == ["ball"]
     (told,) = world.left_out
-    assert told.startswith("model large is ignored: ")
+    assert told.startswith("model large is left out: ")
 
 
 def test_too_many_links_are_refused_before_anything_is_made(make_world):

@@ -108,5 +108,5 @@ def test_mistakes_are_told():
 
 
 def test_a_verdict_says_which_checks_there_are():
-    with pytest.raises(KeyError, match="there are position"):
+    with pytest.raises(KeyError, match="known: position"):
         Verdict("r", checked=("position",)).of("velocity")

@@ -153,7 +153,7 @@ def test_what_cannot_be_written_is_told(tmp_path):
         with pytest.raises(error, match=words):
             write_motion(tmp_path / name, wanted, G1)
     assert os.listdir(tmp_path) == ["file"]
-    with pytest.raises(MotionError, match="more than 1000000"):
+    with pytest.raises(MotionError, match="the limit is 1000000"):
         write_motion(tmp_path / "a.npz", motion, G1, 1e9)
 
 

@@ -1195,14 +1195,14 @@ def main() -> None:
     fault = next((result.fault for result in results if result.fault), None)
     if args.json:
         keys = ("name", "state", "about", "remark")
-        told = {
+        content = {
             "whole": fault is None,
             "fault": fault and fault.name,
             "sentence": fault and fault.sentence,
             "cure": fault and fault.cure,
             "links": [{key: getattr(r, key) for key in keys} for r in results],
         }
-        say(json.dumps(told, indent=2))
+        say(json.dumps(content, indent=2))
     elif fault:
         say(f"\ndoctor: {fault.sentence}\n        {fault.cure}")
     else:

@@ -10,7 +10,7 @@ import sys
 import tempfile
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any, Callable, Dict, Iterator, Optional, Tuple
+from typing import Callable, Dict, Iterator, Optional, Tuple
 
 import imageio_ffmpeg
 import numpy as np
@@ -19,9 +19,6 @@ from PIL import Image
 
 from g1_description.errors import InvalidValueError
 from g1_description.files.atomic import write_whole
-from g1_description.motion.files.formats import read_motion
-from g1_description.motion.motion import Motion
-from g1_description.motion.trajectory import sample
 from g1_description.robot.assembly import root_in_base
 from g1_description.robot.description import Description
 from g1_description.robot.transform import compose
@@ -123,8 +120,8 @@ def in_colors(picture: np.ndarray, palette: Image.Image) -> Image.Image:
 def _nearest(codes: np.ndarray, palette: Image.Image) -> np.ndarray:
     """Find colours, packed into integers, in a palette: indices, shape (n,)."""
     known = np.array(palette.getpalette()[: 3 * COLORS], dtype=int).reshape(-1, 3)
-    wanted = codes[:, np.newaxis].astype(int) >> [16, 8, 0] & 255
-    squares = ((wanted[:, np.newaxis] - known) ** 2).sum(axis=-1)
+    colors = codes[:, np.newaxis].astype(int) >> [16, 8, 0] & 255
+    squares = ((colors[:, np.newaxis] - known) ** 2).sum(axis=-1)
     return squares.argmin(axis=1).astype(np.uint8)
 
 
@@ -355,58 +352,3 @@ def _encode(
             lines = errors.read().decode("utf-8", "replace").strip().splitlines()
             problem = lines[-1] if lines else f"it ended with {encoder.returncode}"
             raise InvalidValueError(f"ffmpeg cannot write {name}: {problem}.")
-
-
-SHEET = 6
-"""Default number of pictures of a contact sheet."""
-
-
-def drawn_motion(
-    args: Any, description: Description
-) -> tuple[list[list[PlacedRobot]], tuple[str, ...]]:
-    """Read a motion to draw.
-
-    Args:
-        args: The command's SnapshotOptions.
-        description: The robot.
-
-    Returns:
-        The robot in each picture, and messages on the motion.
-
-    Raises:
-        MotionError: If the file cannot be read, or its motion does not fit the robot.
-        InvalidValueError: If a time is outside the motion, or the animation is too
-            long.
-    """
-    motion = read_motion(
-        Path(args.motion), description, args.motion_fps, args.motion_topic
-    )
-    begin = float(motion.trajectory.times[0])
-    found = sample(motion.trajectory, _times(args, begin, motion))
-    bases = found.base_poses
-    rows = [
-        dict(zip(motion.trajectory.joint_names, row))
-        for row in found.positions.tolist()
-    ]
-    return [
-        [placed(description, None if bases is None else bases[number], row)]
-        for number, row in enumerate(rows)
-    ], motion.notes
-
-
-def _times(args: Any, begin: float, motion: Motion) -> np.ndarray:
-    """Choose the times to draw, in [s]."""
-    end = motion.trajectory.duration
-    if args.is_film:
-        whole = max(end - begin, 1.0 / args.fps)
-        seconds = whole if args.seconds is None else min(args.seconds, whole)
-        check_length(seconds, args.fps, args.size)
-        return begin + np.arange(count(seconds, args.fps)) / args.fps
-    if args.times is None:
-        return np.linspace(begin, end, SHEET if end > begin else 1)
-    wrong = [time for time in args.times if not begin <= time <= end]
-    if wrong:
-        raise InvalidValueError(
-            f"--times {wrong[0]:g} is outside the motion ({begin:g}-{end:g} s)."
-        )
-    return np.array(args.times)

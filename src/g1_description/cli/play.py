@@ -221,9 +221,9 @@ def prepare(args: PlayOptions, robot: RobotView) -> Trajectory:
     for note in motion.notes:
         notify(note)
     trajectory = cut(motion.trajectory, args.begin, args.end)
-    wanted = [args.start_here and "--start-here", args.on_floor and "--on-floor"]
-    if trajectory.base_poses is None and any(wanted):
-        names = " and ".join(filter(None, wanted))
+    requested = [args.start_here and "--start-here", args.on_floor and "--on-floor"]
+    if trajectory.base_poses is None and any(requested):
+        names = " and ".join(filter(None, requested))
         raise InvalidValueError(
             f"{names} needs a motion with a base, which {args.file.name} lacks."
         )

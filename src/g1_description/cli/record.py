@@ -189,20 +189,20 @@ def _wait_for_first(recorder: Recorder, states: States) -> None:
 
 def _follow(recorder: Recorder, states: States, stop: _Stop) -> None:
     """Wait for the end of the recording."""
-    told = False
+    was_reported = False
     connected = time.monotonic()
 
     def is_over() -> bool:
-        nonlocal told, connected
+        nonlocal was_reported, connected
         states.keep_up()
         if states.is_connected:
             connected = time.monotonic()
         elif time.monotonic() > connected + GONE:
             recorder.end("the simulator ended")
         is_quiet = time.monotonic() - recorder.heard > QUIET
-        if is_quiet and not told:
+        if is_quiet and not was_reported:
             notify(f"no messages on {states.topic}; is time paused?")
-        told = is_quiet
+        was_reported = is_quiet
         return recorder.is_over or stop.is_wanted
 
     with suppress(rospy.ROSInterruptException):  # the recording is saved

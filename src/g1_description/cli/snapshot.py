@@ -24,10 +24,11 @@ from g1_description.cli.film import (
     PlacedRobot,
     check_length,
     check_place,
+    count,
     drawn,
-    drawn_motion,
     film,
     now,
+    placed,
     record,
     side_by_side,
     write_film,
@@ -41,6 +42,9 @@ from g1_description.errors import (
     InvalidValueError,
     UnknownNameError,
 )
+from g1_description.motion.files.formats import read_motion
+from g1_description.motion.motion import Motion
+from g1_description.motion.trajectory import sample
 from g1_description.render.camera import VIEWS, Camera, framing
 from g1_description.render.picture import draw
 from g1_description.render.scene import Scene
@@ -226,7 +230,7 @@ def notify(sentence: str) -> None:
     print(f"snapshot: {sentence}", file=sys.stderr, flush=True)
 
 
-def check_joints(wanted: dict[str, float], description: Description) -> None:
+def check_joints(requested: dict[str, float], description: Description) -> None:
     """Check that a robot has joints, and that positions are within their limits.
 
     Raises:
@@ -234,13 +238,13 @@ def check_joints(wanted: dict[str, float], description: Description) -> None:
         InvalidValueError: If a position is outside the limits.
     """
     joints = {joint.name: joint for joint in description.movable_joints}
-    unknown = [name for name in wanted if name not in joints]
+    unknown = [name for name in requested if name not in joints]
     if unknown:
         raise UnknownNameError(
             f"Robot '{description.name}' has no joint {listed(unknown)}. Its joints: "
             f"{listed(similar_first(unknown[0], joints)) or 'none'}."
         )
-    for name, position in wanted.items():
+    for name, position in requested.items():
         check_limits("--joints", joints[name], position)
 
 
@@ -358,6 +362,61 @@ def columns_of(n: int, ratio: float) -> int:
     return min(range(1, n + 1), key=loss)
 
 
+SHEET = 6
+"""Default number of pictures of a contact sheet."""
+
+
+def drawn_motion(
+    args: SnapshotOptions, description: Description
+) -> tuple[list[list[PlacedRobot]], tuple[str, ...]]:
+    """Read a motion to draw.
+
+    Args:
+        args: The options.
+        description: The robot.
+
+    Returns:
+        The robot in each picture, and messages on the motion.
+
+    Raises:
+        MotionError: If the file cannot be read, or its motion does not fit the robot.
+        InvalidValueError: If a time is outside the motion, or the animation is too
+            long.
+    """
+    motion = read_motion(
+        Path(args.motion), description, args.motion_fps, args.motion_topic
+    )
+    begin = float(motion.trajectory.times[0])
+    found = sample(motion.trajectory, _times(args, begin, motion))
+    bases = found.base_poses
+    rows = [
+        dict(zip(motion.trajectory.joint_names, row))
+        for row in found.positions.tolist()
+    ]
+    return [
+        [placed(description, None if bases is None else bases[number], row)]
+        for number, row in enumerate(rows)
+    ], motion.notes
+
+
+def _times(args: SnapshotOptions, begin: float, motion: Motion) -> np.ndarray:
+    """Choose the times to draw, in [s]."""
+    end = motion.trajectory.duration
+    if args.is_film:
+        whole = max(end - begin, 1.0 / args.fps)
+        seconds = whole if args.seconds is None else min(args.seconds, whole)
+        check_length(seconds, args.fps, args.size)
+        return begin + np.arange(count(seconds, args.fps)) / args.fps
+    if args.times is None:
+        return np.linspace(begin, end, SHEET if end > begin else 1)
+    wrong = [time for time in args.times if not begin <= time <= end]
+    if wrong:
+        raise InvalidValueError(
+            f"--times {wrong[0]:g} is outside the motion ({begin:g}-{end:g} s)."
+        )
+    return np.array(args.times)
+
+
 def draw_file(args: SnapshotOptions) -> None:
     """Draw a URDF file: a motion, or its zero pose with the given joints."""
     description = parse_urdf(absolute_urdf(args.model or G1))
@@ -453,10 +512,10 @@ def has_base(view: RobotView) -> bool:
     return state is not None and state.base_pose is not None
 
 
-def report_unknown(view: RobotView, wanted: dict[str, float]) -> None:
+def report_unknown(view: RobotView, requested: dict[str, float]) -> None:
     """Report joints and poses that are unknown."""
     name = view.description.name
-    missing = [joint for joint in view.missing if joint not in wanted]
+    missing = [joint for joint in view.missing if joint not in requested]
     if missing:
         notify(f"unknown positions of '{name}', drawn at 0: {', '.join(missing)}.")
     if not has_base(view):

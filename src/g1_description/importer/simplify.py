@@ -139,25 +139,25 @@ def within(
         Corners, shape (m, 3, 3): the desired number, or the least found within the
         tolerance; and the deviation of the surface, see ``deviation``.
     """
-    fewest, wanted, enough = most, most, len(triangles)
+    fewest, target, enough = most, most, len(triangles)
     best, moved = triangles, 0.0
     extent = float(np.ptp(triangles.reshape(-1, 3), axis=0).max())
     surface = ComparedSurface(triangles, extent)
     for _ in range(TRIES):
         distance = 0.0
         try:
-            fewer = make_fewer(triangles, wanted)
+            fewer = make_fewer(triangles, target)
         except DescriptionError:  # too few for a hull
             fewer, distance = triangles, np.inf
         if len(fewer) < len(triangles):
             distance = deviation(surface, ComparedSurface(fewer, extent), tolerance)
         if distance <= tolerance:
-            best, moved, enough = fewer, distance, wanted
+            best, moved, enough = fewer, distance, target
         else:
-            fewest = wanted
+            fewest = target
         if enough <= CLOSE * fewest:
             break
-        wanted = int(np.sqrt(fewest * enough))
+        target = int(np.sqrt(fewest * enough))
     return best, moved
 
 

@@ -29,13 +29,13 @@ class Scrub:
     def __init__(self, ui: UiLoop) -> None:
         self._ui = ui
         self._lock = threading.Lock()
-        self._wanted: tuple[Player, float] | None = None
+        self._requested: tuple[Player, float] | None = None
         self._is_busy = False
 
     def to(self, player: Player, at: float) -> None:
         """Show a time soon."""
         with self._lock:
-            self._wanted = player, at
+            self._requested = player, at
             if self._is_busy:
                 return
             self._is_busy = True
@@ -44,15 +44,15 @@ class Scrub:
     def _show(self) -> None:
         while True:
             with self._lock:
-                if self._wanted is None:
+                if self._requested is None:
                     self._is_busy = False
                     return
-                (player, at), self._wanted = self._wanted, None
+                (player, at), self._requested = self._requested, None
             try:
                 player.show(at)
             except Exception:
                 with self._lock:
-                    self._wanted, self._is_busy = None, False
+                    self._requested, self._is_busy = None, False
                 raise
 
 
@@ -263,12 +263,14 @@ class MotionPanel:
 
     def _step(self) -> None:
         """Show the first, last, previous or next sample."""
-        player, wanted = self._player, self._steps.value
+        player, requested = self._player, self._steps.value
         times = sorted(
             {t for m in self.motions.values() for t in m.trajectory.times.tolist()}
         )
         near = min(range(len(times)), key=lambda n: abs(times[n] - player.time))
-        row = {"first": 0, "-1": near - 1, "+1": near + 1}.get(wanted, len(times) - 1)
+        row = {"first": 0, "-1": near - 1, "+1": near + 1}.get(
+            requested, len(times) - 1
+        )
         self._jump(times[min(max(row, 0), len(times) - 1)])
 
     def _jump(self, to: float) -> None:

@@ -1,4 +1,4 @@
-"""The page of a world of robots: what is drawn, and the thread that draws it."""
+"""The page of a world of robots: its panels, and the loop that draws it."""
 
 from __future__ import annotations
 
@@ -32,20 +32,20 @@ if TYPE_CHECKING:
 
 
 RATE = 40.0
-"""Pictures in a second at most, in [Hz]."""
+"""Largest frame rate, in [Hz]."""
 
 IDLE = 0.25
-"""Longest wait for something new, in [s]: panels show times that go on."""
+"""Longest wait for changes, in [s]: panels show running times."""
 
 WATCH_PERIOD = 0.1
-"""Time between two looks at whether anybody looks, in [s]."""
+"""Period of checks whether the page is open, in [s]."""
 
 MAX_LINES = 8
-"""Findings of the present moment that are listed."""
+"""Largest number of listed findings of the current state."""
 
 
 class Page:
-    """Shows a world, and does what people want of it."""
+    """Shows and controls a world."""
 
     def __init__(
         self,
@@ -59,8 +59,8 @@ class Page:
         Args:
             server: Where to.
             world: The robots.
-            make_checker: Prepares the checks of a robot.
-            read_only: Whether people can only look.
+            make_checker: Creates the checker of a robot.
+            read_only: Whether the page has no controls.
         """
         self._server, self._world = server, world
         self.ui = UiLoop(server, world.changed)
@@ -75,7 +75,7 @@ class Page:
             shown.body.tag(shown.robot.name, row)
         self._stopped = threading.Event()
         self.watched: Callable[[], int] = lambda: len(server.get_clients())
-        """How many look."""
+        """Number of viewers."""
         self._read_only = read_only
         self._found: dict[ShownRobot, Verdict] = {}
         self._add_panels()
@@ -111,7 +111,7 @@ class Page:
             self._add_looks(tabs)
 
     def _add_looks(self, tabs: GuiTabGroupHandle) -> None:
-        """Add what people look with."""
+        """Add the tabs View and Plots."""
         gui, world = self._server.gui, self._world
         for shown in self._shown:
             self._name_on_click(shown)
@@ -126,7 +126,7 @@ class Page:
             self._plots = PlotPanel(gui, self.ui, robots)
 
     def _add_arrangement(self) -> None:
-        """Let people choose how robots that are compared are shown."""
+        """Add the switch between robots next to each other and overlaid."""
         box = self._server.gui.add_checkbox(
             "Over each other", False, hint="instead of beside each other"
         )
@@ -140,14 +140,14 @@ class Page:
         self.ui.on(box, arrange)
 
     def _add_controls(self, shown: Shown) -> None:
-        """Add what moves a robot."""
+        """Add the controls of a robot."""
         server, robot = self._server, shown.robot
         shown.joints = JointPanel(server.gui, self.ui, robot)
         shown.base = BasePanel(server, self.ui, robot)
         PosePanel(server.gui, self.ui, self._world, robot, shown.joints)
 
     def _name_on_click(self, shown: Shown) -> None:
-        """Show the name of a link that a person clicks or points at."""
+        """Show the name of a link on a click, or under the mouse."""
         body, post, point = shown.body, self.ui.post, self._pointer.show
         body.on_click(lambda link, _: post("name", lambda: body.name(link)))
         body.on_click(
@@ -166,7 +166,7 @@ class Page:
     # --- drawing ---
 
     def run(self) -> None:
-        """Draw what is new until ``stop`` is called."""
+        """Draw changes until ``stop`` is called."""
         threading.Thread(target=self._watch, daemon=True).start()
         while not self._stopped.is_set():
             self._world.changed.wait(IDLE)
@@ -181,7 +181,7 @@ class Page:
             self._stopped.wait(max(0.0, 1.0 / RATE - spent))
 
     def _watch(self) -> None:
-        """Tell the world whether anybody looks; it may wait for others then."""
+        """Notify the world when the page is opened or closed; this may block."""
         is_watched = False
         while not self._stopped.wait(WATCH_PERIOD):
             if bool(self.watched()) != is_watched:
@@ -194,7 +194,7 @@ class Page:
         self._world.changed.set()
 
     def _draw(self) -> None:
-        """Show where all robots are."""
+        """Show the states of all robots."""
         self._world.tick()
         self._pointer.tick()
         if self._simulator is not None:
@@ -209,7 +209,7 @@ class Page:
             self._plots.add(states, self.motion.player)
 
     def _follow(self, states: Mapping[ShownRobot, RobotState]) -> None:
-        """Keep the first robot in the middle, where that is switched on."""
+        """Keep the first robot in the centre, if switched on."""
         if self._view is None or not self._view.follow.value:
             self._stage.follow(np.zeros(2))
             return
@@ -220,12 +220,14 @@ class Page:
             self._stage.follow(state.base_pose[:2])
 
     def _tell_lack(self, states: Mapping[ShownRobot, RobotState]) -> None:
-        """Tell what nothing is known of."""
+        """Show which states are missing."""
         lacks = []
         for shown in self._shown:
             robot = shown.robot
             if robot not in states:
-                lacks.append(f"{plain(robot.name)}: no joint states have come yet.")
+                lacks.append(
+                    f"{plain(robot.name)}: no joint states have been received yet."
+                )
             elif states[robot].base_pose is None:
                 lacks.append(f"{plain(robot.name)}: the pose of its base is unknown.")
         text = "  \n".join(lacks)
@@ -238,7 +240,7 @@ class Page:
         shown: Shown,
         states: dict[ShownRobot, RobotState],
     ) -> None:
-        """Show where a robot is, and add that to the states."""
+        """Show the state of a robot, and add it to the states."""
         state = shown.robot.state()
         if state is None:
             return
@@ -256,7 +258,7 @@ class Page:
             self._tell_found()
 
     def _seen(self, robot: ShownRobot, state: RobotState, verdict: Verdict) -> None:
-        """Show what was found of a robot where it is."""
+        """Show the findings of a robot's current state."""
         shown = next(s for s in self._shown if s.robot is robot)
         if not shown.is_checked:  # switched off meanwhile
             return
@@ -265,7 +267,7 @@ class Page:
         self._tell_found()
 
     def _tell_found(self) -> None:
-        """List what was found of all robots as they are now."""
+        """List the findings of all current states."""
         lines = []
         for robot, verdict in self._found.items():
             whose = f" {plain(robot.name)}" if len(self._shown) > 1 else ""

@@ -91,7 +91,7 @@ class PlotPanel:
         self._make()
 
     def _make(self) -> None:
-        """Make the plot anew, with a pair of lines per joint."""
+        """Recreate the plot, with a pair of lines per joint."""
         if self._plot is not None:
             self._plot.remove()
             self._plot = None
@@ -118,7 +118,7 @@ class PlotPanel:
         states: Mapping[ShownRobot, RobotState],
         player: Player | None,
     ) -> None:
-        """Go on with the lines.
+        """Extend the lines.
 
         Args:
             states: Of each robot.

@@ -1,4 +1,4 @@
-"""What a page is told of a robot, and what it may ask of it."""
+"""Interfaces of a page to robots, motions and the simulator."""
 
 from __future__ import annotations
 
@@ -15,28 +15,28 @@ from g1_description.robot.state import RobotState
 
 
 class ShownRobot(Protocol):
-    """A robot, real, simulated or of a file. No method waits."""
+    """A real or simulated robot, or one of a file. Methods do not block."""
 
     name: str
     description: Description
     joint_topic: str
-    """Where the same command could be published."""
+    """Topic of joint commands."""
 
     def state(self) -> RobotState | None:
-        """Return its newest state, and what is commanded; None if there is none yet."""
+        """Return its newest state; None if there is none yet."""
 
     def command(self, positions: Mapping[str, float]) -> None:
         """Set joints, in [rad] or [m] by name."""
 
     def command_base(self, pose: np.ndarray) -> None:
-        """Put the base somewhere: T_map_base, shape (7,)."""
+        """Command the pose of the base: T_map_base, shape (7,)."""
 
 
 class Player(Protocol):
-    """A motion, and where it is. ``play`` and the like may wait for an answer.
+    """A motion that can be played. Methods may block, unless noted.
 
     Raises:
-        G1DescriptionError: By all methods, if that is refused or nobody answers.
+        G1DescriptionError: By all methods, if it fails or is not answered.
     """
 
     begin: float
@@ -51,97 +51,97 @@ class Player(Protocol):
 
     @property
     def is_running(self) -> bool:
-        """Whether it goes on by itself."""
+        """Whether it is playing."""
 
     def play(self, begin: float, speed: float) -> None:
-        """Play from a time on, in [s], at so many seconds of it in a second."""
+        """Play from a time, in [s], at a relative speed."""
 
     def pause(self) -> None:
-        """Stop where it is."""
+        """Pause."""
 
     def rest(self) -> None:
-        """Stay at the end, which is reached; does not wait."""
+        """Stay at the end; does not block."""
 
     def show(self, time: float) -> None:
         """Show the configuration of a time, in [s]."""
 
 
 class Simulator(Protocol):
-    """The simulated world. All methods but ``status`` may wait for an answer.
+    """The simulated world. Methods may block, unless noted.
 
     Raises:
-        G1DescriptionError: If that is refused or nobody answers.
+        G1DescriptionError: If it fails or is not answered.
     """
 
     def status(self) -> str:
-        """Describe physics, time and speed in a line; does not wait."""
+        """Format physics, time and speed in a line; does not block."""
 
     @property
     def is_paused(self) -> bool:
-        """Whether simulated time stands still; does not wait."""
+        """Whether simulated time is paused; does not block."""
 
     def pause(self) -> None:
-        """Let simulated time stand still."""
+        """Pause simulated time."""
 
     def go_on(self) -> None:
-        """Let simulated time run."""
+        """Resume simulated time."""
 
     def step(self, steps: int) -> None:
-        """Run so many steps while time stands still."""
+        """Run a number of steps while time is paused."""
 
     def set_speed(self, factor: float) -> None:
         """Set the speed of simulated time; 1: that of the clock, 0: no limit."""
 
     def reset(self) -> None:
-        """Put all robots back to where they began."""
+        """Reset the world."""
 
 
 class ShownWorld(Protocol):
-    """All that a page shows."""
+    """The robots and the simulator of a page."""
 
     robots: Sequence[ShownRobot]
     can_move: bool
-    """Whether anybody takes commands."""
+    """Whether robots can be commanded."""
 
     has_commanded: bool
     """Whether the commanded configuration is known."""
 
     can_arrange: bool
-    """Whether robots can be shown beside each other or over each other."""
+    """Whether robots can be shown next to each other or overlaid."""
 
     simulator: Simulator | None
     changed: Event
-    """Set when there is something new; whoever waits for it clears it."""
+    """Set on changes; cleared by the page."""
 
     def arrange(self, beside: bool) -> None:
-        """Show robots beside each other, or all where they are; if that is free."""
+        """Show robots next to each other, or overlaid, if possible."""
 
     def watch(self, is_watched: bool) -> None:
-        """Begin to listen, or stop: nobody looks."""
+        """Subscribe while the page is open."""
 
     def tick(self) -> None:
-        """Go on with what moves by itself; sets ``changed`` if anything does."""
+        """Update moving robots; sets ``changed`` if there are any."""
 
     def read(self, path: Path, robot: ShownRobot, rate: float | None) -> Motion:
         """Read a motion from a file of any format.
 
         Args:
             path: The file.
-            robot: Who shall go through it.
+            robot: The robot of the motion.
             rate: Samples per second of a file without times.
 
         Raises:
-            G1DescriptionError: If there is none in it that fits.
+            G1DescriptionError: If it is not a motion of the robot.
         """
 
     def open(self, robot: ShownRobot, motion: Motion) -> Player:
-        """Let a robot have a motion; it does not move yet."""
+        """Set the motion of a robot; it does not move yet."""
 
     def move(
         self, robot: ShownRobot, positions: Mapping[str, float], seconds: float
     ) -> None:
-        """Move joints from where they are, beginning and ending at rest.
+        """Move joints from their current positions, from rest to rest.
 
         Raises:
-            G1DescriptionError: If that is refused or nobody answers.
+            G1DescriptionError: If it fails or is not answered.
         """

@@ -1,4 +1,4 @@
-"""All that is drawn of one robot."""
+"""Everything that is drawn of one robot."""
 
 from __future__ import annotations
 
@@ -28,8 +28,7 @@ GHOST = (0.95, 0.6, 0.1, SEE_THROUGH)
 """Colour of the commanded configuration."""
 
 STALE = 0.4
-"""Marks of a state that is older than what is shown by so much are left out, in [s]:
-they would lie where the robot was."""
+"""Marks of states older than this, relative to the shown one, are not drawn, in [s]."""
 
 NEAR = 0.01
 """Least difference of the commanded configuration that is shown, in [m] or [rad]."""
@@ -86,7 +85,7 @@ class Shown:
             self._ghost.visible = is_seen
 
     def trail(self, is_on: bool) -> None:
-        """Go on with the trails, or show none."""
+        """Extend the trails, or remove them."""
         if is_on and self._state is not None:
             state = self._state
             self._trails.add(state.time, state.base_pose, state.positions_by_name)
@@ -104,7 +103,7 @@ class Shown:
         return last is None or not _same(last, self._state)
 
     def mark(self, state: RobotState, verdict: Verdict) -> None:
-        """Mark what was found where the robot is."""
+        """Mark the findings of a state."""
         self.body.redden(red_links(verdict))
         newest = self._state or state
         if state.base_pose is not None and newest.time - state.time < STALE:
@@ -112,7 +111,7 @@ class Shown:
         self._canvas.show()
 
     def unmark(self) -> None:
-        """Leave no marks."""
+        """Remove the marks."""
         self._checked = None
         self.body.redden(())
         self._canvas.show()

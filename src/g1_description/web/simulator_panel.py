@@ -1,4 +1,4 @@
-"""The simulator's buttons, and what it says of itself."""
+"""Status and controls of the simulator."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SPEEDS = {"0.1": 0.1, "0.25": 0.25, "0.5": 0.5, "1": 1.0, "2": 2.0, "no limit": 
 MAX_STEPS = 100_000
 
 SLICE = 100
-"""Steps requested at once: other buttons wait for so many at most."""
+"""Steps per request; other buttons wait for at most one request."""
 
 
 class SimulatorPanel:
@@ -52,11 +52,11 @@ class SimulatorPanel:
             self._steps = gui.add_number(
                 "Steps", 10, min=1, max=MAX_STEPS, step=1, hint="of the physics"
             )
-            step = gui.add_button("Step", hint="run so many steps while paused")
+            step = gui.add_button("Step", hint="run this number of steps while paused")
             self._speed = gui.add_dropdown(
                 "Speed", [*SPEEDS], initial_value="1", hint="of simulated time"
             )
-            reset = gui.add_button("Reset", hint="all robots back to where they began")
+            reset = gui.add_button("Reset", hint="reset the world")
         self._ui = ui
         ui.on(self._pause, self._toggle)
         ui.on(step, lambda: ui.wait_for(self._step))

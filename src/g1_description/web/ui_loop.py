@@ -1,8 +1,8 @@
-"""Where a page's work is done: one thread draws, another one waits for answers.
+"""The threads of a page: one draws, another one makes blocking calls.
 
-Whatever a person does in a browser comes from threads of viser's, and is done by the
-thread that draws; of several values of one slider only the newest counts. What has to
-wait, for a service or a file, is done by a thread of its own, one after the other.
+User actions arrive in threads of viser, and are run by the drawing thread; of several
+values of a slider, only the newest is used. Blocking calls, of services or for files,
+are made by the other thread, one after another.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class UiLoop:
         """Begin.
 
         Args:
-            server: Whose browsers are told what went wrong.
+            server: Shows errors in its browsers.
             new: Set when there is something to do for the thread that draws.
         """
         self.new = new
@@ -128,7 +128,7 @@ class UiLoop:
             self.tell(str(error), "red")
         except Exception:  # a mistake of ours: the page goes on, the log has it
             LOG.exception("A panel of the page failed")
-            self.tell("That failed; the log of the program says why.", "red")
+            self.tell("Internal error; see the log.", "red")
 
     def tell(self, text: str, color: Any = "blue") -> None:
         """Show a message in all browsers for a while."""

@@ -22,9 +22,9 @@ Add = Callable[..., Any]
 class SceneMarks:
     """A canvas whose marks stay until the next ones are drawn.
 
-    To change a mark costs viser a tenth of what a new one does, so those of a kind are
-    used again. A browser moves what is there at once and forms it a little later: lines
-    and triangles are formed about their middle, so that they do not stay behind.
+    Changing a mark is ten times cheaper than creating one, so marks are reused.
+    Browsers apply positions before shapes, so lines and triangles are centred at their
+    position.
     """
 
     def __init__(self, scene: SceneApi, path: str) -> None:
@@ -36,14 +36,14 @@ class SceneMarks:
         """
         self._scene, self._path = scene, path
         self._shown: dict[str, tuple[SceneNodeHandle, dict[str, Any]]] = {}
-        self._wanted: dict[str, tuple[Add, dict[str, Any]]] = {}
+        self._drawn: dict[str, tuple[Add, dict[str, Any]]] = {}
 
     def show(self) -> None:
-        """Show what was drawn since the last time, and nothing else."""
-        wanted, self._wanted = self._wanted, {}
-        for name in self._shown.keys() - wanted.keys():
+        """Replace the marks by those drawn since the last call."""
+        drawn, self._drawn = self._drawn, {}
+        for name in self._shown.keys() - drawn.keys():
             self._shown.pop(name)[0].remove()
-        for name, (add, values) in wanted.items():
+        for name, (add, values) in drawn.items():
             if name in self._shown:
                 handle, old = self._shown[name]
                 for key, value in values.items():
@@ -56,8 +56,8 @@ class SceneMarks:
     def _draw(self, namespace: str, kind: str, add: Add, **values: Any) -> None:
         """Keep a mark, and what it is made of."""
         path = f"{namespace}/{kind}_"
-        number = sum(name.startswith(path) for name in self._wanted)
-        self._wanted[f"{path}{number}"] = add, values
+        number = sum(name.startswith(path) for name in self._drawn)
+        self._drawn[f"{path}{number}"] = add, values
 
     def ball(
         self,
@@ -145,15 +145,15 @@ class SceneMarks:
 
 
 KEYS = "cmd/ctrl+alt+shift"
-"""Viser tells of clicks only. The page's script lets a mouse that rests click with
-these keys, which nobody holds together."""
+"""viser reports only clicks. The page's script makes a resting mouse click with these
+modifier keys."""
 
 SHOWN = 3.0
 """How long a name stays where the mouse rests, in [s]."""
 
 
 class Pointer:
-    """Shows a name to each person who points at a link."""
+    """Shows the name of the link under the mouse to each user."""
 
     def __init__(self, server: ViserServer) -> None:
         self._server = server

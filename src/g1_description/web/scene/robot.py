@@ -60,10 +60,11 @@ def link_patches(
 
     Args:
         robot: The robot.
-        solid: Whether collision shapes are wanted instead of visual ones.
+        solid: Whether to use collision shapes instead of visual ones.
 
     Returns:
-        One patch per colour by link name, and a message for each mesh left out.
+        One patch per colour by link name, and a message for each mesh that cannot be
+        used.
     """
     shapes = {
         link.name: link.collisions if solid else link.visuals for link in robot.links
@@ -147,10 +148,9 @@ SEE_THROUGH = 0.35
 
 
 class SceneRobot:
-    """One robot that is seen.
+    """A robot in a scene.
 
-    What is seldom wanted is made when it is first switched on, and then hidden again:
-    collision shapes, names.
+    Collision shapes and names are created when they are first switched on.
     """
 
     def __init__(
@@ -173,7 +173,7 @@ class SceneRobot:
         self._root = scene.add_frame(path, show_axes=False)
         self.tree = LinkTree(scene, self._root.name, robot)
         patches, self.notes = link_patches(robot)
-        """Messages on meshes that are left out."""
+        """Messages on meshes that cannot be used."""
         self._visuals = self._add("visual", patches, tint)
         self._red: set[str] = set()
         self._named: tuple[str, LabelHandle] | None = None
@@ -202,7 +202,7 @@ class SceneRobot:
         return found
 
     def show(self, base: np.ndarray | None, positions: Mapping[str, float]) -> None:
-        """Put the robot where it is.
+        """Show a state of the robot.
 
         Args:
             base: T_map_base, shape (7,); None: where it was.
@@ -214,7 +214,7 @@ class SceneRobot:
 
     @property
     def visible(self) -> bool:
-        """Whether it is seen at all."""
+        """Whether it is visible."""
         return bool(self._root.visible)
 
     @visible.setter
@@ -230,7 +230,7 @@ class SceneRobot:
         self._red = set(links)
 
     def fade(self, faded: bool) -> None:
-        """Let what is behind shine through, or not."""
+        """Make the robot translucent, or opaque."""
         for meshes in self._visuals.values():
             for mesh, color in meshes:
                 alpha = SEE_THROUGH if faded else color[3]
@@ -255,11 +255,11 @@ class SceneRobot:
         return [self._add_name(link) for link in self.tree.frames if link != WORLD]
 
     def on_click(self, act: Callable[[str, Any], object], keys: Any = None) -> None:
-        """Let something be done when a person clicks a link.
+        """Set an action for clicks on a link.
 
         Args:
-            act: What, given the link's name and the client.
-            keys: Which keys are held meanwhile, in viser's words; None: no keys.
+            act: Called with the link's name and the client.
+            keys: Modifier keys, as for viser; None: no keys.
         """
 
         def attach(mesh: MeshHandle, link: str) -> None:
@@ -278,7 +278,7 @@ class SceneRobot:
             self._named = link, self._add_name(link, "picked", LARGE)
 
     def tag(self, text: str, row: int) -> None:
-        """Show what the robot is called, above its head.
+        """Show the robot's name above its head.
 
         Args:
             text: Its name.
@@ -314,7 +314,7 @@ class SceneRobot:
         self._show("_names", shown)
 
     def _show(self, layer: str, shown: bool) -> None:
-        """Show or hide what is made when it is wanted."""
+        """Show or hide a layer that is created on first use."""
         if shown or layer in self.__dict__:
             for node in getattr(self, layer):
                 node.visible = shown

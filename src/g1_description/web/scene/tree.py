@@ -85,11 +85,11 @@ class LinkTree:
             positions: In [rad] or [m] by name; others stay where they are.
         """
         joints, shown = self._joints, self._shown
-        wanted = [positions.get(name, old) for name, old in zip(joints.names, shown)]
-        rows = np.flatnonzero(np.abs(np.subtract(wanted, shown)) > STILL)
+        desired = [positions.get(name, old) for name, old in zip(joints.names, shown)]
+        rows = np.flatnonzero(np.abs(np.subtract(desired, shown)) > STILL)
         if not rows.size:
             return
-        shown[rows] = np.array(wanted)[rows]
+        shown[rows] = np.array(desired)[rows]
         poses = joints.poses(rows, shown[rows])
         for row, pose in zip(rows.tolist(), poses):
             frame = self.frames[joints.children[row]]

@@ -1,4 +1,4 @@
-"""Where the page is: what a program chooses, the socket, and what people open."""
+"""Options of the page's server, its socket and its address."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class ServerOptions:
     """What a program chooses about its page."""
 
     host: str = "127.0.0.1"
-    """Name or address to listen at; at anything but a loopback, a token is wanted."""
+    """Name or address to listen on; all but loopback addresses require a token."""
 
     port: int = 8080
     """0 takes a free one."""
@@ -37,7 +37,7 @@ class ServerOptions:
     """Most pages open at once."""
 
     token: str = ""
-    """What whoever opens the page must know; empty: made where one is wanted."""
+    """Token to open the page; empty: generated if required."""
 
 
 def listen(host: str, port: int) -> socket.socket:
@@ -51,7 +51,7 @@ def listen(host: str, port: int) -> socket.socket:
         A socket that listens.
 
     Raises:
-        PageServerError: If that cannot be; it says what to do.
+        PageServerError: If it cannot listen; the message says what to do.
     """
     if port not in range(MAX_PORT + 1):
         raise PageServerError(

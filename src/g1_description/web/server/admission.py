@@ -1,9 +1,9 @@
-"""Who may come in.
+"""Access control of the page.
 
-At a loopback address: whoever sits at this machine, but no page of others. A page from
-elsewhere runs in the same browser, so it can send requests here. It is told by its
-``Origin``, or, where its own name was made to point here (DNS rebinding), by ``Host``.
-At any other address: whoever knows the token.
+At a loopback address: users of this machine, but not pages of other sites. A page from
+elsewhere runs in the same browser, so it can send requests here. It is recognised by
+its ``Origin``, or, with DNS rebinding, by ``Host``. At any other address: everybody
+with the token.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Admission:
         """Make them.
 
         Args:
-            token: What is wanted of everybody; empty: nothing.
+            token: Required token; empty: none.
             base: Scheme, host and port of the page, as people open it.
             port: It listens there, for the name of the cookie: browsers send cookies
                 to all ports of a host.
@@ -47,7 +47,7 @@ class Admission:
         self._cookie = f"g1_description_{port}"
 
     def refusal(self, query: str, headers: Headers) -> Refusal | None:
-        """Say why a request is refused; None if it may come in."""
+        """Return why a request is refused; None if it is allowed."""
         hosts, origins = headers.get_all("Host"), headers.get_all("Origin")
         if len(hosts) != 1:
             return Refusal(HTTPStatus.BAD_REQUEST, "A request names one host.")
@@ -73,7 +73,7 @@ class Admission:
         return None
 
     def cookie(self) -> str | None:
-        """Give what the browser shall keep; None where no token is wanted."""
+        """Return the browser's cookie; None without a token."""
         if not self._token:
             return None
         return (

@@ -1,4 +1,4 @@
-"""The server that browsers talk to: who comes in, and where to."""
+"""The public server: access control, routing, and forwarding to viser."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ STALL_TIMEOUT = 30.0
 
 
 class Pipe:
-    """What connects one browser with viser."""
+    """A connection between one browser and viser."""
 
     def __init__(
         self,
@@ -59,7 +59,7 @@ class Pipe:
 
         Args:
             viser: Where they go.
-            on_sent: Told the size of each message that the browser has taken.
+            on_sent: Called with the size of each message that was sent.
         """
         async with connect(
             viser.url,
@@ -211,7 +211,7 @@ class Gateway:
         self._uploads.close()
 
     def _run(self, listening: socket.socket) -> None:
-        """Serve until told to stop, or hand over why that cannot be."""
+        """Serve until ``close``, or report an error to ``open``."""
         try:
             asyncio.run(self._serve(listening))
         except Exception as error:
@@ -220,7 +220,7 @@ class Gateway:
             self._opened.set_exception(error)
 
     async def _serve(self, listening: socket.socket) -> None:
-        """Serve until told to stop."""
+        """Serve until ``close``."""
         self._loop = asyncio.get_running_loop()
         self._loop.set_exception_handler(
             lambda _, context: self._warn(str(context.get("message")))

@@ -28,7 +28,7 @@ class PageServer:
 
     Attributes:
         viser: What fills the page.
-        address: What people open, with the token where one is wanted.
+        address: URL of the page, with the token if required.
         watched: Set while at least one browser shows the page.
     """
 

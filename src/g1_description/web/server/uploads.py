@@ -1,4 +1,4 @@
-"""Files that people drop into the page.
+"""Files that users drop on the page.
 
 A browser opens a connection for each, names the file and its size in the address,
 waits for ``ready``, sends it in pieces, and gets one sentence back.
@@ -30,7 +30,7 @@ PIECE_TIMEOUT = 60.0
 """How long the next piece may take, in [s]: pages on slow machines hang at first."""
 
 MAX_NAME = 120
-"""Longest name of a file that is told on, in characters."""
+"""Longest name of a file in messages, in characters."""
 
 SUFFIX = re.compile(r"(\.[A-Za-z0-9]{1,10}){1,2}$")
 
