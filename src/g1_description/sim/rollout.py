@@ -87,7 +87,7 @@ class Rollout:
     times: np.ndarray
     """Times of the motion in [s], shape (n,)."""
 
-    wanted: np.ndarray
+    desired: np.ndarray
     """Targets of the motors, clamped to the limits, in [rad] or [m], shape
     (n, n_joints)."""
 
@@ -103,7 +103,7 @@ class Rollout:
     base_poses: np.ndarray
     """T_world_base of the root link, shape (n, 7)."""
 
-    wanted_base_poses: np.ndarray | None
+    desired_base_poses: np.ndarray | None
     """Base poses of the motion, shifted by ``lift``, shape (n, 7); None without a base.
     """
 
@@ -188,12 +188,12 @@ def rollout(
             joint_names=model.joint_names,
             effort_limits=world.engine.effort_limits(model),
             times=times[:, 0],
-            wanted=desired,
+            desired=desired,
             positions=positions,
             velocities=velocities,
             efforts=efforts,
             base_poses=bases,
-            wanted_base_poses=desired_bases,
+            desired_base_poses=desired_bases,
             lift=lift,
             left_out=left_out,
         )
