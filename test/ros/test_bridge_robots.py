@@ -255,7 +255,9 @@ class TestBridgeRobots(unittest.TestCase):
             listener.clear()
         self.log.wait(lambda m: "links without mass" in m.msg, "a line of the bridge")
         statuses.wait(
-            lambda m: any("drops every link of hollow" in s.message for s in m.status),
+            lambda m: any(
+                "dropped every link of hollow" in s.message for s in m.status
+            ),
             "a status",
         )
 

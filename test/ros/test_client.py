@@ -226,7 +226,7 @@ class TestAbsent(unittest.TestCase):
         self.assertIn("No robot within", self.refusal(model="g2_robot"))
         service = rospy.Service("/other/pause_physics", Empty, lambda _: None)
         self.addCleanup(service.shutdown)
-        self.assertIn("another simulator", self.refusal(gazebo="/other"))
+        self.assertIn("is not the simulator", self.refusal(gazebo="/other"))
 
 
 class TestPage(unittest.TestCase):

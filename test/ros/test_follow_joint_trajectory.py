@@ -263,7 +263,7 @@ class TestFollowJointTrajectory(unittest.TestCase):
         for goal, words in (
             (goal_of(elbow(t100=math.nan)), "nan"),
             (goal_of(elbow(t100=math.inf)), "inf"),
-            (ragged, "2 positions"),
+            (ragged, "got 2"),
             (falling, "must increase"),
             (some, "no velocities"),
             (strict, "NaN"),

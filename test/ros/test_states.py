@@ -288,7 +288,7 @@ class TestStatesAtTheRate(States):
             )
         motion.joint_names, motion.positions = ["wing"], [0.0]
         refused = play(motion)
-        reason = "there is nothing of g1_robot that the motion can move"
+        reason = "the motion has no joint of g1_robot"
         self.assertEqual((refused.success, refused.status_message), (False, reason))
 
 

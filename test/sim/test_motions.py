@@ -254,7 +254,7 @@ def test_what_it_cannot_move_is_told(world, model):
     assert report.unknown == ["left_ear"]
     world.step()
     assert position(model) == 0.5
-    with pytest.raises(InvalidValueError, match="nothing of g1"):
+    with pytest.raises(InvalidValueError, match="no joint of g1"):
         world.motions.play(model, elbow(0.1, name="left_ear"), STEP)
 
 

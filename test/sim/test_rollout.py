@@ -30,7 +30,7 @@ pytestmark = pytest.mark.slow
 
 DATA = REPOSITORY.parent / "shared" / "data"
 CLIPS = ("B_HandsUp", "M_ShortMove13", "J_ShortDance16_JazzWalk")
-ROWS = ("times", "wanted", "positions", "velocities", "efforts", "base_poses")
+ROWS = ("times", "desired", "positions", "velocities", "efforts", "base_poses")
 WATCH = 1e-9 * WATCH_TIME
 EVERY_STEP = Conditions(rate=1000.0)
 G = 9.8
@@ -161,7 +161,7 @@ def test_the_report_is_what_the_rows_say(turned):
     assert turned.report.duration == pytest.approx(0.6, abs=2e-3)
     steps = turned.times[:n_steps]
     np.testing.assert_allclose(steps, 1e-3 * np.arange(1, n_steps + 1), rtol=1e-12)
-    errors = (turned.positions - turned.wanted)[:n_steps]
+    errors = (turned.positions - turned.desired)[:n_steps]
     at_limit = np.isclose(np.abs(turned.efforts[:n_steps]), EFFORT, rtol=1e-3)
     report = turned.report
     np.testing.assert_allclose(report.rms_errors, np.sqrt((errors**2).mean(axis=0)))
@@ -198,7 +198,7 @@ def test_a_motor_applies_what_newton_says():
     np.testing.assert_allclose(np.abs(held), ARM_MASS * G * ARM_LENGTH, rtol=0.02)
     moment = 0.05 + ARM_MOMENT + ARM_MASS * ARM_LENGTH**2
     assert result.efforts[late, turn].mean() == pytest.approx(moment * pull, rel=0.02)
-    errors = (result.positions - result.wanted)[late]
+    errors = (result.positions - result.desired)[late]
     assert np.abs(errors).max() < 0.005  # without velocities it lags by 10 ms
 
 
@@ -287,8 +287,8 @@ def test_it_begins_on_the_floor_however_high_the_motion_is(height):
     assert high.lift == pytest.approx(low.lift - height)
     np.testing.assert_array_equal(low.positions, high.positions)
     np.testing.assert_array_equal(low.base_poses, high.base_poses)
-    np.testing.assert_allclose(high.wanted_base_poses, low.wanted_base_poses)
-    np.testing.assert_allclose(high.wanted_base_poses, high.base_poses, atol=2e-3)
+    np.testing.assert_allclose(high.desired_base_poses, low.desired_base_poses)
+    np.testing.assert_allclose(high.desired_base_poses, high.base_poses, atol=2e-3)
 
 
 def test_it_begins_where_the_motion_is_if_that_is_wanted():
@@ -312,16 +312,16 @@ def test_a_base_that_is_fixed_stays_and_never_falls():
 def test_joints_that_the_motion_does_not_have_are_held_and_told():
     part = rollout(CRANE, motion([0.0, 0.2], [TURN], 0.2))
     assert part.joint_names == part.report.joint_names == (TURN, LIFT)
-    assert not part.wanted[:, 1].any()
+    assert not part.desired[:, 1].any()
     assert np.abs(part.positions[:, 1]).max() < 1e-3
-    np.testing.assert_array_equal(part.wanted[-1], [0.2, 0.0])
+    np.testing.assert_array_equal(part.desired[-1], [0.2, 0.0])
 
 
 def test_joints_that_the_robot_does_not_have_are_ignored():
     other = motion([[0.0, 0.0], [0.2, 0.9]], [TURN, "tail_joint"], 0.2)
     same = rollout(CRANE, motion([0.0, 0.2], [TURN], 0.2))
     assert digest(rollout(CRANE, other)) == digest(same)
-    with pytest.raises(InvalidValueError, match="nothing of robot"):
+    with pytest.raises(InvalidValueError, match="no joint of robot"):
         rollout(CRANE, motion([0.0, 1.0], ["tail_joint"]))
 
 
@@ -351,7 +351,7 @@ def test_times_are_those_of_the_motion():
 @pytest.mark.parametrize("shift", [-3.0, -0.001])
 def test_what_begins_before_zero_is_refused(shift):
     early = replace(crane_motion(), times=crane_motion().times + shift)
-    with pytest.raises(InvalidValueError, match=f"begins at {shift:g} s"):
+    with pytest.raises(InvalidValueError, match=f"before 0 s .got {shift:g} s"):
         rollout(CRANE, early)
 
 

@@ -115,4 +115,6 @@ def test_a_master_that_dies_is_told_in_a_sentence(script, words, dying_master):
     assert run.returncode == 1
     name = Path(script).stem
     assert "Traceback" not in run.stderr
-    assert run.stderr.splitlines()[-1].startswith(f"{name}: The master is gone: ")
+    assert run.stderr.splitlines()[-1].startswith(
+        f"{name}: The ROS master does not answer: "
+    )

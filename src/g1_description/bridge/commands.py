@@ -260,8 +260,10 @@ class JointCommands:
             with self._changed:
                 if not self._is_pending:
                     self._tally.waiting_since = None
-                self._changed.wait_for(lambda: self._is_pending or self._is_stopped)
-                if self._is_stopped:
+                self._changed.wait_for(
+                    lambda: self._is_pending or self._stopped.is_set()
+                )
+                if self._stopped.is_set():
                     return
                 positions, self._positions = self._positions, {}
                 base, self._base = self._base, None
@@ -276,13 +278,8 @@ class JointCommands:
                     self._base = base if self._base is None else self._base
                 self._is_calling = False
                 self._changed.notify_all()
-            if error is not None and not self._is_stopped:
+            if error is not None and not self._stopped.is_set():
                 self._reconnect(error)
-
-    @property
-    def _is_stopped(self) -> bool:
-        """Whether the node is shutting down."""
-        return self._stopped.is_set()
 
     def _send(
         self, positions: Mapping[str, float], base: np.ndarray | None

@@ -67,7 +67,12 @@ class MotionTopics:
             # Trajectories may move different joints, so none of them may be lost.
             ("joint_trajectory", JointTrajectory, self._on_joint_trajectory, None),
             ("base_command", PoseStamped, self._on_base_command, STREAM_QUEUE_SIZE),
-            ("motion", RobotTrajectory, self._on_motion, STREAM_QUEUE_SIZE),
+            (
+                "motion",
+                RobotTrajectory,
+                partial(self._move, stream=True),
+                STREAM_QUEUE_SIZE,
+            ),
         ):
             rospy.Subscriber(
                 topic_of(robot, name),
@@ -113,10 +118,6 @@ class MotionTopics:
             return self._player.stop(names or self._joints)
         trajectory = trajectory_from_message(message, self._joints)
         return self._play(trajectory, message.header.stamp, stream=True)
-
-    def _on_motion(self, message: RobotTrajectory) -> Played:
-        """Play a motion of joints and base, or stop them, without waiting."""
-        return self._move(message, stream=True)
 
     def _move(self, message: RobotTrajectory, stream: bool = False) -> Played:
         """Play a motion of joints and base, or stop them."""

@@ -234,7 +234,7 @@ class RobotWarnings:
         elif problems.is_present:
             reason = f"no link {listed(problems.missing)}"
         elif self._status.vanishes:
-            reason = "no link of it: links without mass and their children are dropped"
+            reason = "no link of it (links without mass are dropped, with all below)"
         else:
             reason = "no link of it (is it spawned with this name?)"
         name = self._status.name

@@ -122,7 +122,7 @@ class WholeStates:
 
     def reset(self) -> None:
         """Forget the delayed state."""
-        self.held: RobotState | None = None
+        self.delayed: RobotState | None = None
         """The last state."""
         self.is_sample = False
         """Whether it reached a sample of a motion: all of them are sent to TF."""
@@ -152,27 +152,27 @@ class WholeStates:
         Returns:
             The previous state, if it was complete or was delayed for too long.
         """
-        held, self.held = self.held, state
+        delayed, self.delayed = self.delayed, state
         was_sample, self.is_sample = self.is_sample, is_sample
         has_news, self._commands = commands != self._commands, commands
-        if held is None or len(state.positions) != len(held.positions):
-            return held
+        if delayed is None or len(state.positions) != len(delayed.positions):
+            return delayed
         was_torn = self._is_torn or (self._base_moved and has_news)
-        self._base_moved = _differ(state.base_pose, held.base_pose)
-        joints_moved = _differ(state.positions, held.positions)
+        self._base_moved = _differ(state.base_pose, delayed.base_pose)
+        joints_moved = _differ(state.positions, delayed.positions)
         if is_under_way or (has_news and not joints_moved):
             self._is_torn, self._answered = True, now
         elif joints_moved or now - self._answered > ANSWER_DELAY:
             self._is_torn = False
         if was_torn and now - self._passed < MAX_HOLD:
             is_still = self._shown is not None and not _differ(
-                held.base_pose, self._shown
+                delayed.base_pose, self._shown
             )
-            is_moving = held.velocities is not None and held.velocities.any()
+            is_moving = delayed.velocities is not None and delayed.velocities.any()
             if not (is_still or is_moving or was_sample):
                 return None
-        self._shown, self._passed = held.base_pose, now
-        return held
+        self._shown, self._passed = delayed.base_pose, now
+        return delayed
 
 
 Shown = Tuple[Optional[RobotState], Optional[RobotState]]
@@ -228,11 +228,13 @@ class TfFilter:
         Returns:
             The parts of it to send that were not sent yet.
         """
-        held = self._whole_states.held
-        if held is None:
+        delayed = self._whole_states.delayed
+        if delayed is None:
             return None, None
-        with_base = self._throttle.settles(1e-9 * held.stamp, held.base_pose.tolist())
-        return self._shown(held, True, with_base)
+        with_base = self._throttle.settles(
+            1e-9 * delayed.stamp, delayed.base_pose.tolist()
+        )
+        return self._shown(delayed, True, with_base)
 
     def _shown(self, state: RobotState, wants_joints: bool, with_base: bool) -> Shown:
         """Record the parts of a state that are sent; joints are sent once."""

@@ -70,7 +70,7 @@ class RobotView:
             frame = MAP if base == WORLD else self._prefix.lstrip("/") + base
             self._states = RobotStates(MAP, frame, PERIOD, ThrottledLog(), self.topic)
         except (OSError, rosgraph.MasterException) as error:
-            raise NoAnswerError(f"The master is gone: {error}.") from error
+            raise NoAnswerError(f"The ROS master does not answer: {error}.") from error
         service = rospy.ServiceProxy(f"{self._prefix}play_motion", PlayMotion)
         self.motions = MotionClient(service)
         self._joints = {joint.name for joint in self.description.movable_joints}

@@ -32,7 +32,7 @@ class Tree:
     """Row of its root in the model's links; of its first link if that is the world."""
 
     fixed: bool
-    """Whether its root does not move by itself."""
+    """Whether its root is fixed."""
 
     is_on_world: bool
     """Whether its root is the world itself."""
@@ -44,7 +44,7 @@ States = Tuple[np.ndarray, np.ndarray]
 
 @dataclass
 class Report:
-    """The outcome of a command: nothing is ignored or changed in silence."""
+    """The outcome of a command: ignored, clamped and changed joints."""
 
     unknown: list[str] = field(default_factory=list)
     """Names that are not a movable joint of the model."""
@@ -53,26 +53,26 @@ class Report:
     """Requested and set position of each joint that was outside its limits."""
 
     changed: list[int] = field(default_factory=list)
-    """Rows of the movable joints that were not at rest at that position already."""
+    """Rows of the movable joints that were not yet at rest at that position."""
 
 
 class Model:
-    """A robot or thing in the world: its description and its state.
+    """A robot or object in the world: its description and its state.
 
-    Links and movable joints keep the order of the file. The engine
-    knows the states of roots and joints exactly; the links' are computed from them.
+    Links and movable joints keep the order of the file. Link states are computed from
+    those of roots and joints.
     """
 
     def __init__(
         self, name: str, assembly: Assembly, pose: np.ndarray, fixed: bool = False
     ) -> None:
-        """Make a model that no engine has yet.
+        """Create a model; it is added to an engine later.
 
         Args:
             name: Name in the world.
-            assembly: Its links and joints, and where they begin.
+            assembly: Its links and joints, with initial positions.
             pose: Pose of the model frame in the world, shape (7,).
-            fixed: Whether the root of its first tree does not move by itself.
+            fixed: Whether the root of its first tree is fixed.
         """
         description = assembly.description
         joints = description.movable_joints
@@ -85,7 +85,7 @@ class Model:
         self._link_rows = {name: row for row, name in enumerate(self.link_names)}
         self._joint_rows = {name: row for row, name in enumerate(self.joint_names)}
         self.kinematics = Kinematics(description) if self.link_names else None
-        """None where no link is left."""
+        """None without links."""
         self._set_assembly(assembly)
         is_fixed = fixed or assembly.static or description.root == WORLD
         self.trees = self._find_trees(is_fixed)
@@ -95,18 +95,18 @@ class Model:
         self.T_carrier_model = self._find_model_frame()
         """Pose of the model frame in the frame of ``carrier_pose``, shape (7,)."""
         self.robot_namespace = ""
-        """Namespace that its spawner gave it; kept as data."""
+        """Namespace given by its spawner; stored only."""
         self.ode_joints: dict[str, dict[str, float]] = {}
-        """Properties of set_joint_properties, in Gazebo's words, by joint name."""
+        """Properties of set_joint_properties, by joint name and Gazebo's names."""
         self.hull_deviations: dict[str, float] = {}
-        """Largest distance of a mesh from its thinned hull in [m], by file name."""
+        """Largest deviation of a simplified hull from its mesh in [m], by file name."""
         self.reset()
 
     def _set_assembly(self, assembly: Assembly) -> None:
         """Set links and joints, and look up the links' centers of mass."""
         self.assembly = assembly
         self.links = {link.name: link for link in assembly.description.links}
-        """Links by name; also the world, where it is the root."""
+        """Links by name, with the world if it is the root."""
         self.centers = np.zeros((len(self.link_names), 3))
         """Centers of mass in the link frames, in [m], shape (n_links, 3); zero for
         links without mass."""
@@ -144,7 +144,7 @@ class Model:
 
     @property
     def canonical_row(self) -> int:
-        """Row of the link that gives the model its pose and twist."""
+        """Row of the link that defines the model's pose and twist."""
         canonical = self.assembly.canonical
         return self._link_rows[canonical] if canonical else self.trees[0].root_row
 
@@ -161,7 +161,7 @@ class Model:
         self._set_assembly(self.assembly.with_link(link))
 
     def reset(self) -> None:
-        """Return to where roots and joints began, at rest."""
+        """Reset roots and joints to their initial state, at rest."""
         self.root_poses = self._initial_root_poses()
         """Poses of the root links in the world, shape (n_trees, 7)."""
         self.root_twists = np.zeros((len(self.trees), 6))
@@ -173,7 +173,7 @@ class Model:
         self.velocity = np.zeros(len(self.joint_names))
         """Velocities of the movable joints in [rad/s] or [m/s], shape (n_joints,)."""
         self.target = np.array(self.position)
-        """Positions commanded last, which motors hold, shape (n_joints,)."""
+        """Last commanded positions, the motors' targets, shape (n_joints,)."""
         n_links = len(self.link_names)
         self._links: States | Callable[[], States]
         self._links = np.zeros((n_links, 7)), np.zeros((n_links, 6))
@@ -202,7 +202,7 @@ class Model:
 
     @property
     def carrier_pose(self) -> np.ndarray:
-        """Pose of the canonical link where the file names one, else the first root."""
+        """Pose of the canonical link, if the file names one, else of the first root."""
         if self.assembly.canonical:
             return self.poses[self.canonical_row]
         return self.root_poses[0]
@@ -221,19 +221,19 @@ class Model:
     def set_measured_state(
         self, roots: States, joints: States, links: Callable[[], States]
     ) -> None:
-        """Set the state that physics has computed; targets stay.
+        """Set the state computed by physics; targets stay.
 
         Args:
             roots: Poses, shape (n_trees, 7), and twists, shape (n_trees, 6).
             joints: Positions and velocities, shape (n_joints,) each.
-            links: Computes poses and twists when they are read.
+            links: Function that computes poses and twists on demand.
         """
         self.root_poses, self.root_twists = roots
         self.position, self.velocity = joints
         self._links = links
 
     def _link_states(self) -> States:
-        """Compute the links' poses and twists if they are not known yet."""
+        """Return the links' poses and twists, computed on demand."""
         links = self._links
         if callable(links):
             links = self._links = links()
@@ -273,8 +273,8 @@ class Model:
                 continue
             if not abs(position) <= MAX_VALUE:
                 raise InvalidValueError(
-                    f"joint {name} cannot be set to {position}, only to a number "
-                    f"within +-{MAX_VALUE:g}"
+                    f"the position of {name} must be within +-{MAX_VALUE:g} (got "
+                    f"{position})"
                 )
             lower, upper = float(self.lower[row]), float(self.upper[row])
             desired[row] = min(max(float(position), lower), upper)
@@ -286,7 +286,7 @@ class Model:
         return report
 
     def _is_at(self, row: int, position: float) -> bool:
-        """Return whether a joint rests, and is held, at a position already."""
+        """Return whether a joint is at rest at a position, its target, already."""
         return bool(
             self.position[row] == self.target[row] == position
             and self.velocity[row] == 0.0
@@ -295,8 +295,7 @@ class Model:
     def _place_joints(self, rows: np.ndarray, positions: np.ndarray) -> None:
         """Set joints, given by their rows, and stop the links below them.
 
-        The links are placed when they are read: while a robot moves, the next step
-        comes first.
+        Link states are computed on demand: often the next step comes first.
         """
         kinematics = self.kinematics
         if kinematics is None:
@@ -304,10 +303,10 @@ class Model:
         self.position[rows] = positions
         self.target[rows] = positions
         self.velocity[rows] = 0.0
-        if self._links is self._placed:  # else they would nest, one per command
+        if self._links is self._placed:  # otherwise they would nest, one per command
             self._link_states()
-        # These may be computed from the arrays that were just written: then they are
-        # other than before for the links below these joints alone, which are not used.
+        # This may be computed from the arrays that were just written: then only the
+        # links below these joints differ, whose twists are not used.
         before = self._links
         roots, position = np.array(self.root_poses), np.array(self.position)
 
@@ -319,7 +318,7 @@ class Model:
         self._links = self._placed = placed
 
     def set_moving(self, desired: Setpoint) -> None:
-        """Set joints and base with their velocities, as a motion has them."""
+        """Set joints and base with their velocities, as sampled from a motion."""
         self.position[desired.rows] = self.target[desired.rows] = desired.positions
         self.velocity[desired.rows] = desired.velocities
         if desired.base_pose is not None:
@@ -328,10 +327,10 @@ class Model:
         self._update_links()
 
     def set_joint(self, row: int, position: float, velocity: float) -> None:
-        """Set position and velocity of a joint, the position inside its limits.
+        """Set position, clamped to its limits, and velocity of a movable joint.
 
         Args:
-            row: Which of the movable joints.
+            row: Row of the joint.
             position: In [rad] or [m].
             velocity: In [rad/s] or [m/s].
         """
@@ -389,7 +388,7 @@ class Model:
             self._update_links()
 
     def return_home(self) -> None:
-        """Return to where it was spawned, at rest; joint positions stay."""
+        """Reset the pose to that at spawning, at rest; joint positions stay."""
         self.set_state(self.initial_pose, np.zeros(6))
         if len(self.trees) > 1:
             self.root_poses[1:] = self._initial_root_poses()[1:]

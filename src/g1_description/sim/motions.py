@@ -1,4 +1,4 @@
-"""Motions that models play, step by step, and how well motors follow them."""
+"""Motions that models play step by step, and their tracking by motors."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from g1_description.sim.engine import Engine
 from g1_description.sim.model import Model, Report
 
 WATCH_TIME = 1_000_000_000
-"""How long a robot is watched after a motion, in [ns]: the duration of a fall."""
+"""Time for which a robot is observed after a motion, in [ns]: as long as a fall."""
 
 FULL_EFFORT = 0.999
-"""Fraction of its effort limit at which a motor is at the limit: an engine rounds."""
+"""Fraction of the effort limit above which a motor is saturated: engines round."""
 
 
 class MotionTracker:
@@ -37,7 +37,7 @@ class MotionTracker:
     ) -> None:
         self._engine, self.model = engine, model
         self.start_ns = playback.start_ns
-        """When the motion's times count from, in [ns] of simulated time."""
+        """Start of the motion's times, in [ns] of simulated time."""
         limits = FULL_EFFORT * engine.effort_limits(model)
         self._limits = np.where(limits > 0.0, limits, np.inf)
         names = [model.joint_names[row] for row in playback.rows]
@@ -52,7 +52,7 @@ class MotionTracker:
         self._end_ns = 0
 
     def expect(self, desired: Setpoint) -> None:
-        """Note the motors' targets of the next step."""
+        """Record the motors' targets of the next step."""
         if self._falls is None:
             self._falls = FallDetector(
                 self.model.root_poses[0], desired.base_pose, self._fall_limits
@@ -60,9 +60,9 @@ class MotionTracker:
         self._desired = desired
 
     def measure(self, time_ns: int) -> bool:
-        """Compare the model with the targets; return whether to go on.
+        """Compare the model with the targets; return whether to continue.
 
-        Without targets the motion is over, and only the base is watched.
+        Without targets the motion is over, and only the base is observed.
 
         Args:
             time_ns: Time of the model's state in [ns].
@@ -91,31 +91,31 @@ class MotionTracker:
 
     @property
     def has_fallen(self) -> bool:
-        """Whether the base has fallen until now."""
+        """Whether the base has fallen."""
         return self._fall_time is not None
 
     @property
     def report(self) -> TrackingReport:
-        """How well the motors have followed the motion until now."""
+        """Tracking of the motion by the motors so far."""
         return self._recorder.report(self._fall_time)
 
 
 LIMIT_TOLERANCE = 1e-3
-"""How far a motion may take a joint beyond its limits, in [rad] or [m]: files round
-positions, and limits too."""
+"""Deviation beyond a joint's limits that is not clamped, in [rad] or [m]: files round
+positions and limits."""
 
 
 class Motions:
     """The motions of all models.
 
-    In ``kinematic`` physics they set joints and base at each step; in ``hold`` they
-    set the motors' targets, the base is left to physics, and a report follows.
+    In ``kinematic`` physics they set joints and base at each step; in ``hold`` they set
+    the motors' targets and are tracked, and physics moves the base.
     """
 
     def __init__(self, engine: Engine, fall_limits: FallLimits | None = None) -> None:
         self._engine = engine
         self.fall_limits = fall_limits
-        """When a base has fallen, for motions that begin from now on."""
+        """Definition of a fall, for motions that start from now on."""
         self._playlists: dict[Model, Playlist] = {}
         self._trackers: dict[Playback, MotionTracker] = {}
         self._tracked: list[MotionTracker] = []
@@ -126,13 +126,13 @@ class Motions:
         Args:
             model: The model.
             trajectory: The motion; joints that the model does not have are ignored.
-            start_ns: When its times count from, in [ns] of simulated time.
+            start_ns: Start of its times, in [ns] of simulated time.
 
         Returns:
-            The joints that are ignored, and those that are beyond their limits.
+            The ignored joints, and those beyond their limits.
 
         Raises:
-            InvalidValueError: If the model cannot do any of it.
+            InvalidValueError: If the model cannot play any part of it.
         """
         has_base = trajectory.base_poses is not None
         if self._engine.physics == "limp":
@@ -141,19 +141,17 @@ class Motions:
             raise InvalidValueError(f"the base of {model.name} is fixed to the world")
         is_moved = has_base and not self._engine.is_dynamic
         if not (is_moved or model.joint_rows(trajectory.joint_names)):
-            raise InvalidValueError(
-                f"there is nothing of {model.name} that the motion can move"
-            )
+            raise InvalidValueError(f"the motion has no joint of {model.name}")
         playlist = self._playlists.setdefault(model, Playlist(model.joint_names))
         playlist.add(trajectory, start_ns)
-        return _unobeyed(model, trajectory)
+        return _report(model, trajectory)
 
     def stop(self, model: Model, names: Collection[str] = ()) -> None:
-        """Stop joints where they are, or all of a model.
+        """Stop joints, or all of a model.
 
         Args:
             model: The model.
-            names: Its joints; none: all of them, and the base.
+            names: Names of joints; empty: all of them, and the base.
 
         Raises:
             UnknownNameError: If it has no such joint; nothing is stopped.
@@ -166,11 +164,11 @@ class Motions:
         rows = model.joint_rows(names or model.joint_names)
         playlist = self._playlists.get(model)
         for playback in playlist.moving() if playlist else ():
-            held = np.intersect1d(playback.rows, np.array(rows, dtype=int))
+            stopped = np.intersect1d(playback.rows, np.array(rows, dtype=int))
             base = playback.moves_base and not names
-            still = model.target[held], np.zeros(len(held))
+            still = model.target[stopped], np.zeros(len(stopped))
             root = (model.root_poses[0], np.zeros(6)) if base else ()
-            self._set(model, Setpoint(held, *still, *root))
+            self._set(model, Setpoint(stopped, *still, *root))
         self.release(model, rows, base=not names)
 
     def release(
@@ -203,7 +201,7 @@ class Motions:
                 del self._playlists[model]
 
     def _expect(self, model: Model, playback: Playback, desired: Setpoint) -> None:
-        """Note the motors' targets of the next step."""
+        """Record the motors' targets of the next step."""
         if playback not in self._trackers:
             tracker = MotionTracker(self._engine, model, playback, self.fall_limits)
             self._trackers[playback] = tracker
@@ -224,14 +222,13 @@ class Motions:
     def take_tracked(self) -> list[MotionTracker]:
         """Return the trackers of motions that ended since the last call.
 
-        Motions of a single configuration have none. A motion that was replaced is
-        reported as far as it went.
+        Single configurations are not tracked. A replaced motion is tracked until then.
         """
         tracked, self._tracked = self._tracked, []
         return tracked
 
     def _set(self, model: Model, desired: Setpoint) -> Setpoint:
-        """Set a model or its motors' targets, inside the limits; return these."""
+        """Set a model or its motors' targets, clamped to the limits; return them."""
         desired = _inside_limits(model, desired)
         if self._engine.is_dynamic:
             model.target[desired.rows] = desired.positions
@@ -250,7 +247,7 @@ def _state(model: Model) -> Setpoint:
 
 
 def _inside_limits(model: Model, desired: Setpoint) -> Setpoint:
-    """Move joints that are too far beyond their limits there, and stop them."""
+    """Clamp joints that are too far beyond their limits, and stop them."""
     lower = model.lower[desired.rows] - LIMIT_TOLERANCE
     upper = model.upper[desired.rows] + LIMIT_TOLERANCE
     positions = desired.positions
@@ -259,7 +256,7 @@ def _inside_limits(model: Model, desired: Setpoint) -> Setpoint:
     return desired._replace(positions=inside, velocities=velocities)
 
 
-def _unobeyed(model: Model, trajectory: Trajectory) -> Report:
+def _report(model: Model, trajectory: Trajectory) -> Report:
     """Find the joints of a motion that a model does not have or has to clamp."""
     report = Report()
     for column, name in enumerate(trajectory.joint_names):

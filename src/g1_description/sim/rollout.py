@@ -1,8 +1,7 @@
-"""A motion played in ``hold`` physics from beginning to end, and its outcome.
+"""A motion played in ``hold`` physics from start to end, and its outcome.
 
-Nothing here knows ROS or a clock: steps follow each other as fast as they are computed.
-The steps, the floor, the motors and the report are those of the simulator, in a world
-that nothing else uses, so that the same motion gives the same bits each time.
+It runs without ROS and as fast as possible, with the steps, floor, motors and report of
+the simulator, in a world of its own: the result is deterministic.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ from g1_description.sim.standing import hanging_height, standing_height
 from g1_description.sim.world import World
 
 MAX_ROWS = 30_000
-"""Most rows that are recorded, 30 MB of the G1: of a longer motion fewer per second."""
+"""Maximum number of recorded rows, 30 MB for the G1; it bounds the rate."""
 
 
 @dataclass(frozen=True)
@@ -37,8 +36,8 @@ class Conditions:
     """The conditions of a rollout, by default the simulator's."""
 
     motors: Motors | None = None
-    """Motors of the joints; None: motors as strong as the robot's file says. The
-    simulator has those of ``config/motors.yaml`` for the G1."""
+    """Motors of the joints; None: with the effort limits of the robot's file. The
+    simulator uses ``config/motors.yaml`` for the G1."""
 
     properties: PhysicsProperties = field(default_factory=PhysicsProperties)
     fall_limits: FallLimits = field(default_factory=FallLimits)
@@ -46,11 +45,11 @@ class Conditions:
     """Whether the base hangs clear of the floor and does not move."""
 
     on_floor: bool = True
-    """Whether the motion is lifted or lowered by one constant, so that the robot begins
-    on the floor. A motion without a base always begins there."""
+    """Whether the motion is shifted vertically by a constant, so that the robot starts
+    on the floor. A motion without a base always starts there."""
 
     stops_at_fall: bool = False
-    """Whether it ends with a fall: a robot on the floor says nothing of the motion."""
+    """Whether it ends with a fall."""
 
     rate: float = 200.0
     """Largest number of recorded rows per second of simulated time, in [Hz]."""
@@ -62,9 +61,9 @@ class Conditions:
             InvalidValueError: If one is out of its range.
         """
         if not 0.0 < self.rate < math.inf:
-            raise InvalidValueError(f"rate is {self.rate}, it must be above 0 Hz")
+            raise InvalidValueError(f"rate must be greater than 0 Hz (got {self.rate})")
         if not self.properties.step_ns:
-            raise InvalidValueError("time_step is 0, no motion goes on then")
+            raise InvalidValueError("time_step must be greater than 0")
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,24 +71,24 @@ class Rollout:
     """The outcome of a motion that motors followed.
 
     Each row of an array is the state after a step, and the efforts in it. The last rows
-    are those after the motion, in which the robot only has to stay upright.
+    are after the motion.
     """
 
     report: TrackingReport
     """Errors, efforts at their limits and the fall, from every step of the motion."""
 
     joint_names: tuple[str, ...]
-    """All movable joints of the robot; those that the motion does not have are held."""
+    """All movable joints of the robot; those not in the motion keep their positions."""
 
     effort_limits: np.ndarray
-    """Largest efforts of the motors, in [N m] or [N], shape (n_joints,); infinite where
-    no limit is known."""
+    """Effort limits of the motors, in [N m] or [N], shape (n_joints,); infinite if
+    unknown."""
 
     times: np.ndarray
     """Times of the motion in [s], shape (n,)."""
 
-    wanted: np.ndarray
-    """Targets of the motors, the motion inside the limits, in [rad] or [m], shape
+    desired: np.ndarray
+    """Targets of the motors, clamped to the limits, in [rad] or [m], shape
     (n, n_joints)."""
 
     positions: np.ndarray
@@ -99,24 +98,25 @@ class Rollout:
     """In [rad/s] or [m/s], shape (n, n_joints)."""
 
     efforts: np.ndarray
-    """Of the motors, in [N m] or [N], shape (n, n_joints)."""
+    """Efforts of the motors, in [N m] or [N], shape (n, n_joints)."""
 
     base_poses: np.ndarray
     """T_world_base of the root link, shape (n, 7)."""
 
-    wanted_base_poses: np.ndarray | None
-    """The motion's, lifted by ``lift``, shape (n, 7); None where it has no base."""
+    desired_base_poses: np.ndarray | None
+    """Base poses of the motion, shifted by ``lift``, shape (n, 7); None without a base.
+    """
 
     lift: float
-    """By how much the motion was lifted to begin on the floor, or clear of it, in [m];
-    0 where it has no base."""
+    """Vertical shift of the motion to start on the floor, or clear of it, in [m]; 0
+    without a base."""
 
     left_out: tuple[str, ...]
-    """A message for each thing of the robot that is not simulated as it is."""
+    """A message for each part of the robot that is not simulated."""
 
     @property
     def fell_at(self) -> float | None:
-        """When the robot fell, a time of the motion in [s]; None if it did not."""
+        """Time of the motion at which the robot fell, in [s]; None if it did not."""
         return self.report.fall_time
 
 
@@ -126,26 +126,25 @@ def rollout(
     conditions: Conditions | None = None,
     on_progress: Callable[[float], None] | None = None,
 ) -> Rollout:
-    """Let a robot follow a motion by its motors, and watch it until a second later.
+    """Simulate a robot whose motors follow a motion, until a second after its end.
 
-    It begins at rest at the motion's first sample; without a base in the motion, it
-    begins upright on the floor.
+    It starts at rest at the motion's first sample; without a base in the motion,
+    upright on the floor.
 
     Args:
-        robot: The robot, as in its file.
-        motion: The motion; joints that the robot does not have are ignored.
-        conditions: By default the simulator's.
-        on_progress: Called for each row with the fraction that is done, from 0 to 1.
+        robot: The robot.
+        motion: The motion; unknown joints are ignored.
+        conditions: By default those of the simulator.
+        on_progress: Called for each row with the progress, from 0 to 1.
 
     Raises:
-        InvalidValueError: If the robot cannot do any of the motion, or the motion
-            begins before 0 s.
+        InvalidValueError: If the motion has no joint of the robot, or starts before
+            0 s.
         DescriptionError: If the robot cannot be simulated.
     """
     if motion.times[0] < 0.0:
         raise InvalidValueError(
-            f"The motion begins at {motion.times[0]:.6g} s; motors follow a motion "
-            "from 0 s on."
+            f"The motion must not start before 0 s (got {motion.times[0]:.6g} s)."
         )
     under = conditions or Conditions()
     assembly = _at_beginning(lump_fixed_joints(robot), motion)
@@ -189,19 +188,19 @@ def rollout(
             joint_names=model.joint_names,
             effort_limits=world.engine.effort_limits(model),
             times=times[:, 0],
-            wanted=desired,
+            desired=desired,
             positions=positions,
             velocities=velocities,
             efforts=efforts,
             base_poses=bases,
-            wanted_base_poses=desired_bases,
+            desired_base_poses=desired_bases,
             lift=lift,
             left_out=left_out,
         )
 
 
 def _steps(duration_ns: int, conditions: Conditions) -> tuple[int, int]:
-    """Count the steps of a motion and the time after it, and those from row to row."""
+    """Return the number of steps, and of steps per row."""
     step_ns = conditions.properties.step_ns
     n_steps = max(-(-duration_ns // step_ns), 1) - (-WATCH_TIME // step_ns)
     stride = max(round(1e9 / (conditions.rate * step_ns)), 1, -(-n_steps // MAX_ROWS))
@@ -209,7 +208,7 @@ def _steps(duration_ns: int, conditions: Conditions) -> tuple[int, int]:
 
 
 def _at_beginning(assembly: Assembly, motion: Trajectory) -> Assembly:
-    """Put joints where a motion begins; the others at zero, all inside their limits.
+    """Set joints to the start of a motion, others to zero, clamped to their limits.
 
     Raises:
         InvalidValueError: If the robot has none of the motion's joints.
@@ -218,7 +217,7 @@ def _at_beginning(assembly: Assembly, motion: Trajectory) -> Assembly:
     joints = assembly.description.movable_joints
     if not any(joint.name in first for joint in joints):
         name = assembly.description.name
-        raise InvalidValueError(f"there is nothing of {name} that the motion can move")
+        raise InvalidValueError(f"the motion has no joint of {name}")
     begin = {
         joint.name: float(np.clip(first.get(joint.name, 0.0), joint.lower, joint.upper))
         for joint in joints
@@ -229,11 +228,11 @@ def _at_beginning(assembly: Assembly, motion: Trajectory) -> Assembly:
 def _place(
     assembly: Assembly, motion: Trajectory, on_floor: bool, hangs: bool
 ) -> tuple[np.ndarray, float]:
-    """Place a robot where a motion begins; without a base in it, upright on the floor.
+    """Place a robot at the start of a motion; without a base, upright on the floor.
 
     Returns:
         Pose of the model frame in the world, shape (7,), and its height above that of
-        the motion, in [m]; 0 where the motion has no base.
+        the motion, in [m]; 0 without a base.
     """
     pose = np.array(IDENTITY)
     if motion.base_poses is not None:
@@ -247,10 +246,10 @@ def _place(
 
 
 def _complete(model: Model, motion: Trajectory) -> Trajectory:
-    """Make a motion of all joints of a robot, of at least two samples.
+    """Extend a motion to all joints of a robot and at least two samples.
 
-    Other joints are held where they are, and so is a single configuration: motors that
-    follow a single one are not tracked.
+    Other joints keep their positions. A single configuration is repeated, as it would
+    not be tracked.
     """
     times, bases = motion.times, motion.base_poses
     columns = {name: column for column, name in enumerate(motion.joint_names)}

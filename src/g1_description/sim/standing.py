@@ -20,25 +20,25 @@ from g1_description.sim.meshes.shapes import find_meshes, is_there
 from g1_description.sim.model import Model
 
 GAP = 0.0005
-"""Least distance from the floor, in [m]: links that touch are pushed away."""
+"""Minimum distance from the floor, in [m]: touching links would be pushed away."""
 
 HULL_MARGIN = 0.001
-"""How thick PyBullet makes a hull on all sides, in [m]."""
+"""PyBullet's collision margin of a hull, in [m]."""
 
 MAX_PRODUCTS = 1_000_000
-"""Points times samples that are computed at once: 8 MB."""
+"""Maximum number of points times samples per batch: 8 MB."""
 
 
 def standing_height(assembly: Assembly, rotation: np.ndarray) -> float:
-    """Find the height at which a robot stands on the floor, which is z = 0.
+    """Compute the height at which a robot stands on the floor, which is z = 0.
 
     Args:
-        assembly: The robot, its joints where they begin.
-        rotation: How the model frame is turned in the world, shape (4,).
+        assembly: The robot with its initial joint positions.
+        rotation: Orientation of the model frame in the world, shape (4,).
 
     Returns:
-        The least height of the model frame in whole millimetres, in [m], at which all
-        collision shapes are above the floor; without any, all links' origins.
+        The lowest height of the model frame in whole millimetres, in [m], with all
+        collision shapes above the floor; without any, all links' origins.
     """
     pose = np.concatenate([IDENTITY[:3], rotation])
     model = Model("standing", assembly, pose)
@@ -50,19 +50,18 @@ def standing_height(assembly: Assembly, rotation: np.ndarray) -> float:
 
 
 def hanging_height(assembly: Assembly, rotation: np.ndarray) -> float:
-    """Find a height at which no joint can bring a robot to the floor, which is z = 0.
+    """Compute a height at which no configuration reaches the floor, which is z = 0.
 
     Args:
         assembly: The robot.
-        rotation: How the model frame is turned in the world, shape (4,).
+        rotation: Orientation of the model frame in the world, shape (4,).
 
     Returns:
-        Height of the model frame in whole millimetres, in [m]. The root link's origin
-        is then higher than the farthest that a collision shape, or the origin of a
-        link, can be from it, joints anywhere within their limits.
+        Height of the model frame in whole millimetres, in [m]: above the largest reach
+        of a collision shape or link origin from the root link, within joint limits.
 
     Raises:
-        DescriptionError: If a joint slides without limits.
+        DescriptionError: If a prismatic joint has no limits.
     """
     model = Model("hanging", replace(assembly, positions={}), IDENTITY)
     description = assembly.description.trees[0]  # only the first one can hang
@@ -75,8 +74,8 @@ def hanging_height(assembly: Assembly, rotation: np.ndarray) -> float:
             reach = max(reach, reaches[name] + float(extent))
     if math.isinf(reach):
         raise DescriptionError(
-            f"A joint of '{description.name}' slides without limits, no height is out "
-            "of its reach: say how high the robot hangs."
+            f"A prismatic joint of '{description.name}' has no limits, so its reach is "
+            "infinite: set the height of the robot."
         )
     return _above(reach - rotate(rotation, assembly.root_pose[:3])[2])
 
@@ -87,14 +86,11 @@ def _above(height: float) -> float:
 
 
 def _boxes(model: Model) -> Iterator[tuple[str, np.ndarray]]:
-    """Bound each collision shape by a box along the world's axes.
-
-    Args:
-        model: The robot, where it is.
+    """Compute the bounding box of each collision shape along the world's axes.
 
     Yields:
         The link's name, and the lowest and highest corner in the world, in [m], shape
-        (2, 3). A mesh that is left out has none, and a plane has no end.
+        (2, 3); infinite for a plane. Missing meshes are skipped.
     """
     links = [link for link in model.assembly.description.links if link.collisions]
     meshes, _ = find_meshes(shape for link in links for shape in link.collisions)
@@ -115,16 +111,16 @@ def _boxes(model: Model) -> Iterator[tuple[str, np.ndarray]]:
 
 
 def lowest_height(robot: Description, trajectory: Trajectory) -> float:
-    """Find the lowest point of a robot in the samples of a motion.
+    """Compute the lowest point of a robot in the samples of a motion.
 
-    Links without collision shapes count with their visual ones; planes do not count.
+    For links without collision shapes visual ones are used; planes are ignored.
 
     Args:
-        robot: The robot, as in its file.
-        trajectory: The motion; joints that it does not move are at zero.
+        robot: The robot.
+        trajectory: The motion; other joints are at zero.
 
     Returns:
-        Height in the map, in [m]; of the links' origins where there are no shapes.
+        Height in the map, in [m]; of the links' origins if there are no shapes.
     """
     columns = {name: n for n, name in enumerate(trajectory.joint_names)}
     positions = np.zeros((len(trajectory.times), len(robot.movable_joints)))
@@ -150,11 +146,11 @@ def lowest_height(robot: Description, trajectory: Trajectory) -> float:
 
 
 def _lowest(poses: np.ndarray, points: np.ndarray) -> float:
-    """Find the lowest of some points of a link.
+    """Compute the lowest height of points of a link.
 
     Args:
-        poses: Of the link in each sample, shape (n_samples, 7).
-        points: In the link's frame, in [m], shape (n, 3).
+        poses: Poses of the link in each sample, shape (n_samples, 7).
+        points: Points in the link's frame, in [m], shape (n, 3).
     """
     up = rotate(conjugate(poses[:, 3:]), np.array([0.0, 0.0, 1.0]))
     n_at_once = max(1, MAX_PRODUCTS // len(points))

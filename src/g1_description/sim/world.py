@@ -1,7 +1,7 @@
 """The simulated world: models, lights, time, and the commands that change it.
 
-One thread changes it; nothing here knows ROS. Calls between two steps take
-effect at once, and the same calls at the same steps give the same bits.
+One thread changes it. Calls between two steps take effect immediately, and the same
+calls at the same steps give bit-identical results.
 """
 
 from __future__ import annotations
@@ -36,20 +36,20 @@ from g1_description.sim.model import Model, Report
 from g1_description.sim.motions import Motions
 
 MAX_LINKS = 1000
-"""Links of one model: more could not be published a thousand times a second."""
+"""Maximum number of links of a model, which can still be published at 1 kHz."""
 
 MAX_SHAPES = 1000
-"""Collision shapes of one model: a step with ten thousand takes minutes."""
+"""Maximum number of collision shapes of a model: with 10 000 a step takes minutes."""
 
 _Named = TypeVar("_Named")
 
 
 class World:
-    """Models and lights under gravity, each in the order of their coming.
+    """Models and lights, in the order of spawning.
 
-    Physics ``kinematic``: models stay where they are set, to the last bit; time runs,
-    nothing falls, contacts are still found. ``hold``: full dynamics, motors hold the
-    joints at their last positions. ``limp``: full dynamics, no motors.
+    Physics ``kinematic``: models stay exactly where they are set; time runs, contacts
+    are computed. ``hold``: full dynamics, motors hold the joints at their last
+    positions. ``limp``: full dynamics, no motors.
     """
 
     def __init__(
@@ -59,13 +59,13 @@ class World:
         content: Sdf | None = None,
         motors: Motors | None = None,
     ) -> None:
-        """Make a world.
+        """Create a world.
 
         Args:
             physics: One of ``PHYSICS``.
-            properties: The physics' numbers; Gazebo's where none are given.
+            properties: The physics properties; by default Gazebo's.
             content: Models and lights; by default a ground plane and a sun. A model
-                that cannot be loaded is left out.
+                that cannot be loaded is ignored.
             motors: Motors of the joints in ``hold``, bounded by the robots' files.
 
         Raises:
@@ -74,22 +74,21 @@ class World:
         self.models: dict[str, Model] = {}
         self.lights: dict[str, Light] = {}
         self.lock = threading.Lock()
-        """For threads that read while another one steps and changes the world. A step
-        holds it only while it changes what they read; other changes need
-        it, too, and are not made during a step."""
+        """For threads that read while another one changes the world. A step locks it
+        only while it updates the models; other changes need it, too."""
         self.engine = make_engine(physics, properties or PhysicsProperties(), motors)
         self.forces = ForceSchedule(self.is_dynamic)
-        """Present and future wrenches and efforts."""
+        """Current and future wrenches and efforts."""
         self.motions = Motions(self.engine)
-        """Present and future motions."""
+        """Current and future motions."""
         content = content or read_sdf(EMPTY_WORLD)
         self.time_ns = round(content.time * 1e9)
         """Simulated time in [ns]."""
         self.left_out = (*content.left_out, *self._add_content(content))
-        """A message for each thing of the content that was left out."""
+        """A message for each ignored part of the content."""
 
     def _add_content(self, content: Sdf) -> list[str]:
-        """Add the models and lights of a file; return messages on those left out."""
+        """Add the models and lights of a file; return messages on ignored parts."""
         left_out = []
         for light in content.lights:
             self.add_light(light)
@@ -103,7 +102,7 @@ class World:
 
     @cached_property
     def entities(self) -> Entities:
-        """All things by name."""
+        """All entities by name."""
         return Entities(self.models.values(), self.lights.values())
 
     @cached_property
@@ -121,7 +120,7 @@ class World:
         return tuple(self.models)
 
     def _forget_names(self) -> None:
-        """Drop the tables of names; they are made again when next needed."""
+        """Invalidate the cached tables of names."""
         for name in ("entities", "link_names", "model_names"):
             self.__dict__.pop(name, None)
 
@@ -182,21 +181,21 @@ class World:
         return poses, twists.reshape(-1, 6)
 
     def close(self) -> None:
-        """Free the engine's memory."""
+        """Release the engine's resources."""
         self.engine.close()
 
     @property
     def is_dynamic(self) -> bool:
-        """Whether things move by themselves."""
+        """Whether physics moves models."""
         return self.engine.is_dynamic
 
     @property
     def properties(self) -> PhysicsProperties:
-        """The physics' numbers."""
+        """The physics properties."""
         return self.engine.properties
 
     def set_properties(self, properties: PhysicsProperties) -> None:
-        """Compute with other numbers from now on."""
+        """Set the properties from the next step on."""
         self.engine.set_properties(properties)
 
     def spawn(
@@ -206,18 +205,18 @@ class World:
 
         Args:
             name: Name in the world; must be free.
-            assembly: Its links and joints, and where they begin.
+            assembly: Its links and joints, with initial positions.
             pose: Pose of the model frame in the world, shape (7,).
-            fixed_base: Whether physics does not move its root link.
+            fixed_base: Whether its root link is fixed.
 
         Returns:
-            A message for each thing left out, and for joints that do not begin at zero.
+            A message for each ignored part, and for joints that do not start at zero.
 
         Raises:
             DescriptionError: If it cannot be loaded; the world stays as it was.
         """
         if name in self.models:
-            raise DescriptionError(f"A model called '{name}' is already there.")
+            raise DescriptionError(f"A model '{name}' already exists.")
         _check_size(assembly.description)
         if not self.is_dynamic:
             assembly = assembly.inside_limits()
@@ -260,7 +259,7 @@ class World:
         self.motions.measure(time_ns)
 
     def set_joint_positions(self, name: str, positions: Mapping[str, float]) -> Report:
-        """Teleport joints of a model; it holds them there in ``hold``.
+        """Teleport joints of a model; in ``hold`` these are the motors' targets.
 
         Args:
             name: The model.
@@ -299,14 +298,14 @@ class World:
     def set_root_state(
         self, model: Model, pose: np.ndarray, twist: np.ndarray, tree: int = 0
     ) -> None:
-        """Set pose and velocity of a tree by its root link; it moves as one.
+        """Set pose and velocity of a tree by its root link; it moves rigidly.
 
         Args:
             model: The model.
             pose: Pose of the root link in the world, shape (7,).
             twist: Velocity of the root link's center of mass and its angular velocity,
                 along the world's axes, shape (6,). Ignored in ``kinematic``.
-            tree: Which of the model's trees.
+            tree: Index of the tree.
         """
         model.set_root_state(pose, twist * self.is_dynamic, tree)
         self.motions.release(model, base=tree == 0)
@@ -324,7 +323,7 @@ class World:
                 world's axes, shape (6,). Ignored in ``kinematic``.
 
         Returns:
-            How near its joint brought a link that is not the root.
+            The remaining distance, for a link that is not a root.
 
         Raises:
             InvalidValueError: If it is fixed to another link; nothing is changed.
@@ -368,9 +367,9 @@ class World:
     def set_joint_properties(
         self, entity: Entity, numbers: Mapping[str, float]
     ) -> None:
-        """Set properties of a joint, by the names that Gazebo has for them.
+        """Set properties of a joint, by Gazebo's names.
 
-        ``damping``, ``loStop`` and ``hiStop`` take effect, the others are kept.
+        ``damping``, ``loStop`` and ``hiStop`` take effect, the others are stored.
 
         Args:
             entity: The joint.
@@ -380,16 +379,16 @@ class World:
         self.engine.update_joint(entity.model, entity.name)
 
     def reset_models(self) -> None:
-        """Return all models to where they were spawned, at rest; joints stay."""
+        """Reset all models to their poses at spawning, at rest; joints stay."""
         for model in self.models.values():
             self.motions.forget(model)
             model.return_home()
             self.engine.write(model)
 
     def reset(self) -> None:
-        """Return to time zero, with models and joints as spawned and no forces.
+        """Reset time to zero, models and joints as spawned, without forces.
 
-        The engine begins afresh, so that a second run equals the first to the last bit.
+        The engine is rebuilt, so that a second run is bit-identical to the first.
         """
         self.time_ns = 0
         self.forces = ForceSchedule(self.is_dynamic)
@@ -399,12 +398,12 @@ class World:
         self.engine.rebuild(self.models.values())
 
     def contacts(self) -> set[tuple[str, str]]:
-        """Find which links touch or overlap now, as ``Engine.contacts``."""
+        """Return the links in contact, as ``Engine.contacts``."""
         return self.engine.contacts()
 
 
 def _named(kind: str, things: Mapping[str, _Named], name: str) -> _Named:
-    """Find a thing by its name.
+    """Find a model or light by its name.
 
     Raises:
         UnknownNameError: If there is none.
@@ -417,7 +416,7 @@ def _named(kind: str, things: Mapping[str, _Named], name: str) -> _Named:
 
 
 def _check_size(description: Description) -> None:
-    """Refuse a model that takes too long.
+    """Refuse a model that is too large.
 
     Raises:
         DescriptionError: If it has too many links or shapes.
@@ -425,12 +424,12 @@ def _check_size(description: Description) -> None:
     links = len(description.links)
     if links > MAX_LINKS:
         raise DescriptionError(
-            f"Robot '{description.name}' has {links} links that are not fixed to "
-            f"others; there is room for {MAX_LINKS}."
+            f"Robot '{description.name}' must have at most {MAX_LINKS} links, without "
+            f"those on fixed joints (got {links})."
         )
     shapes = sum(len(link.collisions) for link in description.links)
     if shapes > MAX_SHAPES:
         raise DescriptionError(
-            f"Robot '{description.name}' has {shapes} collision shapes; there is room "
-            f"for {MAX_SHAPES}."
+            f"Robot '{description.name}' must have at most {MAX_SHAPES} collision "
+            f"shapes (got {shapes})."
         )

@@ -35,7 +35,7 @@ def _tracking(rule: Rule, measured: Measured) -> Iterator[Finding]:
             continue
         unit, column = kinds[name], played.joint_names.index(name)
         time = float(report.largest_error_times[number])
-        errors = np.abs(played.positions[rows, column] - played.wanted[rows, column])
+        errors = np.abs(played.positions[rows, column] - played.desired[rows, column])
         when = intervals(played.times[rows], errors > bound) or ((time, time),)
         yield Finding(
             rule.name,

@@ -119,4 +119,4 @@ def main() -> None:
         rospy.logerr("%s", error)
         sys.exit(1)
     except ConnectionError as error:
-        sys.exit(f"spawn_robot: the ROS master does not answer: {error}.")
+        sys.exit(f"spawn_robot: The ROS master does not answer: {error}.")
