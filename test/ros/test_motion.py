@@ -337,11 +337,11 @@ class TestMotion(unittest.TestCase):
             ("joint_trajectory", elbow((0.0, nan)), "position nan"),
             ("joint_trajectory", elbow((0.1, 0.1), (0.1, 0.2)), "must increase"),
             ("joint_trajectory", elbow((0.0,)), "must have 1 positions (got 0)"),
-            ("joint_trajectory", ear, "names left_ear"),
+            ("joint_trajectory", ear, "unknown joints: left_ear"),
             ("motion", two_bases, "The base must be a single joint"),
             ("motion", apart, "must have the same times"),
             ("motion", bent, "length 1 (got 2)"),
-            ("motion", lost, "no frame 'nowhere'"),
+            ("motion", lost, "no transform from frame 'nowhere'"),
             ("base_command", flat, "base pose nan"),
         ):
             with self.subTest(text=text):

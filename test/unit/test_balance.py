@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial import ConvexHull
 
-from g1_description.checks.balance import (
+from g1_description.checks.support import (
     margins,
     support_margin,
     support_polygon,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from g1_description.motion.files.unnamed import G1_JOINTS
+from g1_description.motion.files.conventions import G1_JOINTS
 from g1_description.robot.description import OTHER, by_limb, limb_of
 
 

@@ -14,8 +14,8 @@ import pytest
 from conftest import REPOSITORY, VENDOR
 
 from g1_description.errors import MotionError
+from g1_description.motion.files.conventions import G1_JOINTS
 from g1_description.motion.files.formats import read_motion
-from g1_description.motion.files.unnamed import G1_JOINTS
 from g1_description.motion.trajectory import sample
 from g1_description.robot.kinematics import Kinematics
 from g1_description.robot.load import read_model

@@ -13,8 +13,8 @@ from conftest import REPOSITORY, VENDOR
 from scipy.spatial.transform import Rotation
 
 from g1_description.errors import G1DescriptionError, MotionError
+from g1_description.motion.files.conventions import ASAP_JOINTS, G1_JOINTS
 from g1_description.motion.files.formats import read_motion
-from g1_description.motion.files.unnamed import ASAP_JOINTS, G1_JOINTS
 from g1_description.robot.kinematics import Kinematics
 from g1_description.robot.load import read_model
 from g1_description.robot.urdf import parse_urdf

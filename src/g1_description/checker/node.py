@@ -36,7 +36,7 @@ from g1_description.ros.map_frame import MapFrame
 from g1_description.ros.master import stay_registered
 from g1_description.ros.parameters import read_parameters
 from g1_description.ros.robot_states import RobotStates
-from g1_description.ros.tcpros import serve_as_roscpp
+from g1_description.ros.rospy_tcp import serve_as_roscpp
 
 
 def make_checker(robot: Description, parameters: CheckerParameters) -> Checker:

@@ -8,10 +8,10 @@ from typing import Protocol, Tuple
 
 import numpy as np
 
-from g1_description.checks.balance import support_polygon
 from g1_description.checks.measured import Measured
 from g1_description.checks.rule import Rule, units
 from g1_description.checks.rules import RULES
+from g1_description.checks.support import support_polygon
 from g1_description.checks.verdict import FAILED, Finding, Verdict
 from g1_description.robot.rotation import rotate
 from g1_description.robot.transform import IDENTITY, compose

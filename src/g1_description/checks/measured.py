@@ -8,13 +8,13 @@ from typing import Any, Callable, TypeVar, Union
 
 import numpy as np
 
-from g1_description.checks.balance import (
+from g1_description.checks.ground_contacts import Ground, GroundFrames, outlines_of
+from g1_description.checks.support import (
     Balance,
     long_still,
     margins,
     zero_moment_points,
 )
-from g1_description.checks.ground import Ground, GroundFrames, outlines_of
 from g1_description.checks.thresholds import Thresholds
 from g1_description.collisions.self_collisions import Contacts, SelfCollisions
 from g1_description.errors import MotionError

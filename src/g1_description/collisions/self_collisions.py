@@ -27,7 +27,7 @@ from g1_description.collisions.convex_shapes import (
     robot_shapes,
     turn,
 )
-from g1_description.collisions.separation import Bounds, Separation
+from g1_description.collisions.separating_planes import Bounds, Separation
 from g1_description.errors import InvalidValueError
 from g1_description.robot.assembly import rigid_frames
 from g1_description.robot.description import Description

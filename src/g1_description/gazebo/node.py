@@ -37,7 +37,7 @@ from g1_description.ros.lifecycle import quiet_when_closing, start_node
 from g1_description.ros.log import SHORT_PERIOD
 from g1_description.ros.master import stay_registered
 from g1_description.ros.parameters import read_parameters
-from g1_description.ros.tcpros import serve_as_roscpp
+from g1_description.ros.rospy_tcp import serve_as_roscpp
 from g1_description.sim.world import World
 
 TRACKING_QUEUE_SIZE = 100

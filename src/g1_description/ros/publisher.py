@@ -29,7 +29,7 @@ import rosgraph
 import rospy
 
 from g1_description.ros.master import SLAVE_API_ERRORS, slave_api
-from g1_description.ros.tcpros import HANDSHAKE
+from g1_description.ros.rospy_tcp import HANDSHAKE
 
 SEND_TIMEOUT = struct.pack("ll", 0, 500_000)
 """Longest time to send one message, as a struct timeval: 0.5 s. After that rospy drops

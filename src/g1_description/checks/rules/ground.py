@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from g1_description.checks.ground import GroundFrames
+from g1_description.checks.ground_contacts import GroundFrames
 from g1_description.checks.intervals import runs
 from g1_description.checks.measured import Measured
 from g1_description.checks.rule import Rule

@@ -14,8 +14,8 @@ from collections.abc import Collection, Sequence
 import numpy as np
 
 from g1_description.errors import MotionError
+from g1_description.motion.files.conventions import layouts, names_of_columns, of_robot
 from g1_description.motion.files.source import MotionSource
-from g1_description.motion.files.unnamed import layouts, names_of_columns, of_robot
 from g1_description.motion.motion import Motion
 from g1_description.motion.trajectory import Trajectory, sample
 from g1_description.robot.description import Description, Joint

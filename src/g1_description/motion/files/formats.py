@@ -16,8 +16,8 @@ from types import ModuleType
 from g1_description.errors import MotionError
 from g1_description.files.atomic import write_whole
 from g1_description.motion.files import bag, beyond_mimic, gmr, table, trajectory_yaml
+from g1_description.motion.files.conventions import check_radians
 from g1_description.motion.files.source import MAX_FILE_SIZE, ZIP, MotionSource
-from g1_description.motion.files.unnamed import check_radians
 from g1_description.motion.motion import Motion, fitted
 from g1_description.motion.trajectory import Trajectory
 from g1_description.robot.description import Description

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from g1_description.motion.files.conventions import names_of_columns, w_last
 from g1_description.motion.files.source import MotionSource
-from g1_description.motion.files.unnamed import names_of_columns, w_last
 from g1_description.motion.motion import Motion
 from g1_description.motion.trajectory import Trajectory
 from g1_description.robot.description import Description

@@ -19,8 +19,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from g1_description.errors import MotionError, NoMotionError
+from g1_description.motion.files.conventions import names_of_columns, w_last
 from g1_description.motion.files.source import MotionSource
-from g1_description.motion.files.unnamed import names_of_columns, w_last
 from g1_description.motion.motion import Motion
 from g1_description.motion.trajectory import Trajectory
 from g1_description.robot.description import Description
