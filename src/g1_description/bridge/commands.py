@@ -312,9 +312,8 @@ class JointCommands:
 
     def _reconnect(self, error: Exception) -> None:
         """Log the error, and connect again after a while."""
-        self._log.warn(
-            "service", f"A joint command cannot be sent yet, trying again: {error}."
-        )
+        text = f"Cannot send a command to the simulator, retrying: {error}."
+        self._log.warn("service", text)
         self._set_base.close()
         self._set_joints.close()
         self._connect()
