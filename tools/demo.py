@@ -239,8 +239,8 @@ def check_master():
     except (OSError, ValueError, xmlrpc.client.Error):
         return
     sys.exit(
-        f"tools/demo: a node {SIMULATOR} runs at {os.environ['ROS_MASTER_URI']} "
-        "already. End it, or take a master of your own: "
+        f"tools/demo: A node {SIMULATOR} is already running at "
+        f"{os.environ['ROS_MASTER_URI']}. Stop it, or use another master: "
         "ROS_MASTER_URI=http://localhost:11411 tools/demo"
     )
 

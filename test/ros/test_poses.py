@@ -164,7 +164,7 @@ class TestPoses(unittest.TestCase):
         for name in ("mine", "stand"):
             code, _, errors = run("--save", name, "--file", file)
             self.assertEqual(code, 1)
-            self.assertIn(f"a pose '{name}' in ", errors)
+            self.assertIn(f"The pose '{name}' already exists in ", errors)
             self.assertEqual(len(errors.splitlines()), 1)
         self.assertIn("belongs to the package", run("--save", "new", "--file", own)[2])
         self.assertEqual(own.read_text(), before)
@@ -194,7 +194,7 @@ class TestPoses(unittest.TestCase):
             file.write("odd: {left_kne_joint: 0.1}\nfar: {left_knee_joint: 3}\n")
             file.flush()
             for name, told in (
-                ("odd", "no movable joint of 'g1_29dof'; there are left_knee_joint"),
+                ("odd", "no movable joint 'left_kne_joint'. Its joints: left_knee_joint"),
                 ("far", "left_knee_joint must be from"),
             ):
                 code, _, errors = run(name, "--file", file.name)
