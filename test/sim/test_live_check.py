@@ -109,7 +109,7 @@ def test_a_robot_without_a_base_is_judged_by_its_joints(live):
 def test_joints_of_others_are_passed_over(live):
     verdict = live.check(0.0, {**JOINTS, "left_thumb_0": 99.0}, BASE)
     assert not verdict.of("position")
-    with pytest.raises(UnknownNameError, match="none of the joints left_thumb_0"):
+    with pytest.raises(UnknownNameError, match="none of these joints: left_thumb_0"):
         live.check(0.0, {"left_thumb_0": 99.0}, BASE)
 
 

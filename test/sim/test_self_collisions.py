@@ -152,7 +152,7 @@ def test_links_without_collisions():
 
 def test_wrong_arguments_are_told():
     spheres = SelfCollisions(robot(sphere(0.1), sphere(0.1)), ())
-    with pytest.raises(InvalidValueError, match=r"\(n, 2, 7\), not \(1, 3, 7\)"):
+    with pytest.raises(InvalidValueError, match=r"\(n, 2, 7\) \(got \(1, 3, 7\)\)"):
         spheres.contacts(np.zeros((1, 3, 7)))
     with pytest.raises(InvalidValueError, match="not a finite number"):
         spheres.contacts(np.full((1, 2, 7), np.nan))
