@@ -195,7 +195,7 @@ class TestRecord(unittest.TestCase):
         states.unregister()
         _, err = run.communicate(timeout=DEADLINE)
         self.assertEqual(run.returncode, 0, err)
-        self.assertIn("the simulator ended after 0.000 s", err)
+        self.assertIn("the recording ends after 0.000 s: the simulator ended", err)
         found, _, _ = self.read(self.folder / "a.csv")
         self.assertEqual(len(found["times"]), 1)
 
@@ -322,7 +322,7 @@ class TestRecord(unittest.TestCase):
         )
         missing = (
             ("The simulator has no model 'nobody' with", "--model", "nobody"),
-            ("Nobody publishes /left/robot_state; is the", "--namespace", "left"),
+            ("Nothing publishes /left/robot_state; is the", "--namespace", "left"),
         )
         runs = [
             start("record", self.folder / f"{n}.csv", *rest)
