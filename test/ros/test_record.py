@@ -314,7 +314,7 @@ class TestRecord(unittest.TestCase):
     def test_what_cannot_be_recorded_is_told(self):
         (self.folder / "there.csv").write_text("")
         wrong = (
-            ("already; use --force to replace it", "there.csv"),
+            ("already exists; use --force to replace it", "there.csv"),
             ("must end in .csv or .npz or .bag", "a.txt"),
             ("cannot be written: No such file", "no/a.csv"),
             ("--rate: must be a number from 0", "a.csv", "--rate", "-1"),
