@@ -194,7 +194,10 @@ class TestPoses(unittest.TestCase):
             file.write("odd: {left_kne_joint: 0.1}\nfar: {left_knee_joint: 3}\n")
             file.flush()
             for name, told in (
-                ("odd", "no movable joint 'left_kne_joint'. Its joints: left_knee_joint"),
+                (
+                    "odd",
+                    "no movable joint 'left_kne_joint'. Its joints: left_knee_joint",
+                ),
                 ("far", "left_knee_joint must be from"),
             ):
                 code, _, errors = run(name, "--file", file.name)

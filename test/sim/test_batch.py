@@ -99,6 +99,17 @@ def test_processes_find_the_same_and_lose_no_file(checker, files, alone, tmp_pat
     assert found[1].problem == DIED
 
 
+def test_processes_that_are_ended_while_they_start_end_at_once(files):
+    # What a task takes with it must fit into a pipe that nobody reads any more.
+    workers = Processes(FileChecker(Robot().checker()), 2)
+    for task in tasks_of(files):
+        workers.submit(task)
+    ending = threading.Thread(target=workers.close, daemon=True)
+    ending.start()
+    ending.join(60.0)
+    assert not ending.is_alive()
+
+
 def test_a_death_of_another_file_does_not_count(checker, files, alone, tmp_path):
     """Of the files in the queue of a process that dies, nobody knows which it was."""
     deadly, once = tmp_path / "deadly.csv", tmp_path / "once.csv"

@@ -246,7 +246,7 @@ def test_the_command_writes_a_file_and_keeps_what_is_by_hand(command, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (["--samples", "-1"], "must be a whole number from 0"),
+        (["--samples", "0"], "must be a whole number from 1"),
         (["--seed", str(2**32)], "must be a whole number from 0"),
         (["-o", "r.urdf"], "The file of allowed collisions r.urdf: "),
         (["--nonsense"], "unrecognized arguments: --nonsense"),

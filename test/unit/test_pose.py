@@ -25,9 +25,12 @@ from g1_description.errors import PoseFileError
         (["squat", "--list"], "give one of NAME, --list and --save NAME"),
         (
             ["squat", "--seconds", "-1"],
-            "--seconds: must be a number at least 0 (got -1)",
+            "--seconds: must be a number from 0 to 3600 (got -1)",
         ),
-        (["squat", "--seconds=-1"], "--seconds: must be a number at least 0 (got -1)"),
+        (
+            ["squat", "--seconds=-1"],
+            "--seconds: must be a number from 0 to 3600 (got -1)",
+        ),
         (["squat", "--seconds", "nan"], "must be a number (got 'nan')"),
         (["squat", "--force"], "--force and --about need --save"),
         (["squat", "--namespace", "a b"], "'a b' is not a valid ROS name"),

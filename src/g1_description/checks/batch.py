@@ -193,12 +193,12 @@ class Processes(Here):
 
     def _started(self) -> ProcessPoolExecutor:
         context = multiprocessing.get_context(START_METHOD)
-        return ProcessPoolExecutor(self._count, context, _prepare)
+        return ProcessPoolExecutor(self._count, context, _prepare, (self._pickled,))
 
     def submit(self, task: Task) -> Future[FileResult]:
         """Begin to check a file; the first calls start the processes."""
         with _signals_held():
-            return self._pool.submit(check_content, self._pickled, task.name, task.path)
+            return self._pool.submit(_check_file, task.name, task.path)
 
     def restart(self) -> None:
         """Begin again after a process died."""
@@ -226,9 +226,19 @@ def _signals_held() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _prepare() -> None:
-    """Let this process end with the one that started it."""
+_checkers: list[bytes] = []
+"""What checks in this process, pickled. It does not come with each file: more than a
+pipe holds would be sent in vain to processes that are killed, and waited for."""
+
+
+def _prepare(pickled: bytes) -> None:
+    """Take what checks, and let this process end with its parent."""
+    _checkers.append(pickled)
     threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _check_file(name: str, path: Path) -> FileResult:
+    return check_content(_checkers[-1], name, path)
 
 
 def _end_with_parent() -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import sys
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
@@ -18,6 +19,7 @@ from typing import TextIO
 from tqdm import tqdm
 
 from g1_description.api import MODEL, Robot
+from g1_description.bounds import MAX_PORT
 from g1_description.checks.batch import FileChecker, Here, Processes, Task, check_files
 from g1_description.checks.cluster import Cluster
 from g1_description.checks.report import (
@@ -50,6 +52,19 @@ STDOUT = "-"
 
 ENDINGS = {"json": ".json", "csv": ".csv", "html": ".html"}
 """File extensions of reports."""
+
+
+OTHER_PICTURES = (".jpg", ".jpeg", ".gif", ".svg", ".pdf")
+
+
+def scheduler(text: str) -> str:
+    """Parse the address of a Dask scheduler."""
+    match = re.fullmatch(r"((tcp|tls)://)?(\[[^\]]+\]|[^:/\s]+):(\d+)", text)
+    if match and 0 < int(match[4]) <= MAX_PORT:
+        return text
+    raise argparse.ArgumentTypeError(
+        f"must be HOST:PORT, such as localhost:8786 (got '{text}')"
+    )
 
 
 def checks(text: str) -> tuple[str, ...]:
@@ -135,7 +150,10 @@ class CheckOptions:
         "number of worker processes", 1, within(1, 256, int), metavar="N"
     )
     dask: str | None = option(
-        "check on the workers of this Dask scheduler", None, str, metavar="HOST:PORT"
+        "check on the workers of this Dask scheduler",
+        None,
+        scheduler,
+        metavar="HOST:PORT",
     )
 
     def __post_init__(self) -> None:
@@ -243,7 +261,8 @@ def _pictures(out: Path | None, tasks: Sequence[Task]) -> dict[int, Path]:
             )
         check_place(out)
         return {tasks[0].number: out}
-    if out.exists() and not out.is_dir():
+    is_other = out.suffix.lower() in OTHER_PICTURES and not out.is_dir()
+    if is_other or (out.exists() and not out.is_dir()):
         raise InvalidValueError(f"--plot must be a folder or end in .png (got {out}).")
     _check_writable(next(place for place in (out, *out.parents) if place.exists()))
     names = picture_names(tasks)

@@ -61,7 +61,7 @@ class PairsOptions:
         metavar="MODEL",
     )
     samples: int = option(
-        "random configurations", SAMPLES, within(0, MAX_SEED, int), metavar="N"
+        "random configurations", SAMPLES, within(1, MAX_SEED, int), metavar="N"
     )
     seed: int = option(
         "seed of the random numbers", 0, within(0, MAX_SEED, int), metavar="S"

@@ -192,6 +192,8 @@ class PosedRobot(RobotView):
 
 USER_FILE = "~/.ros/g1_description/poses.yaml"
 
+MAX_SECONDS = 3600.0
+
 DIGITS = 6
 """Decimals of saved positions."""
 
@@ -208,7 +210,7 @@ class PoseOptions:
     seconds: float = option(
         "duration of a smooth motion in simulated time [s]; 0: set the joints at once",
         0.0,
-        within(0.0),
+        within(0.0, MAX_SECONDS),
     )
     namespace: str = options.namespace()
     file: Path | None = option("file of your own poses", None, Path, shown=USER_FILE)
