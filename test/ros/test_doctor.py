@@ -157,7 +157,7 @@ class TestDoctor(unittest.TestCase):
 
     def test_a_whole_chain_is_whole_and_the_bridge_says_the_same(self):
         self.assertIsNone(walk())
-        self.wait_for_report(False, "link states come", "29 joints are published")
+        self.wait_for_report(False, "link states arrive", "29 joints are published")
 
     def test_the_command_says_so_as_lines_and_as_json(self):
         begin = time.monotonic()
@@ -259,7 +259,8 @@ class TestDoctor(unittest.TestCase):
             topic = "/astray/joint_states"
             node = started_by_rostopic(topic, "std_msgs/Empty", **environment)
             self.addCleanup(node.process.kill)
-            self.assert_fault("wrong_node_address", f"{node.name} gives http://{value}")
+            words = f"{node.name} registered with the address http://{value}"
+            self.assert_fault("wrong_node_address", words)
             node.end(signal.SIGKILL)  # else it tries to reach itself
             rosnode.cleanup_master_blacklist(rosgraph.Master("/test"), [node.name])
 
@@ -410,7 +411,7 @@ class TestDoctor(unittest.TestCase):
     def test_another_publisher_of_joint_states(self):
         with publisher("/joint_states", JointState):
             self.assert_fault("two_joint_states", rospy.get_name())
-            self.wait_for_report(True, f"also come from {rospy.get_name()}")
+            self.wait_for_report(True, f"also published by {rospy.get_name()}")
 
     # --- TF ---------------------------------------------------------------------------
 
