@@ -177,7 +177,7 @@ class TestKinematic(unittest.TestCase):
     def test_what_cannot_be_done_is_refused(self):
         client = self.client
         text = self.refusal(client.set, {"left_elbow": 0.1})
-        self.assertIn("there are left_elbow_joint", text)
+        self.assertIn("Known joints: left_elbow_joint", text)
         self.assertIn("(28,)", self.refusal(client.set, np.zeros(28)))
         self.assertIn(
             "single configuration", self.refusal(client.set, np.zeros((2, 29)))
