@@ -446,7 +446,7 @@ def test_errors_are_told_and_the_rest_is_done(ui, client, caplog):
     with caplog.at_level(logging.ERROR):
         ui.guarded(lambda: fail(ZeroDivisionError("of ours")))
     client.wait_for(
-        lambda: any("log of the program" in str(text) for text in told(client)),
+        lambda: any("see the log" in str(text) for text in told(client)),
         "the word",
     )
     assert "ZeroDivisionError" in caplog.text
@@ -474,7 +474,7 @@ def test_what_waits_is_done_one_after_the_other_and_errors_do_not_end_it(ui, cli
     ui.do_all()
     assert given_back == [7]
     client.wait_for(
-        lambda: any("log of the program" in str(text) for text in told(client)),
+        lambda: any("see the log" in str(text) for text in told(client)),
         "the word",
     )
 
