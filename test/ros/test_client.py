@@ -183,7 +183,7 @@ class TestKinematic(unittest.TestCase):
             "single configuration", self.refusal(client.set, np.zeros((2, 29)))
         )
         self.assertIn("single pose", self.refusal(client.set, None, [HERE, HERE]))
-        self.assertIn("is nan", self.refusal(client.command, {ELBOW: np.nan}))
+        self.assertIn("(got nan)", self.refusal(client.command, {ELBOW: np.nan}))
         self.assertIn("whole number", self.refusal(client.step, -1))
         self.assertIn("whole number", self.refusal(client.step, 1.5))
         self.assertIn("whole number", self.refusal(client.record, 10, every=0))
