@@ -283,7 +283,7 @@ class TestFollowJointTrajectory(unittest.TestCase):
         goal = goal_of(points, path_tolerance=tolerance(ELBOW, 0.1))
         found = self.client.run(goal)
         code = Result.PATH_TOLERANCE_VIOLATED
-        self.check(found, "ABORTED", code, ELBOW, "position", "0.1 is allowed")
+        self.check(found, "ABORTED", code, ELBOW, "position", "(tolerance 0.1)")
         self.joints.wait("the limit", **{ELBOW: limit + ROUNDED})
         self.log.wait(lambda m: "limit" in m.msg, "a line about the limit")
 
@@ -374,10 +374,10 @@ class TestFollowJointTrajectory(unittest.TestCase):
         self.check(found, "REJECTED", Result.INVALID_JOINTS, ELBOW, RIGHT)
         _, points = self.beyond()
         found = left.run(goal_of(points))
-        self.check(found, "ABORTED", Result.PATH_TOLERANCE_VIOLATED, "0.1 is allowed")
+        self.check(found, "ABORTED", Result.PATH_TOLERANCE_VIOLATED, "(tolerance 0.1)")
         goal = goal_of(points, path_tolerance=tolerance(ELBOW, -1.0))
         found = left.run(goal)
-        self.check(found, "ABORTED", Result.GOAL_TOLERANCE_VIOLATED, "0.05 is allowed")
+        self.check(found, "ABORTED", Result.GOAL_TOLERANCE_VIOLATED, "(tolerance 0.05)")
         self.check_still(**HOME)  # the other robot
 
     def test_controllers_that_make_no_sense_end_the_bridge(self):

@@ -334,7 +334,11 @@ class TestMotion(unittest.TestCase):
         flat = PoseStamped()
         flat.pose.position.x = nan
         for topic, message, text in (
-            ("joint_trajectory", elbow((0.0, nan)), "position nan"),
+            (
+                "joint_trajectory",
+                elbow((0.0, nan)),
+                "position of sample 1 must be within +-1e+09 (got nan)",
+            ),
             ("joint_trajectory", elbow((0.1, 0.1), (0.1, 0.2)), "must increase"),
             ("joint_trajectory", elbow((0.0,)), "must have 1 positions (got 0)"),
             ("joint_trajectory", ear, "unknown joints: left_ear"),
@@ -342,7 +346,11 @@ class TestMotion(unittest.TestCase):
             ("motion", apart, "must have the same times"),
             ("motion", bent, "length 1 (got 2)"),
             ("motion", lost, "no transform from frame 'nowhere'"),
-            ("base_command", flat, "base pose nan"),
+            (
+                "base_command",
+                flat,
+                "base pose of sample 1 must be within +-1e+09 (got nan)",
+            ),
         ):
             with self.subTest(text=text):
                 self.publish(topic, message)

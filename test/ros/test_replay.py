@@ -153,14 +153,20 @@ class TestReplay(unittest.TestCase):
     def test_what_is_no_motion_is_told(self):
         rospy.set_param("/robot_description", URDF)
         for words, arguments in (
-            ("No motion is given", ()),
-            ("Two motions are given", (f"_motion:={MOTION}", f"_bag:={MOTION}")),
-            ("elbow.csv: Not a bag", (f"_bag:={MOTION}", "_topic:=motion")),
+            ("No motion file; give motion:=FILE or bag:=FILE.", ()),
+            (
+                "motion:= and bag:= cannot be combined.",
+                (f"_motion:={MOTION}", f"_bag:={MOTION}"),
+            ),
+            ("elbow.csv: Not a rosbag", (f"_bag:={MOTION}", "_topic:=motion")),
             (
                 "must be an absolute path (got 'nothing.csv'); try $PWD/nothing.csv.",
                 ("_motion:=nothing.csv",),
             ),
-            ("~speed is 0.0", (f"_motion:={MOTION}", "_speed:=0")),
+            (
+                "~speed must be from 0.001 to 1000.0 (got 0.0).",
+                (f"_motion:={MOTION}", "_speed:=0"),
+            ),
             ("none of the motion's joints", (f"_motion:={MOTION}",)),
         ):
             with self.subTest(words):

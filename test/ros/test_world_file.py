@@ -104,7 +104,7 @@ class TestWorldFile(unittest.TestCase):
         self.addCleanup(shelf.end)
         self.assertEqual(shelf.physics(), (-2.0, 0.002, 77))
         self.assertEqual(rospy.get_param(f"{SECOND}/gravity_z"), -2.0)
-        self.assertNotIn("instead of", shelf.output())
+        self.assertNotIn("overrides", shelf.output())
 
     def test_a_wish_wins_over_the_file_and_is_logged(self):
         rospy.set_param(f"{SECOND}/initial/gravity_z", -1)
@@ -113,9 +113,9 @@ class TestWorldFile(unittest.TestCase):
             server = Server(SHELF, "_initial/sor_pgs_iters:=77")
             self.addCleanup(server.end)
             self.assertEqual(server.physics(), (-1.0, 0.002, 77))
-            words = "shelf.world: gravity_z is -1, from ~initial/gravity_z, instead of"
-            self.assertIn(f"{words} the file's -2", server.output())
-            self.assertEqual(server.output().count("instead of"), 1)
+            words = "shelf.world: gravity_z is -1 (~initial/gravity_z overrides the"
+            self.assertIn(f"{words} file's -2)", server.output())
+            self.assertEqual(server.output().count("overrides"), 1)
             server.end(end)
 
     def test_a_bare_number_is_ignored_with_a_line(self):
@@ -125,7 +125,7 @@ class TestWorldFile(unittest.TestCase):
         self.assertEqual(empty.physics(), (-9.8, 0.01, 50))
         words = "~gravity_z = -1 is ignored; set ~initial/gravity_z"
         self.assertEqual(empty.output().count(words), 1)
-        self.assertNotIn("instead of", empty.output())  # there is no file
+        self.assertNotIn("overrides", empty.output())  # there is no file
 
     def test_a_wish_that_cannot_be_ends_the_node_with_its_name(self):
         command = ["rosrun", "g1_description", "gazebo_stand_in.py", "__ns:=/third"]
