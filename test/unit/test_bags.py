@@ -359,7 +359,7 @@ def test_a_bag_without_an_index_is_told_what_to_do(bag, tmp_path):
 def test_what_is_no_bag_has_no_topic(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text(f"time,{KNEE}\n0,1\n")
-    with pytest.raises(MotionError, match="--topic joint_states needs one"):
+    with pytest.raises(MotionError, match="the topic joint_states needs one"):
         read_motion(path, G1, topic="joint_states")
 
 

@@ -87,7 +87,7 @@ def _format(source: MotionSource) -> ModuleType:
         MotionError: If there is none.
     """
     if source.topic is not None and not bag.recognise(source):
-        raise MotionError(f"Not a rosbag; --topic {source.topic} needs one.")
+        raise MotionError(f"Not a rosbag; the topic {source.topic} needs one.")
     for module in FORMATS:
         if module.recognise(source):
             return module
