@@ -148,10 +148,13 @@ class Robot:
             within half a turn of 0, or within a turn of its only limit.
 
         Raises:
-            InvalidValueError: If a prismatic joint has no limits.
+            InvalidValueError: If a prismatic joint has no limits, or a size is
+                negative.
         """
         lower, upper = self._ranges
         lead = (size,) if isinstance(size, int) else tuple(size)
+        if any(length < 0 for length in lead):
+            raise InvalidValueError(f"size must not be negative (got {size}).")
         generator = np.random.default_rng(rng)
         return generator.uniform(lower, upper, (*lead, len(lower)))
 

@@ -141,9 +141,12 @@ class Client:
             timeout: Longest wait for master, simulator and robot, in [s].
 
         Raises:
+            InvalidValueError: If the timeout is negative or not finite.
             NoAnswerError: If one of them does not answer in time.
         """
         self._model = model
+        if not 0.0 <= timeout < math.inf:
+            raise InvalidValueError(f"timeout must be at least 0 s (got {timeout:g}).")
         self._services = Connection(gazebo, timeout)
         self._services.wait_for("step_model")
         first = self._wait_for_robot(timeout)

@@ -1,5 +1,6 @@
 """The client tells at once, or in time, that there is no master."""
 
+import math
 import socket
 import time
 
@@ -12,7 +13,7 @@ pytest.importorskip("rospy", reason="rospy is not there")
 pytest.importorskip("g1_description.srv", reason="no workspace is sourced")
 
 from g1_description import Client
-from g1_description.errors import G1DescriptionError
+from g1_description.errors import G1DescriptionError, InvalidValueError
 
 
 def refused(timeout=DEADLINE):
@@ -53,3 +54,9 @@ def test_a_master_that_never_answers_is_given_up(monkeypatch, port):
 def test_an_address_that_is_none_is_told(monkeypatch, uri):
     monkeypatch.setenv("ROS_MASTER_URI", uri)
     assert "http://HOST:PORT" in refused()[0]
+
+
+@pytest.mark.parametrize("timeout", [-1.0, math.nan, math.inf])
+def test_a_timeout_is_a_time(timeout):
+    with pytest.raises(InvalidValueError, match="timeout must be at least 0 s"):
+        Client(timeout=timeout)

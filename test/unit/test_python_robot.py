@@ -177,6 +177,12 @@ def test_random_configurations_fill_the_limits():
     assert share.mean() == pytest.approx(0.5, abs=0.01)
 
 
+@pytest.mark.parametrize("size", [-1, (2, -3)])
+def test_a_negative_number_of_configurations_is_refused(size):
+    with pytest.raises(InvalidValueError, match="size must not be negative"):
+        G1.random_configuration(0, size)
+
+
 def test_random_configurations_repeat_with_a_seed():
     first, again = (G1.random_configuration(7) for _ in range(2))
     assert (first == again).all()
