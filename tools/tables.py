@@ -6,6 +6,7 @@ import ast
 import inspect
 import re
 import textwrap
+from collections.abc import Iterable
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
@@ -59,6 +60,11 @@ OWN_MEANING |= {("web", "ghost"), ("web", "robot_name")}
 """Launch files where an argument means something else."""
 
 
+def row(cells: Iterable[object]) -> str:
+    """Write a row of a table; an empty cell is one space."""
+    return "|".join(["", *(f" {cell} " if str(cell) else " " for cell in cells), ""])
+
+
 def rows(options: type[Any], page: str) -> str:
     """Write the rows of a command's table for a page."""
     lines = ["| option | default | meaning |", "| --- | --- | --- |"]
@@ -74,9 +80,7 @@ def rows(options: type[Any], page: str) -> str:
             default = f"`{default}`"
         about = re.sub(r"(?<![\w`-])(--[a-z-]+)", r"`\1`", declared.about)
         cells = (", ".join(flags), default, f"{about}{see}")
-        lines.append(
-            "|".join(["", *(f" {cell} " if cell else " " for cell in cells), ""])
-        )
+        lines.append(row(cells))
     return "\n".join(lines)
 
 
@@ -119,8 +123,7 @@ def parameter_rows(kind: type[Any], namespace: str = "") -> list[str]:
             text = text.rstrip(".").replace("``", "`")
             text = text[0].lower() + text[1:]
         cells = (f"`~{namespace}{known.name}`", default, unit, text)
-        cells = [f" {cell} " if str(cell) else " " for cell in cells]
-        lines.append("|".join(["", *cells, ""]))
+        lines.append(row(cells))
     return lines
 
 

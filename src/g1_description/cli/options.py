@@ -34,19 +34,18 @@ def model() -> Any:
     return option(f"the robot: {MODEL}", None, str, shown="the G1")
 
 
-def fps(*names: str) -> Any:
+def fps() -> Any:
     """Declare the sampling rate of files without times."""
     about = "samples per second of files without times"
-    return option(about, None, positive(MAX_FPS), names=names, shown="30")
+    return option(about, None, positive(MAX_FPS), shown="30")
 
 
-def topic(*names: str) -> Any:
+def topic() -> Any:
     """Declare the topic of a bag."""
     return option(
         "topic of the joints in a rosbag",
         None,
         str,
-        names=names,
         shown="joint_states, or what the bag has",
         see="[rosbags](motions.md#rosbags)",
     )

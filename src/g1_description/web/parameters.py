@@ -78,7 +78,7 @@ class WebParameters:
 
     @property
     def server(self) -> ServerOptions:
-        """Who may come in, and where."""
+        """Address, access and token of the page."""
         return ServerOptions(
             self.host, self.port, read_only=self.read_only, token=self.token
         )

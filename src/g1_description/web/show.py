@@ -54,7 +54,7 @@ class Show:
 
     @property
     def address(self) -> str:
-        """What to open in a browser."""
+        """URL of the page."""
         return self._server.address
 
     def _on_file(self, name: str, path: Path) -> str:

@@ -41,18 +41,14 @@ def _velocities(rule: Rule, measured: Measured) -> Iterator[Finding | None]:
     return _rates(rule, measured, measured.velocities, bounds)
 
 
-def _accelerations(rule: Rule, measured: Measured) -> Iterator[Finding | None]:
-    """Compare accelerations with their bounds."""
-    bounds = measured.robot.thresholds.acceleration_bounds.of(measured.joint_names)
-    rates = measured.spread(measured.once(_derivatives)[0], np.nan)
-    return _rates(rule, measured, rates, bounds)
-
-
-def _jerks(rule: Rule, measured: Measured) -> Iterator[Finding | None]:
-    """Compare jerks with their bounds."""
-    bounds = measured.robot.thresholds.jerk_bounds.of(measured.joint_names)
-    rates = measured.spread(measured.once(_derivatives)[1], np.nan)
-    return _rates(rule, measured, rates, bounds)
+def _derived(rule: Rule, measured: Measured) -> Iterator[Finding | None]:
+    """Compare accelerations or jerks with their bounds."""
+    bounds = getattr(measured.robot.thresholds, f"{rule.name}_bounds")
+    accelerations, jerks = measured.once(_derivatives)
+    rates = accelerations if rule is ACCELERATION else jerks
+    return _rates(
+        rule, measured, measured.spread(rates, np.nan), bounds.of(measured.joint_names)
+    )
 
 
 def _rates(
@@ -194,7 +190,7 @@ ACCELERATION = Rule(
     level=Level(None, 1.0),
     limit="fraction of acceleration_bounds",
     unit="of the limit",
-    find=_accelerations,
+    find=_derived,
     needs=("neighbours",),
     requires="a bound",
     skip=lambda robot, motion: _no_bounds(robot, motion, "acceleration_bounds"),
@@ -205,7 +201,7 @@ JERK = Rule(
     level=Level(None, 1.0),
     limit="fraction of jerk_bounds",
     unit="of the limit",
-    find=_jerks,
+    find=_derived,
     needs=("neighbours",),
     requires="a bound",
     skip=lambda robot, motion: _no_bounds(robot, motion, "jerk_bounds"),

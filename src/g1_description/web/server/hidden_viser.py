@@ -49,7 +49,7 @@ class HiddenViser:
 
     @property
     def headers(self) -> dict[str, str]:
-        """What a connection must bring."""
+        """Headers that a connection must have."""
         return {SECRET_HEADER: self._secret}
 
     def close(self) -> None:
