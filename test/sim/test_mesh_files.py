@@ -30,7 +30,7 @@ from g1_description.sim.meshes import contents as mesh_contents
 from g1_description.sim.meshes.shapes import find_meshes
 from g1_description.sim.standing import standing_height
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "ros"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "rostest"))
 from support.fuzz.xml import broken_meshes
 
 pytestmark = pytest.mark.slow

@@ -1,0 +1,232 @@
+"""The pages show links, files and commands that exist; the README is short."""
+
+import os
+import re
+import subprocess
+import sys
+import xml.etree.ElementTree as ET
+from functools import lru_cache
+
+import pytest
+from pages import (
+    NAMES,
+    PAGES,
+    ROOT,
+    anchors,
+    broken_links,
+    commands,
+    inline_code,
+    links,
+)
+
+PACKAGES = {
+    "g1_description": (ROOT / "launch", ROOT / "scripts", ROOT / "test" / "rostest"),
+    "gazebo_ros": (
+        ROOT / "interfaces" / "gazebo_ros" / "launch",
+        ROOT / "interfaces" / "gazebo_ros" / "scripts",
+        None,
+    ),
+}
+"""Where launch files, executables and rostests of our packages are."""
+
+FOREIGN_NODES = {("dynamic_reconfigure", "dynparam"), ("tf", "tf_echo")}
+FOREIGN = {"cd", "git", "source", "catkin_make", "pip", "pip3", "python3"}
+FOREIGN |= {"export", "python", "rosbag", "rosnode", "rostopic", "ssh", "sudo"}
+"""Commands of others, taken on trust."""
+
+FOLDERS = {path.name for path in ROOT.iterdir() if path.is_dir()}
+
+
+@lru_cache(maxsize=None)
+def help_of(file):
+    """Return what an executable prints for --help."""
+    command = [str(file)] if file.parent.name == "tools" else [sys.executable, file]
+    path = os.pathsep.join([str(ROOT / "src"), *sys.path])
+    run = subprocess.run(
+        [*command, "-h"],
+        env={**os.environ, "PYTHONPATH": path, "DISPLAY": ""},
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+    )
+    assert run.returncode == 0, run.stderr
+    return run.stdout
+
+
+def declared(file):
+    """Return the arguments that a launch file declares."""
+    return {arg.get("name") for arg in ET.parse(file).getroot().findall("arg")}
+
+
+def unknown_options(file, words):
+    """List options that the help of an executable does not have."""
+    options = [word.split("=")[0] for word in words if re.match(r"--?[a-zA-Z]", word)]
+    return [f"{file.name} {o}" for o in options if not _is_option(o, help_of(file))]
+
+
+def _is_option(option, text):
+    """Tell whether a help text names an option."""
+    return re.search(rf"(?<![\w-]){re.escape(option)}(?![\w-])", text)
+
+
+def wrong_launch(words, kind):
+    """Say what is wrong with the words behind roslaunch or rostest."""
+    words = [word for word in words if not word.startswith("--")]
+    if not words:
+        return []  # the command itself is meant
+    package, name, *arguments = words
+    if package not in PACKAGES:
+        return [f"package {package}"]
+    file = PACKAGES[package][kind] / name
+    if not file.exists():
+        return [name]
+    given = {argument.split(":=")[0] for argument in arguments}
+    return [f"{name} {argument}" for argument in sorted(given - declared(file))]
+
+
+def wrong_run(words):
+    """Say what is wrong with the words behind rosrun."""
+    package, name, *arguments = words
+    if (package, name) in FOREIGN_NODES:
+        return []
+    file = PACKAGES[package][1] / name if package in PACKAGES else ROOT / "no such"
+    return unknown_options(file, arguments) if file.exists() else [name]
+
+
+def wrong_tool(words):
+    """Say what is wrong with a command of ours."""
+    file = ROOT / words[0]
+    if not os.access(file, os.X_OK):
+        return [words[0]]
+    if words[0] == "tools/demo":
+        given = {word.split(":=")[0] for word in words[1:] if ":=" in word}
+        unknown = given - declared(ROOT / "launch" / "display.launch")
+        return [f"{words[0]} {name}" for name in sorted(unknown)]
+    return unknown_options(file, words[1:])
+
+
+def wrong_service(words):
+    """Say what is wrong with the words behind rosservice."""
+    name = words[1].rpartition("/")[2]
+    sources = (ROOT / "src" / "g1_description").rglob("*.py")
+    known = any(re.search(rf'"~?{name}"', file.read_text()) for file in sources)
+    return [] if words[0] == "call" and known else [words[1]]
+
+
+def wrong(words):
+    """Say what a command names that does not exist: a list, empty if it is right."""
+    program = words[0].rpartition("/")[2]
+    if words[0].startswith("tools/"):
+        return wrong_tool(words)
+    if program == "roslaunch":
+        return wrong_launch(words[1:], 0)
+    if program == "rostest":
+        return wrong_launch(words[1:], 2)
+    if program == "rosrun":
+        return wrong_run(words[1:])
+    if program == "rosservice":
+        return wrong_service(words[1:])
+    return [] if program in FOREIGN else [words[0]]
+
+
+def missing_files(text):
+    """List names of files or folders in this repository that do not exist."""
+    paths = [code for code in inline_code(text) if " " not in code]
+    paths = [path for path in paths if path.split("/")[0] in FOLDERS and "/" in path]
+    return [path for path in paths if not [*ROOT.glob(path.rstrip("/"))]]
+
+
+def test_the_readme_is_short():
+    lines = (ROOT / "README.md").read_text(encoding="utf-8").splitlines()
+    assert len(lines) <= 120
+    assert [line for line in lines if len(line) > 100] == []
+
+
+def test_the_readme_links_every_page():
+    targets = links((ROOT / "README.md").read_text(encoding="utf-8"))
+    assert set(NAMES) - {"README.md"} <= {target.split("#")[0] for target in targets}
+
+
+def test_the_architecture_has_a_line_for_each_package():
+    source = ROOT / "src" / "g1_description"
+    inits = [init.parent.relative_to(source) for init in source.rglob("__init__.py")]
+    packages = {str(package) for package in inits} - {"."}
+    text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    table = text.split("## Packages")[1].split("\n## ")[0]
+    assert set(re.findall(r"^\| `([^`]+)` \|", table, flags=re.M)) == packages
+
+
+@pytest.mark.parametrize("page", PAGES, ids=NAMES)
+def test_links_and_pictures_exist(page):
+    assert broken_links(page) == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=NAMES)
+def test_files_that_a_page_names_exist(page):
+    assert missing_files(page.read_text(encoding="utf-8")) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", PAGES, ids=NAMES)
+def test_commands_exist_with_their_arguments(page):
+    pytest.importorskip("rospy", reason="rospy is not installed")
+    text = page.read_text(encoding="utf-8")
+    assert [fault for words in commands(text) for fault in wrong(words)] == []
+
+
+def test_pictures_are_shown_somewhere():
+    shown = {
+        (page.parent / link).resolve()
+        for page in PAGES
+        for link in links(page.read_text(encoding="utf-8"))
+    }
+    assert {*(ROOT / "docs" / "images").iterdir()} <= shown
+
+
+@pytest.mark.parametrize(
+    ("line", "faults"),
+    [
+        ("roslaunch g1_description display.launch rviz:=false", 0),
+        ("roslaunch g1_description display.launch rvis:=false", 1),
+        ("roslaunch g1_description displays.launch", 1),
+        ("roslaunch nowhere display.launch", 1),
+        ("rosrun g1_description pose wave --seconds 2", 0),
+        ("rosrun g1_description pose wave --second=2", 1),
+        ("rosrun g1_description wave", 1),
+        ("rosrun g1_descriptions pose", 1),
+        ("rostest g1_description rviz.test pictures:=/tmp", 0),
+        ("rostest g1_description rviz.test picture:=/tmp", 1),
+        ("tools/test quickly && tools/tset", 1),
+        ("tools/benchmark --only bridge --slowly", 1),
+        ("tools/demo phisics:=limp", 1),
+        ("rosservice call /gazebo/pause_physics", 0),
+        ("rosservice call /gazebo/pause", 1),
+        ("rosnonsense", 1),
+    ],
+)
+def test_a_wrong_command_is_found(line, faults):
+    pytest.importorskip("rospy", reason="rospy is not installed")
+    shown = commands(f"```bash\n{line}\n```\n")
+    assert sum(len(wrong(words)) for words in shown) == faults
+
+
+def test_commands_between_backticks_and_on_two_lines_are_found():
+    text = (
+        "Run `tools/test` or\n\n```bash\nrosrun a b \\\n  --c  # d\ncd e && ls\n```\n"
+    )
+    assert commands(text) == [
+        ["tools/test"],
+        ["rosrun", "a", "b", "--c"],
+        ["cd", "e"],
+        ["ls"],
+    ]
+
+
+def test_broken_links_and_missing_files_are_found(tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text("# E\n[a](nowhere.md) ![b](c.png) [d](#e) [f](#g) [h](https://i)\n")
+    assert broken_links(page) == ["nowhere.md", "c.png", "#g"]
+    assert anchors("## Launch files, written") == {"launch-files-written"}
+    assert missing_files("`src/no_such` `src/g1_description` `no/such`") == [
+        "src/no_such"
+    ]

@@ -1,0 +1,420 @@
+"""The node that judges: its services, and what it tells of a robot that is there."""
+
+import math
+import threading
+import unittest
+
+import numpy as np
+import rosgraph
+import rospy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from g1_description.msg import RobotState, RobotTrajectory
+from g1_description.srv import CheckState, CheckTrajectory
+from geometry_msgs.msg import Point, Pose, Quaternion, Transform, Vector3
+from sensor_msgs.msg import JointState
+from support.ros_testing import DEADLINE, Connected, wait_for
+from tf2_msgs.msg import TFMessage
+from trajectory_msgs.msg import (
+    JointTrajectory,
+    JointTrajectoryPoint,
+    MultiDOFJointTrajectory,
+    MultiDOFJointTrajectoryPoint,
+)
+from visualization_msgs.msg import Marker, MarkerArray
+
+from g1_description.robot.urdf import parse_urdf
+from g1_description.ros.conversions import transform
+
+OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+
+STANDING = 0.7918
+"""[m] The pelvis above the floor."""
+ARM_IN_TORSO = {"right_shoulder_roll_joint": 0.4, "right_shoulder_yaw_joint": 0.8}
+KNEE = "left_knee_joint"
+
+
+def pose(height=STANDING):
+    return Pose(Point(0.0, 0.0, height), Quaternion(0.0, 0.0, 0.0, 1.0))
+
+
+class TestChecks(unittest.TestCase):
+    time = 100.0
+    place = 0.0
+    """[s], [m] Of the last state."""
+    step = 0.1
+    """[s] From one state to the next."""
+
+    @classmethod
+    def setUpClass(cls):
+        cls.robot = parse_urdf(rospy.get_param("/robot_description"))
+        cls.joints = {joint.name: joint for joint in cls.robot.movable_joints}
+        cls.states = rospy.Publisher("/left/joint_states", JointState, queue_size=10)
+        cls.tf = rospy.Publisher("/tf", TFMessage, queue_size=10)
+        cls.static = rospy.Publisher("/tf_static", TFMessage, queue_size=1, latch=True)
+        cls.check_state = rospy.ServiceProxy(
+            "/left/checker/check_state", CheckState, persistent=True
+        )
+        cls.check_trajectory = rospy.ServiceProxy(
+            "/left/checker/check_trajectory", CheckTrajectory
+        )
+        cls.check_state.wait_for_service(DEADLINE)
+        for topic in (cls.states, cls.tf, cls.static):
+            wait_for(topic.get_num_connections, f"a reader of {topic.name}")
+        cls.diagnostics = Connected("/diagnostics", DiagnosticArray)
+        cls.markers = Connected("/left/checker/markers", MarkerArray)
+
+    # The services
+
+    def request(self, height=STANDING, **positions):
+        joints = JointState(name=[*positions], position=[*positions.values()])
+        return self.check_state(joints, height is not None, pose(height or 0.0), [])
+
+    def test_a_robot_that_stands_passes(self):
+        answer = self.request()
+        self.assertEqual((answer.success, answer.valid), (True, True))
+        self.assertEqual((answer.severity, answer.findings), ("passed", []))
+        for check in ("position", "self_collision", "penetration", "center_of_mass"):
+            self.assertIn(check, answer.checked)
+
+    def test_contacts_are_told_with_both_points(self):
+        answer = self.request(**ARM_IN_TORSO)
+        self.assertEqual((answer.success, answer.valid), (True, False))
+        found = [f for f in answer.findings if "torso_link" in f.subject]
+        self.assertTrue(found)
+        for finding in found:
+            a, b = (np.array([p.x, p.y, p.z]) for p in finding.points)
+            self.assertAlmostEqual(np.linalg.norm(a - b), finding.worst, places=6)
+            self.assertGreater(finding.worst, finding.bound)
+            self.assertRegex(finding.text, r" penetrates \S+ by \S+ m$")
+
+    def test_a_limit_is_told_with_its_size(self):
+        lower = self.joints[KNEE].lower
+        answer = self.request(None, **{KNEE: lower - 0.25})
+        (finding,) = answer.findings
+        self.assertEqual((finding.check, finding.subject), ("position", [KNEE]))
+        self.assertEqual((finding.severity, finding.unit), ("failed", "rad"))
+        self.assertAlmostEqual(finding.worst, 0.25)
+        self.assertNotIn("penetration", answer.checked)
+        self.assertIn("penetration: the motion has no base", answer.skipped)
+
+    def test_velocities_are_checked_where_they_are_given(self):
+        limit = self.joints[KNEE].velocity
+        joints = JointState(name=[KNEE], position=[0.1], velocity=[1.1 * limit])
+        answer = self.check_state(joints, False, Pose(), ["velocity"])
+        self.assertEqual([f.check for f in answer.findings], ["velocity"])
+        self.assertEqual(answer.checked, ["velocity"])
+
+    def test_bad_input_is_told_in_a_sentence(self):
+        far, turned = pose(), pose()
+        far.position.x, turned.orientation.x = math.inf, 3.0
+        for names, positions, where, only, words in (
+            (["left_nee_joint"], [0.0], None, [], "left_knee_joint"),
+            ([KNEE], [math.nan], None, [], "nan"),
+            ([KNEE], [], None, [], "got 0 for 1 names"),
+            ([KNEE, KNEE], [0.0, 0.0], None, [], "must not repeat"),
+            ([], [], far, [], "inf"),
+            ([], [], turned, [], "quaternion"),
+            ([], [], None, ["balance"], "Unknown check 'balance'"),
+            ([KNEE], [0.0], None, ["velocity"], "All checks were skipped: velocity"),
+        ):
+            joints = JointState(name=names, position=positions)
+            answer = self.check_state(joints, where is not None, where or pose(), only)
+            self.assertEqual((answer.success, answer.valid), (False, False), words)
+            self.assertIn(words, answer.status_message)
+            self.assertEqual((answer.severity, answer.findings), ("", []))
+
+    def trajectory(self, positions, joint=KNEE):
+        """Make a motion of one joint of a robot that stands; 10 samples a second."""
+        message = RobotTrajectory()
+        base = Transform(Vector3(0.0, 0.0, STANDING), pose().orientation)
+        times = [rospy.Duration.from_sec(0.1 * n) for n in range(len(positions))]
+        message.joint_trajectory = JointTrajectory(
+            joint_names=[joint],
+            points=[
+                JointTrajectoryPoint(positions=[p], time_from_start=time)
+                for p, time in zip(positions, times)
+            ],
+        )
+        message.multi_dof_joint_trajectory = MultiDOFJointTrajectory(
+            joint_names=["base"],
+            points=[
+                MultiDOFJointTrajectoryPoint(transforms=[base], time_from_start=time)
+                for time in times
+            ],
+        )
+        return message
+
+    def test_a_fault_of_a_motion_is_told_with_its_time(self):
+        joint = "left_wrist_roll_joint"
+        swing = self.joints[joint].upper * np.sin(np.linspace(0.0, np.pi, 31)) ** 2
+        answer = self.check_trajectory(self.trajectory(0.99 * swing, joint), [])
+        self.assertEqual((answer.success, answer.valid), (True, True), answer.findings)
+
+        answer = self.check_trajectory(self.trajectory(1.02 * swing, joint), [])
+        self.assertEqual((answer.success, answer.valid), (True, False))
+        (finding,) = answer.findings
+        self.assertEqual((finding.check, finding.subject), ("position", [joint]))
+        self.assertAlmostEqual(finding.worst_time, 1.5)
+        self.assertAlmostEqual(finding.worst, 0.02 * swing.max())
+        self.assertTrue(1.3 < finding.first_time < 1.5)
+        self.assertTrue(0.0 < finding.share < 0.2)
+
+    def test_what_is_no_motion_is_refused(self):
+        wrong = self.trajectory([0.0, 0.1])
+        wrong.joint_trajectory.joint_names = ["left_nee_joint"]
+        for motion, words in ((RobotTrajectory(), "no points"), (wrong, KNEE)):
+            answer = self.check_trajectory(motion, [])
+            self.assertFalse(answer.success)
+            self.assertIn(words, answer.status_message)
+
+    # The robot that is there
+
+    def show(self, height=STANDING, speed=0.0, **positions):
+        """Publish a state of the robot, with its base where it has a height."""
+        TestChecks.time += self.step
+        TestChecks.place += self.step * speed
+        stamp = rospy.Time.from_sec(self.time)
+        everywhere = {**dict.fromkeys(self.joints, 0.0), **positions}
+        joints = JointState(name=[*everywhere], position=[*everywhere.values()])
+        joints.header.stamp = stamp
+        if height is not None:
+            place = [self.place, 0, height, 0, 0, 0, 1]
+            edge = transform(stamp, "map", "left/base_link", place)
+            self.tf.publish(TFMessage([edge]))
+        self.states.publish(joints)
+        return stamp
+
+    def shown_until(self, listener, accept, what, *args, **positions):
+        """Show a state again and again until a message is accepted; return both."""
+        listener.clear()
+        found, stamps = [], []
+
+        def came():
+            stamps.append(self.show(*args, **positions))
+            found.extend(m for m in list(listener.messages) if accept(m))
+            return found
+
+        wait_for(came, what)
+        return found[0], stamps
+
+    def levels(self):
+        """Return the levels of all statuses that came."""
+        statuses = [s for message in self.diagnostics.messages for s in message.status]
+        return [s.level for s in statuses if s.name == "left/checker: checks"]
+
+    def wait_for_status(self, level, *words, height=STANDING, speed=0.0, **positions):
+        """Show a state until /diagnostics tells this of it; return the values."""
+        name = "left/checker: checks"
+
+        def statuses(message):
+            return [
+                status
+                for status in message.status
+                if status.name == name
+                and status.level == level
+                and all(word in status.message for word in words)
+            ]
+
+        what = f"{name} {level} {words}"
+        message, _ = self.shown_until(
+            self.diagnostics, statuses, what, height, speed, **positions
+        )
+        return {value.key: value.value for value in statuses(message)[0].values}
+
+    def wait_for_markers(self, accept, what, *args, **positions):
+        """Show a state until there are markers of it; return those by namespace."""
+
+        def sorted_markers(message):
+            found = {}
+            for marker in message.markers:
+                found.setdefault((marker.ns, marker.action), []).append(marker)
+            return found
+
+        message, stamps = self.shown_until(
+            self.markers, lambda m: accept(sorted_markers(m)), what, *args, **positions
+        )
+        return sorted_markers(message), stamps
+
+    def see_colliding_links_late(self):
+        """Subscribe to the markers: all come, maybe after those that move."""
+        late = Connected("/left/checker/markers", MarkerArray)
+        late.wait(
+            lambda message: any(m.ns == "colliding links" for m in message.markers),
+            "all markers for a newcomer",
+        )
+        late.close()
+
+    def test_live_1_without_a_base_the_floor_is_not_checked(self):
+        values = self.wait_for_status(OK, "no findings", height=None)
+        reason = values["penetration is not checked"]
+        self.assertIn("left/pelvis", reason)
+        values = self.wait_for_status(ERROR, "torso_link", height=None, **ARM_IN_TORSO)
+        self.assertTrue(any("self_collision" in key for key in values))
+        edge = transform(rospy.Time(), "left/base_link", "left/pelvis", [0] * 6 + [1])
+        self.static.publish(TFMessage([edge]))
+        values = self.wait_for_status(OK, "no findings")
+        self.assertNotIn("penetration is not checked", values)
+        self.assertIn("left_ankle_roll_link", values["in contact with the floor"])
+
+    def test_live_2_what_is_wrong_is_on_diagnostics(self):
+        lower = self.joints[KNEE].lower
+        self.wait_for_status(ERROR, "0.25 rad beyond", KNEE, **{KNEE: lower - 0.25})
+        self.wait_for_status(ERROR, "penetrates the floor", height=STANDING - 0.03)
+        self.wait_for_status(WARN, "above the floor", height=STANDING + 0.03)
+        self.wait_for_status(OK, "no findings")
+
+    def test_live_3_balance_is_seen_below_the_robot(self):
+        support, center = (
+            ("support polygon", Marker.ADD),
+            ("centre of mass", Marker.ADD),
+        )
+        begin = rospy.Time.from_sec(self.time)
+        found, stamps = self.wait_for_markers(
+            lambda m: support in m and m[support][0].header.stamp > begin,
+            "a support polygon",
+        )
+        outline = next(m for m in found[support] if m.type == Marker.LINE_STRIP)
+        self.assertEqual(outline.header.frame_id, "map")
+        self.assertIn(outline.header.stamp, stamps)
+        self.assertEqual(outline.points[0], outline.points[-1])
+        corners = np.array([(p.x, p.y, p.z) for p in outline.points])
+        self.assertTrue((np.abs(corners[:, 2]) < 0.01).all())
+        ball = next(m for m in found[center] if m.type == Marker.SPHERE)
+        middle = np.array([ball.pose.position.x, ball.pose.position.y])
+        self.assertTrue((corners[:, :2].min(axis=0) < middle).all())
+        self.assertTrue((corners[:, :2].max(axis=0) > middle).all())
+        self.assertGreater(outline.color.g, outline.color.r)
+
+    def test_live_4_links_that_collide_are_red_until_they_do_not(self):
+        red, contact = ("colliding links", Marker.ADD), ("contacts", Marker.ADD)
+        found, _ = self.wait_for_markers(
+            lambda markers: red in markers, "a red link", **ARM_IN_TORSO
+        )
+        frames = {marker.header.frame_id for marker in found[red]}
+        self.assertIn("left/torso_link", frames)
+        self.assertTrue(all(marker.frame_locked for marker in found[red]))
+        self.assertTrue(all(marker.color.r > 0.8 for marker in found[red]))
+        self.assertIn(contact, found)
+
+        self.see_colliding_links_late()
+
+        gone = ("colliding links", Marker.DELETE)
+        found, _ = self.wait_for_markers(lambda m: gone in m, "red links to go")
+        self.assertNotIn(contact, found)
+
+    def test_live_5_joints_near_their_limits_are_marked(self):
+        lower, limits = self.joints[KNEE].lower, ("joint limits", Marker.ADD)
+        for position, word in ((lower + 0.01, "to lower"), (lower - 0.2, "beyond")):
+            found, _ = self.wait_for_markers(
+                lambda markers, word=word: any(
+                    "left_knee" in marker.text and word in marker.text
+                    for marker in markers.get(("labels", Marker.ADD), ())
+                ),
+                f"a label with {word}",
+                **{KNEE: position},
+            )
+            self.assertEqual(len(found[limits]), 1)
+        self.wait_for_markers(lambda m: limits not in m, "no joint near its limit")
+
+    def test_live_6_only_a_robot_at_rest_floats_or_falls_over(self):
+        self.wait_for_status(ERROR, "above the floor", height=STANDING + 0.05)
+        values = self.wait_for_status(
+            OK, "no findings", height=STANDING + 0.05, speed=1.0
+        )
+        self.assertEqual(values["center_of_mass is not checked"], "the robot moves")
+
+    def test_live_7_joints_wait_for_the_base_of_their_time(self):
+        """States whose base is not known yet collide; none of them is checked.
+
+        They follow each other so closely that the base does not become a second older
+        than the joints, however late TF is read: from then on it would be unknown.
+        """
+        self.step = 1e-5
+        self.wait_for_status(OK, "no findings")
+        self.diagnostics.clear()
+
+        def three_reports():
+            self.show()
+            self.show(height=None, **ARM_IN_TORSO)
+            return self.levels().count(OK) > 2
+
+        wait_for(three_reports, "three reports")
+        self.assertNotIn(ERROR, self.levels())
+
+    def test_live_8_time_may_begin_again(self):
+        self.wait_for_status(OK, "no findings")
+        TestChecks.time = 10.0
+        self.wait_for_status(ERROR, "torso_link", **ARM_IN_TORSO)
+        values = self.wait_for_status(OK, "no findings")
+        self.assertIn("left_ankle_roll_link", values["in contact with the floor"])
+
+    def test_live_8_a_motion_in_another_frame_takes_nothing_from_it(self):
+        """It stands where the robot stands."""
+        stopped = threading.Event()
+        thread = threading.Thread(target=self.show_until, args=[stopped])
+        thread.start()
+        try:
+            motion = self.trajectory([0.0, 0.0])
+            motion.multi_dof_joint_trajectory.header.frame_id = "left/base_link"
+            for point in motion.multi_dof_joint_trajectory.points:
+                point.transforms[0].translation.z = 0.0
+            answer = self.check_trajectory(motion, [])
+        finally:
+            stopped.set()
+            thread.join()
+        self.assertTrue(answer.success, answer.status_message)
+        self.assertTrue(answer.valid, answer.findings)
+        values = self.wait_for_status(OK, "no findings")
+        self.assertIn("left_ankle_roll_link", values["in contact with the floor"])
+
+    def show_until(self, stopped):
+        """Show the robot standing again and again."""
+        while not stopped.wait(0.02):
+            self.show()
+
+    def test_live_9_who_comes_late_sees_a_robot_that_stands_still(self):
+        self.markers.close()
+        self.wait_for_status(ERROR, "torso_link", **ARM_IN_TORSO)
+        self.see_colliding_links_late()
+
+    def test_live_91_silence_is_told(self):
+        """And what was found before it is no longer."""
+        self.wait_for_status(ERROR, "torso_link", **ARM_IN_TORSO)
+        self.diagnostics.clear()
+        found = self.diagnostics.wait(
+            lambda message: any("no joint_states" in s.message for s in message.status),
+            "a word on silence",
+        )
+        (status,) = (s for s in found.status if s.name == "left/checker: checks")
+        self.assertEqual(status.level, WARN)
+        self.assertRegex(status.message, r"^no joint_states for [0-9]+ s$")
+        (age,) = status.values
+        self.assertEqual(age.key, "age of the last state in s")
+
+    def test_live_92_robot_state_counts_while_it_is_published(self):
+        """The robot of joint states and TF stands, that of robot_state is too low."""
+        states = rospy.Publisher("/left/robot_state", RobotState, queue_size=10)
+        state = RobotState(name=[*self.joints], position=[0.0] * len(self.joints))
+        state.has_base, state.base_pose = True, pose(STANDING - 0.03)
+        state.header.frame_id = "map"
+
+        def levels():
+            state.header.stamp = self.show()
+            states.publish(state)
+            return self.levels()
+
+        wait_for(lambda: ERROR in levels(), "the robot in the floor")
+        self.diagnostics.clear()
+        wait_for(lambda: len(levels()) > 2, "three reports")
+        self.assertEqual({*self.levels()[1:]}, {ERROR})
+        states.unregister()
+        self.wait_for_status(OK, "no findings")
+
+    def test_without_a_rate_there_are_only_services(self):
+        rospy.wait_for_service("/quiet_checker/check_state", DEADLINE)
+        published, subscribed, served = rosgraph.Master("/test").getSystemState()
+        node = "/quiet_checker"
+        topics = {topic for topic, nodes in published + subscribed if node in nodes}
+        self.assertLessEqual(topics, {"/rosout", "/clock"})
+        services = {name for name, nodes in served if node in nodes}
+        self.assertIn("/quiet_checker/check_trajectory", services)

@@ -1,0 +1,165 @@
+"""With motors the robot stands and does what it is told; without, it collapses."""
+
+import unittest
+
+import numpy as np
+import rospy
+import tf2_ros
+from g1_description.msg import RobotTrajectory, TrackingReport
+from g1_description.srv import PlayMotion
+from gazebo_msgs.srv import GetModelState
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Empty
+from support.pose_command import run
+from support.ros_testing import DEADLINE, Listener, Repeated, wait_for
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+
+class TestPhysics(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.stands = rospy.get_param("~expected_to_stand")
+        cls.states = Listener("/joint_states", JointState)
+        rospy.wait_for_service("/gazebo/unpause_physics", DEADLINE)
+        rospy.ServiceProxy("/gazebo/unpause_physics", Empty)()
+        cls.model_state = rospy.ServiceProxy("/gazebo/get_model_state", GetModelState)
+
+    def height(self):
+        return self.position()[2]
+
+    def position(self):
+        place = self.model_state("g1_robot", "").pose.position
+        return np.array([place.x, place.y, place.z])
+
+    def test_1_velocities_are_the_slopes_of_positions(self):
+        """Trapezoid rule over fifty messages; a robot that stands does not move.
+
+        It is let go a hair above the floor: its first step has no slope.
+        """
+        self.states.wait(
+            lambda m: (np.abs(m.velocity).max() > 0.01) != self.stands,
+            "a motion, or its end",
+        )
+        self.states.clear()
+        wait_for(lambda: len(self.states.messages) > 50, "fifty messages")
+        messages = self.states.messages[:50]
+        stamps = np.array([m.header.stamp.to_sec() for m in messages])
+        position = np.array([m.position for m in messages])
+        velocity = np.array([m.velocity for m in messages])
+        mean = 0.5 * (velocity[1:] + velocity[:-1])
+        moved = np.sum(mean * np.diff(stamps)[:, np.newaxis], axis=0)
+        change = position[-1] - position[0]
+        np.testing.assert_allclose(
+            moved, change, atol=0.1 * np.abs(change).max() + 1e-3
+        )
+
+    def test_2_it_stands_or_it_falls(self):
+        if self.stands:
+            start = rospy.Time.now()
+            wait_for(lambda: (rospy.Time.now() - start).to_sec() > 2.0, "two seconds")
+            self.assertAlmostEqual(self.height(), 0.79, delta=0.02)
+        else:
+            wait_for(lambda: self.height() < 0.3, "the pelvis on the floor")
+
+    def test_3_the_frame_of_the_base_follows(self):
+        buffer = tf2_ros.Buffer()
+        tf2_ros.TransformListener(buffer)
+
+        def agrees():
+            try:
+                frame = buffer.lookup_transform("map", "pelvis", rospy.Time())
+            except tf2_ros.TransformException:
+                return False
+            return abs(frame.transform.translation.z - self.height()) < 0.01
+
+        wait_for(agrees, "map -> pelvis at the model's height")
+
+    def test_4_a_command_moves_a_joint_and_motors_hold_it(self):
+        commands = rospy.Publisher("/joint_commands", JointState, queue_size=1)
+        wait_for(commands.get_num_connections, "the bridge to listen")
+        elbow = self.states.wait().name.index("left_elbow_joint")
+        command = JointState(name=["left_elbow_joint"], position=[0.5])
+        # Without motors the joint may be elsewhere by the next state.
+        repeated = Repeated(lambda: commands.publish(command), 0.05)
+        self.addCleanup(repeated.close)
+        arrived = self.states.wait(lambda m: abs(m.position[elbow] - 0.5) < 0.02, "0.5")
+        repeated.close()
+        if self.stands:
+            later = self.states.wait(
+                lambda m: (m.header.stamp - arrived.header.stamp).to_sec() > 1.0, "1 s"
+            )
+            self.assertAlmostEqual(later.position[elbow], 0.5, delta=0.02)
+
+    def test_4_motors_play_a_motion_and_without_them_it_is_refused(self):
+        play = rospy.ServiceProxy("/play_motion", PlayMotion)
+        motion = RobotTrajectory()
+        point = JointTrajectoryPoint(
+            positions=[0.1], time_from_start=rospy.Duration(0.5)
+        )
+        motion.joint_trajectory.joint_names = ["left_wrist_roll_joint"]
+        motion.joint_trajectory.points = [point]
+        answer = play(motion)
+        wanted = "" if self.stands else "nothing drives the joints in limp physics"
+        self.assertEqual((answer.success, answer.status_message), (self.stands, wanted))
+        if not self.stands:
+            code, _, errors = run("squat", "--seconds", 3)
+            self.assertEqual(code, 1)
+            self.assertIn(f"The motion was refused: {wanted}", errors)
+
+    def test_5_it_squats_and_stands_again_on_its_motors(self):
+        """It is not thrown, and the simulator tells how well the motors followed."""
+        if not self.stands:
+            self.skipTest("there are no motors")
+        tracking = Listener("/gazebo/tracking", TrackingReport)
+        begin = self.position()
+        tracking.clear()
+        for number, (pose, height) in enumerate((("squat", 0.38), ("zero", 0.79)), 1):
+            self.assertEqual(run(pose, "--seconds", 3), (0, f"pose: {pose}\n", ""))
+            self.assertAlmostEqual(self.position()[2], height, delta=0.05)
+            wait_for(lambda n=number: len(tracking.messages) >= n, "a report")
+        self.assertLess(np.linalg.norm(self.position() - begin), 0.03)
+        names = self.states.wait().name
+        for report in tracking.messages:
+            self.assertEqual(
+                (report.model_name, report.joint_names), ("g1_robot", names)
+            )
+            self.assertAlmostEqual(report.duration, 3.0, delta=0.01)
+            self.assertLess(max(report.rms_errors), 0.02)
+            self.assertLess(max(report.limit_shares), 0.1)
+            self.assertFalse(report.has_fallen)
+
+    def test_6_that_motors_jump_to_a_motion_is_told(self):
+        if not self.stands:
+            self.skipTest("there are no motors")
+        play = rospy.ServiceProxy("/play_motion", PlayMotion)
+        motion = RobotTrajectory()
+        trajectory = motion.joint_trajectory
+        trajectory.joint_names = ["left_wrist_roll_joint"]
+        for begin, told in ((0.5, ""), (0.0, "left_wrist_roll_joint is 0.50 away")):
+            trajectory.points = [
+                JointTrajectoryPoint(
+                    positions=[position], time_from_start=rospy.Duration(begin + time)
+                )
+                for time, position in ((0.0, 0.5), (1.0, 0.0))
+            ]
+            play(RobotTrajectory(joint_trajectory=at_zero(trajectory)))
+            self.wait_for_wrist(0.0)
+            answer = play(motion)
+            self.assertTrue(answer.success)
+            self.assertEqual("away from it" in answer.status_message, bool(told))
+            self.assertIn(told, answer.status_message)
+
+    def wait_for_wrist(self, wanted):
+        self.states.clear()
+        self.states.wait(
+            lambda m: (
+                abs(m.position[m.name.index("left_wrist_roll_joint")] - wanted) < 0.02
+            )
+        )
+
+
+def at_zero(trajectory):
+    """Give a command that puts the same joints to zero."""
+    zeros = [0.0] * len(trajectory.joint_names)
+    points = [JointTrajectoryPoint(positions=zeros)]
+    return JointTrajectory(joint_names=trajectory.joint_names, points=points)

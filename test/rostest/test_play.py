@@ -1,0 +1,258 @@
+"""The command play, in a terminal and without one."""
+
+import re
+import signal
+import subprocess
+import tempfile
+import unittest
+from pathlib import Path
+
+import numpy as np
+import rospy
+import tf2_ros
+from g1_description.msg import RobotTrajectory
+from g1_description.srv import PlayMotion
+from geometry_msgs.msg import PoseStamped, TransformStamped
+from sensor_msgs.msg import JointState
+from support.joint_limits import limits
+from support.ros_testing import DEADLINE, Connected, is_at, program, step_by, wait_for
+from support.terminal import Terminal
+from tf2_msgs.msg import TFMessage
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+HEADER = "time,base_x,base_y,base_z,base_qx,base_qy,base_qz,base_qw,left_elbow_joint"
+SPACE, RIGHT, LEFT, CTRL_C = b" ", b"\x1b[C", b"\x1b[D", b"\x03"
+ELBOW = "left_elbow_joint"
+
+
+class TestPlay(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        step_by(0.005)
+        cls.states = Connected("/joint_states", JointState, queue_size=None)
+        cls.tf = Connected("/tf", TFMessage, queue_size=None)
+        cls.base = rospy.Publisher("/base_command", PoseStamped, queue_size=1)
+        wait_for(cls.base.get_num_connections, "the bridge")
+        cls.index = limits()[0].index(ELBOW)
+        folder = tempfile.TemporaryDirectory()
+        cls.addClassCleanup(folder.cleanup)
+        cls.file = Path(folder.name) / "wave.csv"
+        rows = [
+            (0.1 * n, 0.01 * n, 0.0, 0.9, 0.0, 0.0, 0.0, 1.0, round(0.02 * n, 2))
+            for n in range(41)
+        ]
+        lines = [",".join(map(repr, row)) for row in rows]
+        cls.file.write_text("\n".join([HEADER, *lines]))
+
+    def setUp(self):
+        self.states.clear()
+        self.tf.clear()
+
+    def run_play(self, *arguments):
+        return subprocess.run(
+            [program("play"), *map(str, arguments)],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            timeout=DEADLINE,
+        )
+
+    def base_pose(self):
+        """Give where the base is, once it is where it was before."""
+        self.tf.clear()
+        message = self.tf.wait(
+            lambda m: any(t.child_frame_id == "base_link" for t in m.transforms)
+        )
+        edge = next(t for t in message.transforms if t.child_frame_id == "base_link")
+        t, q = edge.transform.translation, edge.transform.rotation
+        return np.array([t.x, t.y, t.z, q.x, q.y, q.z, q.w])
+
+    def assert_still(self):
+        """Wait until the robot rests, and see that it stays there; give the elbow."""
+        self.states.clear()
+        first = self.states.wait(lambda m: not any(m.velocity), "a rest")
+        later = self.states.wait(
+            lambda m: (m.header.stamp - first.header.stamp).to_sec() > 0.3
+        )
+        self.assertEqual(later.position, first.position)
+        self.assertFalse(any(later.velocity))
+        return first.position[self.index]
+
+    def test_it_plays_a_part_to_its_end_at_a_speed(self):
+        begin = self.states.wait().header.stamp
+        done = self.run_play(self.file, "--from", 1.0, "--to", 3.0, "--speed", 4)
+        self.assertEqual(done.returncode, 0, done.stdout)
+        self.assertEqual(done.stdout.splitlines()[-1], "play: wave.csv: 2.00 s played.")
+        self.states.wait(lambda m: is_at(m, ELBOW, 0.6), "the end")
+        moved = [m for m in self.states.messages if m.velocity[self.index]]
+        self.assertGreater(min(m.position[self.index] for m in moved), 0.2 - 1e-9)
+        times = np.array([m.header.stamp.to_sec() for m in moved])
+        self.assertGreater(times[0], begin.to_sec())
+        # A busy machine may skip some states, also the first and the last ones.
+        ways = [m.position[self.index] - 0.2 for m in moved]
+        np.testing.assert_allclose(ways, 0.8 * (times - times[0]) + ways[0], atol=1e-6)
+        self.assertAlmostEqual(moved[0].velocity[self.index], 0.8, delta=1e-9)
+        words = "Joints missing from the motion are not moved: left_hip_pitch_joint"
+        self.assertIn(words, done.stdout)
+
+    def test_ctrl_c_leaves_the_robot_where_it_is(self):
+        playing = Terminal(program("play"), str(self.file), "--speed", "0.5")
+        self.states.wait(lambda m: m.velocity[self.index] > 0.0)
+        playing.press(CTRL_C)
+        self.assertEqual(playing.end(), 130)
+        self.assertIn("the robot keeps its position", playing.text)
+        self.assertTrue(0.0 < self.assert_still() < 0.8)
+
+    def test_a_signal_leaves_it_there_too(self):
+        playing = subprocess.Popen(
+            [program("play"), self.file, "--loop"], stdin=subprocess.DEVNULL
+        )
+        self.states.wait(lambda m: m.velocity[self.index] > 0.0)
+        playing.send_signal(signal.SIGTERM)
+        self.assertNotEqual(playing.wait(DEADLINE), 0)
+        self.assert_still()
+
+    def test_a_terminal_that_is_closed_leaves_it_there_too(self):
+        playing = Terminal(program("play"), str(self.file), "--speed", "0.5")
+        self.states.wait(lambda m: m.velocity[self.index] > 0.0)
+        playing.close()
+        self.assertTrue(0.0 < self.assert_still() < 0.8)
+
+    def test_it_goes_to_the_beginning_in_its_time(self):
+        self.run_play(self.file, "--from", 3.5, "--speed", 8)
+        self.states.clear()
+        arguments = "--from", 0.5, "--to", 1, "--lead-in", 1, "--speed", 2
+        done = self.run_play(self.file, *arguments)
+        self.assertEqual(done.returncode, 0, done.stdout)
+        moved = [m for m in self.states.messages if m.velocity[self.index]]
+        way = [m for m in moved if m.velocity[self.index] < 0.0]
+        rest = [m for m in moved if m.velocity[self.index] > 0.0]
+        # A busy machine may skip some states, also the first and the last ones.
+        first = rest[0].header.stamp.to_sec()
+        begin = first - (rest[0].position[self.index] - 0.1) / 0.4
+        for message in rest:
+            passed = message.header.stamp.to_sec() - begin
+            at = message.position[self.index]
+            self.assertAlmostEqual(at, 0.1 + 0.4 * passed, delta=1e-6)
+        for message in way:
+            passed = message.header.stamp.to_sec() - begin + 1.0
+            at = message.position[self.index]
+            self.assertAlmostEqual(at, 0.8 - 0.7 * passed, delta=1e-6)
+
+    def test_a_robot_that_was_taken_elsewhere_is_told(self):
+        playing = Terminal(program("play"), str(self.file))
+        self.states.wait(lambda m: m.velocity[self.index] > 0.0)
+        other = rospy.ServiceProxy("/play_motion", PlayMotion)
+        motion = RobotTrajectory()
+        point = JointTrajectoryPoint(positions=[0.3])
+        motion.joint_trajectory = JointTrajectory(joint_names=[ELBOW], points=[point])
+        self.assertTrue(other(motion).success)
+        self.assertEqual(playing.end(), 1)
+        words = f"not at its last sample: {ELBOW} at 0.3 instead of 0.8"
+        self.assertIn(words, playing.text)
+
+    def test_space_pauses_and_arrows_step(self):
+        playing = Terminal(program("play"), str(self.file), "--speed", "0.5")
+        playing.wait("sample ([5-9]|[12][0-9]) of 41")
+        playing.press(SPACE)
+        playing.wait("paused")
+        number = int(re.findall(r"sample (\d+) of", playing.text)[-1])
+        self.assert_still()
+        for key, step in ((RIGHT, 1), (RIGHT + RIGHT, 2), (LEFT, -1)):
+            number += step
+            playing.press(key)
+            playing.wait(f"sample {number} of 41")
+            wanted = round(0.02 * (number - 1), 2)
+            self.states.wait(lambda m, at=wanted: is_at(m, ELBOW, at))
+        playing.press(SPACE)
+        self.states.wait(lambda m: is_at(m, ELBOW, 0.8), "the end")
+        self.assertEqual(playing.end(), 0)
+
+    def test_it_begins_again(self):
+        playing = Terminal(program("play"), str(self.file), "--from", "3.5", "--loop")
+        self.states.wait(lambda m: is_at(m, ELBOW, 0.8), "the end")
+        self.states.clear()
+        self.states.wait(lambda m: m.position[self.index] < 0.75, "the beginning")
+        playing.press(b"q")
+        self.assertEqual(playing.end(), 0)
+        self.assert_still()
+
+    def test_it_begins_where_the_robot_is(self):
+        there = PoseStamped()
+        there.pose.position.x, there.pose.position.z = 3.0, 1.5
+        there.pose.orientation.z = there.pose.orientation.w = np.sqrt(0.5)
+        self.base.publish(there)
+        self.tf.wait(
+            lambda m: any(t.transform.translation.x == 3.0 for t in m.transforms)
+        )
+        done = self.run_play(self.file, "--start-here", "--speed", 8)
+        self.assertEqual(done.returncode, 0, done.stdout)
+        wanted = [3.0, 0.4, 0.9, 0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)]
+        self.tf.wait(
+            lambda m: any(
+                t.child_frame_id == "base_link"
+                and abs(t.transform.translation.y - 0.4) < 1e-9
+                for t in m.transforms
+            ),
+            "the end",
+        )
+        np.testing.assert_allclose(self.base_pose(), wanted, atol=1e-9)
+
+    def test_it_begins_where_another_frame_is(self):
+        """As where the bridge has a frame prefix."""
+        there = TransformStamped(child_frame_id="left/base_link")
+        there.header.frame_id = "map"
+        there.transform.translation.y = 7.0
+        there.transform.rotation.w = 1.0
+        sender = tf2_ros.StaticTransformBroadcaster()
+        sender.sendTransform(there)
+        done = self.run_play(
+            *(self.file, "--start-here", "--base-frame", "left/base_link"),
+            *("--speed", 8),
+        )
+        self.assertEqual(done.returncode, 0, done.stdout)
+        self.tf.wait(
+            lambda m: any(
+                t.child_frame_id == "base_link"
+                and abs(t.transform.translation.y - 7.0) < 1e-9
+                and abs(t.transform.translation.x - 0.4) < 1e-9
+                for t in m.transforms
+            ),
+            "the end",
+        )
+
+    def test_it_puts_the_motion_on_the_floor(self):
+        """The legs are straight: the soles are where a standing robot has them."""
+        done = self.run_play(self.file, "--on-floor", "--from", 3.9, "--to", 4.0)
+        self.assertEqual(done.returncode, 0, done.stdout)
+        self.assertAlmostEqual(self.base_pose()[2], 0.792, delta=0.005)
+
+    def test_what_is_wrong_is_told_in_a_sentence(self):
+        bad = self.file.with_name("bad.csv")
+        bad.write_text("time,left_elbow_joint\n0,0\n1,ten\n")
+        arms = self.file.with_name("arms.csv")
+        arms.write_text("time,left_elbow_joint\n0,0\n1,1\n")
+        for arguments, text in (
+            ((self.file.with_name("none.csv"),), "does not exist"),
+            ((bad,), "bad.csv: Line 3: expected a number (got 'ten')."),
+            (
+                (self.file, "--from", 2, "--to", 9),
+                "The requested range 2-9 s is outside the motion (0-4 s).",
+            ),
+            ((self.file, "--speed", 0), "--speed: must be a number from"),
+            ((self.file, "--speed", 1e9), "--speed: must be a number from"),
+            ((self.file, "--fps", 1e12), "must be greater than 0 and at most 1e+06"),
+            (
+                (self.file, "--start-here", "--base-frame", "right/base_link"),
+                "no transform from frame 'right/base_link'",
+            ),
+            (
+                (arms, "--on-floor"),
+                "--on-floor needs a motion with a base, which arms.csv lacks.",
+            ),
+        ):
+            with self.subTest(text=text):
+                done = self.run_play(*arguments)
+                self.assertEqual(done.returncode, 1)
+                self.assertIn(text, done.stdout.splitlines()[-1])

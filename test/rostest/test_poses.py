@@ -1,0 +1,282 @@
+"""Poses as a user types them: at launch, in a jump, smoothly, saved, interrupted."""
+
+import os
+import shutil
+import signal
+import subprocess
+import tempfile
+import unittest
+from pathlib import Path
+
+import numpy as np
+import rosgraph
+import rospy
+import yaml
+from gazebo_msgs.msg import LinkStates
+from gazebo_msgs.srv import DeleteModel, GetJointProperties
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Empty
+from support.pose_command import KNEE, POSES, run, start
+from support.ros_testing import (
+    DEADLINE,
+    REPOSITORY,
+    Connected,
+    Launch,
+    Listener,
+    position_of,
+    program,
+    wait_for,
+)
+
+INTERRUPTED = 130
+
+
+def is_in(name):
+    """Make what tells whether joint states show a pose of the package."""
+
+    def accept(message):
+        return all(
+            abs(position - POSES[name].get(joint, 0.0)) < 1e-9
+            for joint, position in zip(message.name, message.position)
+        )
+
+    return accept
+
+
+def call(service):
+    rospy.wait_for_service(service, DEADLINE)
+    rospy.ServiceProxy(service, Empty)()
+
+
+class TestPoses(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        links = Listener("/gazebo/link_states", LinkStates)
+        states = Listener("/joint_states", JointState)
+        arguments = "initial_pose:=stand", "rviz:=false", "gui:=false", "rate:=50"
+        cls._launch = Launch("display.launch", *arguments)
+        wait_for(lambda: len(links.messages) > 50, "fifty link states")
+        links.close()
+        states.wait()
+        states.close()
+        cls.first_links, cls.first_states = links.messages[:50], states.messages
+        cls.states = Connected("/joint_states", JointState)
+        cls.commands = rospy.Publisher("/joint_commands", JointState, queue_size=10)
+        wait_for(cls.commands.get_num_connections, "the bridge to listen")
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.states.close()
+        cls._launch.stop()
+
+    def put(self, name):
+        """Put the robot into a pose of the package, without the command."""
+        names = self.states.wait().name
+        positions = [POSES[name].get(joint, 0.0) for joint in names]
+        self.commands.publish(JointState(name=names, position=positions))
+        self.assert_shown(name)
+
+    def assert_shown(self, name):
+        self.states.clear()
+        self.states.wait(is_in(name), f"the pose {name}")
+
+    def test_the_robot_begins_in_its_pose_on_the_floor(self):
+        self.assertTrue(all(map(is_in("stand"), self.first_states)))
+        row = self.first_links[0].name.index("g1_robot::pelvis")
+        heights = {message.pose[row].position.z for message in self.first_links}
+        self.assertEqual(heights, {0.764})
+
+    def test_a_joint_that_cannot_be_at_zero_begins_at_its_nearest_limit(self):
+        home = Path(tempfile.mkdtemp())
+        self.addCleanup(shutil.rmtree, str(home))
+        (home / "g1_description").mkdir()
+        (home / "g1_description" / "poses.yaml").write_text("low: {}")
+        robot = REPOSITORY / "test" / "data" / "range_2_8.urdf"
+        rospy.set_param("/ranged", robot.read_text())
+        asked = "_robot_description:=/ranged _model_name:=ranged _initial_pose:=low"
+        spawner = subprocess.run(
+            [program("spawn_robot.py"), *asked.split()],
+            env={**os.environ, "ROS_HOME": str(home)},
+            check=False,
+            timeout=DEADLINE,
+        )
+        delete = rospy.ServiceProxy("/gazebo/delete_model", DeleteModel)
+        self.addCleanup(delete, "ranged")
+        self.assertEqual(spawner.returncode, 0)
+        joint = rospy.ServiceProxy("/gazebo/get_joint_properties", GetJointProperties)
+        self.assertEqual(joint("ranged::turn").position, (2.0,))
+
+    def test_a_jump_is_there_when_the_command_ends(self):
+        for name in ("squat", "zero"):
+            self.assertEqual(run(name), (0, f"pose: {name}\n", ""))
+            self.assert_shown(name)
+
+    def test_a_smooth_way_takes_its_time_and_never_turns_back(self):
+        self.put("zero")
+        self.states.clear()
+        self.assertEqual(run("squat", "--seconds", 1), (0, "pose: squat\n", ""))
+        self.assert_shown_after_all()
+        seen = [*self.states.messages]
+        knees = [round(position_of(message, KNEE), 9) for message in seen]
+        self.assertEqual(knees, sorted(knees))
+        # By the time between: a busy machine may skip some states.
+        stamps = np.array([message.header.stamp.to_sec() for message in seen])
+        speeds = np.diff(knees) / np.diff(stamps)
+        self.assertLess(speeds.max(), 5.0)
+        on_its_way = stamps[[0.0 < knee < 2.35 - 1e-9 for knee in knees]]
+        self.assertLess(np.ptp(on_its_way), 1.3)
+
+    def assert_shown_after_all(self):
+        self.states.wait(is_in("squat"), "the squat")
+
+    def test_a_saved_pose_is_listed_and_taken_again(self):
+        home = Path(tempfile.mkdtemp())
+        self.addCleanup(shutil.rmtree, str(home))
+        file = home / "g1_description" / "poses.yaml"
+        self.put("wave")
+        code, output, _ = run("--save", "mine", "--about", "my own", home=home)
+        self.assertEqual((code, output), (0, f"pose: mine saved in {file}\n"))
+        saved = yaml.safe_load(file.read_text())["mine"]
+        self.assertEqual(saved.pop("about"), "my own")
+        wanted = {joint: v for joint, v in POSES["wave"].items() if joint != "about"}
+        self.assertEqual(saved, wanted)
+        _, output, _ = run("--list", home=home)
+        self.assertIn("\nmine      my own\n", output)
+        self.assertEqual(len(output.splitlines()), len(POSES) + 1)
+        self.put("zero")
+        self.assertEqual(run("mine", home=home)[0], 0)
+        self.assert_shown("wave")
+        self.assertIn("Unknown pose 'mine'", run("mine")[2])
+        other = home / "other.yaml"
+        told = f"pose: mine saved in {other}\n"
+        saved = run("--save", "mine", "--file", other, home=home)
+        self.assertEqual(saved, (0, told, ""))
+
+    def test_nothing_is_overwritten_unasked_nor_written_into_the_package(self):
+        home = Path(tempfile.mkdtemp())
+        self.addCleanup(shutil.rmtree, str(home))
+        file, own = home / "mine.yaml", REPOSITORY / "config" / "poses.yaml"
+        file.write_text("mine: {}  # kept\n")
+        before = own.read_text()
+        for name in ("mine", "stand"):
+            code, _, errors = run("--save", name, "--file", file)
+            self.assertEqual(code, 1)
+            self.assertIn(f"The pose '{name}' already exists in ", errors)
+            self.assertEqual(len(errors.splitlines()), 1)
+        self.assertIn("belongs to the package", run("--save", "new", "--file", own)[2])
+        self.assertEqual(own.read_text(), before)
+        self.assertEqual(file.read_text(), "mine: {}  # kept\n")
+        self.put("squat")
+        self.assertEqual(run("--save", "stand", "--force", "--file", file)[0], 0)
+        self.put("zero")
+        self.assertEqual(run("stand", "--file", file)[0], 0)
+        self.assert_shown("squat")
+
+    def test_what_is_wrong_is_told_in_a_sentence_and_moves_nothing(self):
+        self.put("zero")
+        for words, told in (
+            (["sqaut"], "Unknown pose 'sqaut'. Known poses: squat, "),
+            (["squat", "--file", "/no/file"], "/no/file cannot be read: No such file"),
+            (["--save", "two words"], "Invalid name of a pose: 'two words'"),
+        ):
+            code, output, errors = run(*words)
+            self.assertEqual((code, output), (1, ""), words)
+            self.assertIn(told, errors)
+            self.assertEqual(len(errors.splitlines()), 1, errors)
+        self.assert_shown("zero")
+
+    def test_a_pose_of_another_robot_is_refused(self):
+        self.put("zero")
+        with tempfile.NamedTemporaryFile("w", suffix=".yaml") as file:
+            file.write("odd: {left_kne_joint: 0.1}\nfar: {left_knee_joint: 3}\n")
+            file.flush()
+            for name, told in (
+                (
+                    "odd",
+                    "no movable joint 'left_kne_joint'. Its joints: left_knee_joint",
+                ),
+                ("far", "left_knee_joint must be from"),
+            ):
+                code, _, errors = run(name, "--file", file.name)
+                self.assertEqual(code, 1)
+                self.assertIn(told, errors)
+        self.assert_shown("zero")
+
+    def test_an_interrupt_ends_it_on_the_way(self):
+        self.put("zero")
+        self.states.clear()
+        process = start("squat", "--seconds", 60)
+        self.addCleanup(process.kill)
+        self.states.wait(lambda m: position_of(m, KNEE) > 0.001, "the first steps")
+        process.send_signal(signal.SIGINT)
+        output, errors = process.communicate(timeout=DEADLINE)
+        self.assertEqual((output, errors), ("", "pose: interrupted.\n"))
+        self.assertEqual(process.returncode, INTERRUPTED)
+        self.states.clear()
+        self.states.wait(lambda m: not any(m.velocity), "it to stop")
+        self.assertLess(position_of(self.states.messages[-1], KNEE), 2.35)
+
+    def test_an_interrupt_ends_it_quietly_at_any_moment(self):
+        """Many at once: the topic may be closed before the node knows."""
+        self.put("zero")
+        processes = [start("squat", "--seconds", 60) for _ in range(5)]
+        for process in processes:
+            self.addCleanup(process.kill)
+
+        def views():
+            _, subscribers, _ = rosgraph.Master(rospy.get_name()).getSystemState()
+            nodes = dict(subscribers).get("/robot_state", [])
+            return [node for node in nodes if node.startswith("/pose_")]
+
+        wait_for(lambda: len(views()) >= len(processes), "all to see the robot")
+        self.states.clear()
+        self.states.wait(lambda m: any(m.velocity), "a way")
+        for process in processes:
+            process.send_signal(signal.SIGINT)
+        for process in processes:
+            output, errors = process.communicate(timeout=DEADLINE)
+            # rospy itself may warn of a connection that is not there any more.
+            self.assertNotIn("Traceback", errors)
+            self.assertEqual(
+                (output, errors.splitlines()[-1]), ("", "pose: interrupted.")
+            )
+            self.assertEqual(process.returncode, INTERRUPTED)
+
+    def test_a_way_halts_while_time_does(self):
+        self.put("zero")
+        self.states.clear()
+        process = start("squat", "--seconds", 3)
+        self.addCleanup(process.kill)
+        self.states.wait(lambda m: position_of(m, KNEE) > 0.01, "the first steps")
+        call("/gazebo/pause_physics")
+        self.addCleanup(call, "/gazebo/unpause_physics")
+        told = process.stdout.readline()
+        self.assertRegex(told, "^pose: waiting: .*(time stands still|is time paused)")
+        self.assertIsNone(process.poll())
+        call("/gazebo/unpause_physics")
+        output, _ = process.communicate(timeout=DEADLINE)
+        self.assertEqual((process.returncode, output), (0, "pose: squat\n"))
+        self.assert_shown("squat")
+
+    def test_a_reset_brings_the_first_pose_back(self):
+        self.put("squat")
+        call("/gazebo/reset_simulation")
+        self.assert_shown("stand")
+
+    def test_several_robots_have_namespaces(self):
+        """A second bridge, which sees the robot under another namespace."""
+        bridge = subprocess.Popen(
+            [
+                program("link_states_bridge.py"),
+                "__name:=second",
+                "_robots:=[{name: g1_robot, namespace: left}]",
+            ]
+        )
+        self.addCleanup(bridge.wait, DEADLINE)
+        self.addCleanup(bridge.terminate)
+        listener = Listener("/left/joint_states", JointState)
+        listener.wait()
+        listener.close()
+        self.put("zero")
+        self.assertEqual(run("squat", "--namespace", "/left"), (0, "pose: squat\n", ""))
+        self.assert_shown("squat")

@@ -1,0 +1,130 @@
+"""The simulator ends when it is told to, whatever it is doing."""
+
+import signal
+import socket
+import sys
+import threading
+import unittest
+
+from gazebo_msgs.msg import LinkStates
+from rosgraph_msgs.msg import Clock
+from support.ros_testing import DEADLINE, Listener, wait_for
+from support.stand_in import Node
+
+from tcpros import Service
+
+AT_MOST = 120.0
+"""Time in [s] after which it waits for somebody; a quiet machine takes one."""
+
+
+class TestShutdown(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        # A node that publishes a thousand times a second has more to end than an
+        # idle one.
+        for topic, kind in (("/clock", Clock), ("/gazebo/link_states", LinkStates)):
+            cls.addClassCleanup(Listener(topic, kind).close)
+
+    def end(self, prepare, *signals, has_callers=False):
+        """Start the node, prepare it, end it; once for each signal.
+
+        Args:
+            prepare: Called with the node; gives what to do at the end, if anything.
+            signals: What ends it.
+            has_callers: Whether calls are to be answered while it ends. A busy machine
+                takes longer for them than the node waits; then it says what ended it.
+        """
+        for number in signals:
+            with self.subTest(number.name):
+                node = Node()
+                self.addCleanup(node.kill)
+                wait = prepare(node)
+                elapsed = node.end(number)
+                print(f"{self.id()} {number.name}: {elapsed:.2f} s", file=sys.stderr)
+                self.assertLess(elapsed, AT_MOST)
+                codes = (0, 128 + number) if has_callers else (0,)
+                self.assertIn(node.process.returncode, codes)
+                self.assertEqual(node.trouble(), [])
+                if wait:
+                    wait()
+
+    def test_while_it_runs(self):
+        def prepare(node):
+            begin = node.time()
+            wait_for(lambda: node.time() > begin + 0.2, "simulated time")
+
+        self.end(prepare, signal.SIGINT, signal.SIGTERM)
+
+    def test_while_it_is_paused(self):
+        def prepare(node):
+            node.services.call("pause_physics")
+
+        self.end(prepare, signal.SIGINT, signal.SIGTERM)
+
+    def test_while_the_time_step_is_zero(self):
+        def prepare(node):
+            defaults = node.services.call("get_physics_properties")
+            node.services.call(
+                "set_physics_properties",
+                0.0,
+                1e3,
+                defaults.gravity,
+                defaults.ode_config,
+            )
+
+        self.end(prepare, signal.SIGINT)
+
+    def test_while_a_client_says_nothing(self):
+        def prepare(node):
+            sock = socket.create_connection(node.services["step"].place)
+            self.addCleanup(sock.close)
+            held = Service("/gazebo/step").connect()
+            self.addCleanup(held.close)
+
+        self.end(prepare, signal.SIGTERM)
+
+    def test_while_a_million_steps_are_asked_for(self):
+        def prepare(node):
+            node.services.call("pause_physics")
+            before = node.time()
+            return self.callers(node, 1, "step", 1_000_000, until=before)
+
+        self.end(prepare, signal.SIGINT, has_callers=True)
+
+    def test_while_fifty_clients_call(self):
+        bend = "set_model_configuration", "g1_robot", "", ["left_knee_joint"], [0.5]
+        look = "get_model_state", "g1_robot", ""
+
+        def prepare(node):
+            waits = self.callers(node, 40, *bend), self.callers(node, 10, *look)
+            return lambda: [wait() for wait in waits]
+
+        self.end(prepare, signal.SIGTERM, has_callers=True)
+
+    def callers(self, node, count, name, *args, until=None):
+        """Call a service in threads; give what waits for the end of them all."""
+        started = threading.Barrier(count + 1)
+
+        def call():
+            service = Service(f"/gazebo/{name}", timeout=DEADLINE)
+            service.connect().close()
+            started.wait(DEADLINE)
+            while True:
+                try:
+                    service(*args)
+                except ConnectionError:
+                    return
+
+        threads = [threading.Thread(target=call, daemon=True) for _ in range(count)]
+        for thread in threads:
+            thread.start()
+        started.wait(DEADLINE)
+        if until is not None:
+            wait_for(lambda: node.time() != until, "a step")
+
+        def wait():
+            for thread in threads:
+                thread.join(DEADLINE)
+                self.assertFalse(thread.is_alive(), "a caller waits for ever")
+
+        return wait

@@ -1,1 +1,0 @@
-"""All checks and tests of the package, run and counted; tools/test starts it."""
