@@ -1,10 +1,17 @@
 """What all rostests share: they run as a node."""
 
+import os
+
 import pytest
 import rospy
 
 
 @pytest.fixture(scope="session", autouse=True)
-def node():
-    """Start the node, under the name that rostest gives it."""
+def node(tmp_path_factory):
+    """Start the node, under the name that rostest gives it.
+
+    It and what the tests start log into a folder of their own: nodes that start at the
+    same moment say that they cannot link the latest one, and what they say is tested.
+    """
+    os.environ["ROS_LOG_DIR"] = str(tmp_path_factory.mktemp("log") / "run")
     rospy.init_node("test")
