@@ -11,6 +11,7 @@ import tempfile
 import threading
 import time
 from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree import ElementTree
@@ -46,9 +47,10 @@ AT_A_TIME = 4
 """Targets that run beside each other on two cores: rostests wait much of the time."""
 LIMIT = 75 * 60.0
 """[s] for all parts together."""
+FIRST = ("web", "sim", "rostest/web", "rostest/motion", "rostest/drop_in")
+"""Parts that begin first, as the end would wait for them."""
 SLOWEST = 10
 """Cases that are named for the time they take."""
-OUTPUT = BUILD / "run_tests.log"
 
 
 @dataclass
@@ -97,16 +99,30 @@ def read_results(file):
     return outcome
 
 
-def read_rostest(name):
-    """Count the cases of a rostest: those of its nodes, of which each has a file."""
-    outcome = Outcome()
+def files_of(name):
+    """Give the result files of a part that catkin runs.
+
+    A rostest has one for each of its nodes, and one of its own, which comes last and
+    tells of nodes that gave no results at all.
+    """
+    if name not in ROSTESTS:
+        kind = "roslaunch-check_launch" if name == "launch" else f"pytest-{name}"
+        return [RESULTS / f"{kind}.xml"]
     tests = ElementTree.parse(ROSTESTS[name]).iter("test")
-    for test in tests:
-        outcome.add(read_results(RESULTS / f"rosunit-{test.get('test-name')}.xml"))
-    # rostest's own file tells of nodes that gave no results at all.
-    own = RESULTS / f"rostest-test_rostest_{ROSTESTS[name].stem}.xml"
+    files = [RESULTS / f"rosunit-{test.get('test-name')}.xml" for test in tests]
+    return [*files, RESULTS / f"rostest-test_rostest_{ROSTESTS[name].stem}.xml"]
+
+
+def results_of(name):
+    """Count the cases of a part that catkin ran."""
+    outcome = Outcome()
+    *files, last = files_of(name)
+    for file in files:
+        outcome.add(read_results(file))
+    if not files:
+        return read_results(last)
     if not outcome.failed:
-        outcome.failed += read_results(own).failed
+        outcome.failed += read_results(last).failed
     return outcome
 
 
@@ -116,16 +132,6 @@ def target_of(name):
         return f"run_tests_g1_description_rostest_test_rostest_{ROSTESTS[name].name}"
     kind = "roslaunch-check_launch" if name == "launch" else f"pytest_{name}"
     return f"run_tests_g1_description_{kind}"
-
-
-def part_of(results):
-    """Give a part's name and its outcome, by its result file."""
-    kind, _, name = Path(results).stem.partition("-")
-    if kind == "rostest":
-        name = f"rostest/{name[len('test_rostest_') :]}"
-        return name, read_rostest(name)
-    name = "launch" if kind == "roslaunch" else name
-    return name, read_results(Path(results))
 
 
 class Run:
@@ -138,7 +144,7 @@ class Run:
             folder: Where ROS's own files go.
             is_quick: Whether to leave out the tests that are marked as slow.
         """
-        self.mark, self.total, self.seen = new_mark(), Outcome(), set()
+        self.mark, self.total, self.is_over = new_mark(), Outcome(), False
         self.begin = time.monotonic()
         self._lock = threading.Lock()
         environment = marked_environment(self.mark)
@@ -150,76 +156,82 @@ class Run:
             environment["PYTEST_ADDOPTS"] = "-m 'not slow'"
         self.environment = environment
 
-    def start(self, command, **options):
-        """Start a program in a session of its own."""
-        return subprocess.Popen(
-            [str(word) for word in command],
-            cwd=ROOT,
-            env=self.environment,
-            start_new_session=True,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            errors="replace",
-            **options,
-        )
+    def run_program(self, command):
+        """Run a program; give its exit code, its output and its processor time in [s].
 
-    def tell(self, name, outcome):
-        """Print a part's line, and all that is known of its failures."""
+        The output also stays in a log, of which the last lines tell enough.
+        """
+        with tempfile.TemporaryFile("w+", errors="replace") as output:
+            process = subprocess.Popen(
+                [str(word) for word in command],
+                cwd=ROOT,
+                env=self.environment,
+                start_new_session=True,
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+            )
+            _, status, used = os.wait4(process.pid, 0)
+            process.returncode = os.WEXITSTATUS(status) or os.WTERMSIG(status)
+            output.seek(0)
+            return process.returncode, output.read(), used.ru_utime + used.ru_stime
+
+    def run_part(self, name):
+        """Run a part, print its line, and all that is known of its failures."""
+        if self.is_over:
+            return
+        begin = time.monotonic()
+        for file in files_of(name) if name not in STYLE else ():
+            file.unlink(missing_ok=True)
+        command = STYLE.get(name, ["make", "-C", BUILD, target_of(name)])
+        code, text, processor = self.run_program(command)
+        seconds = time.monotonic() - begin
+        if name in STYLE:
+            outcome = Outcome(int(code == 0), [text] if code else [])
+            outcome.times = [(seconds, name)]
+        else:
+            outcome = results_of(name)
+            if code and not outcome.failed:
+                outcome.failed.append(f"make ended with {code}")
+        if self.is_over:
+            return
+        if outcome.failed and name not in STYLE:
+            lines = text.splitlines()
+            outcome.failed.append("\n".join(["The end of its output:", *lines[-40:]]))
+        outcome.times = [(time, f"{name}: {case}") for time, case in outcome.times]
+        word = "FAILED" if outcome.failed else "ok"
+        spent = f"({seconds:.1f} s, {processor:.1f} s of processor)"
         with self._lock:
-            self.seen.add(name)
-            seconds = sum(time for time, _ in outcome.times)
-            outcome.times = [(time, f"{name}: {case}") for time, case in outcome.times]
             self.total.add(outcome)
-            word = "FAILED" if outcome.failed else "ok"
-            print(f"{word:6} {name:26} {outcome} ({seconds:.1f} s)")
-            print(*outcome.failed, sep="\n", end="\n" if outcome.failed else "")
+            print("\n".join([f"{word:6} {name:24} {outcome} {spent}", *outcome.failed]))
             sys.stdout.flush()
 
-    def check_style(self, names):
-        """Run the linters and the type check, one after the other."""
-        for name in names:
-            begin = time.monotonic()
-            process = self.start(STYLE[name])
-            text, _ = process.communicate()
-            outcome = Outcome(passed=1) if process.returncode == 0 else Outcome()
-            if process.returncode != 0:
-                outcome.failed.append(text)
-            outcome.times = [(time.monotonic() - begin, name)]
-            self.tell(name, outcome)
-
-    def make(self, targets):
-        """Let catkin run targets, and tell of each part when its results are there."""
-        command = ["catkin_make", "-C", BUILD.parent, *targets, f"-j{AT_A_TIME}"]
-        process = self.start(command)
-        with open(OUTPUT, "w") as log:
-            for line in process.stdout:
-                log.write(line)
-                results = re.search(r'run_tests.py: verify result "(.+)"', line)
-                if results:
-                    self.tell(*part_of(results.group(1)))
-        if process.wait() != 0:
-            end = "".join(OUTPUT.read_text(errors="replace").splitlines(True)[-20:])
-            self.total.failed.append(
-                f"catkin_make ended with {process.returncode}\n{end}"
-            )
-
     def run(self, names):
-        """Run parts."""
-        style = [name for name in names if name in STYLE]
-        tests = [name for name in names if name not in STYLE]
-        thread = threading.Thread(target=self.check_style, args=[style], daemon=True)
-        thread.start()
-        if tests:
-            is_all = len(tests) == len(available()) - len(STYLE)
-            self.make(["run_tests"] if is_all else [target_of(name) for name in tests])
-        thread.join()
-        missing = [name for name in names if name not in self.seen]
-        self.total.failed += [f"{name} gave no results" for name in missing]
+        """Run parts beside each other, in their order.
+
+        One make per part, as a make of several of CMake's targets runs one at a time.
+        """
+        if not {*names} <= {*STYLE}:
+            code, text, _ = self.run_program(["make", "-C", BUILD])
+            if code:
+                sys.exit(f"{text}tools/test: the workspace cannot be built")
+        with ThreadPoolExecutor(AT_A_TIME) as pool:
+            try:
+                for _ in pool.map(self.run_part, names):
+                    pass
+            except KeyboardInterrupt:
+                self.end()
+                raise
+        if self.is_over:
+            self.total.failed.append(f"{LIMIT / 60:.0f} minutes were not enough")
         wait_for_end(self.mark, 5.0)
         left = marked_processes(self.mark).values()
         self.total.failed += [f"left behind: {line}" for line in left]
+
+    def end(self):
+        """End all that runs, and begin nothing more."""
+        self.is_over = True
+        end_processes(self.mark)
 
     def tell_all(self):
         """Print what took longest, what was skipped, and the count."""
@@ -241,9 +253,10 @@ def available():
     """List all parts."""
     tests = ["launch", *PYTESTS, *sorted(ROSTESTS)]
     if PLACE == ROOT:
-        return [*STYLE, *tests]
-    has_nodes = (PLACE / "ros" / "tf2_py").exists()
-    return tests if has_nodes else PYTESTS
+        names = [*STYLE, *tests]
+    else:  # what needs nodes needs tf2_py for that Python
+        names = tests if (PLACE / "ros" / "tf2_py").exists() else PYTESTS
+    return sorted(names, key=lambda name: name not in FIRST)
 
 
 def chosen(patterns):
@@ -275,7 +288,7 @@ def main():
         signal.signal(number, signal.default_int_handler)
     with tempfile.TemporaryDirectory(prefix="g1_test_") as folder:
         run = Run(folder, is_quick)
-        limit = threading.Timer(LIMIT, end_processes, [run.mark])
+        limit = threading.Timer(LIMIT, run.end)
         limit.daemon = True
         limit.start()
         try:
@@ -283,7 +296,7 @@ def main():
         except KeyboardInterrupt:
             sys.exit("tools/test: interrupted")
         finally:
-            end_processes(run.mark)
+            run.end()
     sys.exit(run.tell_all())
 
 
