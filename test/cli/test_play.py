@@ -16,7 +16,8 @@ import rospy
 from g1_description.srv import PlayMotionResponse
 from waiting import wait_for
 
-from g1_description.cli.play import Keyboard
+from g1_description.cli.play import Keyboard, PlayOptions
+from g1_description.command_line import parse
 from g1_description.motion.trajectory import Trajectory
 from g1_description.ros import playing as sessions
 from g1_description.ros.playing import MotionClient, Session
@@ -263,3 +264,18 @@ def test_steps_on_the_way_to_the_beginning_are_led_in(robot):
     robot.now_ns = 10**9
     session.step(1)
     assert [time for time, *_ in robot.bridge.motions[-1]] == [0.0]
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--speed", "0"], "--speed: must be a number from"),
+        (["--speed", "1e9"], "--speed: must be a number from"),
+        (["--fps", "1e12"], "must be greater than 0 and at most 1e+06"),
+    ],
+)
+def test_a_wrong_command_line_ends_with_a_sentence(words, told, capsys):
+    with pytest.raises(SystemExit) as end:
+        parse(PlayOptions, "play", ["wave.csv", *words])
+    message = end.value.code if isinstance(end.value.code, str) else ""
+    assert told in message + capsys.readouterr().err

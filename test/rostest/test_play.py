@@ -12,10 +12,10 @@ import rospy
 import tf2_ros
 from g1_description.msg import RobotTrajectory
 from g1_description.srv import PlayMotion
-from geometry_msgs.msg import PoseStamped, TransformStamped
+from geometry_msgs.msg import TransformStamped
 from sensor_msgs.msg import JointState
 from support.joint_limits import limits
-from support.ros_testing import DEADLINE, Connected, is_at, program, step_by, wait_for
+from support.ros_testing import DEADLINE, Connected, is_at, program, step_by
 from support.terminal import Terminal
 from tf2_msgs.msg import TFMessage
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -31,8 +31,6 @@ class TestPlay(unittest.TestCase):
         step_by(0.005)
         cls.states = Connected("/joint_states", JointState, queue_size=None)
         cls.tf = Connected("/tf", TFMessage, queue_size=None)
-        cls.base = rospy.Publisher("/base_command", PoseStamped, queue_size=1)
-        wait_for(cls.base.get_num_connections, "the bridge")
         cls.index = limits()[0].index(ELBOW)
         folder = tempfile.TemporaryDirectory()
         cls.addClassCleanup(folder.cleanup)
@@ -79,23 +77,6 @@ class TestPlay(unittest.TestCase):
         self.assertFalse(any(later.velocity))
         return first.position[self.index]
 
-    def test_it_plays_a_part_to_its_end_at_a_speed(self):
-        begin = self.states.wait().header.stamp
-        done = self.run_play(self.file, "--from", 1.0, "--to", 3.0, "--speed", 4)
-        self.assertEqual(done.returncode, 0, done.stdout)
-        self.assertEqual(done.stdout.splitlines()[-1], "play: wave.csv: 2.00 s played.")
-        self.states.wait(lambda m: is_at(m, ELBOW, 0.6), "the end")
-        moved = [m for m in self.states.messages if m.velocity[self.index]]
-        self.assertGreater(min(m.position[self.index] for m in moved), 0.2 - 1e-9)
-        times = np.array([m.header.stamp.to_sec() for m in moved])
-        self.assertGreater(times[0], begin.to_sec())
-        # A busy machine may skip some states, also the first and the last ones.
-        ways = [m.position[self.index] - 0.2 for m in moved]
-        np.testing.assert_allclose(ways, 0.8 * (times - times[0]) + ways[0], atol=1e-6)
-        self.assertAlmostEqual(moved[0].velocity[self.index], 0.8, delta=1e-9)
-        words = "Joints missing from the motion are not moved: left_hip_pitch_joint"
-        self.assertIn(words, done.stdout)
-
     def test_ctrl_c_leaves_the_robot_where_it_is(self):
         playing = Terminal(program("play"), str(self.file), "--speed", "0.5")
         self.states.wait(lambda m: m.velocity[self.index] > 0.0)
@@ -104,30 +85,26 @@ class TestPlay(unittest.TestCase):
         self.assertIn("the robot keeps its position", playing.text)
         self.assertTrue(0.0 < self.assert_still() < 0.8)
 
-    def test_a_signal_leaves_it_there_too(self):
-        playing = subprocess.Popen(
-            [program("play"), self.file, "--loop"], stdin=subprocess.DEVNULL
-        )
-        self.states.wait(lambda m: m.velocity[self.index] > 0.0)
-        playing.send_signal(signal.SIGTERM)
-        self.assertNotEqual(playing.wait(DEADLINE), 0)
-        self.assert_still()
-
     def test_a_terminal_that_is_closed_leaves_it_there_too(self):
         playing = Terminal(program("play"), str(self.file), "--speed", "0.5")
         self.states.wait(lambda m: m.velocity[self.index] > 0.0)
         playing.close()
         self.assertTrue(0.0 < self.assert_still() < 0.8)
 
-    def test_it_goes_to_the_beginning_in_its_time(self):
+    def test_it_goes_to_the_beginning_in_its_time_and_plays_a_part_at_a_speed(self):
         self.run_play(self.file, "--from", 3.5, "--speed", 8)
         self.states.clear()
         arguments = "--from", 0.5, "--to", 1, "--lead-in", 1, "--speed", 2
         done = self.run_play(self.file, *arguments)
         self.assertEqual(done.returncode, 0, done.stdout)
+        self.assertEqual(done.stdout.splitlines()[-1], "play: wave.csv: 0.50 s played.")
+        words = "Joints missing from the motion are not moved: left_hip_pitch_joint"
+        self.assertIn(words, done.stdout)
+        self.states.wait(lambda m: is_at(m, ELBOW, 0.2), "the end")
         moved = [m for m in self.states.messages if m.velocity[self.index]]
         way = [m for m in moved if m.velocity[self.index] < 0.0]
         rest = [m for m in moved if m.velocity[self.index] > 0.0]
+        self.assertAlmostEqual(rest[0].velocity[self.index], 0.4, delta=1e-9)
         # A busy machine may skip some states, also the first and the last ones.
         first = rest[0].header.stamp.to_sec()
         begin = first - (rest[0].position[self.index] - 0.1) / 0.4
@@ -169,42 +146,24 @@ class TestPlay(unittest.TestCase):
         self.states.wait(lambda m: is_at(m, ELBOW, 0.8), "the end")
         self.assertEqual(playing.end(), 0)
 
-    def test_it_begins_again(self):
-        playing = Terminal(program("play"), str(self.file), "--from", "3.5", "--loop")
+    def test_it_begins_again_until_a_signal_leaves_the_robot_where_it_is(self):
+        playing = subprocess.Popen(
+            [program("play"), self.file, "--from", "3.5", "--loop"],
+            stdin=subprocess.DEVNULL,
+        )
         self.states.wait(lambda m: is_at(m, ELBOW, 0.8), "the end")
         self.states.clear()
         self.states.wait(lambda m: m.position[self.index] < 0.75, "the beginning")
-        playing.press(b"q")
-        self.assertEqual(playing.end(), 0)
+        playing.send_signal(signal.SIGTERM)
+        self.assertNotEqual(playing.wait(DEADLINE), 0)
         self.assert_still()
 
     def test_it_begins_where_the_robot_is(self):
-        there = PoseStamped()
-        there.pose.position.x, there.pose.position.z = 3.0, 1.5
-        there.pose.orientation.z = there.pose.orientation.w = np.sqrt(0.5)
-        self.base.publish(there)
-        self.tf.wait(
-            lambda m: any(t.transform.translation.x == 3.0 for t in m.transforms)
-        )
-        done = self.run_play(self.file, "--start-here", "--speed", 8)
-        self.assertEqual(done.returncode, 0, done.stdout)
-        wanted = [3.0, 0.4, 0.9, 0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)]
-        self.tf.wait(
-            lambda m: any(
-                t.child_frame_id == "base_link"
-                and abs(t.transform.translation.y - 0.4) < 1e-9
-                for t in m.transforms
-            ),
-            "the end",
-        )
-        np.testing.assert_allclose(self.base_pose(), wanted, atol=1e-9)
-
-    def test_it_begins_where_another_frame_is(self):
-        """As where the bridge has a frame prefix."""
+        """Here under another name, as where the bridge has a frame prefix."""
         there = TransformStamped(child_frame_id="left/base_link")
         there.header.frame_id = "map"
-        there.transform.translation.y = 7.0
-        there.transform.rotation.w = 1.0
+        there.transform.translation.x = 3.0
+        there.transform.rotation.z = there.transform.rotation.w = np.sqrt(0.5)
         sender = tf2_ros.StaticTransformBroadcaster()
         sender.sendTransform(there)
         done = self.run_play(
@@ -215,12 +174,13 @@ class TestPlay(unittest.TestCase):
         self.tf.wait(
             lambda m: any(
                 t.child_frame_id == "base_link"
-                and abs(t.transform.translation.y - 7.0) < 1e-9
-                and abs(t.transform.translation.x - 0.4) < 1e-9
+                and abs(t.transform.translation.y - 0.4) < 1e-9
                 for t in m.transforms
             ),
             "the end",
         )
+        wanted = [3.0, 0.4, 0.9, 0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)]
+        np.testing.assert_allclose(self.base_pose(), wanted, atol=1e-9)
 
     def test_it_puts_the_motion_on_the_floor(self):
         """The legs are straight: the soles are where a standing robot has them."""
@@ -229,20 +189,13 @@ class TestPlay(unittest.TestCase):
         self.assertAlmostEqual(self.base_pose()[2], 0.792, delta=0.005)
 
     def test_what_is_wrong_is_told_in_a_sentence(self):
-        bad = self.file.with_name("bad.csv")
-        bad.write_text("time,left_elbow_joint\n0,0\n1,ten\n")
         arms = self.file.with_name("arms.csv")
         arms.write_text("time,left_elbow_joint\n0,0\n1,1\n")
         for arguments, text in (
-            ((self.file.with_name("none.csv"),), "does not exist"),
-            ((bad,), "bad.csv: Line 3: expected a number (got 'ten')."),
             (
                 (self.file, "--from", 2, "--to", 9),
                 "The requested range 2-9 s is outside the motion (0-4 s).",
             ),
-            ((self.file, "--speed", 0), "--speed: must be a number from"),
-            ((self.file, "--speed", 1e9), "--speed: must be a number from"),
-            ((self.file, "--fps", 1e12), "must be greater than 0 and at most 1e+06"),
             (
                 (self.file, "--start-here", "--base-frame", "right/base_link"),
                 "no transform from frame 'right/base_link'",

@@ -9,7 +9,6 @@ import unittest
 from pathlib import Path
 
 import numpy as np
-import rosgraph
 import rospy
 import yaml
 from gazebo_msgs.msg import LinkStates
@@ -107,9 +106,9 @@ class TestPoses(unittest.TestCase):
         self.assertEqual(joint("ranged::turn").position, (2.0,))
 
     def test_a_jump_is_there_when_the_command_ends(self):
-        for name in ("squat", "zero"):
-            self.assertEqual(run(name), (0, f"pose: {name}\n", ""))
-            self.assert_shown(name)
+        self.put("zero")
+        self.assertEqual(run("squat"), (0, "pose: squat\n", ""))
+        self.assert_shown("squat")
 
     def test_a_smooth_way_takes_its_time_and_never_turns_back(self):
         self.put("zero")
@@ -146,11 +145,6 @@ class TestPoses(unittest.TestCase):
         self.put("zero")
         self.assertEqual(run("mine", home=home)[0], 0)
         self.assert_shown("wave")
-        self.assertIn("Unknown pose 'mine'", run("mine")[2])
-        other = home / "other.yaml"
-        told = f"pose: mine saved in {other}\n"
-        saved = run("--save", "mine", "--file", other, home=home)
-        self.assertEqual(saved, (0, told, ""))
 
     def test_nothing_is_overwritten_unasked_nor_written_into_the_package(self):
         home = Path(tempfile.mkdtemp())
@@ -158,11 +152,10 @@ class TestPoses(unittest.TestCase):
         file, own = home / "mine.yaml", REPOSITORY / "config" / "poses.yaml"
         file.write_text("mine: {}  # kept\n")
         before = own.read_text()
-        for name in ("mine", "stand"):
-            code, _, errors = run("--save", name, "--file", file)
-            self.assertEqual(code, 1)
-            self.assertIn(f"The pose '{name}' already exists in ", errors)
-            self.assertEqual(len(errors.splitlines()), 1)
+        code, _, errors = run("--save", "mine", "--file", file)
+        self.assertEqual(code, 1)
+        self.assertIn("The pose 'mine' already exists in ", errors)
+        self.assertEqual(len(errors.splitlines()), 1)
         self.assertIn("belongs to the package", run("--save", "new", "--file", own)[2])
         self.assertEqual(own.read_text(), before)
         self.assertEqual(file.read_text(), "mine: {}  # kept\n")
@@ -177,7 +170,6 @@ class TestPoses(unittest.TestCase):
         for words, told in (
             (["sqaut"], "Unknown pose 'sqaut'. Known poses: squat, "),
             (["squat", "--file", "/no/file"], "/no/file cannot be read: No such file"),
-            (["--save", "two words"], "Invalid name of a pose: 'two words'"),
         ):
             code, output, errors = run(*words)
             self.assertEqual((code, output), (1, ""), words)
@@ -188,18 +180,12 @@ class TestPoses(unittest.TestCase):
     def test_a_pose_of_another_robot_is_refused(self):
         self.put("zero")
         with tempfile.NamedTemporaryFile("w", suffix=".yaml") as file:
-            file.write("odd: {left_kne_joint: 0.1}\nfar: {left_knee_joint: 3}\n")
+            file.write("odd: {left_kne_joint: 0.1}\n")
             file.flush()
-            for name, told in (
-                (
-                    "odd",
-                    "no movable joint 'left_kne_joint'. Its joints: left_knee_joint",
-                ),
-                ("far", "left_knee_joint must be from"),
-            ):
-                code, _, errors = run(name, "--file", file.name)
-                self.assertEqual(code, 1)
-                self.assertIn(told, errors)
+            code, _, errors = run("odd", "--file", file.name)
+        self.assertEqual(code, 1)
+        told = "no movable joint 'left_kne_joint'. Its joints: left_knee_joint"
+        self.assertIn(told, errors)
         self.assert_shown("zero")
 
     def test_an_interrupt_ends_it_on_the_way(self):
@@ -215,32 +201,6 @@ class TestPoses(unittest.TestCase):
         self.states.clear()
         self.states.wait(lambda m: not any(m.velocity), "it to stop")
         self.assertLess(position_of(self.states.messages[-1], KNEE), 2.35)
-
-    def test_an_interrupt_ends_it_quietly_at_any_moment(self):
-        """Many at once: the topic may be closed before the node knows."""
-        self.put("zero")
-        processes = [start("squat", "--seconds", 60) for _ in range(5)]
-        for process in processes:
-            self.addCleanup(process.kill)
-
-        def views():
-            _, subscribers, _ = rosgraph.Master(rospy.get_name()).getSystemState()
-            nodes = dict(subscribers).get("/robot_state", [])
-            return [node for node in nodes if node.startswith("/pose_")]
-
-        wait_for(lambda: len(views()) >= len(processes), "all to see the robot")
-        self.states.clear()
-        self.states.wait(lambda m: any(m.velocity), "a way")
-        for process in processes:
-            process.send_signal(signal.SIGINT)
-        for process in processes:
-            output, errors = process.communicate(timeout=DEADLINE)
-            # rospy itself may warn of a connection that is not there any more.
-            self.assertNotIn("Traceback", errors)
-            self.assertEqual(
-                (output, errors.splitlines()[-1]), ("", "pose: interrupted.")
-            )
-            self.assertEqual(process.returncode, INTERRUPTED)
 
     def test_a_way_halts_while_time_does(self):
         self.put("zero")

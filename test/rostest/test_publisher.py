@@ -14,10 +14,10 @@ from g1_description.ros.publisher import DirectPublisher
 
 from tcpros import HangupError, body_of
 
-MANY = 20_000
+MANY = 5_000
 LONG = "x" * 4000
 BUFFER = 1 << 16
-SHARED = 1000
+SHARED = 300
 
 
 def text(number, padding=""):
@@ -194,7 +194,7 @@ class TestPublisher(unittest.TestCase):
 
     def test_who_waited_for_the_publisher_is_served(self):
         """Such are taken up before anybody can tell how to reach them."""
-        for number in range(4):
+        for number in range(2):
             topic = f"/awaited_{number}"
             waiting = subprocess.Popen([sys.executable, "-c", WAITING, topic])
             wait_for(lambda topic=topic: is_awaited(topic), "the subscriber")

@@ -90,14 +90,12 @@ class TestStillPoses(unittest.TestCase):
         self.addCleanup(deaf.close)
         asked = (
             (["squat"], "silent"),
-            (["wave", "--seconds", "1"], "silent"),
-            (["--save", "x", "--file", "/tmp/never.yaml"], "silent"),
             (["squat"], "deaf"),
             (["squat"], "nobody"),
         )
         running = [start(*words, "--namespace", space) for words, space in asked]
         done = [process.communicate(timeout=DEADLINE) for process in running]
-        self.assertEqual([process.returncode for process in running], [1] * 5)
+        self.assertEqual([process.returncode for process in running], [1] * 3)
         for (_, space), (output, errors) in zip(asked, done):
             quiet = f"no messages on /{space}/joint_states; is a simulator running"
             stands = "simulated time stands still at 7 s"
@@ -109,6 +107,6 @@ class TestStillPoses(unittest.TestCase):
             self.assertEqual(len(own), 1, errors)
             if space == "silent":
                 self.assertIn(quiet, errors)
-        self.assertIn("left_knee_joint at 0 instead of 2.35", done[3][1])
-        self.assertIn("; simulated time stands still.", done[3][1])
-        self.assertIn("Nothing subscribes to /nobody/joint_commands", done[4][1])
+        self.assertIn("left_knee_joint at 0 instead of 2.35", done[1][1])
+        self.assertIn("; simulated time stands still.", done[1][1])
+        self.assertIn("Nothing subscribes to /nobody/joint_commands", done[2][1])

@@ -68,6 +68,3 @@ rospy drops old messages only within what one read returns; the rest stays in th
 system's buffers, which hold several thousand joint states. With rospy's default, of
 forty-five joint states, a slow reader falls behind by seconds.
 """
-
-NEWEST = {"queue_size": 1, "buff_size": BUFFER}
-"""Arguments of ``rospy.Subscriber`` to get only the last message of each publisher."""

@@ -1,0 +1,115 @@
+"""What users get who install the package into a workspace of their own."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("rospy", reason="rospy is not installed")
+
+from waiting import DEADLINE
+
+from ports import free_port
+from processes import (
+    end_processes,
+    marked_environment,
+    marked_processes,
+    new_mark,
+    wait_for_end,
+)
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+LINK_STATES_MD5 = "48c080191eb15c41858319b4d8a609c2"
+SOURCED = 'for file in "$@"; do [ ! -e "$file" ] || . "$file"; done; exec env -0'
+
+
+def run(command, environment):
+    """Run a program, which must end well; give what it prints."""
+    done = subprocess.run(
+        [str(word) for word in command],
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        timeout=2 * DEADLINE,
+    )
+    assert done.returncode == 0, done.stdout
+    return done.stdout
+
+
+def sourced(*files):
+    """Give the environment of a new shell that sources files, those that exist."""
+    plain = {"HOME": os.environ["HOME"], "PATH": "/usr/sbin:/usr/bin:/sbin:/bin"}
+    text = run(
+        ["bash", "-c", SOURCED, "bash", "/opt/ros/noetic/setup.bash", *files], plain
+    )
+    return dict(line.split("=", 1) for line in text.split("\0") if "=" in line)
+
+
+@pytest.fixture(scope="module")
+def install(tmp_path_factory):
+    """Install the package into a workspace in which it is a link to the clone.
+
+    CMake runs twice, as then it must not take our own interfaces for somebody else's.
+    Messages are made for Python alone; tools/setup has made them for every language.
+    """
+    workspace = tmp_path_factory.mktemp("workspace")
+    (workspace / "src").mkdir()
+    (workspace / "src" / "g1_description").symlink_to(REPOSITORY)
+    plain = {**sourced(), "ROS_LANG_DISABLE": "gencpp:geneus:genlisp:gennodejs"}
+    build = ["catkin_make", "-C", workspace, f"-DPYTHON_EXECUTABLE={sys.executable}"]
+    run([*build, "-DCATKIN_ENABLE_TESTING=OFF"], plain)
+    run([*build, "--force-cmake", "install"], plain)
+    return workspace / "install"
+
+
+@pytest.fixture(scope="module")
+def environment(install):
+    return sourced(install / "setup.bash")
+
+
+def test_the_messages_are_those_of_gazebo(environment):
+    command = ["rosmsg", "md5", "gazebo_msgs/LinkStates"]
+    assert run(command, environment).strip() == LINK_STATES_MD5
+
+
+def test_programs_of_gazebo_ros_are_there(environment):
+    command = ["rosrun", "gazebo_ros", "gzserver", "--version"]
+    assert "stand-in" in run(command, environment)
+
+
+def test_pythons_own_interpreter_finds_the_package(environment):
+    script = "from g1_description import Robot; print(Robot().name)"
+    command = ["/usr/bin/python3", "-c", script]
+    assert run(command, environment).strip() == "g1_29dof"
+
+
+def test_the_display_runs_with_nodes_of_the_install_space(
+    install, environment, tmp_path
+):
+    mark, log = new_mark(), tmp_path / "roslaunch.txt"
+    address = {"ROS_MASTER_URI": f"http://localhost:{free_port()}"}
+    environment = {**environment, **address, "ROS_HOME": str(tmp_path)}
+    with log.open("w") as output:
+        roslaunch = subprocess.Popen(
+            ["roslaunch", "g1_description", "display.launch", "rviz:=false"],
+            env=marked_environment(mark, environment),
+            stdout=output,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+        )
+    try:
+        meter = [sys.executable, REPOSITORY / "tools" / "joint_states.py"]
+        text = run([*meter, f"--timeout={DEADLINE}"], environment)
+        nodes = [line for line in marked_processes(mark).values() if ".py" in line]
+        roslaunch.send_signal(signal.SIGINT)
+        wait_for_end(mark, DEADLINE)
+    finally:
+        end_processes(mark)
+    assert roslaunch.wait() == 0, log.read_text()
+    assert len(json.loads(text.splitlines()[-1])["names"]) == 29
+    assert nodes and all(str(install) in line for line in nodes)
