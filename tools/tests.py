@@ -42,7 +42,7 @@ STYLE = {
 ROSTESTS = {f"rostest/{f.stem}": f for f in (ROOT / "test/rostest").glob("*.test")}
 FOLDERS = sorted({f.parent.name for f in (ROOT / "test").glob("*/test_*.py")})
 PYTESTS = [name for name in FOLDERS if name != "rostest"]
-QUICK = (*STYLE, *PYTESTS, "rostest/display")
+QUICK = (*STYLE, *(name for name in PYTESTS if name != "install"), "rostest/display")
 AT_A_TIME = 4
 """Targets that run beside each other on two cores: rostests wait much of the time."""
 LIMIT = 75 * 60.0
