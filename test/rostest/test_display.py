@@ -143,7 +143,8 @@ class TestDisplay(unittest.TestCase):
                 limit = joint.find("limit")
                 bounds = [float(limit.get(side)) for side in ("lower", "upper")]
                 wanted[joint.get("name")] = random.uniform(*bounds)
-        commands = rospy.Publisher("/joint_commands", JointState, queue_size=1)
+        # A connection keeps the queue of the node's first publisher of the topic.
+        commands = rospy.Publisher("/joint_commands", JointState, queue_size=100)
         wait_for(commands.get_num_connections, "the bridge to listen")
         commands.publish(JointState(name=[*wanted], position=[*wanted.values()]))
         self.addCleanup(
