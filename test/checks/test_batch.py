@@ -115,7 +115,7 @@ def test_processes_that_are_ended_while_they_start_end_at_once(files):
 
 def test_a_process_that_dies_with_nothing_to_do_is_replaced(checker, files, alone):
     n_threads = threading.active_count()
-    workers = Processes(checker, 1)
+    workers = Processes(FileChecker(checker.checker, reader=read), 1)
     workers.ahead = 1
     try:
         found = []
