@@ -94,6 +94,8 @@ def test_efforts_add_up_each_within_the_limit(make_world):
     for effort in (0.5, 300.0, -1.0):
         apply_effort(world, "swing", effort, 10)
     apply_effort(world, "anchor", 1.0, 10)
+    later = Span(50 * MS, 60 * MS)
+    world.forces.apply_effort(world.entities.joint("swing"), later, 2.0)
     world.run(0.02)
     expected = 0.01 * (0.5 + 3.0 - 1.0) / 0.26
     assert model.velocity[0] == pytest.approx(expected, rel=1e-3)
