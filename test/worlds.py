@@ -4,11 +4,20 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+from conftest import REPOSITORY
+
+from g1_description.files.uris import with_absolute_uris
 from g1_description.robot.lumping import lump_fixed_joints
 from g1_description.robot.urdf import parse_urdf
+from g1_description.sdf.world import read_sdf
 from g1_description.sim.engine import PhysicsProperties
 from g1_description.sim.entities import seen_from
 from g1_description.sim.world import World
+
+OUR_G1 = with_absolute_uris(
+    (REPOSITORY / "urdf" / "g1_29dof.urdf").read_text(), REPOSITORY / "urdf"
+)
 
 
 class Bench(World):
@@ -56,6 +65,10 @@ class Bench(World):
     def spawn_urdf(self, name, text, pose, fixed_base=False):
         assembly = lump_fixed_joints(parse_urdf(text), self.is_dynamic)
         return self.spawn(name, assembly, pose, fixed_base)
+
+    def spawn_sdf(self, name, text, pose):
+        (model,) = read_sdf(text).models
+        return self.spawn(name, model.assembly, np.array(pose, dtype=float))
 
     def put(self, name, pose, twist, frame=""):
         model = self.model(name)

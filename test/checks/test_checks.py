@@ -1,6 +1,7 @@
 """Each fault of a motion is found, at its time and with its size, and nothing else."""
 
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,6 @@ from g1_description.errors import (
     AllowedPairsError,
     MotionError,
     ThresholdError,
-    UnknownNameError,
 )
 from g1_description.motion.motion import Motion
 from g1_description.motion.trajectory import Trajectory
@@ -123,7 +123,7 @@ def leaning(beyond):
     """Lean back on flat feet until the centre of mass is so far behind the heels."""
     positions = standing()
     low, high = -0.4, 0.0
-    for _ in range(50):
+    for _ in range(12):
         angle = (low + high) / 2
         positions[:, column("left_ankle_pitch")] = -angle
         positions[:, column("right_ankle_pitch")] = -angle
@@ -142,10 +142,15 @@ def imported_pinocchio():
     return pytest.importorskip("pinocchio", reason=reason)
 
 
+@lru_cache(maxsize=None)
+def floating_model(pinocchio):
+    return pinocchio.buildModelFromUrdf(str(MODEL), pinocchio.JointModelFreeFlyer())
+
+
 def outside(found):
     """Measure with Pinocchio and scipy how far a robot leans behind its soles."""
     pinocchio = imported_pinocchio()
-    model = pinocchio.buildModelFromUrdf(str(MODEL), pinocchio.JointModelFreeFlyer())
+    model = floating_model(pinocchio)
     data = model.createData()
     trajectory = found.trajectory
     q = np.concatenate([trajectory.base_poses[0], trajectory.positions[0]])
@@ -182,15 +187,17 @@ def test_a_clean_motion_has_no_findings():
     verdict = check(motion(standing()))
     assert verdict.findings == ()
     assert verdict.passed
+    assert "deepest_self_collision" in verdict.figures
     assert {*verdict.skipped} == {"acceleration", "jerk", "effort"}
     assert {*verdict.bearing} == {"left_ankle_roll_link", "right_ankle_roll_link"}
     assert verdict.bearing["left_ankle_roll_link"] == ((0.0, TIMES[-1]),)
 
 
 @pytest.mark.parametrize("name", FAULTS)
-def test_a_fault_is_found_and_nothing_else(name):
+def test_a_fault_is_found_and_nothing_else_and_a_threshold_beyond_hides_it(name):
     make, subject, size, time = FAULTS[name]
-    verdict = check(make())
+    found = make()
+    verdict = check(found)
     assert {finding.check for finding in verdict.findings} == {name}
     finding = next(f for f in verdict.findings if f.subject == subject)
     assert finding.severity == "failed"
@@ -198,12 +205,7 @@ def test_a_fault_is_found_and_nothing_else(name):
     if time is not None:
         assert finding.worst_time == pytest.approx(time, abs=0.5 / RATE + 1e-9)
     assert not verdict.passed
-
-
-@pytest.mark.parametrize("name", FAULTS)
-def test_a_threshold_just_beyond_a_fault_hides_it(name):
-    found = FAULTS[name][0]()
-    largest = max(f.worst for f in check(found).findings)
+    largest = max(f.worst for f in verdict.findings)
     hidden = Thresholds({name: Level(None, largest * 1.001)})
     assert check(found, hidden, [name]).findings == ()
     shown = Thresholds({name: Level(None, largest * 0.999)})
@@ -266,8 +268,10 @@ def test_a_foot_that_steps_does_not_skate():
     assert first.worst == pytest.approx(1.2, rel=0.1)
 
 
-@pytest.mark.parametrize("rate", [20.0, 25.0, 30.0, 50.0, 120.0])
-@pytest.mark.parametrize("make", [jumping, base_jumping])
+@pytest.mark.parametrize(
+    ("make", "rate"),
+    [(jumping, 20.0), (jumping, 120.0), (base_jumping, 25.0), (base_jumping, 50.0)],
+)
 def test_a_jump_is_found_at_any_rate(make, rate):
     """Between samples far apart the motion is judged, too, but nothing jumps there."""
     times = np.arange(round(3.0 * rate) + 1) / rate
@@ -294,8 +298,9 @@ def test_missing_samples_are_no_jump():
     assert check(Motion(trajectory), only=["jump"]).findings == ()
 
 
-@pytest.mark.parametrize("rate", [10.0, 25.0, 60.0])
-@pytest.mark.parametrize("has_velocities", [False, True])
+@pytest.mark.parametrize(
+    ("rate", "has_velocities"), [(10.0, False), (10.0, True), (60.0, False)]
+)
 def test_accelerations_are_those_of_a_sine_at_any_rate(rate, has_velocities):
     times = np.arange(round(3.0 * rate) + 1) / rate
     positions, velocities = np.zeros((2, len(times), 1))
@@ -310,12 +315,12 @@ def test_accelerations_are_those_of_a_sine_at_any_rate(rate, has_velocities):
             assert len(verdict.findings) == failures, (name, bound)
 
 
-@pytest.mark.parametrize("height", [0.0, 0.004, 0.008, 0.015, 0.024])
+@pytest.mark.parametrize("height", [0.004, 0.024])
 def test_a_robot_that_slides_low_above_the_floor_is_found(height):
     found = skating()
     base = found.trajectory.base_poses.copy()
     base[:, 2] += height
-    verdict = check(motion(standing(), base, lift=False))
+    verdict = check(motion(standing(), base, lift=False), only=["skating"])
     assert "skating" in {finding.check for finding in verdict.findings}
 
 
@@ -349,20 +354,15 @@ def test_a_robot_without_masses_floats_and_has_no_efforts():
     assert verdict.skipped["effort"] == "the robot has no mass"
 
 
-def test_what_is_not_measured_is_not_told():
-    figures = check(motion(standing()), only=["position"]).figures
-    assert "deepest_self_collision" not in figures
-    ends = Motion(Trajectory(np.array([0.0, 2.0]), JOINTS, np.zeros((2, len(JOINTS)))))
-    assert check(ends).figures["samples"] == 2
-
-
 def test_efforts_at_the_ends_of_a_motion_are_not_invented():
     """It may go on before and after."""
     positions = np.zeros((len(TIMES), len(JOINTS)))
     positions[:, column("left_hip_pitch")] = 0.8 * TIMES - 1.0
     found = Motion(Trajectory(TIMES, JOINTS, positions))
     checker = Checker(ROBOT, None, True, COLLISIONS)
-    assert checker.check(found, ["effort"]).findings == ()
+    verdict = checker.check(found, ["effort"])
+    assert verdict.findings == ()
+    assert "deepest_self_collision" not in verdict.figures
 
 
 @pytest.mark.parametrize(("depth", "found"), [(0.00501, 0), (0.0065, 2)])
@@ -448,24 +448,3 @@ def test_accelerations_are_judged_where_bounds_are_given():
     verdict = check(found, with_thresholds(Thresholds(), content))
     (finding,) = verdict.findings
     assert (finding.check, finding.subject) == ("acceleration", ("left_elbow_joint",))
-
-
-def test_a_configuration_is_judged():
-    checker = Checker(ROBOT, collisions=COLLISIONS)
-    base = motion(standing()).trajectory.base_poses[0]
-    still = {"left_shoulder_roll_joint": 0.4, "right_shoulder_roll_joint": -0.4}
-    verdict = checker.check_state(still, base)
-    assert verdict.findings == ()
-    assert verdict.skipped["velocity"] == "there is only one configuration"
-    verdict = checker.check_state({**still, "left_knee_joint": 3.0}, base)
-    assert verdict.of("position")[0].subject == ("left_knee_joint",)
-
-
-def test_unknown_names_are_refused():
-    checker = Checker(ROBOT, collisions=COLLISIONS)
-    with pytest.raises(UnknownNameError, match="left_elbow_joint"):
-        checker.check_state({"left_elbow": 0.0})
-    with pytest.raises(UnknownNameError, match="Unknown check 'colision'"):
-        checker.check_state({}, only=["colision"])
-    with pytest.raises(MotionError):
-        checker.check_state({"left_elbow_joint": float("nan")})

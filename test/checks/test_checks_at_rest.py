@@ -51,7 +51,7 @@ def random_states(count):
 
 def test_every_check_of_a_configuration_finds_something(checker):
     found = set()
-    for positions, base in random_states(80):
+    for positions, base in random_states(30):
         verdict = checker.check_state(positions, base)
         assert verdict.figures["samples"] == 1
         assert ("floating" in verdict.checked) == (base is not None)
@@ -72,11 +72,10 @@ def floating(origin):
     return parse_urdf(text)
 
 
-@pytest.mark.parametrize("origin", [(0, 0, 1, 0, 0, 0), (0.5, -1, 2, 0.3, -0.2, 1)])
-def test_a_robot_that_floats_in_a_world_stands_where_its_base_is(checker, origin):
+def test_a_robot_that_floats_in_a_world_stands_where_its_base_is(checker):
     """Whatever the origin of its joint."""
-    other = Checker(floating(origin), checker.thresholds)
-    for positions, base in random_states(8):
+    other = Checker(floating((0.5, -1, 2, 0.3, -0.2, 1)), checker.thresholds)
+    for positions, base in random_states(5):
         plain = checker.check_state(positions, base)
         found = other.check_state(positions, base)
         assert [f.text for f in found.findings] == [f.text for f in plain.findings]
@@ -93,7 +92,7 @@ def test_only_what_is_wanted_is_made(checker):
 def test_a_robot_that_is_fast_is_checked_as_at_rest_but_for_its_velocities(checker):
     """Its feet do not skate, and its centre of mass is checked."""
     rates = dict.fromkeys(JOINTS, 1.0)
-    for positions, base in random_states(8):
+    for positions, base in random_states(5):
         own = {name: rates[name] for name in positions}
         fast = checker.check_state(positions, base, (), own)
         still = checker.check_state(positions, base)
@@ -108,7 +107,8 @@ def test_velocities_are_compared_with_their_limits(checker):
         rates = {**positions, knee.name: -factor * knee.velocity}
         verdict = checker.check_state(positions, None, ("velocity",), rates)
         assert [f.subject for f in verdict.findings] == [(knee.name,)] * count
-    assert "velocity" in checker.check_state(positions).skipped
+    skipped = checker.check_state(positions).skipped
+    assert skipped["velocity"] == "there is only one configuration"
 
 
 @pytest.mark.parametrize(

@@ -54,16 +54,12 @@ def test_a_weak_motor_is_told_with_the_figures_of_the_rollout(weak):
     assert verdict.severity == "warning"
 
 
-def test_a_gentle_motion_has_no_findings():
-    verdict = judged(post_motion(0.05))
-    assert verdict.findings == ()
-    assert verdict.checked == ("tracking", "saturation", "fall")
-
-
 def test_a_verdict_without_findings_says_what_physics_found():
     motion = post_motion(0.05)
     report = rollout(ROBOT, motion, Conditions(stops_at_fall=True)).report
     verdict = judged(motion)
+    assert verdict.findings == ()
+    assert verdict.checked == ("tracking", "saturation", "fall")
     rms, largest = report.rms_errors[0], report.largest_errors[0]
     errors = f"tracking error of 1 joint: rms {rms:.4f} rad, largest {largest:.4f} rad"
     note = f"In simulation the robot does not fall; {errors} ({ARM})."

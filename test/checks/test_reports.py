@@ -82,7 +82,7 @@ def finding(**changes):
     return Finding(**{**values, **changes})
 
 
-@pytest.mark.slow
+@settings(max_examples=10)
 @given(st.lists(OUTCOMES, max_size=4), st.integers(0, 3))
 def test_json_holds_what_verdicts_do(outcomes, not_done):
     read = json.loads(json_text(outcomes, not_done))
@@ -99,6 +99,7 @@ def test_json_holds_what_verdicts_do(outcomes, not_done):
     assert len(read["files"]) == len(outcomes)
 
 
+@settings(max_examples=10)
 @given(st.lists(OUTCOMES, max_size=4))
 def test_csv_has_a_row_for_each_file(outcomes):
     rows = list(csv.DictReader(io.StringIO(csv_text(outcomes), newline="")))
@@ -159,7 +160,7 @@ class Page(HTMLParser):
         self.text += data
 
 
-@settings(max_examples=15)
+@settings(max_examples=5)
 @given(st.lists(OUTCOMES, max_size=3))
 def test_the_page_needs_nothing_from_elsewhere(tmp_path_factory, outcomes):
     folder = tmp_path_factory.mktemp("page")

@@ -2,15 +2,16 @@
 
 import os
 import signal
-import subprocess
 import sys
 from dataclasses import replace
+from importlib import import_module
+from runpy import run_path
 
 import numpy as np
 import pytest
-from conftest import REPOSITORY
+from conftest import REPOSITORY, VENDOR
+from forked import run_forked, run_script
 from robots import link
-from waiting import DEADLINE, wait_for
 
 from g1_description.collisions.allowed_pairs import (
     ADJACENT,
@@ -36,7 +37,7 @@ pytestmark = pytest.mark.slow
 
 SHIPPED = REPOSITORY / "config" / "collisions_g1.yaml"
 POSES = parse_poses((REPOSITORY / "config" / "poses.yaml").read_text(), "poses.yaml")
-REVISION = REPOSITORY.parent / "shared/data/unitree_g1/g1_29dof_rev_1_0.urdf"
+REVISION = VENDOR.with_name("g1_29dof_rev_1_0.urdf")
 SCRIPT = REPOSITORY / "scripts" / "collision_pairs"
 
 
@@ -130,27 +131,15 @@ def test_joints_without_limits_move():
     assert np.isfinite(poses).all()
 
 
-def g1_files():
-    """List the models that the shipped file serves."""
-    vendor = pytest.param("vendor", id="vendor")
-    revision = pytest.param(
-        REVISION,
-        id="revision",
-        marks=pytest.mark.skipif(
-            not REVISION.exists(),
-            reason="the vendor's model is not beside the repository",
-        ),
-    )
-    ours = pytest.param(REPOSITORY / "urdf" / "g1_29dof.urdf", id="ours")
-    before = pytest.param(
-        REVISION.with_name("g1_29dof.urdf"), id=vendor.id, marks=revision.marks
-    )
-    return [ours, before, revision]
-
-
-@pytest.fixture(scope="module", params=g1_files())
+@pytest.fixture(
+    scope="module",
+    params=[REPOSITORY / "urdf" / "g1_29dof.urdf", VENDOR, REVISION],
+    ids=["ours", "vendor", "revision"],
+)
 def g1_robot(request):
-    """Give each G1, with its collisions."""
+    """Give each G1 that the shipped file serves, with its collisions."""
+    if not request.param.exists():
+        pytest.skip(f"the vendor's {request.param.name} is not beside the repository")
     text = with_absolute_uris(request.param.read_text(), request.param.parent)
     robot = parse_urdf(text)
     return robot, SelfCollisions(robot, read_allowed_pairs(SHIPPED))
@@ -165,33 +154,29 @@ def contacts(robot, collisions, positions):
     return {collisions.pairs[p]: d for p, d in zip(found.pair, found.distance)}
 
 
-@pytest.mark.parametrize("name", POSES)
-def test_the_packages_poses_hit_nothing(g1_robot, name):
+def test_the_packages_poses_hit_nothing(g1_robot):
     robot, collisions = g1_robot
     names = [joint.name for joint in robot.movable_joints]
-    positions = pose_positions(POSES[name], robot)
-    assert contacts(robot, collisions, dict(zip(names, positions.tolist()))) == {}
+    for pose in POSES.values():
+        positions = pose_positions(pose, robot)
+        assert contacts(robot, collisions, dict(zip(names, positions.tolist()))) == {}
 
 
 def test_an_arm_through_the_torso_is_found(g1_robot):
     robot, collisions = g1_robot
+    assert {"pelvis", "left_rubber_hand"} <= {*collisions.links}
+    assert "imu_in_torso" not in collisions.links
     positions = {"left_shoulder_roll_joint": -1.5, "left_shoulder_yaw_joint": 0.0}
     found = contacts(robot, collisions, positions)
     assert found["torso_link", "left_elbow_link"] < -0.02
     assert not any("right_shoulder" in name for pair in found for name in pair)
 
 
-def test_hands_and_pelvis_have_hulls(g1_robot):
-    _, collisions = g1_robot
-    assert {"pelvis", "left_rubber_hand"} <= {*collisions.links}
-    assert "imu_in_torso" not in collisions.links
-
-
 def test_the_shipped_file_is_that_of_the_command(g1_robot):
     """With fewer samples: all that is not "never" is the same."""
     robot, _ = g1_robot
     shipped = read_allowed_pairs(SHIPPED)
-    found = find_allowed_pairs(robot, 2000)
+    found = find_allowed_pairs(robot, 500)
     links = {*found.links}
     for kind in (ADJACENT, ALWAYS, DEFAULT):
         ours = {p.links for p in shipped.pairs if p.reason == kind and p.links <= links}
@@ -201,44 +186,34 @@ def test_the_shipped_file_is_that_of_the_command(g1_robot):
 
 
 @pytest.fixture
-def command(tmp_path):
-    """Give what starts the command with a robot of few links."""
+def command(tmp_path, monkeypatch):
+    """Give what runs the command in a folder with a robot of few links."""
     model = tmp_path / "r.urdf"
     model.write_text(SLIDERS)
-    path = os.pathsep.join([str(REPOSITORY / "src"), *sys.path])
+    monkeypatch.chdir(tmp_path)
 
-    def start(*arguments, robot=model):
-        return subprocess.Popen(
-            [sys.executable, str(SCRIPT), str(robot), *arguments],
-            env={**os.environ, "PYTHONPATH": path},
-            cwd=str(tmp_path),
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            universal_newlines=True,
-        )
+    def run(*arguments, robot=model):
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+        return run_script(SCRIPT, robot, *arguments, environment=environment)
 
-    return start
+    return run
 
 
 def test_the_command_writes_a_file_and_keeps_what_is_by_hand(command, tmp_path):
     file = tmp_path / "pairs.yaml"
-    run = command("--samples", "300", "--seed", "5", "-o", str(file))
-    out, err = run.communicate()
-    assert (run.returncode, err) == (0, "")
-    assert "5 links; allowed pairs: 4 adjacent" in out
+    run = command("--samples", 300, "--seed", 5, "-o", file)
+    assert (run.returncode, run.stderr) == (0, "")
+    assert "5 links; allowed pairs: 4 adjacent" in run.stdout
     first = read_allowed_pairs(file)
     assert first == replace(
         find_allowed_pairs(parse_urdf(SLIDERS), 300, 5), place=str(file)
     )
     assert reason(first, "overlaps", "begins") == DEFAULT
     file.write_text(file.read_text() + "- [overlaps, begins, user]\n")
-    run = command("--samples", "300", "--seed", "5", "-o", str(file))
-    run.communicate()
+    command("--samples", 300, "--seed", 5, "-o", file)
     assert reason(read_allowed_pairs(file), "overlaps", "begins") == "user"
     assert len(read_allowed_pairs(file).pairs) == len(first.pairs)
-    run = command("--samples", "300")
-    out, _ = run.communicate()
+    out = command("--samples", 300).stdout
     assert "\nrobot: r\n" in out
     assert f"collision_pairs {tmp_path}/r.urdf --samples 300 --seed 0\n" in out
 
@@ -254,35 +229,32 @@ def test_the_command_writes_a_file_and_keeps_what_is_by_hand(command, tmp_path):
 )
 def test_a_wrong_command_line_is_told(command, arguments, sentence):
     run = command(*arguments)
-    out, err = run.communicate()
-    assert (run.returncode, out) == (1, "")
-    assert err.startswith("collision_pairs: ")
-    assert sentence in err
-    assert err.count("\n") == 1
+    assert (run.returncode, run.stdout) == (1, "")
+    assert run.stderr.startswith("collision_pairs: ")
+    assert sentence in run.stderr
+    assert run.stderr.count("\n") == 1
 
 
 def test_a_missing_model_is_told(command):
     run = command(robot="none.urdf")
-    _, err = run.communicate()
     assert run.returncode == 1
-    assert err.startswith("collision_pairs: Cannot use the model none.urdf: ")
+    assert run.stderr.startswith("collision_pairs: Cannot use the model none.urdf: ")
 
 
 def test_an_interrupted_command_writes_nothing(command, tmp_path):
-    run = command("--samples", str(2**31), "-o", "pairs.yaml")
-    try:
-        wait_for(lambda: run.poll() is not None or _is_sampling(run.pid), "samples")
-        run.send_signal(signal.SIGINT)
-        out, err = run.communicate(timeout=DEADLINE)
-    finally:
-        run.kill()
+    """While it looks at random configurations."""
+
+    def main():
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        command = import_module("g1_description.cli.collision_pairs")
+        interrupt = lambda *_: os.kill(os.getpid(), signal.SIGINT)  # noqa: E731
+        command.show_progress = interrupt
+        samples = str(2**31)
+        sys.argv[:] = [str(SCRIPT), "r.urdf", "--samples", samples, "-o", "pairs.yaml"]
+        run_path(str(SCRIPT), run_name="__main__")
+
+    run = run_forked(main)
     assert run.returncode == 130
-    assert (out, err) == ("", "collision_pairs: interrupted, nothing is written.\n")
+    assert run.stderr == "collision_pairs: interrupted, nothing is written.\n"
+    assert run.stdout == ""
     assert [path.name for path in tmp_path.iterdir()] == ["r.urdf"]
-
-
-def _is_sampling(pid):
-    """Return whether a process has its libraries, and has worked for a second."""
-    with open(f"/proc/{pid}/stat") as file:
-        ticks = int(file.read().rpartition(")")[2].split()[11])
-    return ticks / os.sysconf("SC_CLK_TCK") > 1.5

@@ -5,7 +5,6 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from conftest import REPOSITORY
 from oracle import matrix_of
 from robots import link
 from scipy.spatial import ConvexHull
@@ -15,16 +14,12 @@ from g1_description.collisions.allowed_pairs import USER, AllowedPair, AllowedPa
 from g1_description.collisions.find_pairs import adjacent_pairs, random_poses
 from g1_description.collisions.self_collisions import SelfCollisions
 from g1_description.errors import AllowedPairsError, InvalidValueError
-from g1_description.files.uris import with_absolute_uris
 from g1_description.robot.rotation import rotate
 from g1_description.robot.transform import IDENTITY
 from g1_description.robot.urdf import parse_urdf
 from g1_description.sim.meshes.hulls import outline
 from g1_description.sim.meshes.shapes import find_meshes
 
-OURS = with_absolute_uris(
-    (REPOSITORY / "urdf" / "g1_29dof.urdf").read_text(), REPOSITORY / "urdf"
-)
 TOUCHING = 1e-3  # [m] two engines may differ this much about touching
 SMALL = 2e-5  # [m]: PyBullet's iterations end there
 
@@ -175,7 +170,7 @@ def g1_robot(g1):
     return (
         description,
         collisions,
-        random_poses(description, np.random.RandomState(7), 2000),
+        random_poses(description, np.random.RandomState(7), 300),
     )
 
 
@@ -183,18 +178,17 @@ def g1_robot(g1):
 def test_the_order_of_frames_does_not_matter(g1_robot):
     """To the last bit: PyBullet keeps nothing, no sum depends on what is beside it."""
     _, collisions, poses = g1_robot
-    poses = poses[:700]
     together = collisions.contacts(poses, 0.01)
     order = np.random.RandomState(0).permutation(len(poses))
     shuffled = collisions.contacts(poses[order], 0.01)
     where = np.argsort(order)
     rows = np.concatenate(
-        [np.flatnonzero(shuffled.frame == where[i]) for i in range(700)]
+        [np.flatnonzero(shuffled.frame == where[i]) for i in range(len(poses))]
     )
     again = shuffled[rows]
     again.frame[:] = order[again.frame]
     assert same(together, again)
-    for frame in (0, 513, 699):
+    for frame in (0, 257, 299):
         alone = collisions.contacts(poses[frame : frame + 1], 0.01)
         alone.frame[:] = frame
         assert same(together[together.frame == frame], alone)
@@ -287,12 +281,13 @@ class Oracle:
 
 @pytest.mark.slow
 def test_another_engine_agrees(g1_robot, g1_file):
-    """On 2000 random configurations, but for touching within 1 mm.
+    """On random configurations, but for touching within 1 mm.
 
-    On 600 with the vendor's meshes, whose many points take hpp-fcl long.
+    Few with the vendor's meshes, whose many points take hpp-fcl long.
     """
     description, collisions, poses = g1_robot
-    poses = poses if g1_file.parent.name == "urdf" else poses[:600]
+    is_ours = g1_file.parent.name == "urdf"
+    poses = poses if is_ours else poses[:60]
     oracle = Oracle(description)
     names = description.link_names
     expected = oracle.distances(poses, {*collisions.pairs}, names)
@@ -307,4 +302,4 @@ def test_another_engine_agrees(g1_robot, g1_file):
     assert len(deep) > 5 * len(poses)
     assert deep <= {key for key, distance in ours.items() if distance < 0}
     errors = np.array([ours[key] - expected[key] for key in ours])
-    assert np.abs(errors).max() < TOUCHING
+    assert np.abs(errors).max() < (4e-4 if is_ours else 8e-4)  # docs/checks.md

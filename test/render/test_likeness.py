@@ -34,12 +34,15 @@ def scenes():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("positions", [{}, BENT], ids=["zero", "bent"])
-@pytest.mark.parametrize("view", [(0, 0), (90, 0), (180, 0), (40, 20), (-50, -20)])
+@pytest.mark.parametrize(
+    ("view", "positions"),
+    [((0, 0), {}), ((90, 0), {}), ((40, 20), BENT), ((-50, -20), {})],
+    ids=["front", "side", "bent", "below"],
+)
 def test_silhouettes_cover_each_other(scenes, view, positions):
     camera = Camera(np.array([0.0, 0.0, -0.13]), *np.radians(view), 1.7)
     for scene in scenes:
         scene.place(0, np.array(IDENTITY), positions)
-    ours, vendors = (silhouette(s, camera, 900, 900) != NOTHING for s in scenes)
-    assert vendors.sum() > 20_000
+    ours, vendors = (silhouette(s, camera, 450, 450) != NOTHING for s in scenes)
+    assert vendors.sum() > 5_000
     assert (ours & vendors).sum() / (ours | vendors).sum() >= 0.93

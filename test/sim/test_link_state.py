@@ -1,16 +1,11 @@
 """A link is set along the joint that it hangs on, as near as that goes."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
+from conftest import REPOSITORY
 from scipy.spatial.transform import Rotation
 
 from g1_description.errors import InvalidValueError
-from g1_description.robot.lumping import lump_fixed_joints
-from g1_description.robot.urdf import parse_urdf
-from g1_description.sdf.world import read_sdf
-from g1_description.sim.world import World
 
 INERTIAL = """<inertial><origin xyz="{}"/><mass value="1"/><inertia ixx="0.1" iyy="0.1"
 izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>"""
@@ -45,7 +40,7 @@ def put(world, link, pose, twist=STILL):
     return world.set_link_state(world.entities.link(link), np.array(pose), twist)
 
 
-@pytest.mark.parametrize("physics", ["kinematic", "hold", "limp"])
+@pytest.mark.parametrize("physics", ["kinematic", "hold"])
 def test_a_cart_and_its_pole_begin_again_as_in_gym_gazebo(make_world, physics):
     """First the pole is put to the origin, which the cart keeps from it, then that."""
     world = make_world(physics)
@@ -109,24 +104,20 @@ def test_a_root_takes_its_model_along_and_what_is_fixed_stays(make_world):
     <link name="foot"/><link name="top"/>
     <joint name="weld" type="fixed"><parent>foot</parent><child>top</child></joint>
     </model></sdf>"""
-    (post,) = read_sdf(text).models
-    world.spawn("post", post.assembly, ORIGIN)
+    world.spawn_sdf("post", text, ORIGIN)
     with pytest.raises(InvalidValueError, match="top of post is fixed to foot by weld"):
         put(world, "top", [0.0, 0.0, 5.0, 0.0, 0.0, 0.0, 1.0])
 
 
-def test_a_joint_of_a_model_with_a_free_body_is_set():
+def test_a_joint_of_a_model_with_a_free_body_is_set(make_world):
     """Kinematics of one tree know nothing of the other's links."""
-    text = (Path(__file__).parents[1] / "data" / "free_bodies.urdf").read_text()
-    with_free = World("limp")
-    assembly = lump_fixed_joints(parse_urdf(text))
-    with_free.spawn("m", assembly, ORIGIN)
-    model = with_free.models["m"]
-    with_free.set_joint_positions("m", {"elbow": 0.4})
+    world = make_world("limp")
+    text = (REPOSITORY / "test" / "data" / "free_bodies.urdf").read_text()
+    world.spawn_urdf("m", text, ORIGIN)
+    model = world.model("m")
+    world.set_joint_positions("m", {"elbow": 0.4})
     wanted, puck = np.array(model.poses[1]), np.array(model.poses[2])
-    with_free.set_joint_positions("m", {"elbow": 0.0})
-    placed = with_free.set_link_state(with_free.entities.link("arm"), wanted, STILL)
-    assert placed.joint == "elbow"
+    world.set_joint_positions("m", {"elbow": 0.0})
+    assert put(world, "arm", wanted).joint == "elbow"
     np.testing.assert_allclose(model.position, [0.4], atol=1e-12)
     np.testing.assert_array_equal(model.poses[2], puck)
-    with_free.close()

@@ -1,17 +1,10 @@
-"""Many models are as each is alone, and cost little more than one."""
-
-import time
+"""Many models move as each does alone."""
 
 import numpy as np
 from oracle import assert_poses_close, forward_kinematics
 from test_free_bodies import FLYING, TWO
 from test_world import ARM, TOP
 
-from g1_description.sdf.world import read_sdf
-
-SDF_BOX = """<sdf version="1.6"><model name="box"><link name="body">
-<inertial><mass>1</mass></inertial><collision name="c"><geometry><box>
-<size>0.2 0.2 0.2</size></box></geometry></collision></link></model></sdf>"""
 HINGED = ARM.replace(
     '<link name="base">',
     '<link name="world"/><joint name="w" type="fixed"><parent link="world"/>'
@@ -55,23 +48,6 @@ def test_models_move_among_others_as_they_do_alone(make_world):
             )
 
 
-def test_their_links_are_where_their_joints_bring_them(make_world):
-    """Told by scipy, from the positions that PyBullet has."""
-    world = make_world("limp")
-    models = [throw(world, name, n) for n, name in enumerate(("top", "hinged", "arm"))]
-    world.run(0.2)
-    for model in models:
-        number = world.body(model.name).number
-        positions = {
-            joint: world.client.getJointState(number, index)[0]
-            for joint, index in world.joint_numbers(model.name).items()
-        }
-        root = model.root_poses[0]
-        expected = forward_kinematics(CAST[model.name], root, positions)
-        for link, pose in zip(model.link_names, model.poses):
-            assert_poses_close(pose, expected[link], 1e-9)
-
-
 def test_links_that_were_placed_are_seen_late_as_they_are_seen_at_once(make_world):
     """Where scipy has them; what is below stands still, what is above does not."""
     world, twin = make_world("limp"), make_world("limp")
@@ -80,10 +56,10 @@ def test_links_that_were_placed_are_seen_late_as_they_are_seen_at_once(make_worl
         one.run(0.2)
     before = np.array(other.twists)  # a look at the model's own would compute them
     world.set_joint_positions("arm", {"slide": 0.2})
-    for count in range(2000):  # nobody looks at the links until all are done
+    for count in range(500):  # nobody looks at the links until all are done
         world.set_joint_positions("arm", {"turn": 1e-3 * count})
     placed = dict(zip(model.joint_names, model.position))
-    assert placed["slide"] == 0.2 and placed["turn"] == 1.999
+    assert placed["slide"] == 0.2 and placed["turn"] == 0.499
     twists = np.array(model.twists)
     expected = forward_kinematics(ARM, model.root_poses[0], placed)
     for row, link in enumerate(model.link_names):
@@ -93,27 +69,3 @@ def test_links_that_were_placed_are_seen_late_as_they_are_seen_at_once(make_worl
     world.set_joint_positions("arm", {"hinge": 0.5})
     np.testing.assert_array_equal(model.twists[0], before[0])
     assert not model.twists[1:].any()
-
-
-def processor_time(world, steps=100):
-    """Give the least that some steps cost, in [s]."""
-    spent = []
-    for _ in range(3):
-        begin = time.process_time()
-        for _ in range(steps):
-            world.step()
-        spent.append(time.process_time() - begin)
-    return min(spent)
-
-
-def test_fifty_small_models_cost_no_fifty_times_what_one_does(make_world):
-    """7 times was measured; read one by one they cost 50 times as much."""
-    (box,) = read_sdf(SDF_BOX).models
-    costs = []
-    for count in (1, 53):
-        world = make_world("limp")
-        for number in range(count):
-            world.spawn(f"box_{number}", box.assembly, place(number))
-        world.step()
-        costs.append(processor_time(world))
-    assert costs[1] < 20.0 * costs[0]

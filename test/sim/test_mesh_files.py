@@ -1,13 +1,11 @@
 """Meshes are where and as large as RViz and Gazebo have them; trimesh is the oracle."""
 
-import itertools
 import os
 import re
 import resource
 import signal
 import sys
 import threading
-import time
 from collections import deque
 from contextlib import contextmanager
 from pathlib import Path
@@ -25,7 +23,6 @@ from g1_description.robot.description import Shape
 from g1_description.robot.lumping import lump_fixed_joints
 from g1_description.robot.transform import IDENTITY
 from g1_description.robot.urdf import parse_urdf
-from g1_description.sdf.world import read_sdf
 from g1_description.sim.meshes import contents as mesh_contents
 from g1_description.sim.meshes.shapes import find_meshes
 from g1_description.sim.standing import standing_height
@@ -97,34 +94,31 @@ def two_boxes(meter="1", up="Z_UP"):
     )
 
 
-@pytest.mark.parametrize("up", ["Z_UP", "Y_UP", "X_UP"])
-@pytest.mark.parametrize("meter", ["1", "0.01", "0.0254"])
-def test_a_dae_counts_its_unit_and_not_its_up_axis(tmp_path, meter, up):
-    file = tmp_path / "x.dae"
-    file.write_text(two_boxes(meter, up))
-    (mesh,) = read(file)
-    wanted = [[-0.05, -0.2, -0.3], [1.1, 0.3, 1.05]]
-    np.testing.assert_allclose(bounds(mesh), wanted, atol=1e-6)
-    seen = trimesh.load(file).bounds * float(meter)
-    np.testing.assert_allclose(bounds(mesh), seen, atol=1e-6)
-    assert len(mesh.parts) == 2
+def test_a_dae_counts_its_unit_and_not_its_up_axis(tmp_path):
+    units = {"Z_UP": "1", "Y_UP": "0.01", "X_UP": "0.0254"}
+    files = {tmp_path / f"{up}.dae": (unit, up) for up, unit in units.items()}
+    for file, unit_and_up in files.items():
+        file.write_text(two_boxes(*unit_and_up))
+    for mesh, (file, (unit, _)) in zip(read(*files), files.items()):
+        wanted = [[-0.05, -0.2, -0.3], [1.1, 0.3, 1.05]]
+        np.testing.assert_allclose(bounds(mesh), wanted, atol=1e-6)
+        seen = trimesh.load(file).bounds * float(unit)
+        np.testing.assert_allclose(bounds(mesh), seen, atol=1e-6)
+        assert len(mesh.parts) == 2
 
 
-def test_one_geometry_in_two_places_is_there_twice(tmp_path):
-    file = tmp_path / "x.dae"
-    nodes = [node(use("a"), f"<translate>{x} 0 0</translate>") for x in (-1, 2)]
-    file.write_text(collada([box("a", [0.2] * 3)], nodes))
-    (mesh,) = read(file)
-    np.testing.assert_allclose(bounds(mesh)[:, 0], [-1.1, 2.1], atol=1e-6)
-    assert [len(part.corners) for part in mesh.parts] == [12, 12]
-
-
-@pytest.mark.parametrize("kind", ["stl", "stl_ascii", "obj", "dae"])
-def test_a_robot_stands_on_its_mesh_whatever_its_kind(tmp_path, kind):
-    file = tmp_path / f"ball.{kind[:3]}"
-    ball = BALL.copy().apply_translation([0.0, 0.0, 0.25])
+def write_ball(file, kind, shift):
+    """Write a ball aside; return it."""
+    ball = BALL.copy().apply_translation(shift)
     data = ball.export(file_type=kind)
     file.write_bytes(data if isinstance(data, bytes) else data.encode())
+    return ball
+
+
+@pytest.mark.parametrize("kind", ["stl", "obj"])
+def test_a_robot_stands_on_its_mesh(tmp_path, kind):
+    file = tmp_path / f"ball.{kind}"
+    write_ball(file, kind, [0.0, 0.0, 0.25])
     robot = lump_fixed_joints(parse_urdf(body(f"file://{file}")))
     height = standing_height(robot, IDENTITY[3:])
     assert height == pytest.approx(0.75, abs=0.004)  # PyBullet's margin
@@ -144,10 +138,10 @@ def test_a_text_stl_has_the_triangles_that_are_written_there(tmp_path):
         "byte order mark": b"\xef\xbb\xbf" + text,
         "far to the right": b" " * 100 + text,
     }
-    for name, data in texts.items():
-        file = tmp_path / f"{name}.stl"
+    files = [tmp_path / f"{name}.stl" for name in texts]
+    for file, data in zip(files, texts.values()):
         file.write_bytes(data)
-        (mesh,) = read(file)
+    for mesh, data in zip(read(*files), texts.values()):
         seen = np.concatenate([part.corners for part in mesh.parts])
         lines = re.findall(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)", data)
         written = np.array(lines).astype("<f4").reshape(-1, 9)
@@ -158,10 +152,16 @@ def test_a_text_stl_has_the_triangles_that_are_written_there(tmp_path):
 
 
 def test_parts_of_a_mesh_are_hulls_of_their_own(make_world, tmp_path):
-    """Something small fits between two boxes of one mesh, and into neither."""
+    """Something small fits between two boxes of one mesh, and into neither.
+
+    One geometry in two places is there twice.
+    """
     file = tmp_path / "x.dae"
     nodes = [node(use("a"), f"<translate>{x} 0 0</translate>") for x in (-1, 1)]
     file.write_text(collada([box("a", [0.2] * 3)], nodes))
+    (mesh,) = read(file)
+    np.testing.assert_allclose(bounds(mesh)[:, 0], [-1.1, 1.1], atol=1e-6)
+    assert [len(part.corners) for part in mesh.parts] == [12, 12]
     world = make_world()
     assert world.spawn_urdf("two", body(f"file://{file}"), UP) == ()
     cube = f'<robot name="c"><link name="b">{INERTIAL}<collision><geometry>'
@@ -178,12 +178,12 @@ def test_a_static_mesh_is_hollow_where_its_file_is(make_world, tmp_path, kind):
     file = tmp_path / f"ring.{kind}"
     trimesh.creation.annulus(1.0, 1.2, 1.0).export(file)
     world = make_world()
-    (model,) = read_sdf(
+    walls = (
         '<sdf version="1.6"><model name="walls"><static>true</static><link name="l">'
         f'<collision name="c"><geometry><mesh><uri>file://{file}</uri></mesh>'
         "</geometry></collision></link></model></sdf>"
-    ).models
-    assert world.spawn("walls", model.assembly, UP) == ()
+    )
+    assert world.spawn_sdf("walls", walls, UP) == ()
     cube = f'<robot name="c"><link name="b">{INERTIAL}<collision><geometry>'
     cube += '<box size="0.1 0.1 0.1"/></geometry></collision></link></robot>'
     world.spawn_urdf("cube", cube, UP)
@@ -244,7 +244,9 @@ def test_what_has_no_material_has_the_colour_of_the_urdf(tmp_path):
     both.export(tmp_path / "x.stl")
     text = trimesh.exchange.export.export_mesh(both, None, "stl_ascii")
     (tmp_path / "text.stl").write_text(text)
-    for name in ("x.dae", "x.stl", "text.stl"):
+    names = ("x.dae", "x.stl", "text.stl")
+    read(*(tmp_path / name for name in names))
+    for name in names:
         with Scene() as scene:
             mesh = f"file://{tmp_path / name}"
             scene.add(parse_urdf(body(mesh, color="0.2 0.8 0.4 1")))
@@ -261,30 +263,25 @@ def with_normals(mesh, normals):
     return data.tobytes()
 
 
-@pytest.mark.parametrize(
-    "normal",
-    [[0, 0, 0], [np.nan] * 3, [0.005, 0.01, 0.0]],
-    ids=["zero", "NaN", "short and wrong"],
-)
-def test_an_stl_without_normals_is_lit_as_with_them(tmp_path, normal):
-    shapes = {
-        "sound": BALL.export(file_type="stl"),
-        "all": with_normals(BALL, normal),
-        "one half": with_normals(
-            BALL,
-            np.where(BALL.face_normals[:, :1] > 0.0, normal, BALL.face_normals),
-        ),
-    }
-    seen = {}
-    for name, data in shapes.items():
-        (tmp_path / f"{name}.stl").write_bytes(data)
+def test_an_stl_without_normals_is_lit_as_with_them(tmp_path):
+    wrong = {"zero": [0, 0, 0], "NaN": [np.nan] * 3, "short": [0.005, 0.01, 0.0]}
+    right = BALL.face_normals
+    shapes = {"sound": BALL.export(file_type="stl")}
+    for name, normal in wrong.items():
+        shapes[name] = with_normals(BALL, normal)
+        half = np.where(right[:, :1] > 0.0, normal, right)
+        shapes[f"half {name}"] = with_normals(BALL, half)
+    files = [tmp_path / f"{name}.stl" for name in shapes]
+    for file, data in zip(files, shapes.values()):
+        file.write_bytes(data)
+    read(*files)
+    pictures = []
+    for file in files:
         with Scene() as scene:
-            mesh = f"file://{tmp_path / name}.stl"
-            scene.add(parse_urdf(body(mesh, color="0.2 0.8 0.4 1")))
-            seen[name] = draw(scene, FRONT, 100, 100).astype(int)
-    sound = seen.pop("sound")
-    for name, picture in seen.items():
-        assert np.abs(picture - sound).max() <= 3, name
+            scene.add(parse_urdf(body(f"file://{file}", color="0.2 0.8 0.4 1")))
+            pictures.append(draw(scene, FRONT, 100, 100).astype(int))
+    for name, picture in zip(shapes, pictures):
+        assert np.abs(picture - pictures[0]).max() <= 3, name
 
 
 def test_a_triangle_without_area_needs_no_normal(tmp_path, counted):
@@ -299,16 +296,20 @@ def test_a_triangle_without_area_needs_no_normal(tmp_path, counted):
 
 
 def test_materials_of_an_obj_have_their_colours_and_pictures_their_mean(tmp_path):
+    """A picture whose name is too long for a file costs its colour alone."""
     from PIL import Image
 
     stripes = np.zeros((4, 4, 3), np.uint8)
     stripes[:, ::2] = [200, 100, 0]
-    Image.fromarray(stripes).save(tmp_path / "a b.png")
+    (tmp_path / "ä").mkdir()
+    Image.fromarray(stripes).save(tmp_path / "ä" / "b c.png")
     (tmp_path / "x.mtl").write_text(
-        "newmtl one\nKd 0.1 0.2 0.9\nnewmtl two\nKd 1 1 1\nmap_Kd a b.png\n"
+        "newmtl one\nKd 0.1 0.2 0.9\nnewmtl two\nKd 1 1 1\nmap_Kd ä/b c.png\n"
+        f"newmtl three\nKd 1 0 0\nmap_Kd {'p' * 300}.png\n"
     )
     lines, corners = ["mtllib x.mtl"], np.indices((2, 2, 2)).reshape(3, 8).T - 0.5
-    for number, (material, y) in enumerate((("one", -0.5), ("two", 0.5))):
+    shown = (("one", -0.5), ("two", 0.5), ("three", 1.5))
+    for number, (material, y) in enumerate(shown):
         lines += [f"usemtl {material}"]
         lines += ["v {} {} {}".format(*c) for c in corners * 0.5 + [0, y, 0]]
         for face in ([1, 2, 4, 3], [5, 7, 8, 6], [1, 5, 6, 2], [3, 4, 8, 7]):
@@ -320,13 +321,12 @@ def test_materials_of_an_obj_have_their_colours_and_pictures_their_mean(tmp_path
     assert_colors(seen, [[0.1, 0.2, 0.9], [100 / 255, 50 / 255, 0]])
 
 
-@pytest.mark.parametrize("scale", ["2 2 2", "1 -1 1", "-0.5 1 2"])
-@pytest.mark.parametrize("kind", ["obj", "stl", "dae"])
+@pytest.mark.parametrize(
+    ("kind", "scale"), [("obj", "2 2 2"), ("stl", "1 -1 1"), ("dae", "-0.5 1 2")]
+)
 def test_a_scale_may_mirror(make_world, tmp_path, kind, scale):
     file = tmp_path / f"x.{kind}"
-    ball = BALL.copy().apply_translation([0.3, 2.0, -0.4])
-    data = ball.export(file_type=kind)
-    file.write_bytes(data if isinstance(data, bytes) else data.encode())
+    ball = write_ball(file, kind, [0.3, 2.0, -0.4])
     text = body(f"file://{file}", scale=scale)
     factors = np.array([float(word) for word in scale.split()])
     wanted = np.sort(ball.bounds * factors, axis=0)
@@ -363,13 +363,14 @@ def counted(monkeypatch):
     return calls
 
 
-def test_all_files_of_a_robot_are_read_by_one_process(tmp_path, counted):
-    kinds = ("obj", "dae", "stl_ascii")
+def test_all_files_of_a_robot_are_read_by_one_process(tmp_path, counted, monkeypatch):
+    """It takes no module of the working directory."""
+    (tmp_path / "resource.py").write_text("raise ImportError")
+    monkeypatch.chdir(tmp_path)
     files = []
-    for number, kind in zip(range(44), itertools.cycle(kinds)):
+    for number, kind in enumerate(("obj", "dae", "stl_ascii", "obj")):
         files.append(tmp_path / f"{number}.{kind[:3]}")
-        data = BALL.export(file_type=kind)
-        files[-1].write_bytes(data if isinstance(data, bytes) else data.encode())
+        write_ball(files[-1], kind, [0.0, 0.0, 0.0])
     for found in read(*files):
         np.testing.assert_allclose(bounds(found), BALL.bounds, atol=1e-6)
     assert len(counted) == 1
@@ -385,10 +386,10 @@ def test_all_files_of_a_robot_are_read_by_one_process(tmp_path, counted):
 def test_hostile_files_end_no_one_and_take_no_other_file_with_them(
     make_world, tmp_path, counted, monkeypatch
 ):
-    # On a busy machine, 2 s of the processor may last longer than the 20 s of a file.
-    monkeypatch.setattr(mesh_contents, "FILE_PROCESSOR_TIMEOUT", 2.0)
-    monkeypatch.setattr(mesh_contents, "FILE_TIMEOUT", 300.0)
-    monkeypatch.setattr(mesh_contents, "READ_TIMEOUT", 600.0)
+    # On a busy machine, 1 s of the processor may last longer than the 20 s of a file.
+    monkeypatch.setattr(mesh_contents, "FILE_PROCESSOR_TIMEOUT", 1.0)
+    monkeypatch.setattr(mesh_contents, "FILE_TIMEOUT", DEADLINE)
+    monkeypatch.setattr(mesh_contents, "READ_TIMEOUT", 2 * DEADLINE)
     names = broken_meshes(tmp_path)
     (tmp_path / "nodes.dae").write_text(node_bomb(9))
     (tmp_path / "self.dae").write_text(
@@ -403,9 +404,7 @@ def test_hostile_files_end_no_one_and_take_no_other_file_with_them(
         *(f"file://{tmp_path}/{n}.dae" for n in ("nodes", "self")),
     ]
     good = [f"file://{tmp_path}/{name}_good.obj" for name in "az"]
-    began = time.monotonic()
     left_out = make_world().spawn_urdf("r", body(good[0], *names, good[1]), UP)
-    assert time.monotonic() - began < 2 * mesh_contents.READ_TIMEOUT
     assert len(counted) < 6
     for name in names:
         if not name.endswith("flat.stl"):
@@ -413,9 +412,7 @@ def test_hostile_files_end_no_one_and_take_no_other_file_with_them(
             assert "its reader exited" not in clause
     assert not [clause for clause in left_out if "good" in clause]
     (bomb,) = (clause for clause in left_out if "nodes.dae" in clause)
-    # On a machine with much else to do its time of the wall is over before.
-    taken = "cannot be read: it took more than (2 s of processor time|20 s)$"
-    assert re.search(taken, bomb)
+    assert bomb.endswith("cannot be read: it took more than 1 s of processor time")
     with Scene() as scene:
         _, left_out = scene.add(parse_urdf(body(good[0], *names, good[1])))
         assert not [clause for clause in left_out if "good" in clause]
@@ -430,21 +427,14 @@ def test_the_files_longest_not_asked_for_are_forgotten_when_memory_is_full(
     size = 2 * 9 * 4 * len(BALL.faces)  # corners and normals, four bytes a number
     monkeypatch.setattr(mesh_contents, "CACHE_SIZE", 2.5 * size)
     a, b, c = files
-    for file in (a, b, a, c):
-        read(file)
-    assert len(counted) == 3
+    for some in ((a, b), (a,), (c,)):
+        read(*some)
+    assert len(counted) == 2
     read(a, c)
-    assert len(counted) == 3
-    read(b)
-    assert len(counted) == 4
-
-
-def test_what_is_larger_than_memory_for_meshes_is_read_all_the_same(
-    tmp_path, monkeypatch
-):
-    BALL.export(tmp_path / "x.obj")
+    assert len(counted) == 2
     monkeypatch.setattr(mesh_contents, "CACHE_SIZE", 100)
-    (mesh,) = read(tmp_path / "x.obj")
+    (mesh,) = read(b)
+    assert len(counted) == 3
     np.testing.assert_allclose(bounds(mesh), BALL.bounds, atol=1e-6)
 
 
@@ -486,7 +476,7 @@ def is_asleep_behind_the_first(reader):
 
 
 @contextmanager
-def killed(number):
+def killed():
     """Send a signal to the reader once it waits for the pipe: it sleeps for long."""
 
     def kill():
@@ -498,7 +488,7 @@ def killed(number):
 
         wait_for(sleeps, "the reader to sleep")
         for reader in readers():
-            os.kill(reader, number)
+            os.kill(reader, signal.SIGTERM)
 
     thread = threading.Thread(target=kill, daemon=True)
     thread.start()
@@ -506,17 +496,16 @@ def killed(number):
     thread.join(DEADLINE)
 
 
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
 def test_a_death_of_the_reader_is_told_of_the_file_that_it_read(
-    waiting, counted, monkeypatch, number
+    waiting, counted, monkeypatch
 ):
-    with killed(number):
+    with killed():
         before, clause, after = read(*waiting)
     for found in (before, after):
         np.testing.assert_allclose(bounds(found), BALL.bounds, atol=1e-6)
     assert clause == (
         f"mesh file://{waiting[1]} cannot be read: its reader was killed by signal "
-        f"{int(number)} ({signal.strsignal(number)})"
+        "15 (Terminated)"
     )
     assert len(counted) == 2
     mend(waiting)
@@ -528,9 +517,9 @@ def test_a_death_of_the_reader_is_told_of_the_file_that_it_read(
 
 
 def test_a_file_that_takes_long_is_told_and_costs_no_other(waiting, monkeypatch):
-    monkeypatch.setattr(mesh_contents, "FILE_TIMEOUT", 10.0)
+    monkeypatch.setattr(mesh_contents, "FILE_TIMEOUT", 5.0)
     before, clause, after = read(*waiting)
-    assert clause.endswith("waiting.obj cannot be read: it took more than 10 s")
+    assert clause.endswith("waiting.obj cannot be read: it took more than 5 s")
     assert not isinstance(before, str)
     assert not isinstance(after, str)
 
@@ -538,10 +527,10 @@ def test_a_file_that_takes_long_is_told_and_costs_no_other(waiting, monkeypatch)
 def test_what_is_not_read_in_time_is_read_when_it_is_asked_for_again(
     waiting, monkeypatch
 ):
-    monkeypatch.setattr(mesh_contents, "READ_TIMEOUT", 3.0)
+    monkeypatch.setattr(mesh_contents, "READ_TIMEOUT", 1.0)
     _, *clauses = read(*waiting)
     for clause, file in zip(clauses, waiting[1:]):
-        words = "cannot be read: reading all meshes took more than 3 s"
+        words = "cannot be read: reading all meshes took more than 1 s"
         assert clause == f"mesh file://{file} {words}"
     mend(waiting)
     monkeypatch.setattr(mesh_contents, "READ_TIMEOUT", DEADLINE)
@@ -564,13 +553,6 @@ def test_a_reader_that_cannot_start_is_told_of_all_files_and_forgotten(
     assert not [found for found in read(*files) if isinstance(found, str)]
 
 
-def test_a_file_larger_than_memory_is_told(tmp_path):
-    (tmp_path / "x.dae").touch()
-    os.truncate(tmp_path / "x.dae", 5 * 2**30)
-    (clause,) = read(tmp_path / "x.dae")
-    assert clause.endswith("x.dae cannot be read: it takes more than 4 GiB of memory")
-
-
 def test_a_mistake_in_the_reader_is_told_in_its_own_words(tmp_path):
     BALL.export(tmp_path / "x.obj")
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
@@ -582,13 +564,6 @@ def test_a_mistake_in_the_reader_is_told_in_its_own_words(tmp_path):
     assert "its reader exited with code 1: OSError: " in clause
 
 
-def test_a_file_that_is_no_mesh_is_told_in_the_words_of_the_library(tmp_path):
-    (tmp_path / "x.dae").write_text("<COLLADA")
-    (clause,) = read(tmp_path / "x.dae")
-    _, words = clause.split("x.dae cannot be read: ")
-    assert words  # which differ from version to version
-
-
 BINARY = BALL.export(file_type="stl")
 TEXT = BALL.export(file_type="stl_ascii").encode()
 UPPER_COUNT = int.from_bytes(TEXT.upper()[80:84], "little")
@@ -596,61 +571,42 @@ UPPER_NEEDS = f"{84 + 50 * UPPER_COUNT} of {UPPER_COUNT}"
 NO_STL = 'it is not text that begins with "solid" in small letters, and its '
 
 
-@pytest.mark.parametrize(
-    ("name", "data", "words"),
-    [
-        (
-            "x.stl",
-            BINARY + b"\0\0\0",
-            f"{NO_STL}16087 bytes are not the 16084 of 320 triangles",
-        ),
-        (
-            "x.stl",
-            BINARY[:200],
-            f"{NO_STL}200 bytes are not the 16084 of 320 triangles",
-        ),
-        (
-            "x.stl",
-            b"solid x".ljust(80) + BINARY[80:-1],
-            f"{NO_STL}16083 bytes are not the 16084 of 320 triangles",
-        ),
-        ("x.stl", b"<html>", f"{NO_STL}6 bytes are not the 84 of 0 triangles"),
-        (
-            "x.STL",
-            TEXT.upper(),
-            f"{NO_STL}{len(TEXT)} bytes are not the {UPPER_NEEDS} triangles",
-        ),
-        (
-            "x.stl",
-            re.sub(rb"vertex \S+", b"vertex nan", TEXT, count=1),
-            "it has vertices that are not finite, or beyond 1e+09 m",
-        ),
-        (
-            "x.stl",
-            BINARY[:96] + b"\0\0\xc0\x7f" + BINARY[100:],
-            "it has vertices that are not finite, or beyond 1e+09 m",
-        ),
-        (
-            "x.stl",
-            BINARY[:96] + np.array(1e12, "<f4").tobytes() + BINARY[100:],
-            "it has vertices that are not finite, or beyond 1e+09 m",
-        ),
-        (
-            "x.obj",
-            b"v 0 0 0\nv nan 0 0\nv 0 1 0\nf 1 2 3\n",
-            "it has vertices that are not finite, or beyond 1e+09 m",
-        ),
-    ],
-    ids=[
-        *("behind", "cut", "cut, solid", "short", "capitals"),
-        *("NaN in text", "NaN in binary", "far", "NaN in OBJ"),
-    ],
-)
-def test_what_is_wrong_with_a_file_is_told(tmp_path, name, data, words):
-    (tmp_path / name).write_bytes(data)
-    assert read(tmp_path / name) == [
-        f"mesh file://{tmp_path / name} cannot be read: {words}"
-    ]
+FAR = "it has vertices that are not finite, or beyond 1e+09 m"
+WRONG = {
+    "behind.stl": (
+        BINARY + bytes(3),
+        f"{NO_STL}16087 bytes are not the 16084 of 320 triangles",
+    ),
+    "cut.stl": (BINARY[:200], f"{NO_STL}200 bytes are not the 16084 of 320 triangles"),
+    "solid.stl": (
+        b"solid x".ljust(80) + BINARY[80:-1],
+        f"{NO_STL}16083 bytes are not the 16084 of 320 triangles",
+    ),
+    "short.stl": (b"<html>", f"{NO_STL}6 bytes are not the 84 of 0 triangles"),
+    "capitals.STL": (
+        TEXT.upper(),
+        f"{NO_STL}{len(TEXT)} bytes are not the {UPPER_NEEDS} triangles",
+    ),
+    "text_nan.stl": (re.sub(rb"vertex \S+", b"vertex nan", TEXT, count=1), FAR),
+    "nan.stl": (BINARY[:96] + b"\0\0\xc0\x7f" + BINARY[100:], FAR),
+    "far.stl": (BINARY[:96] + np.array(1e12, "<f4").tobytes() + BINARY[100:], FAR),
+    "nan.obj": (b"v 0 0 0\nv nan 0 0\nv 0 1 0\nf 1 2 3\n", FAR),
+    "large.dae": (b"", "it takes more than 4 GiB of memory"),
+    # Words of the library, which differ from version to version.
+    "no.dae": (b"<COLLADA", ""),
+    "hollow.stl": (b"solid x\nendsolid x\n", ""),
+}
+
+
+def test_what_is_wrong_with_a_file_is_told(tmp_path):
+    for name, (data, _) in WRONG.items():
+        (tmp_path / name).write_bytes(data)
+    os.truncate(tmp_path / "large.dae", 5 * 2**30)
+    told = read(*(tmp_path / name for name in WRONG))
+    for clause, (name, (_, words)) in zip(told, WRONG.items()):
+        begin, _, found = clause.partition(" cannot be read: ")
+        assert begin == f"mesh file://{tmp_path / name}"
+        assert found == words or (found and not words)
 
 
 def test_without_the_library_the_reason_is_told(tmp_path, monkeypatch):
@@ -660,35 +616,3 @@ def test_without_the_library_the_reason_is_told(tmp_path, monkeypatch):
     BALL.export(tmp_path / "x.obj")
     (clause,) = read(tmp_path / "x.obj")
     assert clause.endswith("x.obj cannot be read: the library assimp is not installed")
-
-
-def test_a_module_in_the_working_directory_is_not_taken(tmp_path, monkeypatch):
-    (tmp_path / "resource.py").write_text("raise ImportError")
-    file = tmp_path / "box.obj"
-    file.write_text(trimesh.creation.box().export(file_type="obj"))
-    monkeypatch.chdir(tmp_path)
-    (mesh,) = read(file)
-    assert not isinstance(mesh, str), mesh
-
-
-@pytest.mark.parametrize("name", ["a.png", "ä/b c.png"])
-def test_names_are_read_whole(tmp_path, name):
-    """The installed library lays out its strings as ours are."""
-    from PIL import Image
-
-    (tmp_path / name).parent.mkdir(exist_ok=True)
-    Image.new("RGB", (2, 2), (51, 102, 204)).save(tmp_path / name)
-    (tmp_path / "a.mtl").write_text(f"newmtl m\nKd 1 0 0\nmap_Kd {name}\n")
-    text = BALL.export(file_type="obj", include_texture=False)
-    (tmp_path / "a.obj").write_text(f"mtllib a.mtl\nusemtl m\n{text}")
-    (mesh,) = read(tmp_path / "a.obj")
-    np.testing.assert_allclose(mesh.parts[0].color, [0.2, 0.4, 0.8, 1.0])
-
-
-def test_a_picture_with_a_name_too_long_for_a_file_costs_its_colour_alone(tmp_path):
-    (tmp_path / "a.mtl").write_text(f"newmtl m\nKd 1 0 0\nmap_Kd {'p' * 300}.png\n")
-    box = trimesh.creation.box().export(file_type="obj", include_texture=False)
-    file = tmp_path / "a.obj"
-    file.write_text(f"mtllib a.mtl\nusemtl m\n{box}")
-    (mesh,) = read(file)
-    assert not isinstance(mesh, str), mesh

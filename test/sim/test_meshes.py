@@ -24,15 +24,12 @@ def load(file):
 
 
 @pytest.mark.parametrize("file", FILES, ids=name_of)
-def test_a_mesh_is_closed_and_its_normals_point_outward(file):
+def test_a_mesh_is_closed_binary_and_its_normals_point_outward(file):
+    """No reader takes it for text."""
     mesh = load(file)
     assert mesh.is_watertight
     assert mesh.is_winding_consistent
     assert mesh.volume > 0.0
-
-
-@pytest.mark.parametrize("file", FILES, ids=name_of)
-def test_no_reader_takes_a_mesh_for_text(file):
     data = file.read_bytes()
     assert not data[:80].lstrip().lower().startswith(b"solid")
     count = int.from_bytes(data[80:84], "little")

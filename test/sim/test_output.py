@@ -35,20 +35,13 @@ def run(code):
     )
 
 
-@pytest.mark.parametrize("after", ["", "os._exit(0)"])
-def test_nothing_is_printed_of_itself(after):
-    done = run(f"import os\n{USE_ALL}\n{after}")
-    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
-
-
-def test_what_is_printed_afterwards_is_seen():
-    done = run(f"{USE_ALL}\n{SPEAK}")
-    assert (done.stdout, done.stderr) == ("one\ntwo\n", "3")
-
-
-def test_what_was_printed_before_is_seen():
+@pytest.mark.parametrize("after", ["", "import os; os._exit(0)"])
+def test_nothing_is_printed_of_itself_and_all_that_others_print(after):
+    """Before and afterwards, by C and by Python."""
     before = "import ctypes; ctypes.CDLL(None).puts(b'zero')"
-    assert run(f"{before}\n{USE_ALL}").stdout == "zero\n"
+    done = run(f"{before}\n{USE_ALL}\n{SPEAK}\n{after}")
+    assert (done.returncode, done.stderr) == (0, "3")
+    assert done.stdout == "zero\none\ntwo\n"
 
 
 def test_a_pybullet_that_is_broken_is_told():

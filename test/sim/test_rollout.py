@@ -29,7 +29,6 @@ from g1_description.sim.rollout import Conditions, rollout
 pytestmark = pytest.mark.slow
 
 DATA = REPOSITORY.parent / "shared" / "data"
-CLIPS = ("B_HandsUp", "M_ShortMove13", "J_ShortDance16_JazzWalk")
 ROWS = ("times", "desired", "positions", "velocities", "efforts", "base_poses")
 WATCH = 1e-9 * WATCH_TIME
 EVERY_STEP = Conditions(rate=1000.0)
@@ -129,10 +128,9 @@ def g1_steps():
 
 def test_the_same_motion_gives_the_same_bits_in_any_process():
     """Also after other motions."""
+    rollout(STILTS, standing(), EVERY_STEP)
     first = g1_steps()
     assert first.fell_at is not None
-    rollout(STILTS, standing(), EVERY_STEP)
-    assert digest(g1_steps()) == digest(first)
     program = "import test_rollout as t; print(t.digest(t.g1_steps()))"
     folders = [str(Path(__file__).parent), str(REPOSITORY / "test"), *sys.path]
     done = subprocess.run(
@@ -143,8 +141,8 @@ def test_the_same_motion_gives_the_same_bits_in_any_process():
     assert done.stdout.decode().strip() == digest(first)
 
 
-def test_a_g1_that_stands_stays_where_it_is(g1_file):
-    g1 = parse_urdf(with_absolute_uris(g1_file.read_text(), g1_file.parent))
+def test_a_g1_that_stands_stays_where_it_is(vendors_g1):
+    g1 = parse_urdf(vendors_g1)
     motors = read_motors(REPOSITORY / "config" / "motors.yaml")
     still = motion([0.0, 0.0], ["left_elbow_joint"], 0.1)
     result = rollout(g1, still, Conditions(motors))
@@ -240,19 +238,20 @@ def tipping_time(lean, angle):
     return way.t_events[0][0]
 
 
-@pytest.mark.parametrize("lean", [0.2, 0.3])
-@pytest.mark.parametrize("angle", [0.3, math.pi / 4.0])
-@pytest.mark.parametrize("yaw", [0.0, 2.0])
+@pytest.mark.parametrize(
+    ("lean", "angle", "yaw"), [(0.2, 0.3, 0.0), (0.3, math.pi / 4.0, 2.0)]
+)
 def test_what_leans_too_far_falls_when_an_inverted_pendulum_does(lean, angle, yaw):
     limits = Conditions(fall_limits=FallLimits(lean=angle), stops_at_fall=True)
     result = rollout(STILTS, standing(lean, 2.0, yaw=yaw), limits)
     assert result.fell_at == pytest.approx(tipping_time(lean, angle), rel=0.05)
     assert result.times[-1] == result.fell_at
+    assert result.report.duration == pytest.approx(result.fell_at, abs=2e-3)
 
 
 def test_what_leans_a_little_less_does_not_fall():
     """The center of mass is above the toe at 0.1506 rad."""
-    result = rollout(STILTS, standing(0.145))
+    result = rollout(STILTS, standing(0.145), Conditions(stops_at_fall=True))
     assert result.fell_at is None
     assert result.times[-1] == pytest.approx(1.0 + WATCH, abs=0.006)
 
@@ -260,29 +259,20 @@ def test_what_leans_a_little_less_does_not_fall():
 def test_a_limit_that_is_just_not_reached_hides_a_fall():
     """The foot lies flat after it has tipped over; no limit means no fall."""
     never = FallLimits(lean=math.pi, drop=math.inf)
-    assert rollout(STILTS, standing(0.3), Conditions(fall_limits=never)).fell_at is None
+    whole = rollout(STILTS, standing(0.3), Conditions(fall_limits=never))
+    assert whole.fell_at is None
+    assert whole.times[-1] > 1.9
     way = standing(0.0, 1.0, 0.2)
     way.base_poses[1, 2] += 0.1  # it rises, the robot does not
-    for drop, time in ((0.05, 0.5), (0.09, 0.9), (0.11, None)):
+    for drop, time in ((0.05, 0.5), (0.11, None)):
         limits = Conditions(fall_limits=FallLimits(drop=drop))
         fell = rollout(STILTS, way, limits).fell_at
         assert (fell is None) == (time is None)
-        if time:
-            assert fell == pytest.approx(time, abs=0.02)
+        assert time is None or fell == pytest.approx(time, abs=0.02)
 
 
-def test_a_fall_ends_it_only_where_that_is_wanted():
-    whole = rollout(STILTS, standing(0.3))
-    ended = rollout(STILTS, standing(0.3), Conditions(stops_at_fall=True))
-    assert whole.fell_at == ended.fell_at == ended.times[-1]
-    assert whole.times[-1] > 1.9
-    n = len(ended.times) - 1
-    np.testing.assert_array_equal(ended.positions[:n], whole.positions[:n])
-    assert ended.report.duration == pytest.approx(ended.fell_at, abs=2e-3)
-
-
-@pytest.mark.parametrize("height", [-0.02, 0.3])
-def test_it_begins_on_the_floor_however_high_the_motion_is(height):
+def test_it_begins_on_the_floor_however_high_the_motion_is():
+    height = 0.3
     low, high = (rollout(STILTS, standing(0.05, 0.1, z)) for z in (0.0, height))
     assert high.lift == pytest.approx(low.lift - height)
     np.testing.assert_array_equal(low.positions, high.positions)
@@ -309,18 +299,13 @@ def test_a_base_that_is_fixed_stays_and_never_falls():
     assert abs(torque) == pytest.approx(wanted, rel=0.01)
 
 
-def test_joints_that_the_motion_does_not_have_are_held_and_told():
-    part = rollout(CRANE, motion([0.0, 0.2], [TURN], 0.2))
-    assert part.joint_names == part.report.joint_names == (TURN, LIFT)
-    assert not part.desired[:, 1].any()
-    assert np.abs(part.positions[:, 1]).max() < 1e-3
-    np.testing.assert_array_equal(part.desired[-1], [0.2, 0.0])
-
-
-def test_joints_that_the_robot_does_not_have_are_ignored():
+def test_joints_that_only_the_motion_has_are_ignored_and_others_are_held():
     other = motion([[0.0, 0.0], [0.2, 0.9]], [TURN, "tail_joint"], 0.2)
     same = rollout(CRANE, motion([0.0, 0.2], [TURN], 0.2))
     assert digest(rollout(CRANE, other)) == digest(same)
+    assert same.joint_names == same.report.joint_names == (TURN, LIFT)
+    assert np.abs(same.positions[:, 1]).max() < 1e-3
+    np.testing.assert_array_equal(same.desired[-1], [0.2, 0.0])
     with pytest.raises(InvalidValueError, match="no joint of robot"):
         rollout(CRANE, motion([0.0, 1.0], ["tail_joint"]))
 
@@ -339,19 +324,18 @@ def test_a_single_configuration_is_held():
     )
 
 
-def test_times_are_those_of_the_motion():
+def test_times_are_those_of_the_motion(turned):
     late = replace(crane_motion(), times=crane_motion().times + 5.0)
-    result, early = rollout(CRANE, late), rollout(CRANE, crane_motion())
+    result, early = rollout(CRANE, late, EVERY_STEP), turned
     np.testing.assert_allclose(result.times, early.times + 5.0)
     np.testing.assert_allclose(result.positions, early.positions, atol=1e-9)
     first = result.report.first_limit_times[0]
     assert first == pytest.approx(early.report.first_limit_times[0] + 5.0)
 
 
-@pytest.mark.parametrize("shift", [-3.0, -0.001])
-def test_what_begins_before_zero_is_refused(shift):
-    early = replace(crane_motion(), times=crane_motion().times + shift)
-    with pytest.raises(InvalidValueError, match=f"before 0 s .got {shift:g} s"):
+def test_what_begins_before_zero_is_refused():
+    early = replace(crane_motion(), times=crane_motion().times - 0.001)
+    with pytest.raises(InvalidValueError, match=r"before 0 s .got -0\.001 s"):
         rollout(CRANE, early)
 
 
@@ -391,7 +375,7 @@ def test_progress_rises_to_the_end():
     assert shares[-1] == 1.0
 
 
-@pytest.mark.parametrize("rate", [0.0, -1.0, math.nan, math.inf])
+@pytest.mark.parametrize("rate", [0.0, math.nan, math.inf])
 def test_conditions_that_make_no_sense_are_refused(rate):
     with pytest.raises(InvalidValueError, match="rate"):
         Conditions(rate=rate)
@@ -399,9 +383,8 @@ def test_conditions_that_make_no_sense_are_refused(rate):
         Conditions(properties=PhysicsProperties(time_step=0.0))
 
 
-@pytest.mark.parametrize("clip", CLIPS)
-def test_clips_that_begin_on_the_toes_of_a_foot_fall_after_a_second(clip):
-    file = DATA / "motions" / f"{clip}.csv"
+def test_a_clip_that_begins_on_the_toes_of_a_foot_falls_after_a_second():
+    file = DATA / "motions" / "M_ShortMove13.csv"
     model = DATA / "unitree_g1" / "g1_29dof_rev_1_0.urdf"
     for path in (file, model):
         if not path.exists():

@@ -1,4 +1,7 @@
-"""The package's poses on the robot: it stands, keeps its balance, hits nothing."""
+"""How high robots stand, hang and reach down, against scipy and PyBullet.
+
+The package's poses, in which the robot stands and keeps its balance, come first.
+"""
 
 import math
 import re
@@ -15,16 +18,18 @@ from oracle import angle_of, forward_kinematics
 from robots import chains, world_poses
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
+from worlds import OUR_G1
 
-from g1_description.files.uris import with_absolute_uris
+from g1_description.motion.trajectory import Trajectory
 from g1_description.robot.lumping import lump_fixed_joints
 from g1_description.robot.poses import parse_poses
 from g1_description.robot.urdf import parse_urdf
-from g1_description.sim.standing import hanging_height, standing_height
-
-OURS = with_absolute_uris(
-    (REPOSITORY / "urdf" / "g1_29dof.urdf").read_text(), REPOSITORY / "urdf"
+from g1_description.sim.standing import (
+    hanging_height,
+    lowest_height,
+    standing_height,
 )
+
 POSES = parse_poses((REPOSITORY / "config" / "poses.yaml").read_text(), "poses.yaml")
 UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
 ORIGIN = np.array([0.0, 0.0, 0.0, *UPRIGHT])
@@ -82,13 +87,26 @@ def gaps(world, model, reach=0.05):
 
 
 @pytest.mark.parametrize("name", POSES)
-def test_a_robot_in_a_pose_stands_on_the_floor(make_world, g1, name):
+def test_a_robot_in_a_pose_stands_on_flat_soles_and_keeps_its_balance(
+    make_world, g1, name
+):
+    """By PyBullet's distances to the ground, and scipy's centre of mass."""
     world = make_world()
     model = spawn(world, g1, POSES[name].positions)
     distances = gaps(world, model)
     assert set(distances) >= set(FEET)
     assert 0.0 < min(map(min, distances.values())) < 0.003
     assert not world.contacts()
+    poses = forward_kinematics(g1, np.array(model.pose), POSES[name].positions)
+    for foot in FEET:
+        up = Rotation.from_quat(poses[foot][3:]).apply([0.0, 0.0, 1.0])
+        np.testing.assert_allclose(up, [0.0, 0.0, 1.0], atol=1e-3)
+    assert poses[FEET[0]][2] == pytest.approx(poses[FEET[1]][2], abs=1e-4)
+    if name in BALANCED:
+        robot, ground = (world.body(n).number for n in ("g1", "ground_plane"))
+        points = world.client.getClosestPoints(robot, ground, 0.005)
+        feet = np.array([point[5][:2] for point in points])
+        assert margin(feet, center_of_mass(parse_urdf(g1), poses)[:2]) > 0.02
 
 
 def test_a_robot_lying_down_is_on_the_floor_too(make_world, g1):
@@ -111,16 +129,6 @@ def test_the_height_is_that_of_the_lowest_corner(make_world):
         assert lowest + 0.0005 <= z <= lowest + 0.0016
 
 
-@pytest.mark.parametrize("name", POSES)
-def test_both_soles_are_flat(make_world, g1, name):
-    """All four corners of both feet are equally high, by scipy."""
-    poses = forward_kinematics(g1, ORIGIN, POSES[name].positions)
-    for foot in FEET:
-        up = Rotation.from_quat(poses[foot][3:]).apply([0.0, 0.0, 1.0])
-        np.testing.assert_allclose(up, [0.0, 0.0, 1.0], atol=1e-3)
-    assert poses[FEET[0]][2] == pytest.approx(poses[FEET[1]][2], abs=1e-4)
-
-
 def center_of_mass(description, poses):
     """Find it by scipy, shape (3,)."""
     masses = [(n.inertial, poses[n.name]) for n in description.links if n.inertial]
@@ -138,43 +146,6 @@ def center_of_mass(description, poses):
 def margin(points, point):
     """Tell how far inside the hull of points a point is, in [m]; all shape (2,)."""
     return -(ConvexHull(points).equations @ [*point, 1.0]).max()
-
-
-@pytest.mark.parametrize("name", BALANCED)
-def test_the_center_of_mass_is_over_the_feet(make_world, g1, name):
-    """At least two centimetres from the edge of what its contacts span."""
-    world = make_world()
-    model = spawn(world, g1, POSES[name].positions)
-    robot, ground = (world.body(n).number for n in ("g1", "ground_plane"))
-    points = world.client.getClosestPoints(robot, ground, 0.005)
-    feet = np.array([point[5][:2] for point in points])
-    pose = np.array(model.pose)
-    poses = forward_kinematics(g1, pose, POSES[name].positions)
-    assert margin(feet, center_of_mass(parse_urdf(g1), poses)[:2]) > 0.02
-
-
-def rigid_bodies(assembly):
-    """Name the pairs of bodies that a joint joins."""
-    return {frozenset((j.parent, j.child)) for j in assembly.description.joints}
-
-
-@pytest.mark.parametrize("name", POSES)
-def test_no_links_but_neighbours_touch(make_world, g1, name):
-    """PyBullet's distances between all shapes of the robot, whatever they are."""
-    world = make_world()
-    model = spawn(world, g1, POSES[name].positions)
-    body = world.body("g1")
-    neighbours = rigid_bodies(model.assembly)
-    numbers = range(-1, world.client.getNumJoints(body.number))
-    touching = {
-        (body.link_name(one), body.link_name(other))
-        for one in numbers
-        for other in numbers
-        if one < other
-        and frozenset((body.link_name(one), body.link_name(other))) not in neighbours
-        and world.client.getClosestPoints(body.number, body.number, 0.0, one, other)
-    }
-    assert not touching
 
 
 def directions(text, name, *pairs):
@@ -219,16 +190,33 @@ def test_a_squat_is_deep(g1):
 
 
 @pytest.mark.slow
-def test_a_standing_robot_stands_for_a_minute_in_hold(make_world, g1):
-    """Its pelvis stays within a centimetre, from the first step on."""
+def test_a_standing_robot_stands_in_hold_and_again_after_a_reset(
+    make_world, vendors_g1
+):
+    """Its pelvis stays within a centimetre from the first step on, and drifts less."""
     world = make_world("hold")
-    model = spawn(world, g1, POSES["stand"].positions)
+    model = spawn(world, vendors_g1, POSES["stand"].positions)
+    wanted = [POSES["stand"].positions.get(name, 0.0) for name in model.joint_names]
+    np.testing.assert_array_equal(model.position, wanted)
+    np.testing.assert_array_equal(model.target, wanted)
+    first = [part.copy() for part in world.link_states()]
+    world.step()
+    np.testing.assert_allclose(model.position, wanted, atol=1e-3)
+    world.set_joint_positions("g1", {"left_elbow_joint": 0.0})
+    world.run(0.1)
+    world.reset()
+    for part, before in zip(world.link_states(), first):
+        np.testing.assert_array_equal(part, before)
+    np.testing.assert_array_equal(model.target, wanted)
     begin = model.pose
     farthest = 0.0
-    for _ in range(600):
+    for step in range(25):
+        if step == 10:
+            later = model.pose
         world.run(0.1)
         farthest = max(farthest, np.linalg.norm(model.pose[:3] - begin[:3]))
     assert farthest < 0.01
+    assert np.linalg.norm(model.pose[:3] - later[:3]) < 2e-4
     tilt = angle_of(Rotation.from_quat(model.pose[3:]))
     assert tilt < 0.05
 
@@ -248,17 +236,17 @@ def drawn(random, text, extreme):
     return {j.name: random.uniform(*end) for j, end in zip(joints, ends)}
 
 
-@pytest.mark.parametrize("rpy", [(0.0, 0.0, 0.0), (1.2, -0.7, 2.0), (math.pi, 0, 0)])
+@pytest.mark.parametrize("rpy", [(0.0, 0.0, 0.0), (1.2, -0.7, 2.0)])
 def test_no_joint_brings_a_hanging_robot_to_the_floor(rpy):
     random = Random(1)
     rotation = Rotation.from_euler("xyz", rpy).as_quat()
-    z = hanging_height(in_pose(OURS, {}), rotation)
-    for trial in range(16):
-        positions = drawn(random, OURS, extreme=trial % 2)
-        assert lowest(OURS, z, rotation, positions) > 0.0, positions
+    z = hanging_height(in_pose(OUR_G1, {}), rotation)
+    for trial in range(6):
+        positions = drawn(random, OUR_G1, extreme=trial % 2)
+        assert lowest(OUR_G1, z, rotation, positions) > 0.0, positions
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(shaped_chains(), world_poses(), st.randoms(use_true_random=False))
 def test_any_robot_hangs_clear_of_the_floor(text, pose, random):
     z = hanging_height(in_pose(text, {}), pose[3:])
@@ -284,14 +272,14 @@ def test_the_height_is_what_a_stretched_arm_reaches():
 def test_legs_of_a_hanging_robot_swing_freely_in_hold(make_world, height, hits):
     """A swing of 0.3 rad has 0.94 rad/s at most; the floor makes it 3.8."""
     world = make_world("hold")
-    assembly = in_pose(OURS, {})
+    assembly = in_pose(OUR_G1, {})
     z = (height or hanging_height)(assembly, UPRIGHT)
     world.spawn("g1", assembly, np.array([0.0, 0.0, z, *UPRIGHT]), fixed_base=True)
     model = world.model("g1")
     legs = [name for name in model.joint_names if "hip" in name or "ankle" in name]
     legs += [name for name in model.joint_names if "knee" in name]
     fastest = 0.0
-    for step in range(1000):
+    for step in range(500):
         if step % 20 == 0:
             angle = 0.3 * math.sin(math.pi * step * 1e-3)
             world.set_joint_positions("g1", dict.fromkeys(legs, angle))
@@ -300,23 +288,61 @@ def test_legs_of_a_hanging_robot_swing_freely_in_hold(make_world, height, hits):
     assert (fastest > 2.0) == hits, fastest
 
 
-def test_joints_begin_in_the_pose_and_motors_hold_them_there(make_world, g1):
-    world = make_world("hold")
-    model = spawn(world, g1, POSES["stand"].positions)
-    wanted = [POSES["stand"].positions.get(name, 0.0) for name in model.joint_names]
-    np.testing.assert_array_equal(model.position, wanted)
-    np.testing.assert_array_equal(model.target, wanted)
-    world.step()
-    np.testing.assert_allclose(model.position, wanted, atol=1e-3)
+SHAPES = """<robot name="r"><link name="a">
+<collision><origin xyz="0.1 0 0.2" rpy="0.3 0.2 0.1"/><geometry>
+<box size="0.4 0.2 0.1"/></geometry></collision></link>
+<joint name="j" type="revolute"><parent link="a"/><child link="b"/>
+<origin xyz="0 0 -0.3"/><axis xyz="0 1 0"/>
+<limit lower="-2" upper="2" effort="1" velocity="1"/></joint>
+<link name="b"><visual><origin xyz="0 0 -0.5"/><geometry>
+<sphere radius="0.07"/></geometry></visual></link></robot>"""
 
 
-def test_a_reset_brings_the_pose_back(make_world, g1):
-    world = make_world("hold")
-    model = spawn(world, g1, POSES["stand"].positions)
-    begin = [part.copy() for part in world.link_states()]
-    world.set_joint_positions("g1", {"left_elbow_joint": 0.0})
-    world.run(0.2)
-    world.reset()
-    for part, first in zip(world.link_states(), begin):
-        np.testing.assert_array_equal(part, first)
-    np.testing.assert_array_equal(model.target, model.position)
+def still(pose, names=(), positions=()):
+    return Trajectory(
+        np.zeros(1), tuple(names), np.array([positions]), base_poses=np.array([pose])
+    )
+
+
+def test_boxes_and_spheres_are_where_scipy_puts_them():
+    random = np.random.RandomState(4)
+    robot = parse_urdf(SHAPES)
+    for _ in range(10):
+        base = Rotation.from_quat(random.normal(size=4))
+        place, angle = random.normal(size=3), random.uniform(-2, 2)
+        corners = np.array(
+            [[x, y, z] for x in (-0.2, 0.2) for y in (-0.1, 0.1) for z in (-0.05, 0.05)]
+        )
+        box = Rotation.from_euler("xyz", [0.3, 0.2, 0.1]).apply(corners)
+        box = base.apply(box + np.array([0.1, 0, 0.2])) + place
+        ball = Rotation.from_rotvec([0, angle, 0]).apply([0, 0, -0.5])
+        ball = base.apply(ball + np.array([0, 0, -0.3])) + place
+        wanted = min(box[:, 2].min(), ball[2] - 0.07)
+        pose = np.concatenate([place, base.as_quat()])
+        found = lowest_height(robot, still(pose, ["j"], [angle]))
+        assert found == pytest.approx(wanted, abs=1e-12)
+
+
+def test_the_lowest_of_all_samples_counts():
+    robot = parse_urdf(SHAPES)
+    poses = np.tile([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0], (3, 1))
+    poses[1, 2] = -2.0
+    trajectory = Trajectory(np.arange(3.0), (), np.zeros((3, 0)), base_poses=poses)
+    lowest = lowest_height(robot, trajectory)
+    assert lowest == lowest_height(robot, still(poses[1], (), ()))
+
+
+def test_the_g1_touches_where_pybullet_sees_it_touch(make_world, g1):
+    """Lowered to its lowest point, within the millimetre of PyBullet's margins."""
+    robot = parse_urdf(g1)
+    pose = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])
+    names = ("left_knee_joint", "left_hip_pitch_joint")
+    lowest = lowest_height(robot, still(pose, names, (0.6, -0.3)))
+    for above, touches in ((0.003, False), (-0.003, True)):
+        world = make_world("kinematic")
+        pose[2] = 1.0 - lowest + above
+        world.spawn_urdf("g1", g1, pose)
+        world.set_joint_positions("g1", dict(zip(names, (0.6, -0.3))))
+        links = {link for pair in world.contacts() for link in pair}
+        assert ("ground_plane::link" in links) == touches
+        pose[2] = 1.0
