@@ -120,7 +120,7 @@ def bring(source, out):
     return bring
 
 
-@settings(max_examples=20)
+@settings(max_examples=10)
 @given(chains())
 def test_any_robot_stays_what_it_is(tmp_path_factory, drawn):
     folder = tmp_path_factory.mktemp("any")
@@ -537,7 +537,7 @@ def test_fewer_triangles_move_no_mesh_farther_than_is_allowed(
     ball = trimesh.creation.icosphere(2, radius=0.1 * unit)
     ball.export(source / "x.stl")
     counts = {}
-    for tolerance in (0.003, 0.012):
+    for tolerance in (0.003, 0.012) if kind == "visual" else (0.012,):
         options = ["--decimate", "8", "--tolerance", str(tolerance), "--force"]
         options += ["--convex-collisions"]
         urdf = bring(robot(shape(kind, "x.stl", scale)), *options)
@@ -557,7 +557,7 @@ def test_fewer_triangles_move_no_mesh_farther_than_is_allowed(
         report = (urdf.parents[1] / "report.md").read_text()
         assert f"moved by {moved[1]} mm" in report
         assert f"has {len(mesh.faces)} triangles: fewer would move" in bring.told
-    assert counts[0.012] < counts[0.003] < 320
+    assert (np.diff([320, *counts.values()]) < 0).all()
 
 
 def test_colours_are_not_decimated_away(bring, source):
@@ -794,8 +794,9 @@ def test_an_interrupted_import_leaves_nothing(number, source, out, tmp_path):
     source.mkdir()
     ball = trimesh.creation.icosphere(5)
     names = [f"{number}.stl" for number in range(9)]
+    data = ball.export(file_type="stl")
     for name in names:
-        ball.export(source / name)
+        (source / name).write_bytes(data)
     inside = "".join(shape("visual", name) for name in names)
     (source / "r.urdf").write_text(robot(inside))
     process = command(

@@ -33,7 +33,7 @@ def measure_placed(text, positions, root_pose, lumped, signs):
     return dict(zip(joints.names, measure(poses, twists, joints)[0]))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=20)
 @given(chains(), world_poses(), st.booleans(), SIGNS)
 def test_recovers_the_position_that_placed_the_links(chain, root_pose, lumped, signs):
     text, positions = chain
@@ -49,7 +49,7 @@ def test_recovers_the_position_that_placed_the_links(chain, root_pose, lumped, s
         assert abs(error) < 1e-9
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20)
 @given(chains(TURNING), world_poses(), st.integers(-3, 3))
 def test_continuous_joints_go_on_from_their_last_position(chain, root_pose, turns):
     text, positions = chain
@@ -65,7 +65,7 @@ def test_continuous_joints_go_on_from_their_last_position(chain, root_pose, turn
     np.testing.assert_allclose(measured[free], last[free], atol=1e-9)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20)
 @given(chains(), world_poses(), st.randoms(use_true_random=False))
 def test_velocities_are_the_slopes_of_positions(chain, root_pose, random):
     """Twists by finite differences of scipy's poses, no formula of ours."""
