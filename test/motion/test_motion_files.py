@@ -418,6 +418,7 @@ BAD = {
     ),
     "names": ("joint_names: [&a x, *a]\npoints: []\n", "Line 1 has an anchor"),
     "wide": (",".join(["0.5"] * 1_000_000), "Line 1 has 3999999 characters"),
+    "no list": ("joint_names: x\npoints: []\n", "joint_names must be a list"),
     "tag": ("joint_names: [a]\npoints: !!bool x\n", "Line 2 has a tag"),
     "long": (
         ECHO.replace("secs: 2", f"secs: 1{'0' * 400}"),
