@@ -6,11 +6,14 @@ alone: one that no old class has, and a common one has now, is taken for theirs.
 """
 
 import ast
+import re
 
 UNCHECKED = {"TYPE_CHECKING", "version_info"}
 """A condition that has one of these names chooses between old and new."""
 COMMON = ("numpy", "scipy", "builtins", "pathlib", "random")
 """Where the classes come from whose new members are known by their names alone."""
+DEFINED = re.compile(r"^ *(?:def|class) (\w+)", re.M)
+"""What a module defines, also inside of something else."""
 ALTERNATIVE = ("from_", "random", "identity", "match_")
 """Beginnings of the names of class methods that make an object."""
 
@@ -95,9 +98,7 @@ class Reader(ast.NodeVisitor):
     def read(self, text):
         """Read a module; give a sentence for each finding."""
         tree = ast.parse(text)
-        for node in ast.walk(tree):
-            if isinstance(node, (ast.FunctionDef, ast.ClassDef)):
-                self._own.add(node.name)
+        self._own.update(DEFINED.findall(text))
         self.visit(tree)
         return self.found
 

@@ -243,7 +243,7 @@ def test_mass_and_its_centre_are_pinocchios(pinocchio):
     assert np.abs(G1.center_of_mass(positions, HERE) - expected).max() < 1e-12
 
 
-@settings(max_examples=20)
+@settings(max_examples=10)
 @given(chains(), st.integers(0, 1000))
 def test_a_batch_is_as_its_members_one_by_one(chain, seed):
     robot = Robot(chain[0])

@@ -11,11 +11,12 @@ from g1_description.files.yaml import MAX_SIZE, YamlError, finite_number, read_y
     [
         (b"a: [", "it is not valid YAML: line 1: "),
         (b"a: 1\nb: 2\na: 3", 'it is not valid YAML: line 3: found duplicate key "a"'),
-        (b"[" * 5000, "it is not valid YAML: "),
+        (b"[" * 1000, "it is not valid YAML: "),
         (b"\xff\xfe", "it is not valid YAML: 'utf-8' codec can't decode"),
         (b"!!python/object:os.system {}", "it is not valid YAML: line 1: "),
         (b"#" * (MAX_SIZE + 1), "it is larger than 1 MB"),
     ],
+    ids=["open", "twice", "nested", "no text", "object", "large"],
 )
 def test_a_wrong_file_is_refused_in_one_line(tmp_path, data, problem):
     file = tmp_path / "settings.yaml"

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -26,6 +27,7 @@ from g1_description.importer.folder import Folder
 from g1_description.importer.importing import FileNames
 from g1_description.robot.description import Shape
 from g1_description.robot.load import read_model
+from g1_description.robot.lumping import lump_fixed_joints
 from g1_description.robot.urdf import parse_urdf
 from g1_description.sim.meshes.shapes import find_meshes
 
@@ -120,7 +122,7 @@ def bring(source, out):
     return bring
 
 
-@settings(max_examples=20)
+@settings(max_examples=10)
 @given(chains())
 def test_any_robot_stays_what_it_is(tmp_path_factory, drawn):
     folder = tmp_path_factory.mktemp("any")
@@ -537,7 +539,7 @@ def test_fewer_triangles_move_no_mesh_farther_than_is_allowed(
     ball = trimesh.creation.icosphere(2, radius=0.1 * unit)
     ball.export(source / "x.stl")
     counts = {}
-    for tolerance in (0.003, 0.012):
+    for tolerance in (0.003, 0.012) if kind == "visual" else (0.012,):
         options = ["--decimate", "8", "--tolerance", str(tolerance), "--force"]
         options += ["--convex-collisions"]
         urdf = bring(robot(shape(kind, "x.stl", scale)), *options)
@@ -557,7 +559,7 @@ def test_fewer_triangles_move_no_mesh_farther_than_is_allowed(
         report = (urdf.parents[1] / "report.md").read_text()
         assert f"moved by {moved[1]} mm" in report
         assert f"has {len(mesh.faces)} triangles: fewer would move" in bring.told
-    assert counts[0.012] < counts[0.003] < 320
+    assert (np.diff([320, *counts.values()]) < 0).all()
 
 
 def test_colours_are_not_decimated_away(bring, source):
@@ -794,8 +796,9 @@ def test_an_interrupted_import_leaves_nothing(number, source, out, tmp_path):
     source.mkdir()
     ball = trimesh.creation.icosphere(5)
     names = [f"{number}.stl" for number in range(9)]
+    data = ball.export(file_type="stl")
     for name in names:
-        ball.export(source / name)
+        (source / name).write_bytes(data)
     inside = "".join(shape("visual", name) for name in names)
     (source / "r.urdf").write_text(robot(inside))
     process = command(
@@ -912,3 +915,50 @@ def test_names_that_rviz_wants_are_given_and_told(bring, source):
     ):
         assert sentence in changed
         assert sentence in bring.told
+
+
+STANDING = np.array([0.0, 0.0, 0.793, 0.0, 0.0, 0.0, 1.0])
+
+
+SIMPLER = ["--decimate", "500", "--convex-collisions"]
+
+
+KEPT = {"left_ankle_pitch_link", "left_ankle_roll_link"}
+
+
+"""Links of the simpler robot: a hull, spheres, and few triangles to look at."""
+
+
+def vendors(kept):
+    """Write the vendor's robot, or only some of its links."""
+    root = ElementTree.fromstring(with_absolute_uris(VENDOR.read_text(), VENDOR.parent))
+    for element in list(root):
+        names = [element.get("name")]
+        if element.tag == "joint":
+            names = [element.find(end).get("link") for end in ("parent", "child")]
+        if kept and not kept.issuperset(names):
+            root.remove(element)
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("kept", "options"), [(None, []), (KEPT, SIMPLER)])
+def test_the_vendors_robot_loads_with_all_its_shapes(
+    make_world, tmp_path, kept, options
+):
+    if not VENDOR.exists():
+        pytest.skip("the vendor's g1_29dof.urdf is not beside the repository")
+    out, given = tmp_path / "out", tmp_path / "g1_29dof.urdf"
+    given.write_text(vendors(kept))
+    run([str(given), "--out", str(out), *options])
+    model = read_model(str(out / "urdf" / "g1_29dof.urdf"))
+    text = with_absolute_uris(model.text, model.path.parent)
+    world = make_world("hold")
+    assert world.spawn_urdf("g1", text, STANDING) == ()
+    source = lump_fixed_joints(read_model(str(given)).description)
+    lumped = world.model("g1").assembly.description
+    assert lumped.link_names == source.description.link_names
+    assert lumped.mass == pytest.approx(source.description.mass, abs=1e-9)
+    for one, other in zip(lumped.links, source.description.links):
+        assert one.inertial == other.inertial
+        assert len(one.collisions) == len(other.collisions)

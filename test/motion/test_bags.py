@@ -119,14 +119,14 @@ def test_as_many_samples_as_are_promised_are_read_again(tmp_path, monkeypatch, b
     path, names = tmp_path / "a.bag", [KNEE]
     assert room_of(path, names, base) == (122_500 if base else 245_000, False)
     for module in (write, bag_files):
-        monkeypatch.setattr(module, "MAX_MESSAGES", 4000)
+        monkeypatch.setattr(module, "MAX_MESSAGES", 1000)
     count = room_of(path, names, base).samples
     wanted = trajectory(4, count, 29, np.arange(count) / 64, base=base)
     write_motion_file(path, wanted, G1)
     assert_same(read_motion(path, G1).trajectory, wanted)
-    many = trajectory(4, 4001, 29, np.arange(4001) / 64, base=base)
+    many = trajectory(4, 1001, 29, np.arange(1001) / 64, base=base)
     write_motion_file(path, many, G1)
-    with pytest.raises(MotionError, match="more than 4000 messages"):
+    with pytest.raises(MotionError, match="more than 1000 messages"):
         read_motion(path, G1)
 
 
@@ -369,7 +369,7 @@ def test_a_damaged_bag_is_read_or_refused_and_nothing_else(bag):
         ("/tf", TFMessage([edge(1, 1.0)]), 30),
     )
     whole, random, refused = path.read_bytes(), np.random.default_rng(5), 0
-    for number in range(600):
+    for number in range(200):
         data = bytearray(whole)
         if number % 3 == 0:
             data = data[: random.integers(13, len(whole))]
@@ -381,7 +381,7 @@ def test_a_damaged_bag_is_read_or_refused_and_nothing_else(bag):
         except MotionError as error:
             refused += 1
             assert "\n" not in str(error)
-    assert refused > 200
+    assert refused > 66
 
 
 def test_definitions_in_a_bag_are_not_run(bag, tmp_path):

@@ -154,13 +154,12 @@ HOSTILE = {
         "cannot be read: STACK_GLOBAL requires str",
     ),
     "encoding": (of_encoding, "too large"),
-    "steps": (lambda: b"\x80\x02" + b"N0" * 49_000_000, "more than 500000 opcodes"),
     "many steps": (
-        lambda: b"\x80\x02](" + b"N" * 99_000_000,
+        lambda: b"\x80\x02](" + b"N" * 50_000_000,
         "more than 500000 opcodes",
     ),
     "arguments": (
-        lambda: b"\x80\x02ccollections\nOrderedDict\n" + text("x" * 90_000_000) + b"R.",
+        lambda: b"\x80\x02ccollections\nOrderedDict\n" + text("x" * 30_000_000) + b"R.",
         "argument list must be a tuple",
     ),
     "bytes of 10 GB": (
@@ -168,7 +167,7 @@ HOSTILE = {
         "cannot be read: expected 10000000000 bytes",
     ),
     "long type": (
-        lambda: b"\x80\x02cnumpy\ndtype\n" + text("f8," * 9_000_000) + b"\x85R.",
+        lambda: b"\x80\x02cnumpy\ndtype\n" + text("f8," * 3_000_000) + b"\x85R.",
         "invalid dtype",
     ),
     "nested lists": (lambda: "joint_names: " + "[" * 200_000, "is nested 21 levels"),
@@ -186,15 +185,15 @@ HOSTILE = {
         lambda: "joint_names: [" + "a, " * 990_000 + "]\npoints: []",
         "names",
     ),
-    "two columns": (lambda: "time,left_elbow_joint\n" + "1,2\n" * 24_999_000, "lines"),
+    "two columns": (lambda: "time,left_elbow_joint\n" + "1,2\n" * 1_000_000, "lines"),
     "two numbers": (lambda: "1,2\n" * 25_000_000, "more than 1000000 lines"),
     "many rows": (
         lambda: ",".join(["0"] * 36) + "\n" + (",".join(["0"] * 36) + "\n") * 230_000,
         "more than 8000000 numbers",
     ),
-    "no lines": (lambda: "\n" * 100_000_000, "more than 1000000 lines"),
-    "old lines": (lambda: "#\r" * 50_000_000, "more than 1000000 lines"),
-    "one line": (lambda: "1" * 100_000_000, "Line 1 has 100000000 characters"),
+    "no lines": (lambda: "\n" * 1_000_001, "more than 1000000 lines"),
+    "old lines": (lambda: "#\r" * 1_000_001, "more than 1000000 lines"),
+    "one line": (lambda: "1" * 20_000_000, "Line 1 has 20000000 characters"),
     "a million columns": (lambda: ",".join(["0.5"] * 1_000_000), "characters"),
     "a million names": (
         lambda: "time," + ",".join(f"a{n}" for n in range(1_000_000)),
@@ -211,9 +210,12 @@ HOSTILE = {
     ),
     "zip bomb": (
         lambda: zipped(
-            {f"{name}.npy": bytes(300_000_000) for name in gmr.ARRAYS},
+            {
+                **{f"{name}.npy": npy((0,)) for name in gmr.ARRAYS},
+                "dof_pos.npy": bytes(300_000_000),
+            }
         ),
-        "has 300 MB",
+        "dof_pos has 300 MB",
     ),
 }
 

@@ -1,13 +1,21 @@
-"""Motions that are cut, faster or elsewhere, held against the motion they came from."""
+"""Motions that are cut, faster or elsewhere, and the smooth way to a pose."""
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.interpolate import BPoly
 from scipy.spatial.transform import Rotation
 
 from g1_description.errors import InvalidValueError
-from g1_description.motion.edit import at_speed, cut, moved, to_start_at
+from g1_description.motion.edit import (
+    at_speed,
+    cut,
+    minimum_jerk,
+    minimum_jerk_trajectory,
+    moved,
+    to_start_at,
+)
 from g1_description.motion.trajectory import Trajectory, sample
 
 
@@ -108,3 +116,46 @@ def test_it_begins_at_a_place_and_faces_as_the_robot_does(seed):
         np.testing.assert_allclose(
             before.apply(axis)[:, 2], after.apply(axis)[:, 2], atol=1e-9
         )
+
+
+ANGLES = st.lists(st.floats(-10.0, 10.0), min_size=3, max_size=3).map(np.array)
+
+
+SHARE = st.floats(-0.5, 1.5)
+
+
+@given(ANGLES, ANGLES, SHARE, SHARE)
+def test_a_smooth_way_never_overshoots_nor_turns_back(start, goal, one, other):
+    sooner, later = (minimum_jerk(start, goal, share) for share in sorted([one, other]))
+    for way in (sooner, later):
+        assert (way >= np.minimum(start, goal)).all()
+        assert (way <= np.maximum(start, goal)).all()
+    assert ((later - sooner) * np.sign(goal - start) >= -1e-12).all()
+
+
+@given(ANGLES, ANGLES)
+def test_a_smooth_way_begins_and_ends_where_it_should(start, goal):
+    for share in (0.0, -1.0):
+        np.testing.assert_array_equal(minimum_jerk(start, goal, share), start)
+    for share in (1.0, 2.0):
+        np.testing.assert_array_equal(minimum_jerk(start, goal, share), goal)
+
+
+@given(st.floats(0.0, 1.0))
+def test_a_smooth_way_is_scipys_polynomial_at_rest_at_both_ends(share):
+    """Velocity and acceleration are zero at the ends: that is minimum jerk."""
+    rest = BPoly.from_derivatives([0.0, 1.0], [[-1.0, 0.0, 0.0], [2.0, 0.0, 0.0]])
+    way = minimum_jerk(np.array([-1.0]), np.array([2.0]), share)
+    np.testing.assert_allclose(way, [rest(share)], atol=1e-12)
+
+
+@given(st.floats(0.0, 1.0), st.floats(0.1, 100.0))
+def test_a_sampled_way_is_the_same_with_its_velocities(share, seconds):
+    rest = BPoly.from_derivatives([0.0, 1.0], [[-1.0, 0.0, 0.0], [2.0, 0.0, 0.0]])
+    start, goal = np.array([-1.0, 0.5]), np.array([2.0, 0.5])
+    way = minimum_jerk_trajectory(("knee", "elbow"), start, goal, seconds)
+    found = sample(way, share * seconds)
+    np.testing.assert_allclose(found.positions, [rest(share), 0.5], atol=1e-6)
+    velocities = found.velocities * seconds
+    np.testing.assert_allclose(velocities, [rest(share, 1), 0.0], atol=1e-4)
+    assert way.duration == seconds

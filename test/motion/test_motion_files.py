@@ -331,15 +331,6 @@ def test_a_pickle_changes_no_class_or_function(g1, file, name):
     assert read_motion(file(pickle.dumps(gmr(), 2)), g1).notes == ()
 
 
-def bomb():
-    """Make a small npz of 300 MB of zeros."""
-    file = io.BytesIO()
-    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
-        others(archive)
-        archive.writestr("dof_pos.npy", bytes(300_000_000))
-    return file.getvalue()
-
-
 def others(archive):
     """Add the arrays of GMR but one."""
     for name, value in gmr().items():
@@ -400,14 +391,6 @@ def nested(depth):
     return found
 
 
-def yaml_nested(depth):
-    """Make the same in YAML, as the name of a joint."""
-    lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
-    for n in range(depth):
-        lines.append(f"a{n + 1}: &a{n + 1} [{', '.join([f'*a{n}'] * 10)}]")
-    return "\n".join([*lines, f"joint_names: [*a{depth}]", "points: []"])
-
-
 TWO_BODIES = {
     "fps": 50,
     "joint_pos": np.zeros((3, 29)),
@@ -433,7 +416,9 @@ BAD = {
         lambda: pickle.dumps({**gmr(), "dof_pos": [[1], 2]}),
         "must contain numbers",
     ),
-    "names": (lambda: yaml_nested(9), "Line 1 has an anchor"),
+    "names": ("joint_names: [&a x, *a]\npoints: []\n", "Line 1 has an anchor"),
+    "wide": (",".join(["0.5"] * 1_000_000), "Line 1 has 3999999 characters"),
+    "no list": ("joint_names: x\npoints: []\n", "joint_names must be a list"),
     "tag": ("joint_names: [a]\npoints: !!bool x\n", "Line 2 has a tag"),
     "long": (
         ECHO.replace("secs: 2", f"secs: 1{'0' * 400}"),
@@ -484,7 +469,6 @@ BAD = {
         ROW.replace("0,0,0,1", "0,0,0,2"),
         "quaternion of sample 1 must have length 1 .got 2",
     ),
-    "wide": (",".join(["0.5"] * 1_000_000), "Line 1 has 3999999 characters"),
     "headless": (",".join(["0.5"] * 12), "has 5 unnamed joints"),
     "twice": ("time,a,a\n0,1,2\n", "duplicate columns: a"),
     "timeless": ("left_elbow_joint\n0\n", "time"),
@@ -492,7 +476,6 @@ BAD = {
     "backward": ("time,left_elbow_joint\n1,0\n0,0\n", "must increase"),
     "strangers": ("time,a,b\n0,1,2\n", "none of the motion's joints, a, b"),
     "no zip": (b"PK\x03\x04" + bytes(100), "npz file cannot be read"),
-    "bomb": (bomb, "dof_pos has 300 MB"),
     "underscore": (ROW.replace("0.8", "1_0"), "expected a number .got '1_0'"),
     "velocity": ("time,a,b,a.velocity\n0,1,2,3\n", "but lacks b.velocity"),
     "stray": ("time,a,a.velocity,b.velocity\n0,1,2,3\n", "has b.velocity, but no"),
@@ -590,7 +573,7 @@ def test_a_damaged_file_is_read_or_refused_and_nothing_else(g1, file, case):
     }[case]
     random = np.random.default_rng(11)
     refused = 0
-    for _ in range(300):
+    for _ in range(150):
         data = bytearray(whole[: random.integers(1, len(whole) + 1)])
         for _ in range(random.integers(0, 4)):
             data[random.integers(len(data))] = random.integers(256)
@@ -598,4 +581,4 @@ def test_a_damaged_file_is_read_or_refused_and_nothing_else(g1, file, case):
             read_motion(file(bytes(data)), g1)
         except MotionError:
             refused += 1
-    assert refused > 100
+    assert refused > 50

@@ -176,11 +176,10 @@ def test_few_modules_import_it(library, modules):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("program", ["bridge.node", "importer.command"])
-def test_the_bridge_and_the_import_do_without_pybullet(program):
+def test_the_bridge_and_the_import_do_without_pybullet():
     pytest.importorskip("rospy", reason="rospy is not there")
-    module = f"g1_description.{program}"
-    code = f"import sys, {module}; sys.exit('pybullet' in sys.modules)"
+    modules = "g1_description.bridge.node, g1_description.importer.command"
+    code = f"import sys, {modules}; sys.exit('pybullet' in sys.modules)"
     path = os.pathsep.join([str(SOURCE.parent), *sys.path])
     environment = {**os.environ, "PYTHONPATH": path}
     assert subprocess.run([sys.executable, "-c", code], env=environment).returncode == 0

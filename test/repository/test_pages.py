@@ -3,11 +3,11 @@
 import os
 import re
 import subprocess
-import sys
 import xml.etree.ElementTree as ET
 from functools import lru_cache
 
 import pytest
+from forked import run_script
 from pages import (
     NAMES,
     PAGES,
@@ -40,15 +40,17 @@ FOLDERS = {path.name for path in ROOT.iterdir() if path.is_dir()}
 @lru_cache(maxsize=None)
 def help_of(file):
     """Return what an executable prints for --help."""
-    command = [str(file)] if file.parent.name == "tools" else [sys.executable, file]
-    path = os.pathsep.join([str(ROOT / "src"), *sys.path])
-    run = subprocess.run(
-        [*command, "-h"],
-        env={**os.environ, "PYTHONPATH": path, "DISPLAY": ""},
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-    )
+    environment = {**os.environ, "DISPLAY": ""}
+    if file.parent.name == "tools":
+        run = subprocess.run(
+            [str(file), "-h"],
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+        )
+    else:
+        run = run_script(file, "-h", environment=environment)
     assert run.returncode == 0, run.stderr
     return run.stdout
 

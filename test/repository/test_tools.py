@@ -1,11 +1,13 @@
 """The tools that no other test runs can be started."""
 
 import os
+import runpy
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from forked import run_forked
 
 pytest.importorskip("rospy", reason="rospy is not installed")
 TOOLS = Path(__file__).resolve().parents[2] / "tools"
@@ -29,14 +31,12 @@ def test_an_interpreter_that_is_none_is_refused():
 @pytest.mark.slow
 @pytest.mark.parametrize("module", ["bench", "pictures", "soaking"])
 def test_a_tool_starts(module):
-    folders = [TOOLS, TOOLS.parent / "src", TOOLS.parent / "test" / "rostest"]
-    path = os.pathsep.join([*map(str, folders), *sys.path])
-    done = subprocess.run(
-        [sys.executable, "-m", module, "--help"],
-        env={**os.environ, "PYTHONPATH": path},
-        capture_output=True,
-        text=True,
-    )
+    def main():
+        sys.path[:0] = [str(TOOLS), str(TOOLS.parent / "test" / "rostest")]
+        sys.argv[:] = [module, "--help"]
+        runpy.run_module(module, run_name="__main__", alter_sys=True)
+
+    done = run_forked(main)
     assert done.returncode == 0, done.stderr
     assert "usage: tools/" in done.stdout
 

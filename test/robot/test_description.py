@@ -125,7 +125,7 @@ def test_a_number_that_is_none_is_refused_with_its_place(good, words, bad):
 
 
 def test_a_chain_of_thousands_is_read_and_lumped():
-    count = 3000
+    count = 1500
     links = "".join(f'<link name="l{n}"/>' for n in reversed(range(count)))
     joints = "".join(
         f'<joint name="j{n}" type="fixed"><parent link="l{n - 1}"/>'

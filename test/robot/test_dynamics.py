@@ -92,7 +92,7 @@ def test_efforts_and_root_wrench_are_pinocchios():
         np.testing.assert_allclose(found.root_wrench[n], at_origin, rtol=0, atol=1e-9)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=12)
 @given(chains(), world_poses(), st.integers(0, 1000))
 def test_any_chain_has_pinocchios_frames_and_jacobians(chain, pose, seed):
     """Prismatic and continuous joints, fixed ones, axes and origins of any kind."""

@@ -16,7 +16,7 @@ def lumped_positions(lumped, positions):
     return np.array([positions[joint.name] for joint in lumped.description.joints])
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=20)
 @given(chains(), world_poses())
 def test_links_are_where_scipy_puts_them(chain, root_pose):
     text, positions = chain
@@ -28,7 +28,7 @@ def test_links_are_where_scipy_puts_them(chain, root_pose):
     assert_poses_close(poses, wanted, 1e-12)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20)
 @given(chains(), world_poses(), st.randoms(use_true_random=False))
 def test_twists_are_the_slopes_of_poses(chain, root_pose, random):
     text, positions = chain
@@ -66,7 +66,7 @@ def test_the_root_stays_to_the_last_bit():
     assert (poses[0] == root_pose).all()
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=12)
 @given(chains(), world_poses(), st.integers(0, 1000))
 def test_a_batch_is_its_configurations(chain, root_pose, seed):
     text, _ = chain

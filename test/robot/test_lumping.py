@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from robots import BOX, MASS, chains, link, lump
 from scipy.spatial.transform import Rotation
@@ -36,6 +36,7 @@ def point_masses(inertial, placement):
     return np.full(6, inertial.mass / 6.0), turned
 
 
+@settings(max_examples=20)
 @given(chains(st.just("fixed")))
 def test_inertia_is_that_of_all_the_mass_points(chain):
     robot = parse_urdf(chain[0])
@@ -54,6 +55,7 @@ def test_inertia_is_that_of_all_the_mass_points(chain):
     np.testing.assert_allclose(body.inertial.inertia, expected, rtol=1e-9, atol=1e-8)
 
 
+@settings(max_examples=20)
 @given(chains())
 def test_lumping_keeps_the_mass_and_the_movable_joints(chain):
     robot = parse_urdf(chain[0])

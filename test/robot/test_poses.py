@@ -1,22 +1,28 @@
-"""Files of poses: what is read, and what is refused with a sentence."""
+"""Files of poses: what is read, what is refused, and how they are written."""
+
+import resource
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
 import yaml
 from conftest import REPOSITORY
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.interpolate import BPoly
 
-from g1_description.errors import InvalidValueError, PoseFileError, UnknownNameError
-from g1_description.motion.edit import minimum_jerk, minimum_jerk_trajectory
-from g1_description.motion.trajectory import sample
+from g1_description.errors import (
+    G1DescriptionError,
+    InvalidValueError,
+    PoseFileError,
+    UnknownNameError,
+)
 from g1_description.robot.poses import (
     Pose,
     check_pose,
     find_pose,
     parse_poses,
     pose_positions,
+    save_pose,
     with_pose,
 )
 from g1_description.robot.urdf import parse_urdf
@@ -200,8 +206,9 @@ def test_a_form_that_cannot_be_edited_is_refused(text):
         with_pose(text, Pose("low", {"knee": 2.0}), "here")
 
 
+@settings(max_examples=20)
 @given(
-    st.lists(st.sampled_from(["on", "low", "e1", "null", "n-o"]), max_size=6),
+    st.lists(st.sampled_from(["on", "low", "e1", "null", "n-o"]), max_size=4),
     st.dictionaries(
         st.sampled_from(["knee", "no", "hip"]), st.floats(-1e9, 1e9), max_size=3
     ),
@@ -248,42 +255,28 @@ def test_joints_that_are_not_named_are_at_zero_or_the_limit_next_to_it():
         assert squat[row] == POSES["squat"].positions.get(name, 0.0)
 
 
-ANGLES = st.lists(st.floats(-10.0, 10.0), min_size=3, max_size=3).map(np.array)
-SHARE = st.floats(-0.5, 1.5)
+@contextmanager
+def tiny_files():
+    """Let no file grow beyond ten bytes, as on a full disk."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (10, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
-@given(ANGLES, ANGLES, SHARE, SHARE)
-def test_a_smooth_way_never_overshoots_nor_turns_back(start, goal, one, other):
-    sooner, later = (minimum_jerk(start, goal, share) for share in sorted([one, other]))
-    for way in (sooner, later):
-        assert (way >= np.minimum(start, goal)).all()
-        assert (way <= np.maximum(start, goal)).all()
-    assert ((later - sooner) * np.sign(goal - start) >= -1e-12).all()
+def test_a_pose_that_cannot_be_written_leaves_nothing(tmp_path):
+    told = pytest.raises(G1DescriptionError, match="cannot be written: File too large")
+    with told, tiny_files():  # as short as can be: pytest writes to a file, too
+        save_pose(Pose("low", {"knee": 1.0}), tmp_path / "poses.yaml")
+    assert not list(tmp_path.iterdir())
 
 
-@given(ANGLES, ANGLES)
-def test_a_smooth_way_begins_and_ends_where_it_should(start, goal):
-    for share in (0.0, -1.0):
-        np.testing.assert_array_equal(minimum_jerk(start, goal, share), start)
-    for share in (1.0, 2.0):
-        np.testing.assert_array_equal(minimum_jerk(start, goal, share), goal)
-
-
-@given(st.floats(0.0, 1.0))
-def test_a_smooth_way_is_scipys_polynomial_at_rest_at_both_ends(share):
-    """Velocity and acceleration are zero at the ends: that is minimum jerk."""
-    rest = BPoly.from_derivatives([0.0, 1.0], [[-1.0, 0.0, 0.0], [2.0, 0.0, 0.0]])
-    way = minimum_jerk(np.array([-1.0]), np.array([2.0]), share)
-    np.testing.assert_allclose(way, [rest(share)], atol=1e-12)
-
-
-@given(st.floats(0.0, 1.0), st.floats(0.1, 100.0))
-def test_a_sampled_way_is_the_same_with_its_velocities(share, seconds):
-    rest = BPoly.from_derivatives([0.0, 1.0], [[-1.0, 0.0, 0.0], [2.0, 0.0, 0.0]])
-    start, goal = np.array([-1.0, 0.5]), np.array([2.0, 0.5])
-    way = minimum_jerk_trajectory(("knee", "elbow"), start, goal, seconds)
-    found = sample(way, share * seconds)
-    np.testing.assert_allclose(found.positions, [rest(share), 0.5], atol=1e-6)
-    velocities = found.velocities * seconds
-    np.testing.assert_allclose(velocities, [rest(share, 1), 0.0], atol=1e-4)
-    assert way.duration == seconds
+def test_a_file_keeps_its_mode_when_it_is_replaced(tmp_path):
+    file = tmp_path / "poses.yaml"
+    file.write_text("low: {}\n")
+    file.chmod(0o640)
+    save_pose(Pose("low", {"knee": 1.0}), file)
+    assert file.stat().st_mode & 0o777 == 0o640
+    assert file.read_text() == "low:\n  knee: 1.0\n"
