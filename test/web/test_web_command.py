@@ -135,6 +135,7 @@ def test_a_port_that_is_taken_is_told(refused):
         (["--model", "none.urdf"], "none.urdf"),
         (["--port", "70000"], "must be a whole number from 0 to 65535"),
         (["--thresholds", DATA / "elbow.csv", "--model", ROBOT], "elbow.csv"),
+        (["--host", "no.host.invalid", "--model", ROBOT], "'no.host.invalid'"),
         (["--colour"], "--colour"),
     ],
 )

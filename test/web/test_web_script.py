@@ -212,6 +212,20 @@ def test_a_text_is_copied(page):
 
 
 @needs_browser
+def test_who_brought_the_token_once_is_let_in(chromium):
+    with opened(host="0.0.0.0") as server:
+        server.viser.gui.add_button("Stand")
+        address, _, token = server.address.partition("?token=")
+        page = chromium.open(address, WINDOW)
+        assert "wants the token" in page.text()
+        assert token not in page.raw.content()
+        for place in (server.address, address):
+            page.raw.goto(place)
+            page.wait_for(lambda: "Stand" in page.text(), "the page")
+        page.close()
+
+
+@needs_browser
 def test_problems_of_a_page_are_kept(chromium):
     page = chromium.open("data:,", WINDOW, script="window.early = 1")
     assert page.raw.evaluate("early") == 1, "a script runs before the page's own"
