@@ -190,13 +190,6 @@ def test_problems_are_others_when_the_robots_links_changed():
     assert changed({"a::base": 0.0, "b::base": np.nan}) == [False, True]
 
 
-def test_the_arrays_of_robots_are_views_of_common_ones():
-    estimator = JointStateEstimator({"a": robot("base", "tip"), "b": robot("base")})
-    one, other = show(estimator, {"a::base": 0.0, "a::tip": 0.0, "b::base": 0.0})
-    assert one.positions.base is not None
-    assert one.positions.base is other.positions.base
-
-
 def wound_up():
     """Give an estimator of a joint that has turned by 20 rad."""
     estimator = JointStateEstimator({"r": robot("a", "b")})

@@ -24,6 +24,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from viser import infra
 from viser import transforms as tf
+from waiting import wait_for
 from web_clients import (
     HELLO,
     TIMEOUT,
@@ -32,7 +33,6 @@ from web_clients import (
     message,
     netloc,
     opened,
-    wait_until,
     wait_until_left,
 )
 from websockets.exceptions import ConnectionClosed, InvalidStatus
@@ -103,7 +103,7 @@ class Scene:
                 page.send(data)
             updates = {"value": self.count}
             page.send(message("GuiUpdateMessage", uuid=uuid, updates=updates))
-            wait_until(lambda: self.last.value == self.count, "the last message")
+            wait_for(lambda: self.last.value == self.count, "the last message")
 
 
 @pytest.fixture(scope="module")
@@ -199,7 +199,7 @@ def test_a_browser_gets_the_scene_and_is_counted(server):
         assert len(page.recv(timeout=TIMEOUT)) > 100
         assert server.browsers == 1
         assert server.watched.is_set()
-        wait_until(lambda: server.bytes_sent > before + 100, "bytes counted")
+        wait_for(lambda: server.bytes_sent > before + 100, "bytes counted")
     wait_until_left(server)
     assert not server.watched.is_set()
 
@@ -432,7 +432,7 @@ def test_one_more_than_may_be_is_told(server):
         caught.value.response.body == b"5 pages are open, which is the most: close one."
     )
     pages[0].close()
-    wait_until(lambda: server.browsers == 4, "one has left")
+    wait_for(lambda: server.browsers == 4, "one has left")
     pages[0] = join(server)
     for page in pages:
         assert page.recv(timeout=TIMEOUT)
@@ -501,7 +501,7 @@ def test_who_does_not_take_an_answer_is_cut_off(monkeypatch):
         client.sendall(b"GET /long HTTP/1.1\r\nHost: localhost\r\n\r\n")
         assert client.recv(12) == b"HTTP/1.1 200"
         n_open = n_files()
-        wait_until(lambda: n_files() < n_open, "it is cut off")
+        wait_for(lambda: n_files() < n_open, "it is cut off")
 
 
 def n_files():
@@ -516,7 +516,7 @@ def with_lazy(server):
         lazy.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         lazy.sendall(HELLO)
         assert lazy.recv(12) == b"HTTP/1.1 101"
-        wait_until(lambda: server.browsers == 1, "it is there")
+        wait_for(lambda: server.browsers == 1, "it is there")
         yield
 
 
@@ -552,7 +552,7 @@ def test_who_does_not_read_is_cut_off(monkeypatch):
         for number in range(40):
             send_points(server, number)
             server.viser.flush()
-        wait_until(lambda: server.browsers == 0, "it is cut off")
+        wait_for(lambda: server.browsers == 0, "it is cut off")
 
 
 # --- messages ---
@@ -589,7 +589,7 @@ def test_viser_knows_a_browser_by_its_camera(scene):
     before = len(scene.joined)
     with join(scene.server) as page:
         page.send(message("ViewerCameraMessage", **CAMERA))
-        wait_until(lambda: len(scene.joined) == before + 1, "the callback")
+        wait_for(lambda: len(scene.joined) == before + 1, "the callback")
         assert scene.joined[-1].camera.image_width == 640
 
 
@@ -599,7 +599,7 @@ def test_a_picture_of_some_megabytes_comes_through(scene):
     wait_until_left(scene.server)
     with join(scene.server) as page:
         page.send(message("ViewerCameraMessage", **CAMERA))
-        wait_until(lambda: scene.server.viser.get_clients(), "the browser")
+        wait_for(lambda: scene.server.viser.get_clients(), "the browser")
         client = next(iter(scene.server.viser.get_clients().values()))
         client._websock_connection.register_handler(
             CLASSES["GetRenderResponseMessage"],
@@ -643,7 +643,7 @@ def test_read_only_nothing_of_a_browser_reaches_viser(shown):
         page.send(b"garbage")
         points = np.zeros((2**15, 3))
         shown.server.viser.scene.add_point_cloud("/late", points, (9, 9, 9))
-        wait_until(lambda: len(page.recv(timeout=TIMEOUT)) > 2**16, "it goes on")
+        wait_for(lambda: len(page.recv(timeout=TIMEOUT)) > 2**16, "it goes on")
     wait_until_left(shown.server)
     assert shown.slider.value == 0.0
     assert shown.joined == []
@@ -679,7 +679,7 @@ def test_a_file_arrives_whole_and_is_deleted(server, reader):
     assert answer == {"state": "done", "text": f"walk.csv: {2**21} bytes, {total}"}
     path = reader.paths[-1]
     assert path.suffix == ".csv"
-    wait_until(lambda: not path.parent.exists(), "deleted")
+    wait_for(lambda: not path.parent.exists(), "deleted")
 
 
 def test_an_empty_file_is_one_too(server):
@@ -691,7 +691,7 @@ def test_an_error_is_told_in_its_sentence(server, reader):
     assert bad == {"state": "failed", "text": "a.csv has no joints"}
     worse = upload(server, "a.csv", [b"worse"])
     assert worse == {"state": "failed", "text": "a.csv cannot be read: line 3"}
-    wait_until(lambda: not reader.paths[-1].parent.exists(), "deleted")
+    wait_for(lambda: not reader.paths[-1].parent.exists(), "deleted")
 
 
 def test_a_file_that_is_too_large_is_refused_unread(server, reader):
@@ -752,7 +752,7 @@ def test_only_a_few_are_taken_at_once(server, reader):
     for page in pages:
         assert receive(page) == {"state": "ready"}
         page.send(b"slow")
-    wait_until(lambda: reader.waiting == MAX_AT_ONCE, "all are being read")
+    wait_for(lambda: reader.waiting == MAX_AT_ONCE, "all are being read")
     assert "again later" in upload(server, "one.csv", [b"1"])["text"]
     assert fetch(server).status == 200
     reader.go.set()
