@@ -1,14 +1,13 @@
 """Clients of the browser view's server, as browsers and as others that try."""
 
 import http.client
-import time
 from contextlib import contextmanager
 from typing import NamedTuple
 from urllib.parse import urlsplit
 
 import msgspec
 import viser
-from waiting import DEADLINE
+from waiting import DEADLINE, wait_for
 from websockets.sync.client import connect
 
 from g1_description.web.server.address import ServerOptions
@@ -83,15 +82,7 @@ def message(kind, **fields):
     return msgspec.msgpack.encode({"type": kind, **fields})
 
 
-def wait_until(condition, what, timeout=TIMEOUT):
-    """Wait until a condition holds."""
-    deadline = time.monotonic() + timeout
-    while not condition():
-        assert time.monotonic() < deadline, f"not in time: {what}"
-        time.sleep(0.005)
-
-
 def wait_until_left(server):
     """Wait until all have left, and viser has done what they sent."""
     states = server.viser._websock_server._client_state_from_id
-    wait_until(lambda: not server.browsers and not states, "all have left")
+    wait_for(lambda: not server.browsers and not states, "all have left")

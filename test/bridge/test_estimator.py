@@ -1,8 +1,13 @@
-"""Several robots are seen in one message, wherever their links stand in it."""
+"""What the bridge measures: links of several robots, whole turns, velocities.
+
+Links are placed by scipy, and PyBullet tells how fast its joints are.
+"""
 
 import numpy as np
 import pytest
+from conftest import REPOSITORY
 from robots import robot
+from scipy.spatial.transform import Rotation
 
 from g1_description.bridge.estimator import JointStateEstimator
 from g1_description.robot.urdf import parse_urdf
@@ -185,13 +190,6 @@ def test_problems_are_others_when_the_robots_links_changed():
     assert changed({"a::base": 0.0, "b::base": np.nan}) == [False, True]
 
 
-def test_the_arrays_of_robots_are_views_of_common_ones():
-    estimator = JointStateEstimator({"a": robot("base", "tip"), "b": robot("base")})
-    one, other = show(estimator, {"a::base": 0.0, "a::tip": 0.0, "b::base": 0.0})
-    assert one.positions.base is not None
-    assert one.positions.base is other.positions.base
-
-
 def wound_up():
     """Give an estimator of a joint that has turned by 20 rad."""
     estimator = JointStateEstimator({"r": robot("a", "b")})
@@ -229,21 +227,286 @@ def test_turns_begin_anew_for_a_joint_not_seen_for_long():
     assert positions(observations)[0]["to_b"] == pytest.approx(20.3 - 6 * np.pi)
 
 
-def test_a_fast_wheel_keeps_its_turns_where_messages_are_far_apart():
-    """4 rad from one message to the next: its velocity tells how far it went."""
-    estimator = JointStateEstimator({"r": robot("a", "b")})
-    twists = np.array([[0.0] * 6, [0.0] * 5 + [200.0]])
-    for step in range(200):
-        poses = np.array([turned(0.0), turned(4.0 * step)])
-        observations = estimator.update(
-            ("r::a", "r::b"), poses, twists, 20_000_000 * step
+# --- whole turns ---
+
+TURN = 2.0 * np.pi
+HALF = 3.14159
+RPY = (0.3, -0.2, 0.5)
+AXIS = np.array([0.6, 0.0, -0.8])
+BASE = Rotation.from_rotvec([1.0, 2.0, -0.5])
+BEFORE = BASE * Rotation.from_euler("xyz", RPY)
+DT = 0.02
+
+
+class Watched:
+    """A joint and the estimator that watches it."""
+
+    def __init__(self, lower=None, upper=None):
+        kind, limit = "continuous", ""
+        if lower is not None:
+            kind = "revolute"
+            limit = f'<limit lower="{lower}" upper="{upper}" effort="1" velocity="1"/>'
+        text = (
+            '<robot name="r"><link name="a"/><link name="b"/>'
+            f'<joint name="j" type="{kind}"><parent link="a"/><child link="b"/>'
+            f'<origin xyz="1 2 3" rpy="{RPY[0]} {RPY[1]} {RPY[2]}"/>'
+            f'<axis xyz="3 0 -4"/>{limit}</joint></robot>'
         )
-    assert positions(observations)[0]["to_b"] == pytest.approx(4.0 * 199)
+        self.estimator = JointStateEstimator({"r": parse_urdf(text)})
+        self.time = 0.0
+
+    def at(self, position, speed=0.0):
+        """Place the links, and give the position that is read."""
+        turned = BEFORE * Rotation.from_rotvec(AXIS * position)
+        quaternions = [BASE.as_quat(), turned.as_quat()]
+        poses = np.hstack([np.zeros((2, 3)), quaternions])
+        twists = np.zeros((2, 6))
+        twists[1, 3:] = turned.apply(AXIS) * speed
+        self.time += DT
+        (seen,) = self.estimator.update(
+            ("r::a", "r::b"), poses, twists, round(1e9 * self.time)
+        )
+        return seen.positions[0]
+
+    def through(self, *stations, moving=False, step=0.1):
+        """Go from station to station by steps of at most 0.1 rad, or as given.
+
+        At rest, as commands put it, or moving as fast as it goes.
+        """
+        for start, end in zip(stations, stations[1:]):
+            steps = int(abs(end - start) / step) + 2
+            speed = moving * (end - start) / (steps - 1) / DT
+            for position in np.linspace(start, end, steps):
+                assert self.at(position, speed) == pytest.approx(position, abs=1e-9)
+        return self
 
 
-def test_a_joint_that_was_put_elsewhere_counts_its_turns_anew():
-    estimator = JointStateEstimator({"r": robot("a", "b")})
-    for step in range(101):
-        show(estimator, {"r::a": 0.0, "r::b": 0.2 * step})
-    observations = show(estimator, {"r::a": 0.0, "r::b": 3.0})
-    assert positions(observations)[0]["to_b"] == pytest.approx(3.0)
+@pytest.mark.parametrize(
+    ("side", "stop"), [(1.0, HALF), (-1.0, np.pi), (1.0, 7.0), (-1.0, 3.07)]
+)
+def test_a_little_beyond_its_stop_a_joint_does_not_flip(stop, side):
+    """0.05 rad beyond, as physics pushes it; wide ranges and those of one turn."""
+    beyond = side * (stop + 0.05)
+    Watched(-stop, stop).through(0.0, beyond, 0.0, beyond, moving=True)
+
+
+@pytest.mark.parametrize(("lower", "upper"), [(0, 4), (2, 8), (-1, 2), (10, 12)])
+def test_a_little_beyond_its_stop_a_narrow_joint_is_known_at_once(lower, upper):
+    for position in (lower - 0.05, lower, upper, upper + 0.05):
+        assert Watched(lower, upper).at(position) == pytest.approx(position, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "position"),
+    [
+        (-4, 4, -3.0),
+        (2, 9, 8.6 - TURN),
+        (-6.5, 5, TURN - 3.8),
+        (0, 6.8, -1e-9),
+        (0, 6.8, 6.2),
+        (-89, 0.5, -5.5),
+        (20, 40, 21.0),
+        (-40, -20, -21.0),
+    ],
+)
+def test_the_first_guess_is_the_turn_inside_the_limits_that_is_nearest_zero(
+    lower, upper, position
+):
+    assert Watched(lower, upper).at(position) == pytest.approx(position, abs=1e-9)
+
+
+def test_a_joint_of_more_than_a_turn_walks_through_a_half_turn_both_ways():
+    Watched(-4, 4).through(0.0, 4.0, -4.0, 4.0, 0.0)
+    Watched(-7, 7).through(0.0, -7.0, 7.0, -7.0, 0.0)
+    Watched(2, 9).through(5.5, 9.0, 2.0, 9.0)
+    Watched(-HALF, HALF).through(0.0, HALF, -HALF, HALF)
+
+
+@pytest.mark.parametrize(
+    ("limits", "before", "put", "inside"),
+    [
+        ((-4, 4), -3.9, -4.4, TURN - 4.4),
+        ((-HALF, HALF), 3.1, 3.1 + 0.08, 3.1 + 0.08 - TURN),
+        ((-HALF, HALF), -HALF, -HALF - 0.001, TURN - HALF - 0.001),
+        ((-4, 4), 4.0, 4.0 + 0.05, 4.05 - TURN),
+        ((2, 9), 8.8, 9.5, 9.5 - TURN),
+    ],
+)
+def test_a_teleport_that_lands_outside_the_limits_is_read_inside(
+    limits, before, put, inside
+):
+    """Less than a quarter turn away: it goes on, but out of the limits."""
+    joint = Watched(*limits).through(0.5 * sum(limits), before)
+    assert joint.at(put) == pytest.approx(inside, abs=1e-9)
+
+
+def test_an_endless_joint_counts_turns_up_and_down():
+    Watched().through(0.0, 3 * TURN, -3 * TURN, step=0.3)
+
+
+@pytest.mark.parametrize(("limits", "side"), [((), -1.0), ((-40, 40), 1.0)])
+def test_a_jump_of_more_than_a_quarter_turn_counts_turns_anew(limits, side):
+    goes_on = side * (30.0 + 0.24 * TURN)
+    joint = Watched(*limits).through(0.0, side * 30.0)
+    assert joint.at(goes_on) == pytest.approx(goes_on, abs=1e-9)
+    jumps = goes_on + side * 0.26 * TURN
+    anew = jumps - TURN * np.round(jumps / TURN)
+    assert joint.at(jumps) == pytest.approx(anew, abs=1e-9)
+
+
+@pytest.mark.parametrize("speed", [300.0, -300.0, 100.0])
+def test_a_joint_that_is_fast_enough_for_its_way_has_not_jumped(speed):
+    """6 rad in a message's time, almost a whole turn."""
+    joint = Watched()
+    for step in range(100):
+        position = speed * DT * step
+        assert joint.at(position, speed) == pytest.approx(position, abs=1e-9)
+
+
+def test_a_slide_has_no_turns():
+    """Not even beyond its stop, beside a joint that counts them."""
+    text = (
+        '<robot name="r"><link name="a"/><link name="b"/><link name="c"/>'
+        '<joint name="slide" type="prismatic"><parent link="a"/><child link="b"/>'
+        '<limit lower="-5" upper="5" effort="1" velocity="1"/></joint>'
+        '<joint name="turn" type="continuous"><parent link="a"/><child link="c"/>'
+        "</joint></robot>"
+    )
+    estimator = JointStateEstimator({"r": parse_urdf(text)})
+    for way in (0.0, 4.9, -4.9, 5.3, -5.3):
+        poses = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]] * 3)
+        poses[1, 0] = way
+        names = ("r::a", "r::b", "r::c")
+        (seen,) = estimator.update(names, poses, np.zeros((3, 6)), 0)
+        assert seen.positions[0] == pytest.approx(way, abs=1e-12)
+
+
+def test_a_joint_that_was_not_seen_for_a_while_goes_on_where_its_speed_took_it():
+    """The other joint was seen meanwhile."""
+    text = "".join(
+        f'<joint name="{name}" type="continuous"><parent link="a"/>'
+        f'<child link="{name}"/><axis xyz="0 0 1"/></joint><link name="{name}"/>'
+        for name in "bc"
+    )
+    robot = parse_urdf(f'<robot name="r"><link name="a"/>{text}</robot>')
+    estimator = JointStateEstimator({"r": robot})
+    speed = 100.0
+    twists = np.zeros((3, 6))
+    twists[1:, 5] = speed
+    for step in range(20):
+        n_links = 2 if step == 10 else 3
+        turns = Rotation.from_rotvec([[0, 0, a * speed * step * DT] for a in (0, 1, 1)])
+        poses = np.hstack([np.zeros((3, 3)), turns.as_quat()])[:n_links]
+        names = ("r::a", "r::b", "r::c")[:n_links]
+        stamp = round(1e9 * step * DT)
+        (seen,) = estimator.update(names, poses, twists[:n_links], stamp)
+    np.testing.assert_allclose(seen.positions, speed * 19 * DT)
+
+
+@pytest.mark.parametrize("limits", [(), (-HALF, HALF)])
+def test_a_clock_that_is_slower_than_the_messages_moves_no_turns(limits):
+    """A clock of 100 Hz, states of 1 kHz; a wheel, and a joint beyond its stop."""
+    joint, speed = Watched(*limits), 50.0
+    for step in range(1000):
+        joint.time = 0.01 * (step // 10) - DT
+        position = speed * 0.001 * step
+        if limits:
+            position = HALF + 0.03 * np.sin(speed * 0.001 * step)
+        slope = 0.03 * speed * np.cos(speed * 0.001 * step) if limits else speed
+        read = joint.at(position, slope)
+    assert read == pytest.approx(position, abs=1e-9)
+
+
+# --- velocities ---
+
+THROWN = ("skew_axes", "rail", "tree", "gripper", "locked_waist", "seven_joint_hand")
+"""Axes of any direction, slides, branches, mimics, and links that are lumped."""
+HIGH = np.array([1.0, 2.0, 30.0, 0.0, 0.0, 0.0, 1.0])
+SPINNING = np.array([0.3, -0.2, 0.5, 2.0, -3.0, 1.0])
+
+
+class Thrown:
+    """A robot that flies, spins and moves its joints, and what PyBullet says of it."""
+
+    def __init__(self, world, text):
+        world.spawn_urdf("robot", text, HIGH)
+        world.put("robot", HIGH, SPINNING)
+        self._client, self._body = world.client, world.body("robot").number
+        self._index = world.joint_numbers("robot")
+        name_of = world.body("robot").link_name
+        self._links = [name_of(index) for index in range(-1, len(self._index))]
+        self._let_go(parse_urdf(text), np.random.default_rng(1))
+
+    def _let_go(self, description, random):
+        """Put joints within a half turn of the middle of their limits, and move."""
+        for joint in description.movable_joints:
+            middle = 0.5 * (joint.lower + joint.upper)
+            middle = middle if np.isfinite(middle) else 0.0
+            lower, upper = np.clip([joint.lower, joint.upper], middle - 3, middle + 3)
+            start = random.uniform(lower, upper), random.uniform(-3.0, 3.0)
+            self._client.resetJointState(self._body, self._index[joint.name], *start)
+
+    def joint_states(self, names):
+        """Give positions and velocities, each of shape (n_joints,)."""
+        states = [
+            self._client.getJointState(self._body, self._index[name])[:2]
+            for name in names
+        ]
+        return np.array(states).reshape(-1, 2).T
+
+    def link_states(self):
+        """Give names, poses and twists of the links' frames."""
+        states = [self._base_state()]
+        for index in range(len(self._index)):
+            state = self._client.getLinkState(
+                self._body, index, computeLinkVelocity=1, computeForwardKinematics=1
+            )
+            states.append((state[0], state[4], state[5], state[6], state[7]))
+        center, origin, rotation, linear, angular = map(np.array, zip(*states))
+        linear = linear + np.cross(angular, origin - center)
+        names = tuple(f"robot::{link}" for link in self._links)
+        return names, np.hstack([origin, rotation]), np.hstack([linear, angular])
+
+    def _base_state(self):
+        """Give what getLinkState does not give of the base."""
+        center, turned = self._client.getBasePositionAndOrientation(self._body)
+        inertial = self._client.getDynamicsInfo(self._body, -1)[3:5]
+        rotation = Rotation.from_quat(turned) * Rotation.from_quat(inertial[1]).inv()
+        origin = np.array(center) - rotation.apply(inertial[0])
+        velocity = self._client.getBaseVelocity(self._body)
+        return (center, origin, rotation.as_quat(), *velocity)
+
+
+def assert_as_fast(measured, expected, tolerance):
+    """Compare velocities, each relative to the joint's largest."""
+    measured, expected = np.array(measured), np.array(expected)
+    largest = np.abs(expected).max(axis=0)
+    assert (largest > 0.1).all()
+    assert (np.abs(measured - expected).max(axis=0) / largest).max() < tolerance
+
+
+@pytest.mark.parametrize("name", THROWN)
+def test_joints_are_as_fast_as_pybullet_says(make_world, name):
+    """Links lumped as the world lumps them, and links as PyBullet tells them.
+
+    PyBullet rounds the frames it tells to floats, and an axis that is off by 1e-7 rad
+    tells a velocity that is off by the square of that.
+    """
+    text = (REPOSITORY / "test" / "data" / f"{name}.urdf").read_text()
+    world = make_world("limp")
+    thrown = Thrown(world, text)
+    ours, its = (JointStateEstimator({"robot": parse_urdf(text)}) for _ in range(2))
+    names = world.link_names
+    seen, told, expected = [], [], []
+    for _ in range(40):
+        world.step()
+        (state,) = ours.update(names, *world.link_states(), world.time_ns)
+        position, velocity = thrown.joint_states(state.names)
+        np.testing.assert_allclose(state.positions, position, atol=1e-9)
+        seen.append(state.velocities)
+        (state,) = its.update(*thrown.link_states(), world.time_ns)
+        told.append(state.velocities)
+        expected.append(velocity)
+    assert not world.contacts()
+    assert_as_fast(seen, expected, 1e-6)
+    assert_as_fast(told, expected, 1e-9)

@@ -3,7 +3,6 @@
 import json
 import os
 import signal
-import subprocess
 import sys
 from pathlib import Path
 
@@ -12,10 +11,10 @@ import pytest
 pytest.importorskip("rospy", reason="rospy is not installed")
 
 from checked import POST, write_motions
-from conftest import REPOSITORY
+from forked import run_forked
 from waiting import wait_for
 
-from g1_description.cli import check
+from g1_description.cli import check, start
 from g1_description.cli.check import MISUSE, CheckOptions
 from g1_description.cli.motion_paths import motion_files, picture_names
 from g1_description.command_line import parse
@@ -64,65 +63,65 @@ ACTORS = "file,actor\nwalk.csv,Jo\n"
 """A table that no motion is."""
 
 
-@pytest.mark.parametrize(
-    ("name", "text", "problem"),
-    [
-        ("actors.csv", ACTORS, "Line 1 has the columns file, actor, but lacks time."),
-        ("gains.yaml", "knee:\n  p: 10.0\n", "Not a JointTrajectory: 'joint_names' "),
-        ("robots.yaml", "robots: [a, b]\n", "Not a JointTrajectory: 'joint_names' "),
-        ("bends.yml", "knee: !degrees 90\n", "Line 1 has a tag, "),
-    ],
-)
-def test_other_files_of_a_folder_are_told_and_change_nothing(
-    folder, capsys, name, text, problem
-):
+OTHERS = {
+    "actors.csv": (ACTORS, "Line 1 has the columns file, actor, but lacks time."),
+    "bends.yml": ("knee: !degrees 90\n", "Line 1 has a tag, "),
+    "gains.yaml": ("knee:\n  p: 10.0\n", "Not a JointTrajectory: 'joint_names' "),
+    "robots.yaml": ("robots: [a, b]\n", "Not a JointTrajectory: 'joint_names' "),
+}
+
+
+def test_other_files_of_a_folder_are_told_and_change_nothing(folder, capsys):
     motions = folder / "motions"
     (motions / "deeper").mkdir(parents=True)
     write_motions(motions / "deeper", PASSES)
-    (motions / name).write_text(text)
+    for name, (text, _) in OTHERS.items():
+        (motions / name).write_text(text)
     (motions / "notes.txt").write_text("a motion")
     (motions / ".hidden.csv").write_text("a,b\n1,2\n")
     assert run("motions") == 0
-    lines = capsys.readouterr().out.splitlines()
-    assert lines[0].startswith(f"motions/{name}: not a motion: {problem}")
-    assert lines[-1] == (
-        "2 files: 1 passed, 1 not a motion; ignored 1 with other extensions."
+    output = capsys.readouterr().out
+    for name, (_, problem) in OTHERS.items():
+        assert f"motions/{name}: not a motion: {problem}" in output
+    assert output.splitlines()[-1] == (
+        "5 files: 1 passed, 4 not a motion; ignored 1 with other extensions."
     )
 
 
-@pytest.mark.parametrize(
-    ("name", "text"),
-    [
-        ("word.csv", "time,arm_joint\n0,0\n0.1,x\n"),
-        ("number.csv", "time,arm_joint\n0,0\n0.1,nan\n"),
-        ("cut.csv", "time,arm_joint\n0,0\n0.1\n"),
-        ("bytes.csv", "time,arm_joint\n0,\x80\n"),
-        ("empty.csv", ""),
-        ("frames.csv", "Frame,arm_joint_dof\n0,1.5\n"),
-        ("cut.npz", "PK"),
-        ("cut.bag", "#ROSBAG V2.0\n"),
-        ("lfs.csv", "version https://git-lfs.github.com/spec/v1\noid sha256:0\n"),
-        ("semicolons.csv", "time;arm_joint\n0;zero\n"),
-        ("numbers.csv", "-0.03;0.1\n-0.03;0.1\n"),
-        ("spaces.csv", "x y z\n-0.03 0.1 0.2\n"),
-        ("phases.csv", "t,arm_joint,phase\n0,0,swing\n"),
-        ("cut.yaml", "joint_names: [arm_joint]\npoints:\n- positions: [0.1\n"),
-        ("points.yml", "joint_names: [arm_joint]\n"),
-        ("broken.yaml", "robots: [a\n"),
-        ("table.yaml", "time,arm_joint\n0,0\n"),
-        ("table.npz", "file,actor\nwalk.csv,Jo\n"),
-        ("table.pkl", "file,actor\nwalk.csv,Jo\n"),
-        ("table.bag", "file,actor\nwalk.csv,Jo\n"),
-    ],
-)
-def test_a_damaged_motion_of_a_folder_is_not_checked(folder, capsys, name, text):
+DAMAGED = {
+    "word.csv": "time,arm_joint\n0,0\n0.1,x\n",
+    "number.csv": "time,arm_joint\n0,0\n0.1,nan\n",
+    "cut.csv": "time,arm_joint\n0,0\n0.1\n",
+    "bytes.csv": "time,arm_joint\n0,\x80\n",
+    "empty.csv": "",
+    "frames.csv": "Frame,arm_joint_dof\n0,1.5\n",
+    "cut.npz": "PK",
+    "cut.bag": "#ROSBAG V2.0\n",
+    "lfs.csv": "version https://git-lfs.github.com/spec/v1\noid sha256:0\n",
+    "semicolons.csv": "time;arm_joint\n0;zero\n",
+    "numbers.csv": "-0.03;0.1\n-0.03;0.1\n",
+    "spaces.csv": "x y z\n-0.03 0.1 0.2\n",
+    "phases.csv": "t,arm_joint,phase\n0,0,swing\n",
+    "cut.yaml": "joint_names: [arm_joint]\npoints:\n- positions: [0.1\n",
+    "points.yml": "joint_names: [arm_joint]\n",
+    "broken.yaml": "robots: [a\n",
+    "table.yaml": "time,arm_joint\n0,0\n",
+    "table.npz": ACTORS,
+    "table.pkl": ACTORS,
+    "table.bag": ACTORS,
+}
+
+
+def test_a_damaged_motion_of_a_folder_is_not_checked(folder, capsys):
     """Nor is one in a format that is not known; the exit code says so."""
     write_motions(folder, PASSES)
-    (folder / name).write_text(text, encoding="latin-1")
+    for name, text in DAMAGED.items():
+        (folder / name).write_text(text, encoding="latin-1")
     assert run(".") == MISUSE
     output = capsys.readouterr().out
-    assert f"{name}: not read: " in output
-    assert output.splitlines()[-1].startswith("2 files: 1 passed, 1 not read")
+    assert [name for name in DAMAGED if f"{name}: not read: " not in output] == []
+    total = f"{len(DAMAGED) + 1} files: 1 passed, {len(DAMAGED)} not read"
+    assert output.splitlines()[-1].startswith(total)
 
 
 def test_with_a_topic_other_files_than_bags_are_not_read(folder, capsys):
@@ -282,32 +281,37 @@ def test_a_name_may_be_no_text(folder, capsys):
         assert "caf\\" in (folder / report).read_text(encoding="utf-8")
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("jobs", [1, 2])
-def test_ctrl_c_writes_what_is_done(folder, jobs):
-    write_motions(folder, *200 * [PASSES])
-    command = [sys.executable, REPOSITORY / "scripts" / "check", ".", "--jobs", jobs]
-    command += ["--model", "post.urdf", "--json", "out.json", "--csv", "out.csv"]
-    path = os.pathsep.join([str(REPOSITORY / "src"), *sys.path])
-    process = subprocess.Popen(
-        [*map(str, command)],
-        env={**os.environ, "PYTHONPATH": path},
-        stdout=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
-    first = process.stdout.readline()
-    os.killpg(process.pid, signal.SIGINT)
-    rest = process.communicate()[0]
-    assert process.returncode == 130
-    assert first.endswith("passed, 1.00 s, 51 samples\n")
+def test_ctrl_c_writes_what_is_done(folder, monkeypatch, jobs):
+    """It comes to the whole group with the first outcome, as from a terminal."""
+    write_motions(folder, *20 * [PASSES])
+    words = [".", "--jobs", str(jobs), "--model", "post.urdf"]
+
+    class Interrupted(check.Results):
+        def add(self, task, outcome):
+            super().add(task, outcome)
+            os.killpg(0, signal.SIGINT)
+
+    def main():
+        os.setpgrp()
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        (folder / "group").write_text(str(os.getpid()))
+        sys.argv[1:] = [*words, "--json", "out.json", "--csv", "out.csv"]
+        start.run("check")
+
+    monkeypatch.setattr(check, "Results", Interrupted)
+    run = run_forked(main)
+    assert run.returncode == 130, run.stderr
+    first, *_, last = run.stdout.splitlines()
+    assert first.endswith("passed, 1.00 s, 51 samples")
     found = json.loads((folder / "out.json").read_text())
     n_done = len(found["files"])
     assert found["interrupted"]
-    assert 0 < n_done < 200 == n_done + found["not_done"]
-    assert f"interrupted, {200 - n_done} not done" in rest.splitlines()[-1]
+    assert 0 < n_done < 20 == n_done + found["not_done"]
+    assert f"interrupted, {20 - n_done} not done" in last
     assert len((folder / "out.csv").read_text().splitlines()) == n_done + 1
-    wait_for(lambda: not is_running(process.pid), "the end of all processes")
+    group = int((folder / "group").read_text())
+    wait_for(lambda: not is_running(group), "the end of all processes")
 
 
 def is_running(group):

@@ -1,9 +1,7 @@
 """Tab completes the names of poses in a real bash, and leaves the rest as it was."""
 
-import os
-import re
+import shlex
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -29,123 +27,95 @@ def home(tmp_path, monkeypatch):
 
 def bash(script):
     """Run a script in a bash that has read nothing else."""
-    return subprocess.run(
+    run = subprocess.run(
         ["bash", "--norc", "-c", script], capture_output=True, text=True, check=False
     )
-
-
-def complete(*words, before=""):
-    """Let bash complete the last word, with what was sourced before ours.
-
-    The words are as readline splits them; ours is sourced twice, as by a user who
-    sources setup.bash again.
-    """
-    quoted = " ".join(f"'{word}'" for word in words)
-    script = f"""set -u; {before}
-    source '{OURS}'; source '{OURS}'
-    [[ $(complete -p {words[0]}) =~ \\ -F\\ ([^ ]+) ]]
-    COMP_WORDS=({quoted}); COMP_CWORD={len(words) - 1}; COMPREPLY=()
-    set +u; "${{BASH_REMATCH[1]}}" {words[0]} '{words[-1]}' '' 2>/dev/null
-    printf '%s\\n' "${{COMPREPLY[@]}}" """
-    run = bash(script)
     assert not run.stderr
-    return run.stdout.split()
+    return [line.split() for line in run.stdout.splitlines()]
 
 
-README = str(REPOSITORY / "README.md")
+def typed(words, function):
+    """Write the part of a script that lets a function complete the last word.
+
+    The words are as readline splits them.
+    """
+    last = shlex.quote(words[-1])
+    return f"""
+    COMP_WORDS=({" ".join(map(shlex.quote, words))}); COMP_CWORD={len(words) - 1}
+    COMPREPLY=(); {function} {words[0]} {last} '' 2>/dev/null
+    echo "${{COMPREPLY[*]}}" """
+
+
+def complete(*lines, before=""):
+    """Let one bash complete lines, with what was sourced before ours.
+
+    Ours is sourced twice, as by a user who sources setup.bash again.
+    """
+    script = f"set -u; {before}\nsource '{OURS}'; source '{OURS}'; set +u"
+    for words in lines:
+        script += f"\n[[ $(complete -p {words[0]}) =~ \\ -F\\ ([^ ]+) ]]"
+        script += typed(words, '"${BASH_REMATCH[1]}"')
+    return bash(script)
+
+
+READ = str(REPOSITORY / "READ")
+README = f"{READ}ME.md"
 RUN = ("rosrun", "g1_description")
-POSE = ("rosrun", "g1_description", "pose")
+POSE = (*RUN, "pose")
 DISPLAY = ("roslaunch", "g1_description", "display.launch")
+COMPLETED = {
+    (*POSE, ""): NAMES,
+    (*POSE, "s"): ["stand", "squat", "sit"],
+    (*POSE, "--save", "w"): ["wave"],
+    (*POSE, "--se"): ["--seconds"],
+    (*POSE, "stand", "--seconds", ""): [],
+    (*RUN, "record", "--r"): ["--rate"],
+    (*RUN, "record", "a.csv", "--rate", ""): [],
+    (*RUN, "record", "--force", READ): [README],
+    (*RUN, "check", "--c"): ["--collisions", "--csv"],
+    (*RUN, "check", "a.csv", "--json", READ): [README],
+    (*RUN, "doctor", "--j"): ["--json"],
+    (*RUN, "doctor", "--until", "li"): ["link_states"],
+    (*RUN, "doctor", "--until", ""): LINKS,
+    (*RUN, "doctor", "--namespace", ""): [],
+    (*RUN, "play", READ): [README],
+    (*RUN, "web", "--compare", "a.csv", READ): [README],
+    (*DISPLAY, "initial_pose", ":="): NAMES,
+    (*DISPLAY, "initial_pose", ":=", "s"): ["stand", "squat", "sit"],
+    (*DISPLAY, "paused", ":=", "true", "initial_pose", ":=", "t"): ["t_pose"],
+    (*DISPLAY, "initial_pose", ":=", "stand", "ph"): [],
+    (*DISPLAY, "robot_name", ":=", "s"): [],
+    ("roslaunch", "other", "a.launch", "initial_pose", ":=", "s"): [],
+    (*RUN, "other", "s"): [],
+    ("rosrun", "other", "pose", "s"): [],
+}
 
 
-@pytest.mark.parametrize(
-    ("words", "expected"),
-    [
-        ([*POSE, ""], NAMES),
-        ([*POSE, "s"], ["stand", "squat", "sit"]),
-        ([*POSE, "--save", "w"], ["wave"]),
-        ([*POSE, "--se"], ["--seconds"]),
-        ([*POSE, "stand", "--seconds", ""], []),
-        ([*RUN, "record", "--r"], ["--rate"]),
-        ([*RUN, "record", "a.csv", "--rate", ""], []),
-        ([*RUN, "record", "--force", str(REPOSITORY / "READ")], [README]),
-        ([*RUN, "check", "--c"], ["--collisions", "--csv"]),
-        ([*RUN, "check", "a.csv", "--json", str(REPOSITORY / "READ")], [README]),
-        ([*RUN, "check", "a.csv", "--jobs", ""], []),
-        ([*RUN, "doctor", "--j"], ["--json"]),
-        ([*RUN, "doctor", "--until", "li"], ["link_states"]),
-        ([*RUN, "doctor", "--namespace", ""], []),
-        ([*RUN, "collision_pairs", "--s"], ["--samples", "--seed"]),
-        ([*RUN, "play", "--s"], ["--speed", "--start-here"]),
-        ([*RUN, "play", str(REPOSITORY / "READ")], [README]),
-        ([*RUN, "web", "--mo"], ["--model", "--motion"]),
-        ([*RUN, "web", "--motion", str(REPOSITORY / "READ")], [README]),
-        ([*RUN, "web", "--compare", "a.csv", str(REPOSITORY / "READ")], [README]),
-        ([*RUN, "web", "--port", ""], []),
-        ([*DISPLAY, "initial_pose", ":="], NAMES),
-        ([*DISPLAY, "initial_pose", ":=", "s"], ["stand", "squat", "sit"]),
-        ([*DISPLAY, "paused", ":=", "true", "initial_pose", ":=", "t"], ["t_pose"]),
-        ([*DISPLAY, "initial_pose", ":=", "stand", "ph"], []),
-        ([*DISPLAY, "robot_name", ":=", "s"], []),
-        (["roslaunch", "other", "a.launch", "initial_pose", ":=", "s"], []),
-        (["rosrun", "g1_description", "other", "s"], []),
-        (["rosrun", "other", "pose", "s"], []),
-    ],
-)
-def test_names_are_completed_where_they_belong(words, expected):
-    assert complete(*words) == expected
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "command",
-    ["check", "collision_pairs", "doctor", "pose", "play", "record", "web"],
-)
-def test_all_options_are_completed(command):
-    run = [sys.executable, REPOSITORY / "scripts" / command, "--help"]
-    path = os.pathsep.join([str(REPOSITORY / "src"), *sys.path])
-    text = subprocess.run(
-        run, env={**os.environ, "PYTHONPATH": path}, capture_output=True, text=True
-    ).stdout
-    options = {*re.findall(r"--[a-z][a-z-]*", text)}
-    assert {*complete(*RUN, command, "--")} == options | {"--help"}
-
-
-def test_all_links_of_the_doctor_are_completed():
-    assert complete(*RUN, "doctor", "--until", "") == LINKS
+def test_names_are_completed_where_they_belong():
+    assert dict(zip(COMPLETED, complete(*COMPLETED))) == COMPLETED
 
 
 def test_poses_of_the_user_are_completed_too(home):
     (home / "g1_description").mkdir()
     (home / "g1_description" / "poses.yaml").write_text("# mine:\nsalto: {}\n")
-    assert complete(*POSE, "sa") == ["salto"]
+    assert complete((*POSE, "sa")) == [["salto"]]
 
 
 def test_who_completed_before_still_does():
     before = "old() { COMPREPLY=(old $1 $2); }; complete -F old -o nospace rosrun"
-    assert complete("rosrun", "other", "x", before=before) == ["old", "rosrun", "x"]
-    assert complete(*POSE, "wa", before=before) == ["wave"]
+    found = complete(("rosrun", "other", "x"), (*POSE, "wa"), before=before)
+    assert found == [["old", "rosrun", "x"], ["wave"]]
 
 
-@pytest.mark.parametrize(
-    "words",
-    [
-        ["rosrun", "rosto"],
-        ["rosrun", "--"],
-        ["roslaunch", "--wa"],
-        ["roslaunch", "ros"],
-    ],
-)
-def test_the_completion_of_rosbash_is_as_it_was(words):
+def test_the_completion_of_rosbash_is_as_it_was():
     found = [file for file in ROSBASH if file.is_file()]
     if not found:
         pytest.skip("rosbash is not installed")
+    lines = [("rosrun", "rosto"), ("rosrun", "--")]
+    lines += [("roslaunch", "--wa"), ("roslaunch", "ros")]
     function = {"rosrun": "_roscomplete_exe", "roslaunch": "_roscomplete_launch"}
-    quoted = " ".join(f"'{word}'" for word in words)
-    script = f"""source '{found[0]}'; COMP_WORDS=({quoted}); COMP_CWORD=1
-    {function[words[0]]} {words[0]} '{words[1]}' '' 2>/dev/null
-    printf '%s\\n' "${{COMPREPLY[@]}}" """
-    alone = bash(script).stdout.split()
-    assert alone
-    ours = complete(*words, before=f"set +u; source '{found[0]}'")
-    assert sorted(ours) == sorted(alone)
+    script = "".join(typed(words, function[words[0]]) for words in lines)
+    alone = bash(f"source '{found[0]}'{script}")
+    assert all(alone)
+    ours = complete(*lines, before=f"set +u; source '{found[0]}'")
+    assert [*map(sorted, ours)] == [*map(sorted, alone)]

@@ -1,15 +1,13 @@
 """The command line of pose: one sentence for each mistake."""
 
 import os
-import subprocess
-import sys
 import threading
 from pathlib import Path
 from xmlrpc.server import SimpleXMLRPCRequestHandler, SimpleXMLRPCServer
 
 import pytest
 from conftest import REPOSITORY
-from waiting import DEADLINE
+from forked import run_script
 
 pytest.importorskip("rospy", reason="rospy is not installed")
 
@@ -95,7 +93,6 @@ def dying_master():
     thread.join()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("script", "words"),
     [
@@ -106,15 +103,8 @@ def dying_master():
     ],
 )
 def test_a_master_that_dies_is_told_in_a_sentence(script, words, dying_master):
-    path = os.pathsep.join([str(REPOSITORY / "src"), *sys.path])
-    run = subprocess.run(
-        [sys.executable, REPOSITORY / "scripts" / script, *words],
-        env={**os.environ, "ROS_MASTER_URI": dying_master, "PYTHONPATH": path},
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=DEADLINE,
-    )
+    environment = {**os.environ, "ROS_MASTER_URI": dying_master}
+    run = run_script(REPOSITORY / "scripts" / script, *words, environment=environment)
     assert run.returncode == 1
     name = Path(script).stem
     assert "Traceback" not in run.stderr

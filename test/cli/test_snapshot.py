@@ -1,15 +1,15 @@
 """What snapshot refuses, and what it writes without a master."""
 
-import os
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-from forked import run_script
 
 pytest.importorskip("rospy", reason="rospy is not installed")
 Image = pytest.importorskip("PIL.Image", reason="Pillow is not installed")
 
+from g1_description.cli import snapshot as command  # noqa: E402
 from g1_description.cli.film import (  # noqa: E402
     check_length,
     count,
@@ -19,7 +19,6 @@ from g1_description.cli.film import (  # noqa: E402
     write_picture,
     write_video,
 )
-from g1_description.cli.snapshot import columns_of  # noqa: E402
 from g1_description.errors import InvalidValueError  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -30,11 +29,44 @@ MOTION = ROOT / "test" / "data" / "elbow.csv"
 NOBODY = "http://localhost:9"
 
 
-def snapshot(*arguments):
-    environment = {**os.environ, "ROS_MASTER_URI": NOBODY}
-    environment.pop("DISPLAY", None)
-    script = ROOT / "scripts" / "snapshot"
-    return run_script(script, *arguments, environment=environment)
+BOX = (
+    '<visual><origin xyz="0 0 {0}"/><geometry><box size="0.1 0.2 0.5"/></geometry>'
+    '<material name="dark"><color rgba="0.1 0.1 0.1 1"/></material></visual>'
+)
+ARM = (
+    f'<robot name="arm"><link name="post">{BOX.format(0.25)}</link>'
+    f'<link name="fore">{BOX.format(0.25)}</link><joint name="{ELBOW}" '
+    'type="revolute"><parent link="post"/><child link="fore"/><origin xyz="0 0 0.5"/>'
+    '<axis xyz="1 0 0"/><limit lower="-3" upper="3" effort="1" velocity="1"/></joint>'
+    "</robot>"
+)
+"""A robot that is drawn soon."""
+
+
+@pytest.fixture(autouse=True)
+def nobody(monkeypatch):
+    """There is neither a master nor a screen."""
+    monkeypatch.setenv("ROS_MASTER_URI", NOBODY)
+    monkeypatch.delenv("DISPLAY", raising=False)
+
+
+@pytest.fixture
+def snapshot(monkeypatch):
+    """Give what runs the command."""
+
+    def run(*arguments):
+        monkeypatch.setattr(sys, "argv", ["snapshot", *map(str, arguments)])
+        command.main()
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory):
+    """Give the file of the small robot."""
+    file = tmp_path_factory.mktemp("robot") / "arm.urdf"
+    file.write_text(ARM)
+    return file
 
 
 @pytest.mark.parametrize(
@@ -42,35 +74,25 @@ def snapshot(*arguments):
     [(1, 1.3, 1), (3, 1.3, 3), (4, 1.3, 2), (6, 1.3, 3), (4, 3.0, 4), (4, 0.2, 1)],
 )
 def test_a_sheet_has_as_little_empty_room_as_fits(n, ratio, columns):
-    assert columns_of(n, ratio) == columns
+    assert command.columns_of(n, ratio) == columns
 
 
-def last_line(run):
-    assert "Traceback" not in run.stderr
-    return run.stderr.strip().splitlines()[-1]
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
         (["a.jpg"], "must end in .png"),
         (["a.png", "--gif"], "must end in .gif or .mp4"),
-        (["a.gif"], "There is no master at http://localhost:9"),
         (["nowhere/a.png"], "The folder"),
         (["a.png", "--size", "15x100"], "must be a size like 1280x960"),
         (["a.png", "--size", "5000x100"], "(got '5000x100')"),
-        (["a.png", "--size", "wide"], "(got 'wide')"),
         (["a.png", "--view", "top"], "'front', 'side', 'back', 'iso'"),
         (["a.gif", "--gif", "--seconds", "0"], "--seconds must be greater than 0"),
         (["a.gif", "--gif", "--fps", "31"], "--fps must be greater than 0 and at most"),
         (["a.png", "--seconds", "3"], "--seconds and --fps need an animation"),
         (["a.png", "--joints", "a"], "must be like a=1.2,b=-0.3 (got 'a')"),
-        (["a.png", "--joints", "a=x"], "must be a number (got 'x')"),
         (["a.png"], "There is no master at http://localhost:9"),
         (["a.png", "--model", "nowhere.urdf"], "Cannot use the model nowhere.urdf"),
-        (["a.png", "--model", __file__], "Cannot use"),
-        (["a.gif", "--model", OURS], "an animation of --model needs --m"),
+        (["a.gif", "--model", "arm"], "an animation of --model needs --m"),
         (["a.png", "--motion", "no.csv"], "no.csv cannot be read: No such file"),
         (["a.png", "--motion", MOTION, "--model", TREE], "none of the motion's joints"),
         (
@@ -78,7 +100,6 @@ def last_line(run):
             "--times 9 is outside the motion",
         ),
         (["a.png", "--motion", MOTION, "--times", "0,x"], "must be a number (got 'x')"),
-        (["a.mp4", "--motion", MOTION, "--fps", "0"], "--fps must be greater than 0"),
         (["a.gif", "--motion", MOTION, "--times", "0"], "--times needs a picture"),
         (
             ["a.png", "--motion", MOTION, "--motion-fps", "0"],
@@ -94,56 +115,47 @@ def last_line(run):
             "--namespace cannot be combined",
         ),
         (
-            ["a.png", "--model", OURS, "--joints", "wing=1"],
-            "has no joint wing. Its joints:",
-        ),
-        (["a.png", "--model", OURS, "--joints", f"{ELBOW}=99"], "must be from -1"),
-        (
             ["a.png", "--model", OURS, "--joints", "left_elbow=1"],
             "has no joint left_elbow. Its joints: left_elbow_joint, ",
         ),
-        (["a" * 300 + ".png", "--model", OURS], "snapshot: [Errno 36] File name"),
+        (["a.png", "--model", "arm", "--joints", f"{ELBOW}=99"], "must be from -3"),
+        (["a" * 300 + ".png", "--model", "arm"], "snapshot: [Errno 36] File name"),
         (["a.png", "--model", TREE], "Nothing to draw"),
     ],
 )
 def test_what_is_wrong_is_told_in_one_sentence_and_writes_nothing(
-    tmp_path, arguments, words
+    tmp_path, snapshot, arm, capsys, arguments, words
 ):
-    run = snapshot(tmp_path / arguments[0], *arguments[1:])
-    assert run.returncode == 1
-    assert words in last_line(run)
+    given = [arm if word == "arm" else word for word in arguments[1:]]
+    with pytest.raises(SystemExit) as end:
+        snapshot(tmp_path / arguments[0], *given)
+    code, (_, errors) = end.value.code, capsys.readouterr()
+    told = code if isinstance(code, str) else errors.splitlines()[-1]
+    assert code in (1, told)
+    assert told.startswith("snapshot: ") and words in told
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.slow
-def test_a_file_is_drawn_without_a_master_and_without_a_screen(tmp_path):
-    pictures = []
-    for joints in ("left_elbow_joint=0", "left_elbow_joint=-1.0,waist_yaw_joint=1"):
-        out = tmp_path / "robot.png"
-        wanted = ("--model", OURS, "--size", "320x240", "--view", "front")
-        run = snapshot(out, *wanted, "--joints", joints)
-        assert run.returncode == 0, run.stderr
-        assert run.stdout == f"{out}: 320x240, front\n"
+def test_a_file_is_drawn_without_a_master_and_without_a_screen(
+    tmp_path, snapshot, arm, capsys
+):
+    out, pictures = tmp_path / "robot.png", []
+    for position in (0.0, -1.0):
+        wanted = ("--model", arm, "--size", "160x120", "--view", "front")
+        snapshot(out, *wanted, "--joints", f"{ELBOW}={position}")
+        assert capsys.readouterr().out == f"{out}: 160x120, front\n"
         pictures.append(np.array(Image.open(out)))
-    assert pictures[0].shape == (240, 320, 3)
+    assert pictures[0].shape == (120, 160, 3)
     assert (pictures[0] != pictures[1]).any(axis=2).sum() > 500
     assert [path.name for path in tmp_path.iterdir()] == ["robot.png"]
 
 
-def draw_motion(folder, name, *arguments):
-    """Draw the motion, in which the robot walks by 0.5 m and bends an elbow."""
-    out = folder / name
-    run = snapshot(out, "--motion", MOTION, "--view", "front", *arguments)
-    assert run.returncode == 0, run.stderr
-    assert [path.name for path in folder.iterdir()] == [name]
-    return out, run
-
-
-@pytest.mark.slow
-def test_moments_of_a_motion_stand_side_by_side(tmp_path):
-    wanted = ("--times", "0,0.5,1", "--size", "360x160")
-    out, run = draw_motion(tmp_path, "sheet.png", *wanted)
-    assert run.stdout == f"{out}: 3 moments, front\n"
+def test_moments_of_a_motion_of_the_g1_stand_side_by_side(tmp_path, snapshot, capsys):
+    """It walks by 0.5 m and bends an elbow."""
+    out = tmp_path / "sheet.png"
+    wanted = ("--times", "0,0.5,1", "--size", "360x160", "--view", "front")
+    snapshot(out, "--motion", MOTION, *wanted)
+    assert capsys.readouterr().out == f"{out}: 3 moments, front\n"
     sheet = np.array(Image.open(out)).astype(int)
     assert sheet.shape == (160, 360, 3)
     first, second, third = np.split(sheet, 3, axis=1)
@@ -151,20 +163,17 @@ def test_moments_of_a_motion_stand_side_by_side(tmp_path):
         assert (np.abs(one - other).max(axis=2) > 30).sum() > 50
 
 
-def test_a_motion_is_filmed_as_gif(tmp_path):
-    out, _ = draw_motion(tmp_path, "a.gif", "--fps", "4", "--size", "64x48")
-    film = Image.open(out)
+def test_a_motion_is_filmed_as_gif_and_mp4(tmp_path, snapshot, arm):
+    """Ffmpeg reads the latter back: all its pictures, and the robot going aside."""
+    wanted = ("--motion", MOTION, "--model", arm, "--view", "front", "--fps", "4")
+    snapshot(tmp_path / "a.gif", *wanted, "--size", "64x48")
+    film = Image.open(tmp_path / "a.gif")
     assert film.n_frames == 4
     lengths = [film.info["duration"] for k in range(4) if not film.seek(k)]
     assert sum(lengths) == 1000
-
-
-@pytest.mark.slow
-def test_a_motion_is_filmed_as_mp4(tmp_path):
-    """It is read back by ffmpeg: all its pictures, and the robot going aside."""
     ffmpeg = pytest.importorskip("imageio_ffmpeg")
-    out, _ = draw_motion(tmp_path, "a.mp4", "--fps", "4", "--size", "96x64")
-    reader = ffmpeg.read_frames(str(out))
+    snapshot(tmp_path / "a.mp4", *wanted, "--size", "96x64")
+    reader = ffmpeg.read_frames(str(tmp_path / "a.mp4"))
     meta = next(reader)
     assert meta["fps"] == 4.0
     assert meta["source_size"] == (96, 64)
@@ -172,6 +181,7 @@ def test_a_motion_is_filmed_as_mp4(tmp_path):
     assert len(shots) == 4
     dark = [np.argwhere(shot.sum(axis=2) < 250)[:, 1].mean() for shot in shots]
     assert np.diff(dark).min() > 2.0
+    assert {path.name for path in tmp_path.iterdir()} == {"a.gif", "a.mp4"}
 
 
 @pytest.mark.parametrize(
@@ -208,7 +218,7 @@ def frames(n):
     return pictures
 
 
-@pytest.mark.parametrize(("n", "rate"), [(45, 15.0), (7, 30.0), (1, 2.0), (10, 7.0)])
+@pytest.mark.parametrize(("n", "rate"), [(45, 15.0), (1, 2.0), (10, 7.0)])
 def test_a_film_has_all_its_frames_and_the_right_length(tmp_path, n, rate):
     pictures = frames(min(n, 29))
     pictures = pictures[np.arange(n) % len(pictures)]

@@ -12,7 +12,14 @@ from xml.etree import ElementTree
 import pytest
 from forked import run_script
 
+roslaunch = pytest.importorskip("roslaunch", reason="roslaunch is not installed")
+
+from roslaunch.config import ROSLaunchConfig  # noqa: E402
+from roslaunch.xmlloader import XmlLoader  # noqa: E402
+from roslib.packages import find_node  # noqa: E402
+
 PACKAGE = Path(__file__).resolve().parents[2] / "interfaces" / "gazebo_ros"
+LAUNCH = PACKAGE / "launch" / "empty_world.launch"
 FOUND = shutil.which("rospack") and subprocess.run(
     ["rospack", "find", "gazebo_ros"], capture_output=True, text=True, check=False
 )
@@ -41,32 +48,30 @@ ARGUMENTS = {
 }
 
 
-def roslaunch(*arguments):
-    run = run_script(shutil.which("roslaunch"), *arguments)
-    assert run.returncode == 0, run.stderr
-    return run.stdout
+def launched(*arguments):
+    """Read the launch file; give its nodes by name, and its parameters."""
+    config = ROSLaunchConfig()
+    XmlLoader().load(str(LAUNCH), config, argv=[*arguments], verbose=False)
+    parameters = {name: param.value for name, param in config.params.items()}
+    return {node.name: node for node in config.nodes}, parameters
 
 
-def command(node, *arguments):
-    """Give the command line that the launch file starts a node with."""
-    wanted = ("gazebo_ros", "empty_world.launch", *arguments)
-    words = shlex.split(roslaunch(f"--args={node}", *wanted).splitlines()[-1])
-    program = next(i for i, word in enumerate(words) if "/gazebo_ros/" in word)
-    return [Path(words[program]).name, *words[program + 1 : -1]]
+def command(*arguments):
+    """Give the command line that the launch file starts the server with."""
+    server = launched(*arguments)[0]["gazebo"]
+    return [server.type, *shlex.split(server.args)]
 
 
 def test_the_launch_file_takes_the_arguments_of_the_original():
-    root = ElementTree.parse(PACKAGE / "launch" / "empty_world.launch").getroot()
+    root = ElementTree.parse(LAUNCH).getroot()
     documented = [arg for arg in root.findall("arg") if arg.get("doc")]
     assert {arg.get("name"): arg.get("default") for arg in documented} == ARGUMENTS
 
 
-@pytest.mark.slow
 def test_the_server_gets_its_arguments():
-    assert command("gazebo") == ["gzserver", "-e", "ode", "worlds/empty.world"]
+    assert command() == ["gzserver", "-e", "ode", "worlds/empty.world"]
     given = ("paused", "recording", "headless", "debug", "verbose")
     words = command(
-        "gazebo",
         *(f"{name}:=true" for name in given),
         *("physics:=hold", "world_name:=a.world"),
         "extra_gazebo_args:=--seed 3",
@@ -77,40 +82,29 @@ def test_the_server_gets_its_arguments():
     ]
 
 
-@pytest.mark.slow
-def test_the_window_is_optional():
-    launch = ("--nodes", "gazebo_ros", "empty_world.launch")
-    assert roslaunch(*launch).split() == ["/gazebo", "/gazebo_gui"]
-    assert roslaunch(*launch, "gui:=false").split() == ["/gazebo"]
-
-
-def test_parameters_are_set_where_asked_for():
-    launch = ("--dump-params", "gazebo_ros", "empty_world.launch")
-    assert roslaunch(*launch).split() == [
-        *("/gazebo/enable_ros_network:", "true"),
-        *("/use_sim_time:", "true"),
-    ]
+def test_the_window_is_optional_and_parameters_are_set_where_asked_for():
+    nodes, parameters = launched()
+    assert {*nodes} == {"gazebo", "gazebo_gui"}
+    wanted = {"/gazebo/enable_ros_network": True, "/use_sim_time": True}
+    assert parameters == wanted
     rarely = ("use_sim_time:=false", "use_clock_frequency:=true")
-    told = roslaunch(*launch, *rarely, "pub_clock_frequency:=50")
-    assert "/use_sim_time: false" in told
-    assert "/gazebo/pub_clock_frequency: 50" in told
-    told = roslaunch(*launch, "enable_ros_network:=false")
-    assert "/gazebo/enable_ros_network: false" in told
+    nodes, parameters = launched(
+        *rarely, "gui:=false", "pub_clock_frequency:=50", "enable_ros_network:=false"
+    )
+    assert {*nodes} == {"gazebo"}
+    assert parameters == {
+        "/use_sim_time": False,
+        "/gazebo/enable_ros_network": False,
+        "/gazebo/pub_clock_frequency": 50,
+    }
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", ["debug", "gazebo", "gzclient", "gzserver", "spawn_model"]
 )
-def test_rosrun_finds_exactly_one_executable(name):
-    run = subprocess.run(
-        ["rosrun", "gazebo_ros", name, "-h"],
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        check=False,
-        env={**os.environ, "DISPLAY": ""},
-    )
+def test_exactly_one_executable_has_the_name(name):
+    (program,) = find_node("gazebo_ros", name)
+    run = run_script(program, "-h", environment={**os.environ, "DISPLAY": ""})
     assert run.returncode == 0, run.stderr
     assert run.stdout.startswith("usage: ")
 

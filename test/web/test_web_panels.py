@@ -384,15 +384,6 @@ def test_a_copied_command_moves_the_robot_to_where_it_is(value, topic):
     assert message["position"][1] == pytest.approx(value, abs=1e-6)
 
 
-@given(st.floats(-4.0, 4.0))
-def test_both_texts_say_the_same(value):
-    shown = Shown()
-    shown.where = state({"to_b": value, "to_c": 0.0})
-    (pose,) = parse_poses(configuration_yaml(shown), "the clipboard").values()
-    message = yaml.safe_load(shlex.split(configuration_command(shown))[-1])
-    assert dict(zip(message["name"], message["position"])) == pose.positions
-
-
 def test_there_is_nothing_to_copy_before_the_first_state():
     shown = Shown()
     shown.where = None
@@ -477,12 +468,3 @@ def test_what_waits_is_done_one_after_the_other_and_errors_do_not_end_it(ui, cli
         lambda: any("see the log" in str(text) for text in told(client)),
         "the word",
     )
-
-
-def test_results_are_handed_back_in_order(ui):
-    results = []
-    for number in range(20):
-        ui.wait_for(lambda number=number: number, results.append)
-    wait_for(lambda: not ui.is_busy, "the end")
-    ui.do_all()
-    assert results == [*range(20)]

@@ -96,9 +96,14 @@ def test_a_shape_is_where_its_origin_says(place, rpy):
 
 
 @pytest.mark.parametrize(
-    "scale", [(1, 1, 1), (1, -1, 1), (-2, -1, 1), (-1, -0.5, -3), (1e-3, 1e-3, 1e-3)]
+    ("kind", "scale"),
+    [
+        ("stl", (1, -1, 1)),
+        ("stl", (-2, -1, 1)),
+        ("obj", (-1, -0.5, -3)),
+        ("obj", (1e-3, 1e-3, 1e-3)),
+    ],
 )
-@pytest.mark.parametrize("kind", ["stl", "obj"])
 def test_a_mesh_is_scaled_and_faces_outwards_also_in_a_mirror(wedge, kind, scale):
     solid, paths = wedge
     ((patch,), left_out) = patches(part(mesh_text(paths[kind], scale)))

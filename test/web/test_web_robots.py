@@ -98,14 +98,9 @@ def test_a_robot_takes_its_way_and_rests_at_its_end():
     wait_for(lambda: seen.append(elbow(robot)) or not robot.is_moving, "the end")
     assert (np.diff(seen) >= 0).all()
     assert elbow(robot) == pytest.approx(1.5, abs=1e-9)
-
-
-def test_a_command_ends_the_way_to_a_pose():
-    world = world_of("a")
-    (robot,) = world.robots
-    world.move(robot, {"elbow": 1.5}, 10.0)
+    world.move(robot, {"elbow": 0.6}, 10.0)
     robot.command({"elbow": 0.7})
-    assert not robot.is_moving
+    assert not robot.is_moving, "a command ends it"
     assert elbow(robot) == 0.7
 
 
@@ -131,7 +126,7 @@ def test_a_motion_is_shown_at_a_time_and_does_not_run():
     assert elbow(robot) == pytest.approx(5.0), "the last sample stays"
 
 
-@pytest.mark.parametrize("speed", [0.25, 1.0, 4.0])
+@pytest.mark.parametrize("speed", [0.25, 4.0])
 def test_a_motion_plays_by_the_clock_at_its_speed(speed):
     world = world_of("a")
     player = world.open(world.robots[0], ramp(60.0))
@@ -189,10 +184,7 @@ def test_robots_stand_beside_each_other_or_where_they_are():
     world.arrange(beside=False)
     assert [r.state().base_pose[1] for r in world.robots] == [0, 0, 0]
     assert world.can_arrange and not world_of("a").can_arrange
-
-
-def test_a_base_is_put_where_it_is_seen():
-    world = world_of("a", "b")
+    world.arrange(beside=True)
     pose = np.array([1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 1.0])
     world.robots[1].command_base(pose)
     assert_poses_close(world.robots[1].state().base_pose, pose, 1e-12)

@@ -125,7 +125,7 @@ def check(found, expected, precision=PRECISION):
         assert_poses_close(found[link], pose, precision)
 
 
-@settings(max_examples=25)
+@settings(max_examples=15)
 @given(chains(), world_poses(), st.randoms(use_true_random=False))
 def test_frames_are_where_scipy_puts_the_links(seen, chain, base, random):
     text, positions = chain
@@ -135,7 +135,7 @@ def test_frames_are_where_scipy_puts_the_links(seen, chain, base, random):
     check(found, forward_kinematics(text, base, positions))
 
 
-@settings(max_examples=15)
+@settings(max_examples=8)
 @given(chains(), world_poses(), st.randoms(use_true_random=False))
 def test_joints_may_have_origins_of_their_own(seen, chain, base, random):
     text, positions = chain
@@ -157,7 +157,7 @@ def test_the_base_of_a_robot_that_floats_in_the_world_is_what_floats(seen):
     assert_poses_close(found["pelvis"], base, PRECISION)
 
 
-@pytest.mark.parametrize("name", ["world_root", "rail", "tree", "skew_axes", "planar"])
+@pytest.mark.parametrize("name", ["world_root", "rail", "skew_axes", "planar"])
 def test_robots_of_files(seen, name):
     text = (DATA / f"{name}.urdf").read_text()
     description = parse_urdf(text)

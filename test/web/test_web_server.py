@@ -1,48 +1,143 @@
-"""The page is served, with what belongs to it, and says in a sentence why not."""
+"""The page's server: what it serves and to whom, its limits, messages and files."""
 
+import gc
 import gzip
+import json
 import os
+import re
 import socket
 import subprocess
 import sys
+import threading
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
+from urllib.parse import urlencode, urlsplit
 
 import pytest
 
 pytest.importorskip("viser", reason="viser is not there")
 
+import numpy as np
 import viser
+from hypothesis import given
+from hypothesis import strategies as st
+from viser import infra
+from viser import transforms as tf
+from waiting import wait_for
 from web_clients import (
+    HELLO,
     TIMEOUT,
     fetch,
     join,
+    message,
     netloc,
     opened,
-    wait_until,
     wait_until_left,
 )
-from websockets.exceptions import ConnectionClosed
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.frames import Frame, Opcode
 
-from g1_description.errors import G1DescriptionError, PageServerError
+from g1_description.errors import G1DescriptionError, MotionError, PageServerError
 from g1_description.web.server import gateway
 from g1_description.web.server.address import ServerOptions
 from g1_description.web.server.page_server import PageServer
+from g1_description.web.server.uploads import MAX_AT_ONCE, clean_name
 
 SOURCE = Path(__file__).parents[2] / "src"
 INDEX = Path(viser.__file__).parent / "client" / "build" / "index.html"
+TOKEN = "a-token_of.tests"
+MAX_UPLOAD = 3 * 2**20
+TEXT = "/configuration.yaml"
 
 
 def no_pose():
     raise G1DescriptionError("no robot is there yet")
 
 
+TEXTS = {"configuration.yaml": lambda: "größe: 1\n", "none.txt": no_pose}
+
+
+class Reader:
+    """What takes files in these tests, and what it was given."""
+
+    def __init__(self):
+        self.paths = []
+        self.go = threading.Event()
+        self.waiting = 0
+
+    def __call__(self, name, path):
+        self.paths.append(path)
+        content = path.read_bytes()
+        if content == b"bad":
+            raise MotionError(f"{name} has no joints")
+        if content == b"worse":
+            raise ValueError("line 3\nline 4")
+        if content == b"slow":
+            self.waiting += 1
+            assert self.go.wait(TIMEOUT)
+        return f"{name}: {len(content)} bytes, {sum(content)}"
+
+
+class Scene:
+    """A page with what a person moves, and what came of it."""
+
+    def __init__(self, server):
+        self.server = server
+        self.slider = server.viser.gui.add_slider("angle", -3.0, 3.0, 0.01, 0.0)
+        self.gizmo = server.viser.scene.add_transform_controls("/gizmo")
+        self.last = server.viser.gui.add_number("count", 0)
+        self.count = 0
+        self.joined = []
+        server.viser.on_client_connect(self.joined.append)
+
+    def update(self, **updates):
+        return message("GuiUpdateMessage", uuid=self.slider._impl.uuid, updates=updates)
+
+    def send(self, *messages):
+        """Send messages, and wait until they have been dealt with."""
+        uuid = self.last._impl.uuid
+        self.count += 1
+        with join(self.server) as page:
+            for data in messages:
+                page.send(data)
+            updates = {"value": self.count}
+            page.send(message("GuiUpdateMessage", uuid=uuid, updates=updates))
+            wait_for(lambda: self.last.value == self.count, "the last message")
+
+
 @pytest.fixture(scope="module")
-def server():
-    texts = {"configuration.yaml": lambda: "größe: 1\n", "none.txt": no_pose}
-    with opened(texts=texts) as server:
+def reader():
+    return Reader()
+
+
+@pytest.fixture(scope="module")
+def server(reader):
+    """Give a page at this machine, for five browsers."""
+    options = {"max_upload": MAX_UPLOAD, "max_browsers": 5}
+    with opened(reader, TEXTS, **options) as server:
         server.viser.scene.add_box("/box", dimensions=(1, 1, 1), color=(9, 9, 9))
         yield server
+
+
+@pytest.fixture(scope="module")
+def guarded():
+    with opened(host="0.0.0.0", token=TOKEN, texts=TEXTS) as server:
+        yield server
+
+
+@pytest.fixture(scope="module")
+def scene(server):
+    return Scene(server)
+
+
+@pytest.fixture(scope="module")
+def shown(reader):
+    with opened(reader, read_only=True) as server:
+        yield Scene(server)
+
+
+# --- what is served ---
 
 
 def test_the_page_is_visers_with_our_script(server):
@@ -97,13 +192,14 @@ def test_there_is_nothing_else(server, path):
 
 
 def test_a_browser_gets_the_scene_and_is_counted(server):
+    wait_until_left(server)
     before = server.bytes_sent
     assert not server.watched.is_set()
     with join(server) as page:
         assert len(page.recv(timeout=TIMEOUT)) > 100
         assert server.browsers == 1
         assert server.watched.is_set()
-        wait_until(lambda: server.bytes_sent > before + 100, "bytes counted")
+        wait_for(lambda: server.bytes_sent > before + 100, "bytes counted")
     wait_until_left(server)
     assert not server.watched.is_set()
 
@@ -184,12 +280,508 @@ def test_nothing_is_printed_even_if_nobody_closes_it():
     assert run(START + code) == ""
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("missing", ["viser", "websockets", "msgspec"])
-def test_what_is_not_installed_is_named_when_the_page_opens(missing):
-    code = "try: PageServer(ServerOptions(port=0))\n"
-    code += "except Exception as error: print(type(error).__name__, error)\n"
-    text = run(f"import sys\nsys.modules['{missing}'] = None\n" + START + code)
-    assert text.startswith(f"PageServerError the browser view needs {missing}")
-    assert "pip install viser==1.1.1" in text
-    assert text.count("\n") == 1
+@pytest.mark.parametrize("missing", ["trimesh", "viser", "websockets.asyncio.server"])
+def test_what_is_not_installed_is_named_when_the_page_opens(monkeypatch, missing):
+    monkeypatch.setitem(sys.modules, missing, None)
+    with pytest.raises(PageServerError, match=f"needs {missing}, .*install viser==1"):
+        PageServer(ServerOptions(port=0))
+
+
+# --- who may come in ---
+
+
+def status(server, path="/", **options):
+    """Try to open a websocket; return what it is answered with."""
+    try:
+        with join(server, path, **options):
+            return 101
+    except InvalidStatus as error:
+        return error.response.status_code
+
+
+@pytest.mark.parametrize("host", ["LOCALHOST", "localhost:9", "127.9.9.9", "[::1]:5"])
+def test_this_machine_comes_in_by_any_name_and_port(server, host):
+    assert fetch(server, Host=host).status == 200
+    assert fetch(server, Host=host, Origin=f"http://{host}").status == 200
+
+
+@pytest.mark.parametrize(
+    "host",
+    ["evil.example", "127.0.0.1.evil.example", "10.0.0.1:8080", "", "localhost:x"],
+)
+def test_a_name_that_was_made_to_point_here_does_not(server, host):
+    for path in ("/", TEXT, "/nothing"):
+        answer = fetch(server, path, Host=host)
+        assert answer.status == 403
+        assert b"open it as localhost" in answer.body
+
+
+def test_a_request_names_one_host(server):
+    with socket.create_connection(netloc(server).split(":"), timeout=TIMEOUT) as client:
+        client.sendall(b"GET / HTTP/1.1\r\nHost: localhost\r\nHost: evil\r\n\r\n")
+        assert client.recv(99).startswith(b"HTTP/1.1 400")
+
+
+@pytest.mark.parametrize(
+    "origin", ["http://evil.example", "null", "http://localhost:1", "file://", ""]
+)
+@pytest.mark.parametrize("path", ["/", "/upload?name=a&size=1"])
+def test_a_script_of_another_page_does_not(server, origin, path):
+    assert status(server, path, additional_headers={"Origin": origin}) == 403
+    assert fetch(server, TEXT, Origin=origin).status == 403
+
+
+def test_the_page_itself_does(server):
+    for scheme in ("http", "https"):
+        assert status(server, origin=f"{scheme}://{netloc(server)}") == 101
+
+
+def test_at_a_loopback_address_no_token_is_wanted(server):
+    assert server.address == f"http://{netloc(server)}/"
+    assert "Set-Cookie" not in fetch(server).headers
+
+
+def test_a_token_of_the_program_is_wanted_there_too():
+    with opened(token=TOKEN) as server:
+        assert server.address.endswith(f"/?token={TOKEN}")
+        assert fetch(server).status == 401
+
+
+def test_elsewhere_a_token_is_made_each_time():
+    with opened(host="0.0.0.0") as one, opened(host="0.0.0.0") as other:
+        tokens = {urlsplit(server.address).query for server in (one, other)}
+        assert len(tokens) == 2
+        assert all(len(token) > len("token=") + 40 for token in tokens)
+        assert {urlsplit(server.address).hostname for server in (one, other)} != {
+            "0.0.0.0"
+        }
+
+
+@pytest.mark.parametrize("path", ["/", TEXT, "/nothing"])
+def test_without_the_token_nothing_is_told(guarded, path):
+    for query in ("", "?token=", "?token=wrong", f"?token={TOKEN}x", "?token=%ff"):
+        answer = fetch(guarded, path + query)
+        assert answer.status == 401
+        assert b"wants the token that was printed" in answer.body
+        assert TOKEN.encode() not in answer.body
+        assert "Set-Cookie" not in answer.headers
+
+
+@pytest.mark.parametrize("path", ["/", "/upload?name=a&size=1"])
+def test_without_the_token_no_websocket_opens(guarded, path):
+    assert status(guarded, path) == 401
+    headers = {"Cookie": f"g1_description_{urlsplit(guarded.address).port}=wrong"}
+    assert status(guarded, path, additional_headers=headers) == 401
+
+
+def test_the_token_opens_the_page_and_its_cookie_the_rest(guarded):
+    answer = fetch(guarded, f"/?token={TOKEN}", Host="robot.example:8080")
+    assert answer.status == 200
+    cookie, *attributes = answer.headers["Set-Cookie"].split("; ")
+    assert {"HttpOnly", "SameSite=Strict", "Path=/"} <= set(attributes)
+    assert str(urlsplit(guarded.address).port) in cookie
+    sent = f"other=1; {cookie}; third"
+    assert fetch(guarded, TEXT, Cookie=sent).status == 200
+    assert fetch(guarded, "/", Cookie=sent).status == 200
+    assert status(guarded, additional_headers={"Cookie": sent}) == 101
+    headers = {"Cookie": sent, "Origin": "http://evil.example"}
+    assert status(guarded, additional_headers=headers) == 403
+
+
+def test_viser_itself_serves_nobody_else(server):
+    """Somebody at this machine may find out where it listens."""
+    moved = []
+    slider = server.viser.gui.add_slider("s", 0, 9, 1, 0)
+    slider.on_update(moved.append)
+    update = message("GuiUpdateMessage", uuid=slider._impl.uuid, updates={"value": 5})
+    hidden = urlsplit(server._hidden.url)
+    with socket.create_connection((hidden.hostname, hidden.port), TIMEOUT) as client:
+        frame = Frame(Opcode.BINARY, update).serialize(mask=True)
+        client.sendall(HELLO + frame)  # at once, before it is known who this is
+        answer = b""
+        while b"\r\n\r\n" not in answer[:-4]:
+            answer += client.recv(4096)
+    head, _, rest = answer.partition(b"\r\n\r\n")
+    assert b"101 Switching Protocols" in head
+    assert rest == b"\x88\x02\x03\xe8"  # closed, and nothing before
+    wait_until_left(server)
+    assert hidden.hostname.startswith("127.")
+    assert hidden.hostname != "127.0.0.1"
+    assert not moved
+    assert slider.value == 0
+
+
+# --- limits ---
+
+
+def raw(server, data=b""):
+    """Open a connection, and send something."""
+    host, port = netloc(server).split(":")
+    client = socket.create_connection((host, int(port)), timeout=TIMEOUT)
+    client.sendall(data)
+    return client
+
+
+def test_one_more_than_may_be_is_told(server):
+    wait_until_left(server)
+    pages = [join(server) for _ in range(5)]
+    with pytest.raises(InvalidStatus) as caught:
+        join(server)
+    assert caught.value.response.status_code == 503
+    assert (
+        caught.value.response.body == b"5 pages are open, which is the most: close one."
+    )
+    pages[0].close()
+    wait_for(lambda: server.browsers == 4, "one has left")
+    pages[0] = join(server)
+    for page in pages:
+        assert page.recv(timeout=TIMEOUT)
+        page.close()
+    wait_until_left(server)
+
+
+GARBAGE = [
+    b"",
+    b"\r\n\r\n",
+    b"GET",
+    b"POST / HTTP/1.1\r\nHost: localhost\r\nContent-Length: 9\r\n\r\n",
+    b"GET / HTTP/1.0\r\n\r\n",
+    b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03" + bytes(range(256)),
+    bytes(range(256)) * 64,
+    b"GET /" + b"a" * 100000 + b" HTTP/1.1\r\n\r\n",
+    b"GET / HTTP/1.1\r\n" + b"A: b\r\n" * 500 + b"\r\n",
+    HELLO[:60],
+    HELLO + b"\xff" * 99,
+    HELLO + b"\x82\x05abcde",  # not masked
+    HELLO.replace(b"Version: 13", b"Version: 99"),
+    HELLO.replace(b"dGhlIHNhbXBsZSBub25jZQ==", b"short"),
+]
+
+
+def test_garbage_is_not_even_told_about(server, capfd, caplog):
+    for data in GARBAGE:
+        client = raw(server)
+        try:
+            client.sendall(data)
+            client.shutdown(socket.SHUT_WR)
+            while client.recv(65536):
+                pass
+        except OSError:  # it has closed already
+            pass
+        client.close()
+    for _ in range(40):
+        raw(server, HELLO[:40]).close()
+        raw(server, HELLO).close()
+    wait_until_left(server)
+    assert fetch(server).status == 200
+    with join(server) as page:
+        assert page.recv(timeout=TIMEOUT)
+    assert capfd.readouterr() == ("", "")
+    assert len(caplog.records) <= 1
+
+
+def test_warnings_are_few(caplog):
+    with opened() as server:
+        for _ in range(20):
+            fetch(server, Host="evil.example")
+    assert len(caplog.records) == 1
+    assert "a request was refused" in caplog.text
+
+
+def test_who_says_nothing_is_cut_off(monkeypatch):
+    monkeypatch.setattr(gateway, "OPEN_TIMEOUT", 0.2)
+    with opened() as server, raw(server, HELLO[:60]) as client:
+        assert client.recv(99) == b""
+
+
+def test_who_does_not_take_an_answer_is_cut_off(monkeypatch):
+    monkeypatch.setattr(gateway, "PAGE_TIMEOUT", 0.2)
+    texts = {"long": lambda: "x" * 2**24}
+    with opened(texts=texts) as server, raw(server) as client:
+        client.sendall(b"GET /long HTTP/1.1\r\nHost: localhost\r\n\r\n")
+        assert client.recv(12) == b"HTTP/1.1 200"
+        n_open = n_files()
+        wait_for(lambda: n_files() < n_open, "it is cut off")
+
+
+def n_files():
+    """Count the files and sockets of this process."""
+    return len(os.listdir("/proc/self/fd"))
+
+
+@contextmanager
+def with_lazy(server):
+    """Open a page that reads nothing."""
+    with raw(server) as lazy:
+        lazy.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        lazy.sendall(HELLO)
+        assert lazy.recv(12) == b"HTTP/1.1 101"
+        wait_for(lambda: server.browsers == 1, "it is there")
+        yield
+
+
+def send_points(server, number):
+    """Send a new state of the scene to all; return its size."""
+    points = np.full((2**16, 3), number, np.float32)
+    server.viser.scene.add_point_cloud("/p", points, (9, 9, 9))
+    return points.nbytes / 2  # viser halves the precision
+
+
+def memory():
+    """Measure the memory of this process, in bytes."""
+    pages = Path("/proc/self/statm").read_text(encoding="ascii").split()[1]
+    return int(pages) * os.sysconf("SC_PAGE_SIZE")
+
+
+def test_who_does_not_read_costs_little_and_holds_up_nobody():
+    """40 MB are sent to the one who reads."""
+    with opened() as server, with_lazy(server), join(server) as reader:
+        for number in range(100):
+            size = send_points(server, number)
+            while len(reader.recv(timeout=TIMEOUT)) < size:
+                pass
+            if number == 20:
+                before = memory()
+        assert server.browsers == 2
+        assert memory() - before < 16 * 2**20
+
+
+def test_who_does_not_read_is_cut_off(monkeypatch):
+    monkeypatch.setattr(gateway, "STALL_TIMEOUT", 0.1)
+    with opened() as server, with_lazy(server):
+        for number in range(40):
+            send_points(server, number)
+            server.viser.flush()
+        wait_for(lambda: server.browsers == 0, "it is cut off")
+
+
+# --- messages ---
+
+CAMERA = {
+    "wxyz": [1, 0, 0, 0],
+    "position": [1.5, 2, 3],
+    "fov": 1,
+    "near": 0.1,
+    "far": 100,
+    "image_height": 480.5,  # of a page that is zoomed
+    "image_width": 640,
+    "look_at": [0, 0, 0],
+    "up_direction": [0, 0, 1],
+}
+CLASSES = {cls.__name__: cls for cls in infra.Message.get_subclasses()}
+
+
+def test_a_person_moves_a_slider_and_a_gizmo(scene):
+    moved = message(
+        "TransformControlsUpdateMessage",
+        name="/gizmo",
+        wxyz=[0, 1, 0, 0],
+        position=[1, 2, 3],
+        owner="",
+    )
+    scene.send(scene.update(value=2), moved)
+    assert scene.slider.value == 2.0
+    assert list(scene.gizmo.position) == [1.0, 2.0, 3.0]
+    assert tf.SO3(scene.gizmo.wxyz).as_matrix()[0, 0] == 1.0
+
+
+def test_viser_knows_a_browser_by_its_camera(scene):
+    before = len(scene.joined)
+    with join(scene.server) as page:
+        page.send(message("ViewerCameraMessage", **CAMERA))
+        wait_for(lambda: len(scene.joined) == before + 1, "the callback")
+        assert scene.joined[-1].camera.image_width == 640
+
+
+def test_a_picture_of_some_megabytes_comes_through(scene):
+    """As the answer to get_render."""
+    got = threading.Event()
+    wait_until_left(scene.server)
+    with join(scene.server) as page:
+        page.send(message("ViewerCameraMessage", **CAMERA))
+        wait_for(lambda: scene.server.viser.get_clients(), "the browser")
+        client = next(iter(scene.server.viser.get_clients().values()))
+        client._websock_connection.register_handler(
+            CLASSES["GetRenderResponseMessage"],
+            lambda _, m: len(m.payload) == 5 * 2**20 and got.set(),
+        )
+        picture = bytes(5 * 2**20)
+        page.send(message("GetRenderResponseMessage", payload=picture, render_uuid="1"))
+        assert got.wait(TIMEOUT)
+
+
+def test_nobody_opens_a_tunnel(scene):
+    handlers = scene.server.viser._websock_server._incoming_handlers
+    assert CLASSES["GuiUpdateMessage"] in handlers
+    assert CLASSES["ShareUrlRequest"] not in handlers
+
+
+def test_a_value_of_the_wrong_kind_changes_nothing(scene, capfd, caplog):
+    scene.send(scene.update(value=1), scene.update(value="x"), scene.update(value={}))
+    assert scene.slider.value == 1.0
+    gc.collect()  # viser's tasks, whose errors asyncio would tell now
+    assert not caplog.records
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_message_that_is_too_large_ends_the_connection(scene):
+    with join(scene.server) as page:
+        with pytest.raises(ConnectionClosed):
+            page.send(bytes(17 * 2**20))
+            while True:
+                page.recv(timeout=TIMEOUT)
+        assert page.protocol.close_code == 1009
+
+
+def test_read_only_nothing_of_a_browser_reaches_viser(shown):
+    """The scene comes all the same."""
+    with join(shown.server) as page:
+        assert len(page.recv(timeout=TIMEOUT)) > 100  # so both ways are open
+        page.send(message("ViewerCameraMessage", **CAMERA))
+        page.send(shown.update(value=2))
+        page.send("text")
+        page.send(b"garbage")
+        points = np.zeros((2**15, 3))
+        shown.server.viser.scene.add_point_cloud("/late", points, (9, 9, 9))
+        wait_for(lambda: len(page.recv(timeout=TIMEOUT)) > 2**16, "it goes on")
+    wait_until_left(shown.server)
+    assert shown.slider.value == 0.0
+    assert shown.joined == []
+
+
+# --- files ---
+
+
+def begin(server, name, size):
+    return join(server, "/upload?" + urlencode({"name": name, "size": size}))
+
+
+def receive(page):
+    return json.loads(page.recv(timeout=TIMEOUT))
+
+
+def upload(server, name, pieces, size=None):
+    """Upload a file; return the answer."""
+    size = sum(map(len, pieces)) if size is None else size
+    with begin(server, name, size) as page:
+        answer = receive(page)
+        if answer["state"] == "ready":
+            for piece in pieces:
+                page.send(piece)
+            answer = receive(page)
+        return answer
+
+
+def test_a_file_arrives_whole_and_is_deleted(server, reader):
+    pieces = [bytes([number]) * 2**18 for number in range(1, 9)]
+    answer = upload(server, "walk.csv", pieces)
+    total = 36 * 2**18
+    assert answer == {"state": "done", "text": f"walk.csv: {2**21} bytes, {total}"}
+    path = reader.paths[-1]
+    assert path.suffix == ".csv"
+    wait_for(lambda: not path.parent.exists(), "deleted")
+
+
+def test_an_empty_file_is_one_too(server):
+    assert upload(server, "a.npz", [])["text"] == "a.npz: 0 bytes, 0"
+
+
+def test_an_error_is_told_in_its_sentence(server, reader):
+    bad = upload(server, "a.csv", [b"bad"])
+    assert bad == {"state": "failed", "text": "a.csv has no joints"}
+    worse = upload(server, "a.csv", [b"worse"])
+    assert worse == {"state": "failed", "text": "a.csv cannot be read: line 3"}
+    wait_for(lambda: not reader.paths[-1].parent.exists(), "deleted")
+
+
+def test_a_file_that_is_too_large_is_refused_unread(server, reader):
+    before = len(reader.paths)
+    with begin(server, "big.npz", MAX_UPLOAD + 1) as page:
+        answer = receive(page)
+    text = "big.npz is larger than the 3 MiB that the page takes"
+    assert answer == {"state": "failed", "text": text}
+    assert upload(server, "fits.npz", [bytes(MAX_UPLOAD)])["state"] == "done"
+    assert len(reader.paths) == before + 1
+
+
+def test_more_than_was_announced_is_refused(server, reader):
+    before = len(reader.paths)
+    answer = upload(server, "a.csv", [b"12", b"345"], size=4)
+    assert answer["state"] == "failed"
+    assert "not the one that was announced" in answer["text"]
+    assert upload(server, "a.csv", ["text"], size=9)["state"] == "failed"
+    assert len(reader.paths) == before
+
+
+@pytest.mark.parametrize("size", ["", "-1", "1e9", "9" * 99])
+def test_a_size_is_wanted(server, size):
+    with begin(server, "a.csv", size) as page:
+        text = "the browser does not say how large a.csv is"
+        assert receive(page) == {"state": "failed", "text": text}
+
+
+def test_who_leaves_on_the_way_leaves_nothing(server, reader):
+    before = len(reader.paths)
+    with begin(server, "a.csv", 9) as page:
+        receive(page)
+        page.send(b"123")
+    assert upload(server, "b.csv", [b"1"])["state"] == "done"
+    assert len(reader.paths) == before + 1
+
+
+@pytest.mark.parametrize(
+    "name", ["../../etc/passwd", "/etc/cron.d/x", "..\\..\\x", "..", "\0"]
+)
+def test_a_path_of_the_browser_is_not_used(server, reader, name):
+    answer = upload(server, name, [b"1"])
+    assert answer["text"].endswith(": 1 bytes, 49")
+    assert re.fullmatch("upload_[0-9a-f]{8}", reader.paths[-1].name)
+    assert reader.paths[-1].parent.name.startswith("g1_description_upload_")
+
+
+@given(st.text())
+def test_a_name_can_be_shown(name):
+    cleaned = clean_name(name)
+    assert cleaned.isprintable()
+    assert 0 < len(cleaned) <= 120
+    assert not set("/\\") & set(cleaned)
+
+
+def test_only_a_few_are_taken_at_once(server, reader):
+    pages = [begin(server, "a.csv", 4) for _ in range(MAX_AT_ONCE)]
+    for page in pages:
+        assert receive(page) == {"state": "ready"}
+        page.send(b"slow")
+    wait_for(lambda: reader.waiting == MAX_AT_ONCE, "all are being read")
+    assert "again later" in upload(server, "one.csv", [b"1"])["text"]
+    assert fetch(server).status == 200
+    reader.go.set()
+    for page in pages:
+        assert receive(page)["state"] == "done"
+        page.close()
+    assert upload(server, "one.csv", [b"1"])["state"] == "done"
+
+
+def test_a_page_may_take_none():
+    with opened() as server:
+        text = "this page takes no files"
+        assert upload(server, "a", [b"1"]) == {"state": "failed", "text": text}
+
+
+def test_a_page_that_only_shows_takes_none(shown, reader):
+    before = len(reader.paths)
+    with pytest.raises(InvalidStatus) as caught:
+        begin(shown.server, "a", 1)
+    assert caught.value.response.status_code == 403
+    assert b"only shows" in caught.value.response.body
+    assert b"const readOnly = true;" in fetch(shown.server).body
+    assert len(reader.paths) == before
+
+
+def test_the_connection_ends_with_the_answer(server):
+    with begin(server, "a", 1) as page:
+        receive(page)
+        page.send(b"1")
+        receive(page)
+        with pytest.raises(ConnectionClosed):
+            page.recv(timeout=TIMEOUT)

@@ -108,10 +108,3 @@ class Browser:
         if script:
             window.add_init_script(script)
         return Page(window, address)
-
-
-@contextlib.contextmanager
-def open_page(address, size=(1280, 800), phone=False):
-    """Give a `Page` in a browser of its own; see `Browser.open`."""
-    with Browser() as browser:
-        yield browser.open(address, size, phone)

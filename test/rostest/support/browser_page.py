@@ -98,10 +98,6 @@ class Page:
         self.wait_for(same, "a picture that stays", timeout)
         return shots[-1]
 
-    def save_picture(self, path):
-        """Write what the window shows as a PNG."""
-        self.raw.screenshot(path=str(path), animations="disabled")
-
     def clipboard(self):
         """Read the text that was copied last."""
         return self.raw.evaluate("navigator.clipboard.readText()")
@@ -172,12 +168,6 @@ class Page:
         self.raw.mouse.down()
         self.raw.mouse.move(*end, steps=steps)
         self.raw.mouse.up()
-
-    def choose_file(self, name, path):
-        """Press a button that asks for a file, and choose this one."""
-        with self.raw.expect_file_chooser() as chooser:
-            self.press(name)
-        chooser.value.set_files(str(path))
 
     def drop_file(self, path, selector="body"):
         """Drop a file on an element, as from the desktop."""
