@@ -126,8 +126,8 @@ def changed_constant(node):
     value, new = node.value, None
     if isinstance(value, bool):
         new = str(not value)
-    elif isinstance(value, int):
-        new = str(value + 1)
+    elif isinstance(value, int):  # of a large one, one more is nothing
+        new = str(2 * value if value > 9 else value + 1)
     elif isinstance(value, float):
         new = str(2.0 * value or 1.0)
     elif isinstance(value, str) and NAME.fullmatch(value):

@@ -8,9 +8,9 @@ test. Nothing happens in the working tree: clones of the last commit are changed
 # rostests, so we have our own.
 
 import argparse
-import json
 import os
 import queue
+import signal
 import subprocess
 import sys
 import tempfile
@@ -18,6 +18,9 @@ import threading
 import time
 from collections import defaultdict
 from pathlib import Path
+
+from coverage import CoverageData
+from coverage.parser import PythonParser
 
 from mutants import draw
 from processes import end_processes, marked_environment, new_mark
@@ -31,7 +34,7 @@ SETTINGS = """[run]
 parallel = true
 sigterm = true
 relative_files = true
-data_file = {folder}/data
+data_file = {data}
 disable_warnings = no-data-collected
 source = {source}
 context = ${{{context}-}}
@@ -61,7 +64,7 @@ class Clone:
 
     def __init__(self, folder):
         """Make it, or bring the one that is there to the last commit."""
-        self.folder = folder
+        self.folder, self.mark = folder, new_mark()
         commit = git("rev-parse", "HEAD").strip()
         if not folder.exists():
             git("clone", "--quiet", str(ROOT), str(folder))
@@ -76,8 +79,7 @@ class Clone:
         Returns:
             The exit code, and None if it did not end in time [s].
         """
-        mark = new_mark()
-        environment = marked_environment(mark)
+        environment = marked_environment(self.mark)
         environment.update(variables, ROS_HOSTNAME="localhost")
         with tempfile.TemporaryDirectory(prefix="g1_mutate_ros_") as home:
             environment.update(ROS_HOME=home, ROS_LOG_DIR=f"{home}/log")
@@ -95,7 +97,7 @@ class Clone:
             except subprocess.TimeoutExpired:
                 return None
             finally:
-                end_processes(mark)
+                end_processes(self.mark)
                 process.wait()
 
     def pytest(self, words, **options):
@@ -114,99 +116,108 @@ class Map:
     def __init__(self):
         """Read what is known of the last commit's state of src and test."""
         state = git("rev-parse", "HEAD:src", "HEAD:test").split()
-        self.file = MAPS / f"{'_'.join(name[:12] for name in state)}.json"
-        self.seconds, self.lines, self.statements = {}, {}, {}
-        if self.file.exists():
-            known = json.loads(self.file.read_text())
-            self.seconds, self.lines = known["seconds"], known["lines"]
-            self.statements = known["statements"]
+        self.file = MAPS / f"{'_'.join(name[:12] for name in state)}.coverage"
+        self.times = self.file.with_suffix(".times")
+        self.seconds = read_times(self.times) if self.times.exists() else {}
+        self._data = CoverageData(str(self.file))
+        self._data.read()
+        self._lines = {}
 
     def has(self, kind):
         """Tell whether tests of a folder were recorded."""
         return any(name.startswith(kind) for name in self.seconds)
 
     def record(self, clone, jobs, with_rostests):
-        """Run all tests with coverage.py; rostests one after the other."""
+        """Run tests with coverage.py, those of pytest or the rostests, and read that.
+
+        Rostests run one after the other.
+        """
+        MAPS.mkdir(exist_ok=True)
         with tempfile.TemporaryDirectory(prefix="g1_mutate_map_") as folder:
             settings, times = Path(folder, "settings"), Path(folder, "times")
-            settings.write_text(
-                SETTINGS.format(
-                    folder=folder, source=clone.folder / SOURCE, context=CONTEXT
-                )
-            )
-            for place in clone.folder.glob(".venv/lib/python3*/site-packages"):
-                text = f"{START}\n{clone.folder / 'tools'}\n"
-                (place / "coverage_start.pth").write_text(text)
+            data, source = f"{folder}/data", clone.folder / SOURCE
+            text = SETTINGS.format(data=data, source=source, context=CONTEXT)
+            settings.write_text(text)
+            (packages,) = clone.folder.glob(".venv/lib/python3*/site-packages")
+            start = packages / "coverage_start.pth"
+            start.write_text(f"{START}\n{clone.folder / 'tools'}\n")
             variables = {"COVERAGE_PROCESS_START": str(settings)}
-            if not self.has("test/"):
-                print("running the tests of pytest", flush=True)
+            if with_rostests:
+                with times.open("w") as file:
+                    for name in sorted(clone.folder.glob("test/rostest/*.test")):
+                        file.write(self._record_rostest(clone, name.stem, variables))
+            else:
                 words = ["-p", "contexts", "-n", str(jobs), "test"]
                 clone.pytest(words, COVERAGE_TIMES=str(times), **variables)
-                for line in times.read_text().splitlines():
-                    seconds, name = line.split(" ", 1)
-                    self.seconds[name] = self.seconds.get(name, 0.0) + float(seconds)
-            names = sorted(f.stem for f in clone.folder.glob("test/rostest/*.test"))
-            for name in names if with_rostests else []:
-                test = f"rostest/{name}"
-                if test in self.seconds:
-                    continue
-                begin = time.monotonic()
-                code = clone.rostest(name, timeout=900, **{CONTEXT: test, **variables})
-                took = time.monotonic() - begin
-                print(f"{test}: {code} ({took:.0f} s)", flush=True)
-                self.seconds[test] = took if code == 0 else float("inf")
-            self.read(clone, folder, settings)
-        MAPS.mkdir(exist_ok=True)
-        known = {"seconds": self.seconds, "lines": self.lines}
-        self.file.write_text(json.dumps({**known, "statements": self.statements}))
+            start.unlink()
+            combine = ["-m", "coverage", "combine", "-q", f"--rcfile={settings}"]
+            clone.run([".venv/bin/python", *combine, folder])
+            found = CoverageData(data)
+            found.read()
+            self._data.update(found)
+            self._data.write()
+            with self.times.open("a") as file:
+                file.write(times.read_text())
+        self.seconds = read_times(self.times)
 
-    def read(self, clone, folder, settings):
-        """Add what coverage.py wrote."""
-        result = Path(folder, "result.json")
-        options = [f"--rcfile={settings}", "-q"]
-        python = [".venv/bin/python", "-m", "coverage"]
-        clone.run([*python, "combine", *options, folder])
-        clone.run([*python, "json", *options, "--show-contexts", "-o", str(result)])
-        for name, found in json.loads(result.read_text())["files"].items():
-            statements = {*found["executed_lines"], *found["missing_lines"]}
-            self.statements[name] = sorted(statements)
-            lines = self.lines.setdefault(name, {})
-            for line, tests in found["contexts"].items():
-                known = lines.setdefault(line, [])
-                known += sorted({*tests} - {*known})
+    def _record_rostest(self, clone, name, variables):
+        """Run a rostest; give its line of the file of times."""
+        test, begin = f"rostest/{name}", time.monotonic()
+        code = clone.rostest(name, timeout=900.0, **{CONTEXT: test}, **variables)
+        seconds = time.monotonic() - begin if code == 0 else float("inf")
+        print(f"{test}: {seconds:.0f} s", flush=True)
+        return f"{seconds:.1f} {test}\n"
 
-    def of_line(self, name, line):
-        """Give the tests that execute a line."""
-        return {*self.lines.get(name, {}).get(str(line), ())} & {*self.seconds}
-
-    def of_file(self, name):
-        """Give the tests that execute any line of a file."""
-        return set().union(*(self.of_line(name, n) for n in self.lines.get(name, {})))
+    def lines(self, name):
+        """Give the tests that execute the lines of a file."""
+        if name not in self._lines:
+            self._lines[name] = self._data.contexts_by_lineno(name)
+        return self._lines[name]
 
     def tests_of(self, name, mutant):
-        """Give the tests that a mutant concerns, the cheapest first."""
-        if mutant.is_inside:
-            tests = self.of_line(name, mutant.line)
-            tests = tests or self.of_line(name, mutant.statement)
-        else:  # whoever came first has imported it, so all are asked
+        """Give the tests that a mutant concerns, the cheapest first.
+
+        The others that execute the file come after those that execute the line: a cache
+        or a fixture runs a line for the first test alone.
+        """
+        lines = self.lines(name)
+        tests = {*(lines.get(mutant.line) or lines.get(mutant.statement) or ())}
+        others = set().union(*lines.values()) if tests else tests
+        if not mutant.is_inside:  # whoever came first has imported it
             folder = f"test/{name[len(SOURCE) :].split('/')[0]}/"
-            own = {test for test in self.seconds if test.startswith(folder)}
-            tests = own or self.of_file(name)
-        return sorted(tests, key=lambda test: (self.seconds[test], test))
+            tests = {test for test in self.seconds if test.startswith(folder)}
+        groups = tests & {*self.seconds}, (others - tests) & {*self.seconds}
+        order = self.seconds.get
+        return [test for group in groups for test in sorted(sorted(group), key=order)]
 
     def tell(self):
         """Print the coverage of each package."""
         counts = defaultdict(lambda: [0, 0])
-        for name, statements in self.statements.items():
-            words = name[len(SOURCE) :].split("/")
-            count = counts[words[0] if len(words) > 1 else "."]
-            count[0] += len(statements)
-            count[1] += sum(str(line) in self.lines[name] for line in statements)
+        for name in git("ls-files", f"{SOURCE}*.py").split():
+            parser = PythonParser(text=git("show", f"HEAD:{name}"))
+            parser.parse_source()
+            words, lines = name[len(SOURCE) :].split("/"), self.lines(name)
+            executed = {parser.first_line(line) for line in lines}
+            count = counts[words[0] if len(words) > 1 else "(top)"]
+            count[0] += len(parser.statements)
+            count[1] += len(parser.statements & executed)
         counts["all"] = [sum(column) for column in zip(*counts.values())]
         for name, (lines, executed) in sorted(counts.items()):
-            print(f"{name:12}{lines:7} lines {100.0 * executed / lines:6.1f} %")
-        if not self.has("rostest/"):
-            print("without rostests")
+            print(f"{name:12}{lines:7} lines {100.0 * executed / max(lines, 1):6.1f} %")
+        print(self.title())
+
+    def title(self):
+        """Say which tests are known."""
+        return "with rostests" if self.has("rostest/") else "without rostests"
+
+
+def read_times(file):
+    """Read the seconds of test functions, whose cases have lines of their own."""
+    seconds = defaultdict(float)
+    for line in file.read_text().splitlines():
+        time_of_case, name = line.split(" ", 1)
+        seconds[name] += float(time_of_case)
+    return dict(seconds)
 
 
 def within(tests, seconds, limit):
@@ -274,7 +285,7 @@ def run(clones, known, sample, limit):
                 print(f"    - {before}\n    + {after}", flush=True)
                 survivors.extend([name] if verdict == "SURVIVED" else [])
 
-    threads = [threading.Thread(target=work, args=[clone]) for clone in clones]
+    threads = [threading.Thread(target=work, args=[c], daemon=True) for c in clones]
     for thread in threads:
         thread.start()
     for thread in threads:
@@ -294,25 +305,36 @@ def main():
     parser.add_argument("--coverage", action="store_true", help="only print it")
     parser.add_argument("--clones", type=Path, help="a folder that keeps the clones")
     given = parser.parse_args()
-    begin, known = time.monotonic(), Map()
-    if given.coverage and known.seconds:
-        known.tell()
-        return
+    # Also where SIGINT is ignored, as under nohup.
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.default_int_handler)
+    known, clones = Map(), []
+    if given.coverage and known.has("test/"):
+        return known.tell()
+    begin = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="g1_mutate_") as folder:
-        place = given.clones or Path(folder)
-        first = Clone(place / "clone_0")
-        missing = given.rostests and not known.has("rostest/")
-        if not known.has("test/") or missing:
-            known.record(first, given.jobs, given.rostests)
-        if given.coverage or given.map:
-            known.tell()
-            return
-        others = [Clone(place / f"clone_{number}") for number in range(1, given.jobs)]
-        sample = draw(first.folder, given.sample, given.seed)
-        count = run([first, *others], known, sample, given.seconds)
+        place = (given.clones or Path(folder)).resolve()
+        try:
+            for number in range(given.jobs):
+                clones.append(Clone(place / f"clone_{number}"))
+            if not known.has("test/"):
+                known.record(clones[0], given.jobs, with_rostests=False)
+            if given.rostests and not known.has("rostest/"):
+                known.record(clones[0], given.jobs, with_rostests=True)
+            if given.coverage or given.map:
+                return known.tell()
+            sample = draw(clones[0].folder, given.sample, given.seed)
+            print(f"seed {given.seed}, at most {given.seconds:.0f} s for a mutant")
+            print(known.title(), flush=True)
+            count = run(clones, known, sample, given.seconds)
+        except KeyboardInterrupt:
+            sys.exit("tools/mutate: interrupted")
+        finally:
+            for clone in clones:
+                end_processes(clone.mark)
     seconds = time.monotonic() - begin
     print(f"{count} of {len(sample)} survived ({seconds:.0f} s)")
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -18,6 +18,8 @@ CASES = {
     "x += y": "x -= y",
     "x = [a for a in b if f(a)]": "x = [a for a in b if (not (f(a)))]",
     "x = 0.0": "x = 1.0",
+    "x = 3": "x = 4",
+    "x = 84": "x = 168",
     "x = True": "x = False",
     "x = 'left_knee'": 'x = "left_kneex"',
     "x = -a": "x = (a)",
