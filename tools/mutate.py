@@ -17,6 +17,7 @@ import tempfile
 import threading
 import time
 from collections import defaultdict
+from functools import partial
 from pathlib import Path
 
 from coverage import CoverageData
@@ -127,28 +128,24 @@ class Map:
         """Tell whether tests of a folder were recorded."""
         return any(name.startswith(kind) for name in self.seconds)
 
-    def record(self, clone, jobs, with_rostests):
-        """Run tests with coverage.py, those of pytest or the rostests, and read that.
+    def record(self, clone, run):
+        """Add the lines and the times of tests, which a function runs.
 
-        Rostests run one after the other.
+        Args:
+            clone: Where they run.
+            run: Given the variables with which coverage.py starts, and the file that
+                takes the times: in each line the seconds and the name of a test.
         """
         MAPS.mkdir(exist_ok=True)
+        (packages,) = clone.folder.glob(".venv/lib/python3*/site-packages")
+        start = packages / "coverage_start.pth"
         with tempfile.TemporaryDirectory(prefix="g1_mutate_map_") as folder:
             settings, times = Path(folder, "settings"), Path(folder, "times")
             data, source = f"{folder}/data", clone.folder / SOURCE
             text = SETTINGS.format(data=data, source=source, context=CONTEXT)
             settings.write_text(text)
-            (packages,) = clone.folder.glob(".venv/lib/python3*/site-packages")
-            start = packages / "coverage_start.pth"
             start.write_text(f"{START}\n{clone.folder / 'tools'}\n")
-            variables = {"COVERAGE_PROCESS_START": str(settings)}
-            if with_rostests:
-                with times.open("w") as file:
-                    for name in sorted(clone.folder.glob("test/rostest/*.test")):
-                        file.write(self._record_rostest(clone, name.stem, variables))
-            else:
-                words = ["-p", "contexts", "-n", str(jobs), "test"]
-                clone.pytest(words, COVERAGE_TIMES=str(times), **variables)
+            run({"COVERAGE_PROCESS_START": str(settings)}, times)
             start.unlink()
             combine = ["-m", "coverage", "combine", "-q", f"--rcfile={settings}"]
             clone.run([".venv/bin/python", *combine, folder])
@@ -160,13 +157,28 @@ class Map:
                 file.write(times.read_text())
         self.seconds = read_times(self.times)
 
-    def _record_rostest(self, clone, name, variables):
-        """Run a rostest; give its line of the file of times."""
-        test, begin = f"rostest/{name}", time.monotonic()
-        code = clone.rostest(name, timeout=900.0, **{CONTEXT: test}, **variables)
-        seconds = time.monotonic() - begin if code == 0 else float("inf")
-        print(f"{test}: {seconds:.0f} s", flush=True)
-        return f"{seconds:.1f} {test}\n"
+    def record_all(self, clone, jobs, with_rostests):
+        """Add all tests that are missing, rostests one after the other."""
+
+        def run_pytest(variables, times):
+            words = ["-p", "contexts", "-n", str(jobs), "test"]
+            clone.pytest(words, COVERAGE_TIMES=str(times), **variables)
+
+        def run_rostest(test, variables, times):
+            begin, name = time.monotonic(), test.split("/")[1]
+            code = clone.rostest(name, timeout=900.0, **{CONTEXT: test}, **variables)
+            seconds = time.monotonic() - begin if code == 0 else float("inf")
+            print(f"{test}: {seconds:.0f} s", flush=True)
+            times.write_text(f"{seconds:.1f} {test}\n")
+
+        if not self.has("test/"):
+            self.record(clone, run_pytest)
+        files = (
+            sorted(clone.folder.glob("test/rostest/*.test")) if with_rostests else []
+        )
+        for test in (f"rostest/{file.stem}" for file in files):
+            if test not in self.seconds:
+                self.record(clone, partial(run_rostest, test))
 
     def lines(self, name):
         """Give the tests that execute the lines of a file."""
@@ -175,20 +187,27 @@ class Map:
         return self._lines[name]
 
     def tests_of(self, name, mutant):
-        """Give the tests that a mutant concerns, the cheapest first.
+        """Give the tests that a mutant concerns, the cheapest of each group first.
 
-        The others that execute the file come after those that execute the line: a cache
-        or a fixture runs a line for the first test alone.
+        Those that execute the line, then those of the package's folder if an import
+        executes it, then those that execute other lines of the file: an import, a cache
+        or a fixture runs a line for the first test alone. None if nothing executes it.
         """
         lines = self.lines(name)
-        tests = {*(lines.get(mutant.line) or lines.get(mutant.statement) or ())}
-        others = set().union(*lines.values()) if tests else tests
-        if not mutant.is_inside:  # whoever came first has imported it
-            folder = f"test/{name[len(SOURCE) :].split('/')[0]}/"
-            tests = {test for test in self.seconds if test.startswith(folder)}
-        groups = tests & {*self.seconds}, (others - tests) & {*self.seconds}
-        order = self.seconds.get
-        return [test for group in groups for test in sorted(sorted(group), key=order)]
+        executing = lines.get(mutant.line) or lines.get(mutant.statement) or []
+        if not executing:
+            return []
+        folder = f"test/{name[len(SOURCE) :].split('/')[0]}/"
+        groups = [executing, [], set().union(*lines.values())]
+        if not mutant.is_inside or "" in executing:
+            groups[1] = [test for test in self.seconds if test.startswith(folder)]
+        if not mutant.is_inside:
+            groups[0] = []
+        order, found = self.seconds.get, {}
+        for group in groups:
+            known = sorted({*group} & {*self.seconds})
+            found.update(dict.fromkeys(sorted(known, key=order)))
+        return [*found]
 
     def tell(self):
         """Print the coverage of each package."""
@@ -296,14 +315,12 @@ def run(clones, known, sample, limit):
 def main():
     """Draw, run, and report."""
     parser = argparse.ArgumentParser(prog="tools/mutate", description=__doc__)
-    parser.add_argument("--sample", type=int, default=20, metavar="N", help="of lines")
-    parser.add_argument("--seed", type=int, default=1, metavar="N", help="of the draw")
-    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="at a time")
-    parser.add_argument("--seconds", type=float, default=120.0, help="for one mutant")
-    parser.add_argument("--map", action="store_true", help="only make the map")
-    parser.add_argument("--rostests", action="store_true", help="of these, too")
-    parser.add_argument("--coverage", action="store_true", help="only print it")
-    parser.add_argument("--clones", type=Path, help="a folder that keeps the clones")
+    for name, default in (("sample", 20), ("seed", 1), ("jobs", 1)):
+        parser.add_argument(f"--{name}", type=int, default=default)
+    for name in ("map", "rostests", "coverage"):
+        parser.add_argument(f"--{name}", action="store_true")
+    parser.add_argument("--seconds", type=float, default=120.0)
+    parser.add_argument("--clones", type=Path)
     given = parser.parse_args()
     # Also where SIGINT is ignored, as under nohup.
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -317,10 +334,7 @@ def main():
         try:
             for number in range(given.jobs):
                 clones.append(Clone(place / f"clone_{number}"))
-            if not known.has("test/"):
-                known.record(clones[0], given.jobs, with_rostests=False)
-            if given.rostests and not known.has("rostest/"):
-                known.record(clones[0], given.jobs, with_rostests=True)
+            known.record_all(clones[0], given.jobs, given.rostests)
             if given.coverage or given.map:
                 return known.tell()
             sample = draw(clones[0].folder, given.sample, given.seed)
