@@ -163,7 +163,7 @@ class Map:
         """Add all tests that are missing, rostests one after the other."""
 
         def run_pytest(variables, times):
-            words = ["-p", "contexts", "-n", str(jobs), "test"]
+            words = ["-p", "contexts", "test"]
             clone.pytest(words, COVERAGE_TIMES=str(times), **variables)
 
         def run_rostest(test, variables, times):

@@ -54,7 +54,6 @@ def sourced(*files):
 def install(tmp_path_factory):
     """Install the package into a workspace in which it is a link to the clone.
 
-    CMake runs twice, as then it must not take our own interfaces for somebody else's.
     Messages are made for Python alone; tools/setup has made them for every language.
     """
     workspace = tmp_path_factory.mktemp("workspace")
@@ -62,8 +61,7 @@ def install(tmp_path_factory):
     (workspace / "src" / "g1_description").symlink_to(REPOSITORY)
     plain = {**sourced(), "ROS_LANG_DISABLE": "gencpp:geneus:genlisp:gennodejs"}
     build = ["catkin_make", "-C", workspace, f"-DPYTHON_EXECUTABLE={sys.executable}"]
-    run([*build, "-DCATKIN_ENABLE_TESTING=OFF"], plain)
-    run([*build, "--force-cmake", "install"], plain)
+    run([*build, "-DCATKIN_ENABLE_TESTING=OFF", "install"], plain)
     return workspace / "install"
 
 

@@ -30,7 +30,16 @@ PACKAGES = {
 """Where launch files, executables and rostests of our packages are."""
 
 FOREIGN_NODES = {("dynamic_reconfigure", "dynparam"), ("tf", "tf_echo")}
-FOREIGN = {"cd", "git", "source", "catkin_make", "pip", "pip3", "python3"}
+FOREIGN = {
+    "cd",
+    "git",
+    "source",
+    "catkin_make",
+    "catkin_test_results",
+    "pip",
+    "pip3",
+    "python3",
+}
 FOREIGN |= {"export", "python", "rosbag", "rosnode", "rostopic", "ssh", "sudo"}
 """Commands of others, taken on trust."""
 
