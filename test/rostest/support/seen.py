@@ -4,7 +4,8 @@ import rospy
 import tf2_ros
 from sensor_msgs.msg import JointState
 
-from .ros_testing import Connected, is_at, wait_for
+from .ros_testing import is_at, uri_of, wait_for
+from .wire.raw_subscriber import RawSubscriber
 
 ELBOW, WRIST = "left_elbow_joint", "left_wrist_yaw_link"
 
@@ -38,8 +39,9 @@ def check_that_commands_show(states, commands):
         states: A listener to joint states.
         commands: The publisher of joint commands.
     """
-    late = Connected("/joint_states", JointState)
-    assert ELBOW in late.wait().name
+    # Subscribers of one node share a connection, so this one has its own.
+    late = RawSubscriber(uri_of("/link_states_bridge"), "/joint_states", JointState)
+    assert ELBOW in JointState().deserialize(late.read()).name
     late.close()
     for position in (0.1, 0.2, 0.3):
         _check_that_a_command_shows(position, states, commands)
