@@ -111,7 +111,7 @@ class TestBridgeFuzz(unittest.TestCase):
         wait_for(lambda: self.kinds_told(watched) >= kinds, f"a line: {case.told}")
         self.assertEqual(self.kinds_told(watched), kinds)
 
-    def test_2_whatever_comes_for_long_costs_no_memory_and_few_lines(self):
+    def test_4_whatever_comes_for_long_costs_no_memory_and_few_lines(self):
         watched = self.troubled
         begin = time.monotonic()
         all_cases = cases()
@@ -170,7 +170,7 @@ class TestBridgeFuzz(unittest.TestCase):
         publisher.wait_for_subscriber()
         return publisher
 
-    def test_a_publisher_that_dies_in_the_middle_of_a_message(self):
+    def test_2_a_publisher_that_dies_in_the_middle_of_a_message(self):
         watched = self.quiet
         data = body_of(arm_states())
         for cut in (2, 4, 200):
@@ -183,7 +183,7 @@ class TestBridgeFuzz(unittest.TestCase):
         self.check(watched)
         self.assertEqual(self.kinds_told(watched), set())
 
-    def test_publishers_that_say_nothing_or_never_end_beside_a_good_one(self):
+    def test_2_publishers_that_say_nothing_or_never_end_beside_a_good_one(self):
         watched = self.quiet
         mute = self.another(watched, "mute", answers=False)
         self.addCleanup(mute.close)
@@ -197,7 +197,7 @@ class TestBridgeFuzz(unittest.TestCase):
         self.check(watched)
         self.assertEqual(self.kinds_told(watched), set())
 
-    def test_one_wrong_speed_does_not_turn_a_wheel_for_ever(self):
+    def test_2_one_wrong_speed_does_not_turn_a_wheel_for_ever(self):
         """The shoulder has no limits: its turns are counted from one message on."""
         watched = self.quiet
         for number in range(10):
@@ -207,7 +207,7 @@ class TestBridgeFuzz(unittest.TestCase):
             watched.send(body_of(glitch))
             self.check(watched)
 
-    def test_who_was_held_up_takes_the_newest_and_not_all_that_came(self):
+    def test_2_who_was_held_up_takes_the_newest_and_not_all_that_came(self):
         watched = self.quiet
         watched.bridge.stop()
         self.addCleanup(watched.bridge.go_on)
@@ -219,7 +219,7 @@ class TestBridgeFuzz(unittest.TestCase):
         # What is handed on piecemeal, on a busy machine, looks less like a pile.
         self.assertLess(len(watched.states.messages), PILE)
 
-    def test_who_waits_for_each_answer_gets_each(self):
+    def test_2_who_waits_for_each_answer_gets_each(self):
         """A simulator that steps when a controller has seen the last step."""
         watched = self.quiet
         topic = watched.states.topic
@@ -233,7 +233,7 @@ class TestBridgeFuzz(unittest.TestCase):
             watched.send(data)
             reader.read()
 
-    def test_stamps_are_those_of_the_wall(self):
+    def test_2_stamps_are_those_of_the_wall(self):
         watched = self.quiet
         frames = Listener("/tf", TFMessage)
         self.addCleanup(frames.close)

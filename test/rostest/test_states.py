@@ -3,6 +3,7 @@
 While time stands still the robot can be looked at, by who comes late as well.
 """
 
+import math
 import time
 import unittest
 
@@ -276,7 +277,7 @@ class TestStatesAtTheRate(States):
             try:
                 return frames.look("left_elbow_link").header.stamp.to_sec()
             except tf2_ros.TransformException:  # the time has just gone back
-                return end
+                return math.nan
 
         # What comes after the reset from before it would make TF refuse what is new.
         wait_for(lambda: stamp() > end - 1e-6, "TF of the pause")
