@@ -46,8 +46,6 @@ class TestBridgeFuzz(unittest.TestCase):
         The time is the wall's, so that each message has one of its own.
         """
         rospy.set_param("/robot_description", URDF)
-        rospy.set_param("/use_sim_time", False)
-        cls.addClassCleanup(rospy.set_param, "/use_sim_time", True)
         cls.troubled, cls.quiet = (cls.watch(name) for name in ("troubled", "quiet"))
 
     @classmethod

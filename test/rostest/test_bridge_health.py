@@ -137,13 +137,12 @@ class TestBridgeHealth(unittest.TestCase):
             del getattr(without_fore, field)[3]
         broken = arm_states()
         broken.pose[3].position.x = math.nan
-        for message in (without_fore, broken):
-            self.see(message)
-            self.wait_for(JOINTS, ERROR, "missing links", "fore")
-            self.see(arm_states())
-            self.wait_for(JOINTS, OK, "3 joints are published")
+        self.see(without_fore)
+        self.wait_for(JOINTS, ERROR, "missing links", "fore")
         self.see(arm_states(model="leg"))
         self.wait_for(JOINTS, ERROR, "no link of arm")
+        self.see(broken)
+        self.wait_for(JOINTS, ERROR, "missing links", "fore")
         self.see(arm_states())
         self.wait_for(JOINTS, OK, "3 joints are published")
 
@@ -249,24 +248,24 @@ class TestBridgeHealth(unittest.TestCase):
         base = self.publisher("base_command", PoseStamped)
         self.see()
         self.wait_for(LINK_STATES, WARN, "no message on")
-        for n in range(1, 6):
+        for n in range(1, 4):
             point = JointTrajectoryPoint(positions=[0.1 * n])
             sample = JointTrajectory(joint_names=["elbow"], points=[point])
             motion.publish(RobotTrajectory(joint_trajectory=sample))
             base.publish(PoseStamped())
             self.wait_for_values({"motion received": n, "base_command received": n})
         superseded = {
-            "motions superseded before shown": 4,
-            "base commands superseded before shown": 4,
+            "motions superseded before shown": 2,
+            "base commands superseded before shown": 2,
         }
         self.wait_for_values(superseded)
         self.see(arm_states())
-        self.simulator.wait_for_request(elbow=0.5)
+        self.simulator.wait_for_request(elbow=0.1 * 3)
         motion.publish(RobotTrajectory(joint_trajectory=sample))
-        self.wait_for_values({"motion received": 6, **superseded})
+        self.wait_for_values({"motion received": 4, **superseded})
         bad = JointTrajectory(joint_names=["wing"], points=[point])
         motion.publish(RobotTrajectory(joint_trajectory=bad))
-        self.wait_for_values({"motion received": 7, "motion refused": 1})
+        self.wait_for_values({"motion received": 5, "motion refused": 1})
 
     def test_e_states_come_while_a_motion_has_no_answer(self):
         may_answer, asked = threading.Event(), threading.Event()
@@ -299,7 +298,7 @@ class TestBridgeHealth(unittest.TestCase):
         def play(request):
             if not asked.is_set():
                 asked.set()
-                is_over.wait(1.0)  # what overtakes the answer does so by then
+                is_over.wait(0.2)  # what overtakes the answer does so by then
             return SetModelTrajectoryResponse(success=True, start=rospy.Time(5))
 
         service = f"{self.space}/gazebo/set_model_trajectory"
