@@ -24,7 +24,7 @@ from support.stand_in import Node
 
 from tcpros import HangupError, ServiceError, header_of, packed
 
-REQUESTS = int(os.environ.get("FUZZ_REQUESTS", "300"))
+REQUESTS = int(os.environ.get("FUZZ_REQUESTS", "200"))
 SEED = int(os.environ.get("FUZZ_SEED", "1"))
 BATCH = 100
 """Requests between two times that the world is put in order."""

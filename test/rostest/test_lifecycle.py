@@ -121,10 +121,10 @@ class TestLifecycle(Moving):
     @classmethod
     def setUpClass(cls):
         super().setUpClass()
-        cls.addClassCleanup(Launch("bridge.launch", "rate:=50").stop)
+        cls.addClassCleanup(Launch("bridge.launch", "rate:=20").stop)
         wait_for(cls.commands.get_num_connections, "the bridge to listen")
         cls.command(ELBOW, 0.625)
-        cls.launch = Launch("gazebo.launch", "respawn_gazebo:=true", "rate:=50", *PLACE)
+        cls.launch = Launch("gazebo.launch", "respawn_gazebo:=true", "rate:=20", *PLACE)
         cls.addClassCleanup(cls.launch.stop)
 
     def test_1_a_command_from_before_the_simulator_arrives(self):
@@ -152,7 +152,7 @@ class TestLifecycle(Moving):
         self.record.clear()
         others = Others()
         self.addCleanup(others.close)
-        dancing = Repeated(self.dance, 0.02)
+        dancing = Repeated(self.dance, 0.05)
         self.addCleanup(dancing.close)
         self.run_for(1.0)
         self.command(KNEE, 1.0)
@@ -270,12 +270,12 @@ class TestWallTime(Moving):
 
     def test_2_stamps_are_those_of_the_wall_and_rise(self):
         before = time.time()
-        options = "rviz:=false", "rate:=50", "use_sim_time:=false"
+        options = "rviz:=false", "rate:=20", "use_sim_time:=false"
         self.addCleanup(Launch("display.launch", *options).stop)
         wait_for(lambda: len(self.record.frames()) == 30, "the frames of all links")
         others = Others()
         self.addCleanup(others.close)
-        self.addCleanup(Repeated(self.dance, 0.02).close)
+        self.addCleanup(Repeated(self.dance, 0.05).close)
         self.run_for(2.0)
         stamps = self.record.joints()
         self.assertTrue(before < stamps[-1] / SECOND <= time.time())
