@@ -121,8 +121,8 @@ class TestBridgeRobots(unittest.TestCase):
         cls.statics = Listener("/tf_static", TFMessage)
         cls.log = NodeLog("/bridge_of_two")
         spawn("a", cls.urdf, 0.0)
-        command = "rosrun gazebo_ros spawn_model -urdf -param robot_description"
-        subprocess.run([*command.split(), *f"-model b -x 1 -z {HEIGHT}".split()])
+        asked = f"-urdf -param robot_description -model b -x 1 -z {HEIGHT}"
+        subprocess.run([program("spawn_model", "gazebo_ros"), *asked.split()])
         cls.a, cls.b = Robot("/a"), Robot("/b")
         cls.buffer = tf2_ros.Buffer()
         cls.transforms = tf2_ros.TransformListener(cls.buffer)
