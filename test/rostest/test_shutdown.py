@@ -51,14 +51,6 @@ class TestShutdown(unittest.TestCase):
 
         self.end(prepare, signal.SIGTERM)
 
-    def test_while_the_time_step_is_zero(self):
-        def prepare(node):
-            defaults = node.services.call("get_physics_properties")
-            numbers = 0.0, 1e3, defaults.gravity, defaults.ode_config
-            node.services.call("set_physics_properties", *numbers)
-
-        self.end(prepare, signal.SIGINT)
-
     def test_while_a_million_steps_are_asked_for(self):
         def prepare(node):
             node.services.call("pause_physics")

@@ -24,9 +24,8 @@ LISTENERS = {
     "tf_echo": ["map", "pelvis"],
     "tf_monitor": [],
 }
-"""Programs of tf, which listen each in its own way, and their arguments. None of them is
-a rospy node: in a hurry rospy connects twice, and what is sent until it notices comes
-twice."""
+"""Programs of tf, which listen each in its own way, and their arguments. None is a
+rospy node: in a hurry rospy connects twice, and what is sent until then comes twice."""
 
 
 def subscribers(topic):
