@@ -230,6 +230,8 @@ class TestLifecycle(Moving):
         first = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
         self.addCleanup(first.kill)
         wait_for(lambda: process_of("/other/second") == first.pid, "the first")
+        # What it registered from now on would end the second one instead.
+        rospy.wait_for_service("/other/second/set_parameters", DEADLINE)
         second = subprocess.Popen(command, stderr=subprocess.DEVNULL)
         self.addCleanup(second.kill)
         _, said = first.communicate(timeout=DEADLINE)
