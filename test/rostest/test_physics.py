@@ -16,7 +16,6 @@ from geometry_msgs.msg import Pose, Quaternion
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
-from support.pose_command import run
 from support.ros_testing import (
     DEADLINE,
     Connected,
@@ -28,6 +27,12 @@ from support.ros_testing import (
 )
 from support.seen import ELBOW, check_that_commands_show
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from g1_description.cli.pose import PosedRobot
+from g1_description.motion.trajectory import Trajectory
+from g1_description.robot.poses import package_file, pose_positions, read_poses
+from g1_description.ros.playing import MotionClient
+from g1_description.ros.waiting import RefusedError
 
 MS = 1_000_000
 """[ns]"""
@@ -138,9 +143,9 @@ class TestPhysics(unittest.TestCase):
         wanted = "" if self.stands else "nothing drives the joints in limp physics"
         self.assertEqual((answer.success, answer.status_message), (self.stands, wanted))
         if not self.stands:
-            code, _, errors = run("squat", "--seconds", 3)
-            self.assertEqual(code, 1)
-            self.assertIn(f"The motion was refused: {wanted}", errors)
+            sample = Trajectory(np.arange(2.0), (ELBOW,), np.zeros((2, 1)))
+            with self.assertRaisesRegex(RefusedError, f"motion was refused: {wanted}"):
+                MotionClient(play).play(sample)
 
     def test_5_it_squats_and_stands_again_on_its_motors(self):
         """It is not thrown, and the simulator tells how well the motors followed."""
@@ -149,11 +154,15 @@ class TestPhysics(unittest.TestCase):
         tracking = Listener("/gazebo/tracking", TrackingReport)
         begin = self.position()
         tracking.clear()
-        for number, (pose, height) in enumerate((("squat", 0.38), ("zero", 0.79)), 1):
-            self.assertEqual(run(pose, "--seconds", 3), (0, f"pose: {pose}\n", ""))
+        told, poses = [], read_poses(package_file())
+        robot = PosedRobot("", told.append)
+        for number, (name, height) in enumerate((("squat", 0.38), ("zero", 0.79)), 1):
+            goal = pose_positions(poses[name], robot.description)
+            robot.move(goal, 3.0)
             self.assertAlmostEqual(self.position()[2], height, delta=0.05)
             wait_for(lambda n=number: len(tracking.messages) >= n, "a report")
         self.assertLess(np.linalg.norm(self.position() - begin), 0.03)
+        self.assertEqual(told, [])
         names = self.states.wait().name
         for report in tracking.messages:
             self.assertEqual(
