@@ -258,7 +258,7 @@ class TestDropIn(unittest.TestCase):
             *("g1_description", "display.launch", "sim:=gazebo", "rviz:=false"),
             ROS_PACKAGE_PATH=f"{self.folder}:{os.environ['ROS_PACKAGE_PATH']}",
         )
-        self.wait_for_simulated(2.0)
+        self.wait_for_simulated(1.0)
         states, clock = self.states.messages[-100:], Listener("/clock", Clock)
         self.addCleanup(clock.close)
         stamps = [message.header.stamp.to_nsec() for message in states]
