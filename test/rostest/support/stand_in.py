@@ -2,7 +2,6 @@
 
 import subprocess
 import tempfile
-import time
 from pathlib import Path
 
 from .ros_testing import DEADLINE, process_of, program, wait_for
@@ -61,18 +60,8 @@ class Node:
         fields = Path(f"/proc/{self.pid}/stat").read_text().rsplit(")", 1)[1].split()
         return (int(fields[11]) + int(fields[12])) / 100.0
 
-    def real_time_factor(self, seconds=1.0):
-        """Measure how fast simulated time runs."""
-        begin, wall = self.time(), time.monotonic()
-        wait_for(lambda: time.monotonic() > wall + seconds, "the wall clock")
-        end = self.time()
-        return (end - begin) / (time.monotonic() - wall)
-
     def cost(self, seconds=0.5):
-        """Measure the processor time per simulated second.
-
-        Unlike the real-time factor it does not tell how busy the machine is.
-        """
+        """Measure the processor time per simulated second."""
         begin, used = self.time(), self.seconds_of_processor()
         wait_for(lambda: self.time() > begin + seconds, "simulated time")
         return (self.seconds_of_processor() - used) / (self.time() - begin)
@@ -82,11 +71,9 @@ class Node:
         return self.services.call("get_world_properties").sim_time
 
     def end(self, signal_number):
-        """Send a signal; give the time to the end in [s]."""
-        begin = time.monotonic()
+        """Send a signal, and wait for the end."""
         self.process.send_signal(signal_number)
         self.process.wait(DEADLINE)
-        return time.monotonic() - begin
 
     def kill(self):
         """Make sure that it is gone."""

@@ -1,5 +1,6 @@
 """Robots and models that mean harm, each by a name that says how."""
 
+import os
 import struct
 
 INERTIAL = (
@@ -15,6 +16,10 @@ SDF_BOX = (
 )
 SECRET = "root:"
 """What stands in /etc/passwd and must stand in no answer."""
+
+
+ON_THE_ROBOT = ("random.stl", "zero.stl", "bomb.dae", "folder.stl", "memory.stl")
+"""Broken meshes that a robot has, too: test_mesh_files.py reads them all."""
 
 
 def robot(content, name="r"):
@@ -109,11 +114,14 @@ def broken_meshes(folder):
 
 def urdf_attacks(folder):
     """List robots by the name of what is wrong with them."""
+    broken = broken_meshes(folder)
+    os.mkfifo(f"{folder}/pipe.stl")
     uris = {
-        **broken_meshes(folder),
+        **{name: broken[name] for name in ON_THE_ROBOT},
         **{
             uri: uri
             for uri in (
+                f"{folder}/pipe.stl",
                 "/etc/passwd",
                 "file:///etc/passwd",
                 "/",
@@ -266,25 +274,28 @@ def urdf_attacks(folder):
             link(content='<inertial><mass value="1"/><inertia ixx="1"/></inertial>')
         ),
         **{
-            f"mass {mass}, inertia {inertia}": numbers(mass, inertia)
+            f"mass {mass}": numbers(mass, "0.1")
             for mass in ("1e300", "1e9", "1e-300", "0", "-1", "nan", "inf", "x", "")
-            for inertia in ("0.1", "0", "-1", "1e300", "1e-300", "nan", "1e9")
+        },
+        **{
+            f"inertia {inertia}": numbers("1", inertia)
+            for inertia in ("0", "-1", "1e300", "1e-300", "nan", "1e9")
         },
         **{f"a link called {kind}": robot(link(n)) for kind, n in names.items()},
         **{
-            f"a robot called {kind}": robot(link(), name)
-            for kind, name in names.items()
+            f"a robot called {kind}": robot(link(), names[kind])
+            for kind in ("empty", "quotes", "million")
         },
         **{
             f"a joint called {kind}": robot(
-                "".join(ends) + joint(1, "a", "b").replace('"j1"', f'"{name}"')
+                "".join(ends) + joint(1, "a", "b").replace('"j1"', f'"{names[kind]}"')
             )
-            for kind, name in names.items()
+            for kind in ("empty", "scope", "million")
         },
         **{f"mesh {name[:60]}": mesh(uri) for name, uri in uris.items()},
         **{
             f"mesh scaled {scale}": mesh(uris["zero.stl"], scale)
-            for scale in ("0 0 0", "nan nan nan", "1e300 1 1", "-1 -1 -1", "1", "x")
+            for scale in ("0 0 0", "nan nan nan", "1e300 1 1", "-1 -1 -1", "1")
         },
         "text": "this is not xml",
         "nothing": "",
