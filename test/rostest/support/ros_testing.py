@@ -2,7 +2,6 @@
 
 import math
 import os
-import resource
 import signal
 import subprocess
 import sys
@@ -50,12 +49,6 @@ def processor_time(pid):
     except OSError:
         return math.inf
     return sum(map(int, fields[11:15])) / os.sysconf("SC_CLK_TCK")
-
-
-def children_time():
-    """Give the processor time of all that was started here and has ended in [s]."""
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
 
 
 class Listener:
