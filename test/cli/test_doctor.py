@@ -254,9 +254,11 @@ def test_nodes_that_answer_are_known(monkeypatch):
         ("http://nowhere.invalid:1/", "wrong_node_address"),
         ("nonsense", "wrong_node_address"),
         ("http://127.0.0.1:1/", "dead_node"),
+        ("http://198.51.100.7:1/", "wrong_node_address"),  # nobody's
     ],
 )
 def test_nodes_that_do_not_answer(monkeypatch, uri, name):
+    monkeypatch.setattr(doctor, "WAIT", 2.0)
     _, found = ask_nodes(monkeypatch, {"/a": uri}, {"/tf": ["/a"]}, {}, {})
     assert found.name == name and "/a" in found.sentence
 
@@ -398,3 +400,45 @@ def test_meshes_that_are_missing():
     assert cure("file:///here/meshes/a.stl") == "git -C /here checkout -- meshes"
     assert "model:=FILE" in cure("file:///there/a.stl", "file:///here/a.stl")
     assert "workspace with robots" in cure("package://robots/a.stl")
+
+
+@pytest.mark.parametrize(
+    ("check", "topic", "name"),
+    [
+        (doctor.check_time, "/clock", "silent_clock"),
+        (doctor.check_link_states, "/gazebo/link_states", "silent_simulator"),
+        (doctor.check_joint_states, "/joint_states", "no_joint_states"),
+    ],
+)
+def test_a_topic_without_messages_is_silent(monkeypatch, check, topic, name):
+    system = doctor.System("")
+    monkeypatch.setattr(system, "parameter", lambda name, default=None: default)
+    monkeypatch.setattr(doctor, "first_message", lambda topic, kind: None)
+    system.publishers[topic], system.pids["/node"] = ["/node"], 7
+    found = check(system)
+    assert found.name == name and "/node runs, but there was no mess" in found.sentence
+    cure = "rosnode kill /node" if name == "no_joint_states" else "kill 7"
+    assert topic in found.sentence and found.cure.startswith(cure)
+
+
+@pytest.mark.parametrize(
+    ("services", "parameters", "screen", "told"),
+    [
+        ({"/rviz/reload_shaders": ["/rviz"]}, {}, ":0", "/rviz"),
+        ({}, dict.fromkeys(doctor.PAGE_PARAMETERS, 0), ":0", "/web"),
+        ({}, {"port": 8080}, ":0", "no_picture"),
+        ({}, {}, "", "not needed without a screen"),
+    ],
+)
+def test_rviz_and_the_browser_view_show_the_robot(
+    monkeypatch, services, parameters, screen, told
+):
+    """The browser view counts before a page is open: its parameters tell it."""
+    system = doctor.System("")
+    system.services.update(services)
+    system.pids["/web"] = 7
+    known = {"/web": parameters}
+    monkeypatch.setattr(system, "parameter", lambda name, default: known[name])
+    monkeypatch.setenv("DISPLAY", screen)
+    found = doctor.check_picture(system)
+    assert getattr(found, "name", found).startswith(told)

@@ -34,7 +34,7 @@ def wait_slowly(condition, what):
         if time.monotonic() < due:
             return None
         result = condition()
-        due = time.monotonic() + 0.2
+        due = time.monotonic() + 0.5
         return result
 
     return wait_for(ask, what)
@@ -131,10 +131,11 @@ class Patient:
 
     def heal(self):
         """Start what is missing, and wait until all is whole."""
-        for part in PARTS:
-            if part not in self._parts:
-                self.start(part)
-        wait_slowly(lambda: walk("tf") is None, "a whole chain")
+        missing = [part for part in PARTS if part not in self._parts]
+        for part in missing:
+            self.start(part)
+        if missing:
+            wait_slowly(lambda: walk("tf") is None, "a whole chain")
 
     def close(self):
         """End all."""
