@@ -25,10 +25,15 @@ from support.patient import (
     Started,
     publishers,
     start_bridge,
-    wait_slowly,
     walk,
 )
-from support.ros_testing import DEADLINE, Repeated, process_of, program
+from support.ros_testing import (
+    DEADLINE,
+    Repeated,
+    process_of,
+    program,
+    wait_slowly,
+)
 from support.wire.services import Services
 from tf2_msgs.msg import TFMessage
 

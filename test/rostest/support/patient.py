@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
-import time
 from contextlib import ExitStack
 
 import rosgraph
@@ -14,7 +13,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 
 from g1_description.cli.doctor import BROKEN, LINKS, OK, run_checks
 
-from .ros_testing import DEADLINE, Connected, program, wait_for
+from .ros_testing import DEADLINE, Connected, program, wait_slowly
 
 
 def publishers(topic):
@@ -23,21 +22,6 @@ def publishers(topic):
     return [
         n for i in (0, 2) for name, nodes in state[i] if name == topic for n in nodes
     ]
-
-
-def wait_slowly(condition, what):
-    """Wait for a condition that costs processor time to ask for."""
-    due = 0.0
-
-    def ask():
-        nonlocal due
-        if time.monotonic() < due:
-            return None
-        result = condition()
-        due = time.monotonic() + 0.5
-        return result
-
-    return wait_for(ask, what)
 
 
 class Started:

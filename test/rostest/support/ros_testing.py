@@ -51,6 +51,21 @@ def processor_time(pid):
     return sum(map(int, fields[11:15])) / os.sysconf("SC_CLK_TCK")
 
 
+def wait_slowly(condition, what):
+    """Wait for a condition that costs processor time to ask for."""
+    due = 0.0
+
+    def ask():
+        nonlocal due
+        if time.monotonic() < due:
+            return None
+        result = condition()
+        due = time.monotonic() + 0.5
+        return result
+
+    return wait_for(ask, what)
+
+
 class Listener:
     """Keep what comes on a topic."""
 
