@@ -26,10 +26,13 @@ from support.ros_testing import (
     Listener,
     position_of,
     program,
+    service,
     step_by,
     wait_for,
 )
 
+from g1_description.cli.recorded_file import Room
+from g1_description.cli.recorder import Recorder, SimulatorStates
 from g1_description.motion.files.formats import read_motion
 from g1_description.motion.trajectory import Trajectory
 from g1_description.robot.urdf import parse_urdf
@@ -112,6 +115,21 @@ def wave():
     return Trajectory(times, (ELBOW,), elbow[:, np.newaxis], None, base)
 
 
+def refusal_of(model):
+    """Measure a model without a bridge, in this node; give why that cannot be."""
+    robot = parse_urdf(rospy.get_param("/robot_description"))
+    recorder = Recorder(0, None, lambda names, has_base: Room(9, False))
+    states = SimulatorStates(robot, "/gazebo", model, "", recorder)
+
+    def refusal():
+        states.keep_up()
+        return recorder.refusal or states.problem
+
+    found = wait_for(refusal, "a refusal")
+    assert not recorder.states
+    return str(found)
+
+
 @pytest.fixture(scope="module")
 def recordings(tmp_path_factory):
     step_by(PERIOD)
@@ -119,11 +137,14 @@ def recordings(tmp_path_factory):
     world = Listener("/gazebo/world_state", WorldState)
     state = world.wait()
     world.close()
-    spawn = rospy.ServiceProxy("/gazebo/spawn_urdf_model", SpawnModel)
+    joints = Listener("/joint_states", JointState)
+    joints.wait()
+    joints.close()
+    spawn = service("/gazebo/spawn_urdf_model", SpawnModel)
     place = Pose(Point(0.0, 3.0, 1.0), Quaternion(0.0, 0.0, 0.0, 1.0))
     urdf = rospy.get_param("/robot_description")
     assert spawn("other", urdf, "", place, "world").success
-    MotionClient(rospy.ServiceProxy("/play_motion", PlayMotion)).play(wave())
+    MotionClient(service("/play_motion", PlayMotion)).play(wave())
     made = Recordings(tmp_path_factory.mktemp("recordings"))
     wait_for(gone.get_num_connections, "a recorder")
     gone.publish(state)
@@ -135,13 +156,14 @@ def recordings(tmp_path_factory):
     made.end("interrupted.csv", signal.SIGINT)
     made.end("other.csv", signal.SIGHUP)
     made.end("seconds.npz")
-    rospy.ServiceProxy("/gazebo/reset_simulation", Empty)()
+    made.refusals = [refusal_of("nobody"), refusal_of("")]
+    service("/gazebo/reset_simulation", Empty)()
     made.end("reset.bag")
     made.published = {m.header.stamp: m for m in until_reset(made.joints)}
     states = until_reset(made.states)
     made.elbow = np.array([position_of(message, ELBOW) for message in states])
     made.x = np.array([message.base_pose.position.x for message in states])
-    rospy.ServiceProxy("/gazebo/delete_model", DeleteModel)("other")
+    service("/gazebo/delete_model", DeleteModel)("other")
     made.end("gone.csv")
     yield made
     made.joints.close()
@@ -150,7 +172,7 @@ def recordings(tmp_path_factory):
 
 def test_a_csv_until_ctrl_c_has_every_state(recordings):
     found = recordings.read("interrupted.csv")
-    assert recordings.errors["interrupted.csv"] == ""
+    assert "interrupted" not in recordings.errors["interrupted.csv"]
     assert len(found.times) > 10
     np.testing.assert_allclose(found.times, PERIOD * np.arange(len(found.times)))
     # Base and joints of one instant, as they were published.
@@ -163,7 +185,7 @@ def test_a_csv_until_ctrl_c_has_every_state(recordings):
 
 def test_an_npz_of_one_second_is_even_at_its_rate(recordings):
     found = recordings.read("seconds.npz")
-    assert recordings.errors["seconds.npz"] == ""
+    assert "evenly" not in recordings.errors["seconds.npz"]
     np.testing.assert_array_equal(found.times, np.arange(26) / 25.0)
     np.testing.assert_allclose(found.x, 0.5 * found.elbow, atol=1e-12)
     assert {*found.elbow} <= {*recordings.elbow}
@@ -196,9 +218,16 @@ def test_another_robot_is_recorded_until_its_terminal_is_closed(recordings):
 
 
 def test_a_recording_ends_with_its_simulator(recordings):
-    told = "the recording ends after 0.000 s: the simulator ended."
-    assert told in recordings.errors["gone.csv"]
+    errors = recordings.errors["gone.csv"]
+    assert "the recording ends after 0.000 s: the simulator ended." in errors
+    assert errors.count("; is time paused?") == 1
     assert len(recordings.read("gone.csv").times) == 1
+
+
+def test_a_model_that_is_not_there_or_one_of_two_is_told(recordings):
+    nobody, several = recordings.refusals
+    assert "has no model 'nobody' with the links of 'g1_29dof'" in nobody
+    assert "several match, g1_robot, other: choose one with --model" in several
 
 
 def test_a_robot_that_nobody_publishes_is_told(recordings):

@@ -27,6 +27,7 @@ from support.ros_testing import (
     Repeated,
     is_at,
     program,
+    service,
     wait_for,
 )
 
@@ -62,11 +63,11 @@ def move(commands):
 @pytest.fixture
 def lift():
     """Give what sets the robot to a height."""
-    service = rospy.ServiceProxy("/gazebo/set_model_state", SetModelState)
+    set_state = service("/gazebo/set_model_state", SetModelState)
 
     def go(height):
         pose = Pose(Point(0, 0, height), Quaternion(0, 0, 0, 1))
-        assert service(ModelState(model_name="g1_robot", pose=pose)).success
+        assert set_state(ModelState(model_name="g1_robot", pose=pose)).success
 
     yield go
     go(0.793)
@@ -130,7 +131,7 @@ def test_a_picture_shows_what_a_command_did_and_the_floor_of_the_map(
 def test_a_film_shows_the_robot_moving_and_goes_on_after_a_reset(
     draw, commands, monkeypatch
 ):
-    reset = rospy.ServiceProxy("/gazebo/reset_simulation", Empty)
+    reset = service("/gazebo/reset_simulation", Empty)
     sampled = []
 
     def now(views):
@@ -189,7 +190,7 @@ def test_a_clock_that_stands_still_is_told(draw, monkeypatch, tmp_path):
             wait_for(
                 lambda: not self.missing and self.state.base_pose is not None, "it"
             )
-            rospy.ServiceProxy("/gazebo/pause_physics", Empty)()
+            service("/gazebo/pause_physics", Empty)()
 
     monkeypatch.setattr(snapshot, "RobotView", Paused)
     monkeypatch.setattr(film, "CLOCK_TIMEOUT", 0.3)
@@ -197,7 +198,7 @@ def test_a_clock_that_stands_still_is_told(draw, monkeypatch, tmp_path):
         with pytest.raises(SystemExit) as end:
             draw("a.gif", "--seconds", "60", "--fps", "1", *SMALL)
     finally:
-        rospy.ServiceProxy("/gazebo/unpause_physics", Empty)()
+        service("/gazebo/unpause_physics", Empty)()
     assert "The clock did not advance for 0.3 s" in end.value.code
     assert not list(tmp_path.iterdir())
 

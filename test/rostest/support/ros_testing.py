@@ -66,6 +66,12 @@ def wait_slowly(condition, what):
     return wait_for(ask, what)
 
 
+def service(name, kind):
+    """Give what calls a service, when it is there."""
+    rospy.wait_for_service(name, DEADLINE)
+    return rospy.ServiceProxy(name, kind)
+
+
 class Listener:
     """Keep what comes on a topic."""
 
