@@ -442,3 +442,62 @@ def test_rviz_and_the_browser_view_show_the_robot(
     monkeypatch.setenv("DISPLAY", screen)
     found = doctor.check_picture(system)
     assert getattr(found, "name", found).startswith(told)
+
+
+BRIDGE_SAYS = {0: None, 2: "bad_diagnostics", None: "no_diagnostics"}
+
+
+@pytest.mark.parametrize("level", [*BRIDGE_SAYS])
+def test_the_bridge_reports_what_is_wrong_or_nothing(monkeypatch, level):
+    status = SimpleNamespace(name="bridge: link states", level=level, message="none")
+    heard = [("/diagnostics", "/bridge", SimpleNamespace(status=[status]))]
+    others = [("/diagnostics", "/other", SimpleNamespace(status=[]))]
+    given = others if level is None else others + heard
+    monkeypatch.setattr(doctor, "listen", lambda topics, is_enough: given)
+    system = doctor.System("")
+    system.publishers["/tf_joint_states"] = ["/bridge"]
+    found = doctor.check_diagnostics(system)
+    assert getattr(found, "name", None) == BRIDGE_SAYS[level]
+    if level:
+        assert "/bridge reports on /diagnostics: bridge: link states: none" in str(
+            found
+        )
+
+
+def test_a_bag_needs_no_bridge(monkeypatch):
+    def nodes(system):
+        system.publishers["/joint_states"] = ["/bag"]
+        return "1 answers"
+
+    monkeypatch.setattr(doctor, "CHECKS", [("nodes", "", nodes), ("bridge", "", None)])
+    found = [*doctor.run_checks("", ["nodes", "bridge"])]
+    assert [one.state for one in found] == [doctor.OK, doctor.OK]
+    assert found[1].remark == "not needed, joint states come from /bag"
+
+
+FAULT = doctor.Fault("no_tf", "TF lacks all.", "rosnode kill /rsp")
+LINES = """\
+ok             nodes            all answer (2)
+broken         tf               TF is complete (no_tf)
+not looked at  picture          RViz runs
+
+doctor: TF lacks all.
+        rosnode kill /rsp
+"""
+
+
+@pytest.mark.parametrize(
+    ("tf", "code", "told"), [(FAULT, 1, LINES), ("", 0, "\ndoctor: no fault found.\n")]
+)
+def test_the_command_prints_the_links_and_the_cure(monkeypatch, capsys, tf, code, told):
+    checks = [
+        ("nodes", "all answer", lambda system: "2"),
+        ("tf", "TF is complete", lambda system: tf),
+        ("picture", "RViz runs", lambda system: ""),
+    ]
+    monkeypatch.setattr(doctor, "CHECKS", checks)
+    monkeypatch.setattr(sys, "argv", ["doctor", "__name:=other"])
+    with pytest.raises(SystemExit) as end:
+        doctor.main()
+    assert end.value.code == code
+    assert capsys.readouterr().out.endswith(told)

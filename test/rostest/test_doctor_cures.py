@@ -24,7 +24,6 @@ from support.patient import (
     Patient,
     Started,
     publishers,
-    start_bridge,
     walk,
 )
 from support.ros_testing import (
@@ -40,7 +39,6 @@ from tf2_msgs.msg import TFMessage
 from g1_description.cli.doctor import System, check_nodes, check_simulator
 
 DESCRIPTION = "/robot_description"
-BRIDGES = "/link_states_bridge, /second_bridge"
 
 
 @pytest.fixture(scope="module")
@@ -256,12 +254,9 @@ def test_an_edge_has_two_owners(patient):
 
 
 def test_two_bridges(patient):
-    second = start_bridge("/second_bridge")
-    found = fault("two_bridges", BRIDGES)
-    wait_for_report(patient, True, "joint_states are also published by /second_bridge")
-    cure(found)
-    second.process.wait(DEADLINE)
-    wait_slowly(lambda: walk("tf") is None, "one bridge alone")
+    with publishing("/tf_joint_states", JointState):
+        names = f"/link_states_bridge, {rospy.get_name()}"
+        fault("two_bridges", names, f"rosnode kill {rospy.get_name()}")
 
 
 # --- parts that are missing ---------------------------------------------------------

@@ -54,10 +54,10 @@ class Started:
             wait_slowly(lambda: self.name not in publishers(self.topic), "its end")
 
 
-def start_bridge(name, *arguments):
-    """Start a bridge."""
+def start_bridge(*arguments):
+    """Start the bridge."""
     executable = program("link_states_bridge.py")
-    return Started(name, "/tf_joint_states", executable, *arguments)
+    return Started("/link_states_bridge", "/tf_joint_states", executable, *arguments)
 
 
 def start_simulator(*arguments):
@@ -84,7 +84,7 @@ def start_state_publisher(*arguments):
 
 PARTS = {
     "simulator": start_simulator,
-    "bridge": lambda *words: start_bridge("/link_states_bridge", *words),
+    "bridge": start_bridge,
     "state_publisher": start_state_publisher,
 }
 
