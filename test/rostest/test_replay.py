@@ -7,7 +7,6 @@ import rosbag
 import rospy
 import tf2_ros
 from geometry_msgs.msg import TransformStamped
-from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import JointState
 from support.ros_testing import (
     DEADLINE,
@@ -66,13 +65,9 @@ def bases(frames):
 
 
 def test_base_and_joints_are_those_of_the_motion_again_and_again(start, listen):
-    log = listen("/rosout", Log)
     start(f"motion:={MOTION}", "speed:=0.5")
     states = listen("/joint_states", JointState, Connected)
     frames = listen("/tf", TFMessage, Connected)
-    log.wait(lambda m: "11 samples, 1.00 s" in m.msg, "what is shown")
-    told = [m.msg for m in log.messages if "left_hip_pitch_joint" in m.msg]
-    assert len(told) == 1, "joints that do not move are told once"
 
     def begins():
         """Tell whether the robot jumps back, and the motion is shown again."""
